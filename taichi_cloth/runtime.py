@@ -1,0 +1,114 @@
+"""The only place that starts Taichi: which device, how many threads, where compiled kernels are kept.
+
+Every `ti.init` throws away all fields and kernels of the one before it, so nothing here runs at import: the
+command line, the tests and a person's own script call `start` once, before the first field is made.
+"""
+
+import os
+from dataclasses import dataclass
+from typing import Any, Literal, get_args
+
+import taichi as ti
+
+from taichi_cloth.errors import InputError, did_you_mean
+
+__all__ = ["Arch", "Runtime", "memory_limit", "start"]
+
+Arch = Literal["cpu", "cuda", "vulkan", "metal", "gpu"]
+
+
+@dataclass(frozen=True)
+class Runtime:
+    """What was started: the device's name in Taichi ("x64", "cuda", …) and the CPU threads it may use."""
+
+    arch: str
+    threads: int
+
+
+def start(arch: Arch = "cpu", *, threads: int | None = None, cache: bool = True, pin: bool = False) -> Runtime:
+    """Start Taichi on `arch`. Kernels compiled before, in this or an earlier process, come from the cache.
+
+    threads: CPU threads for kernels; None takes the processors this process may run on.
+    cache: keep compiled kernels on disk between processes (Taichi's offline cache).
+    pin: tie each worker thread to one processor, which steadies timings on virtual machines (Linux only).
+
+    Raises InputError when the name is unknown, the device is not there, or `threads` is below 1.
+    """
+    if arch not in get_args(Arch):
+        raise InputError(
+            f"--arch: unknown device {arch!r}; known: {', '.join(get_args(Arch))}{did_you_mean(arch, get_args(Arch))}"
+        )
+    processors = _processors()
+    if threads is not None and not 1 <= threads <= 1024:
+        raise InputError(f"--threads: {threads}; allowed: 1 to 1024 (this process may use {processors})")
+    workers = threads or processors
+    before = _thread_ids()
+    options: dict[str, Any] = {
+        "arch": getattr(ti, arch),
+        "cpu_max_num_threads": workers,
+        "offline_cache": cache,
+        "log_level": ti.ERROR,
+        "fast_math": False,  # reproducible sums, and faster vector code here (simulation stencil)
+        "random_seed": 0,
+    }
+    ti.init(**options)
+    got = str(ti.cfg.arch).removeprefix("Arch.")
+    wanted = {"cpu": {"x64", "arm64"}, "gpu": {"cuda", "vulkan", "metal", "opengl", "amdgpu"}}.get(arch, {arch})
+    if got not in wanted:
+        raise InputError(f"--arch {arch}: no such device on this machine (Taichi fell back to {got}); use --arch cpu")
+    if pin and workers > 1:
+        _pin(sorted(_thread_ids() - before)[-workers:])
+    return Runtime(arch=got, threads=workers)
+
+
+def memory_limit() -> int:
+    """Bytes a build may take here: nine tenths of what is free now, or TAICHI_CLOTH_MEMORY_GB if that is set.
+
+    Raises InputError when the variable is not a positive number.
+    """
+    stated = os.environ.get("TAICHI_CLOTH_MEMORY_GB")
+    if stated is not None:
+        try:
+            gigabytes = float(stated)
+        except ValueError:
+            gigabytes = -1.0
+        if not 0 < gigabytes < float("inf"):
+            raise InputError(f"TAICHI_CLOTH_MEMORY_GB: {stated!r}; allowed: a number of gigabytes above 0")
+        return int(gigabytes * 1e9)
+    free = _available_bytes()
+    return int(0.9 * free)
+
+
+def _available_bytes() -> int:
+    try:
+        with open("/proc/meminfo", encoding="ascii") as lines:
+            for line in lines:
+                if line.startswith("MemAvailable:"):
+                    return int(line.split()[1]) * 1024
+    except OSError:
+        pass
+    try:
+        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") // 2
+    except (ValueError, OSError, AttributeError):
+        return 4 * 10**9
+
+
+def _processors() -> int:
+    if hasattr(os, "sched_getaffinity"):
+        return max(1, len(os.sched_getaffinity(0)))
+    return os.cpu_count() or 1
+
+
+def _thread_ids() -> set[int]:
+    try:
+        return {int(name) for name in os.listdir("/proc/self/task")}
+    except OSError:
+        return set()
+
+
+def _pin(thread_ids: list[int]) -> None:
+    if not hasattr(os, "sched_setaffinity"):
+        return
+    processors = sorted(os.sched_getaffinity(0))
+    for number, thread_id in enumerate(thread_ids):
+        os.sched_setaffinity(thread_id, {processors[number % len(processors)]})
