@@ -4,6 +4,8 @@ Every `ti.init` throws away all fields and kernels of the one before it, so noth
 command line, the tests and a person's own script call `start` once, before the first field is made.
 """
 
+import contextlib
+import io
 import os
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
@@ -51,7 +53,8 @@ def start(arch: Arch = "cpu", *, threads: int | None = None, cache: bool = True,
         "fast_math": False,  # reproducible sums, and faster vector code here (simulation stencil)
         "random_seed": 0,
     }
-    ti.init(**options)
+    with contextlib.redirect_stdout(io.StringIO()):  # ti.init prints where it starts, whatever the log level
+        ti.init(**options)
     got = str(ti.cfg.arch).removeprefix("Arch.")
     wanted = {"cpu": {"x64", "arm64"}, "gpu": {"cuda", "vulkan", "metal", "opengl", "amdgpu"}}.get(arch, {arch})
     if got not in wanted:
