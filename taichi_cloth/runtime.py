@@ -14,7 +14,7 @@ import taichi as ti
 
 from taichi_cloth.errors import InputError, did_you_mean
 
-__all__ = ["Arch", "Runtime", "memory_limit", "start"]
+__all__ = ["Arch", "Runtime", "start"]
 
 Arch = Literal["cpu", "cuda", "vulkan", "metal", "gpu"]
 
@@ -62,38 +62,6 @@ def start(arch: Arch = "cpu", *, threads: int | None = None, cache: bool = True,
     if pin and workers > 1:
         _pin(sorted(_thread_ids() - before)[-workers:])
     return Runtime(arch=got, threads=workers)
-
-
-def memory_limit() -> int:
-    """Bytes a build may take here: nine tenths of what is free now, or TAICHI_CLOTH_MEMORY_GB if that is set.
-
-    Raises InputError when the variable is not a positive number.
-    """
-    stated = os.environ.get("TAICHI_CLOTH_MEMORY_GB")
-    if stated is not None:
-        try:
-            gigabytes = float(stated)
-        except ValueError:
-            gigabytes = -1.0
-        if not 0 < gigabytes < float("inf"):
-            raise InputError(f"TAICHI_CLOTH_MEMORY_GB: {stated!r}; allowed: a number of gigabytes above 0")
-        return int(gigabytes * 1e9)
-    free = _available_bytes()
-    return int(0.9 * free)
-
-
-def _available_bytes() -> int:
-    try:
-        with open("/proc/meminfo", encoding="ascii") as lines:
-            for line in lines:
-                if line.startswith("MemAvailable:"):
-                    return int(line.split()[1]) * 1024
-    except OSError:
-        pass
-    try:
-        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") // 2
-    except (ValueError, OSError, AttributeError):
-        return 4 * 10**9
 
 
 def _processors() -> int:

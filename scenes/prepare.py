@@ -1,0 +1,185 @@
+"""From a scene's words to the core's objects: yarns, drafts, thread spacings and a fabric's layout.
+
+All of it on the host and without a particle, so that `plan` can say what a scene needs and a limit can refuse it.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from taichi_cloth.colour_order import colour as colour_named
+from taichi_cloth.colour_order import coloured
+from taichi_cloth.crimp import fit_diameters
+from taichi_cloth.errors import InputError, did_you_mean
+from taichi_cloth.fabric import Detail, FabricLayout, Threads, lay_out, required_bytes
+from taichi_cloth.fibre import FIBRES, FibreKind
+from taichi_cloth.memory import require_memory
+from taichi_cloth.templates import particle_count, particles_per_body_block
+from taichi_cloth.weave import Draft, named_weave, tile
+from taichi_cloth.wif import read_wif
+from taichi_cloth.yarn import Hairiness, Yarn, ne_to_tex
+
+from .schema import FabricSection, Scene, Weave, YarnSection
+
+__all__ = ["DRAW_BYTES", "Prepared", "draft_of", "fibre_kind", "prepare_fabric", "yarn_of"]
+
+DRAW_BYTES = 130  # what the splatter keeps for a particle while it draws
+DEFAULT_THREADS = 40
+DEFAULT_COUNT_TEX = 20.0
+DEFAULT_OPENING = 1.06  # spacing of threads over the closest possible, where a scene states none
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A fabric counted but not built. particles: exact. bytes: of the build and of drawing it."""
+
+    layout: FabricLayout
+    particles: int
+    bytes: int
+    notes: tuple[str, ...]
+
+
+def fibre_kind(scene: Scene) -> FibreKind:
+    """The scene's fibre. Raises InputError for a kind that is not known."""
+    kind = scene.fibre.kind
+    if kind not in FIBRES:
+        raise InputError(f"fibre.kind: unknown fibre {kind!r}; known: {', '.join(FIBRES)}{did_you_mean(kind, FIBRES)}")
+    return FIBRES[kind]
+
+
+def yarn_of(section: YarnSection, fibre: FibreKind) -> Yarn:
+    """A yarn as stated in a scene, of the scene's fibre."""
+    count = section.count_tex or (ne_to_tex(section.count_ne) if section.count_ne else DEFAULT_COUNT_TEX)
+    return Yarn(
+        count_tex=count,
+        plies=section.plies,
+        twist_per_m=section.twist_per_m,
+        twist=section.twist,
+        singles_twist_per_m=section.singles_twist_per_m,
+        singles_twist=section.singles_twist,
+        fibre_density=fibre.density,
+        fineness_dtex=fibre.fineness_dtex,
+        packing=section.packing,
+        flattening=section.flattening,
+        migration=section.migration,
+        migration_period_mm=section.migration_period_mm,
+        hairiness=Hairiness(**section.hairiness.model_dump()),
+    )
+
+
+def draft_of(weave: Weave) -> Draft:
+    """The draft of a scene: a named weave or a WIF file, at the stated number of ends and picks, coloured."""
+    if weave.draft.lower().endswith(".wif"):
+        draft = read_wif(weave.draft)
+        ends, picks = weave.ends or draft.ends, weave.picks or draft.picks
+        if (ends, picks) != (draft.ends, draft.picks):
+            draft = tile(draft, ends=ends, picks=picks)
+    else:
+        draft = named_weave(
+            weave.draft,
+            ends=DEFAULT_THREADS if weave.ends is None else weave.ends,
+            picks=DEFAULT_THREADS if weave.picks is None else weave.picks,
+        )
+    try:
+        return coloured(draft, warp=weave.warp_colours, weft=weave.weft_colours)
+    except InputError as error:
+        raise InputError(f"weave.warp_colours, weave.weft_colours: {error}") from None
+
+
+def prepare_fabric(scene: Scene) -> Prepared:
+    """Lay out a scene's fabric. Raises InputError where it cannot be woven, or is too large for this machine."""
+    assert scene.weave is not None
+    assert scene.yarn is not None
+    section = scene.fabric or FabricSection()
+    fibre = fibre_kind(scene)
+    warp_yarn = yarn_of(scene.yarn, fibre)
+    weft_section = scene.weft_yarn or scene.yarn
+    weft_yarn = yarn_of(weft_section, fibre)
+    fibres = max(scene.yarn.fibres, weft_section.fibres)
+    draft = draft_of(scene.weave)
+    per_block = max(particles_per_body_block(y, fibres, section.steps) for y in (warp_yarn, weft_yarn))
+    needed = required_bytes(draft.ends, draft.picks, per_block) + DRAW_BYTES * per_block * 2 * draft.warp_up.size
+    remedy = "take fewer weave.ends and weave.picks, or lower yarn.fibres or fabric.steps"
+    require_memory(f"weave of {draft.ends:,} ends × {draft.picks:,} picks", needed, remedy)
+
+    notes = list(draft.notes)
+    thickness = [
+        np.full(n, yarn.diameter) if stated is None else stated
+        for n, yarn, stated in (
+            (draft.ends, warp_yarn, draft.warp_thickness_m),
+            (draft.picks, weft_yarn, draft.weft_thickness_m),
+        )
+    ]
+    spacing = _spacings(draft, section, thickness)
+    thickness, note = _unjammed(draft, section, spacing, thickness)
+    if note:
+        notes.append(note)
+    own = [
+        colour_named(s.colour) if s.colour else np.asarray(fibre.colour, np.float32) for s in (scene.yarn, weft_section)
+    ]
+    families = []
+    for n, room, thick, stated, plain, yarn in zip(
+        (draft.ends, draft.picks), spacing, thickness, (draft.warp_colour, draft.weft_colour), own,
+        (warp_yarn, weft_yarn), strict=True,
+    ):  # fmt: skip
+        position = np.concatenate([[0.0], np.cumsum((room[1:] + room[:-1]) / 2)])
+        shades = stated if stated is not None else np.tile(plain, (n, 1))
+        families.append(Threads(position, thick, np.asarray(shades, np.float32), yarn))
+    layout = lay_out(
+        draft,
+        *families,
+        balance=section.balance,
+        detail=Detail(
+            fibres=fibres,
+            steps=section.steps,
+            variants=section.variants,
+            fringe=section.fringe,
+            irregularity=section.irregularity,
+            seed=scene.seed,
+        ),
+    )
+    particles = particle_count(layout)
+    total = required_bytes(draft.ends, draft.picks, 0) + particles * (64 + DRAW_BYTES)
+    require_memory(f"a fabric of {particles:,} particles", total, remedy)
+    return Prepared(layout, particles, total, tuple(notes))
+
+
+def _spacings(draft: Draft, section: FabricSection, thickness: list[np.ndarray]) -> list[np.ndarray]:
+    """Room of each thread [m], warp then weft: the scene's threads/cm, else the draft's, else what just fits."""
+    closest = 0.5 * np.sqrt(3.0) * (float(thickness[0].max()) + float(thickness[1].max())) * DEFAULT_OPENING
+    out = []
+    for n, per_cm, stated in (
+        (draft.ends, section.ends_per_cm, draft.warp_spacing_m),
+        (draft.picks, section.picks_per_cm, draft.weft_spacing_m),
+    ):
+        if per_cm is not None:
+            out.append(np.full(n, 0.01 / per_cm))
+        elif stated is not None:
+            out.append(np.asarray(stated, np.float64))
+        else:
+            out.append(np.full(n, closest))
+    return out
+
+
+def _unjammed(
+    draft: Draft, section: FabricSection, spacing: list[np.ndarray], thickness: list[np.ndarray]
+) -> tuple[list[np.ndarray], str]:
+    """Diameters that fit the spacing, and a note if that took thinning; or the refusal, as the scene asks."""
+    factor = fit_diameters(
+        draft.warp_up,
+        *(np.concatenate([[0.0], np.cumsum((s[1:] + s[:-1]) / 2)]) for s in spacing),
+        *thickness,
+        balance=section.balance,
+    )
+    if factor >= 1.0:
+        return thickness, ""
+    line = (
+        f"threads of {thickness[0].max() * 1e3:.3f} mm (warp) and {thickness[1].max() * 1e3:.3f} mm (weft) jam at "
+        f"{0.01 / spacing[0].min():.1f} ends/cm and {0.01 / spacing[1].min():.1f} picks/cm"
+    )
+    if section.when_jammed == "refuse":
+        raise InputError(
+            f"fabric.ends_per_cm, fabric.picks_per_cm: {line}; they fit at {factor:.2f} of that thickness: space them "
+            'wider, take a finer yarn, or set fabric.when_jammed = "scale"'
+        )
+    return [t * factor for t in thickness], f"{line}: thinned to {100 * factor:.0f} %"
