@@ -80,12 +80,8 @@ def colour(name: str) -> NDArray[np.float32]:
             digits = "".join(2 * digit for digit in digits)
         return srgb_to_linear(np.array([int(digits[k : k + 2], 16) for k in (0, 2, 4)]) / 255)
     if key.startswith("#"):
-        raise InputError(
-            f"colour: {name!r} is not a colour; in hexadecimal it is # and 3 or 6 digits, such as #1d3557"
-        )
-    raise InputError(
-        f"colour: unknown colour {name!r}; use #rrggbb or a name such as navy{did_you_mean(key, _NAMES)}"
-    )
+        raise InputError(f"colour: {name!r} is not a colour; in hexadecimal it is # and 3 or 6 digits, such as #1d3557")
+    raise InputError(f"colour: unknown colour {name!r}; use #rrggbb or a name such as navy{did_you_mean(key, _NAMES)}")
 
 
 def thread_colours(order: Order, count: int) -> NDArray[np.float32]:
@@ -94,9 +90,7 @@ def thread_colours(order: Order, count: int) -> NDArray[np.float32]:
     Raises InputError on an unknown colour, a stripe of 0 threads, an empty order, or too long a one.
     """
     if isinstance(count, bool) or not isinstance(count, (int, np.integer)) or not 1 <= count <= MAX_CROSSINGS:
-        raise InputError(
-            f"colour order: for {count!r} threads; allowed: a whole number from 1 to {MAX_CROSSINGS}"
-        )
+        raise InputError(f"colour order: for {count!r} threads; allowed: a whole number from 1 to {MAX_CROSSINGS}")
     stripes = _stripes(order)
     if not stripes:
         raise InputError('colour order: empty; give at least one colour, such as "navy*4 white*4"')
@@ -174,7 +168,5 @@ def _threads(token: str, number: object) -> int:
     digits = re.fullmatch(r"[0-9]{1,9}", number) if isinstance(number, str) else None
     value = int(number) if whole or digits else 0  # type: ignore[arg-type]
     if value < 1:
-        raise InputError(
-            f"colour order: {token}: count {number!r}; allowed: a whole number of threads from 1"
-        )
+        raise InputError(f"colour order: {token}: count {number!r}; allowed: a whole number of threads from 1")
     return value

@@ -98,9 +98,7 @@ class Draft:
             return
         colour = _numbers(f"draft.{field}", getattr(self, field), np.float32)
         if colour.shape != (count, 3):
-            raise InputError(
-                f"draft.{field}: shape {colour.shape}; needed: ({count}, 3), a linear RGB per thread"
-            )
+            raise InputError(f"draft.{field}: shape {colour.shape}; needed: ({count}, 3), a linear RGB per thread")
         if not np.all((colour >= 0) & (colour <= 1)):  # also false for NaN
             raise InputError(f"draft.{field}: a value outside 0 to 1; give linear light between 0 and 1")
         self._keep(field, colour)
@@ -113,9 +111,7 @@ class Draft:
             raise InputError(f"draft.{field}: shape {length.shape}; needed: ({count},), metres per thread")
         bad = np.flatnonzero(~((length > 0) & np.isfinite(length)))
         if bad.size:
-            raise InputError(
-                f"draft.{field}: {length[bad[0]]:g} m at thread {bad[0] + 1}; allowed: a length above 0"
-            )
+            raise InputError(f"draft.{field}: {length[bad[0]]:g} m at thread {bad[0] + 1}; allowed: a length above 0")
         self._keep(field, length)
 
 
@@ -173,9 +169,7 @@ def _repeat(key: str, said: str) -> NDArray[np.bool_]:
     turn = "z"
     if kind == "twill" and rest[-2:] in ("-s", "-z"):
         rest, turn = rest[:-2], rest[-1]
-    numbers = (
-        tuple(int(part) for part in rest.split("/")) if re.fullmatch(r"\d{1,4}(/\d{1,4})*", rest) else ()
-    )
+    numbers = tuple(int(part) for part in rest.split("/")) if re.fullmatch(r"\d{1,4}(/\d{1,4})*", rest) else ()
     if kind == "twill" and len(numbers) >= 2:
         return _twill(_counts(said, numbers, "over and under", even=True), turn)
     if kind in ("satin", "sateen") and 1 <= len(numbers) <= 2:
@@ -200,8 +194,7 @@ def _repeat(key: str, said: str) -> NDArray[np.bool_]:
 def _counts(said: str, numbers: tuple[int, ...], meaning: str, *, even: bool) -> tuple[int, ...]:
     if min(numbers) < 1 or sum(numbers) > _MAX_REPEAT or (even and len(numbers) % 2):
         raise InputError(
-            f"weave: {said!r}: {meaning} come in pairs of whole numbers from 1, together at "
-            f"most {_MAX_REPEAT}"
+            f"weave: {said!r}: {meaning} come in pairs of whole numbers from 1, together at most {_MAX_REPEAT}"
         )
     return numbers
 
@@ -258,7 +251,8 @@ def tile(draft: Draft, *, ends: int, picks: int) -> Draft:
 def longest_float(warp_up: ArrayLike) -> tuple[int, int]:
     """The longest run of crossings that a warp end, and a weft pick, stays on one face of the cloth.
 
-    warp_up: bool (picks, ends), taken as a repeat. A thread that never changes face counts as its whole repeat.
+    warp_up: bool (picks, ends), taken as a repeat. A thread that never changes face counts as its whole
+    repeat.
     """
     up = np.asarray(warp_up, dtype=bool)
     return _longest_run(up.T), _longest_run(up)
@@ -298,7 +292,5 @@ def interlacing_notes(warp_up: ArrayLike) -> tuple[str, ...]:
         if loose.size:
             listed = ", ".join(map(str, loose[:8])) + (", …" if loose.size > 8 else "")
             count = up.shape[1 - along]
-            notes.append(
-                f"{loose.size} of {count} {family} never interlace and would fall off the cloth: {listed}"
-            )
+            notes.append(f"{loose.size} of {count} {family} never interlace and would fall off the cloth: {listed}")
     return tuple(notes)

@@ -177,9 +177,7 @@ def test_srgb_is_decoded_to_linear_light():
 
 
 def test_houndstooth_repeats_in_eight():
-    draft = coloured(
-        named_weave("twill-2/2", ends=16, picks=16), warp="black*4 white*4", weft="black*4 white*4"
-    )
+    draft = coloured(named_weave("twill-2/2", ends=16, picks=16), warp="black*4 white*4", weft="black*4 white*4")
     assert draft.warp_colour is not None
     assert draft.weft_colour is not None
     face = np.where(draft.warp_up[..., None], draft.warp_colour[None], draft.weft_colour[:, None])[..., 0]
