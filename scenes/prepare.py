@@ -3,13 +3,13 @@
 All of it on the host and without a particle, so that `plan` can say what a scene needs and a limit can refuse it.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from taichi_cloth.colour_order import colour as colour_named
 from taichi_cloth.colour_order import coloured
-from taichi_cloth.crimp import fit_diameters
+from taichi_cloth.crimp import Interlacing, fit_balance, fit_diameters
 from taichi_cloth.errors import InputError, did_you_mean
 from taichi_cloth.fabric import Detail, FabricLayout, Threads, lay_out, required_bytes
 from taichi_cloth.fibre import FIBRES, FibreKind
@@ -33,6 +33,7 @@ DEFAULT_OPENING = 1.06  # spacing of threads over the closest possible, where a 
 class Prepared:
     """A fabric counted but not built. particles: exact. bytes: of the build and of drawing it."""
 
+    draft: Draft
     layout: FabricLayout
     particles: int
     bytes: int
@@ -57,7 +58,7 @@ def yarn_of(section: YarnSection, fibre: FibreKind) -> Yarn:
         twist=section.twist,
         singles_twist_per_m=section.singles_twist_per_m,
         singles_twist=section.singles_twist,
-        fibre_density=fibre.density,
+        fibre_density=fibre.density_kg_m3,
         fineness_dtex=fibre.fineness_dtex,
         packing=section.packing,
         flattening=section.flattening,
@@ -111,24 +112,23 @@ def prepare_fabric(scene: Scene) -> Prepared:
         )
     ]
     spacing = _spacings(draft, section, thickness)
-    thickness, note = _unjammed(draft, section, spacing, thickness)
+    cloth, note = _woven(draft, section, spacing, thickness)
     if note:
         notes.append(note)
     own = [
         colour_named(s.colour) if s.colour else np.asarray(fibre.colour, np.float32) for s in (scene.yarn, weft_section)
     ]
     families = []
-    for n, room, thick, stated, plain, yarn in zip(
-        (draft.ends, draft.picks), spacing, thickness, (draft.warp_colour, draft.weft_colour), own,
-        (warp_yarn, weft_yarn), strict=True,
-    ):  # fmt: skip
+    for room, thick, stated, plain, yarn in (
+        (spacing[0], cloth.warp_diameter_m, draft.warp_colour, own[0], warp_yarn),
+        (spacing[1], cloth.weft_diameter_m, draft.weft_colour, own[1], weft_yarn),
+    ):
         position = np.concatenate([[0.0], np.cumsum((room[1:] + room[:-1]) / 2)])
-        shades = stated if stated is not None else np.tile(plain, (n, 1))
+        shades = stated if stated is not None else np.tile(plain, (len(room), 1))
         families.append(Threads(position, thick, np.asarray(shades, np.float32), yarn))
     layout = lay_out(
-        draft,
+        cloth,
         *families,
-        balance=section.balance,
         detail=Detail(
             fibres=fibres,
             steps=section.steps,
@@ -141,7 +141,7 @@ def prepare_fabric(scene: Scene) -> Prepared:
     particles = particle_count(layout)
     total = required_bytes(draft.ends, draft.picks, 0) + particles * (64 + DRAW_BYTES)
     require_memory(f"a fabric of {particles:,} particles", total, remedy)
-    return Prepared(layout, particles, total, tuple(notes))
+    return Prepared(draft, layout, particles, total, tuple(notes))
 
 
 def _spacings(draft: Draft, section: FabricSection, thickness: list[np.ndarray]) -> list[np.ndarray]:
@@ -161,25 +161,37 @@ def _spacings(draft: Draft, section: FabricSection, thickness: list[np.ndarray])
     return out
 
 
-def _unjammed(
+def _woven(
     draft: Draft, section: FabricSection, spacing: list[np.ndarray], thickness: list[np.ndarray]
-) -> tuple[list[np.ndarray], str]:
-    """Diameters that fit the spacing, and a note if that took thinning; or the refusal, as the scene asks."""
-    factor = fit_diameters(
-        draft.warp_up,
-        *(np.concatenate([[0.0], np.cumsum((s[1:] + s[:-1]) / 2)]) for s in spacing),
-        *thickness,
+) -> tuple[Interlacing, str]:
+    """The weave with its sizes, and a note of what it took to make the threads fit; or the refusal, as asked.
+
+    Close sets are woven as a loom weaves them: first the crimp is shared otherwise, and only then is yarn thinned.
+    """
+    cloth = Interlacing(
+        warp_up=draft.warp_up,
+        warp_spacing_m=spacing[0],
+        weft_spacing_m=spacing[1],
+        warp_diameter_m=thickness[0],
+        weft_diameter_m=thickness[1],
         balance=section.balance,
+        periodic=False,
     )
+    if fit_diameters(cloth) >= 1.0:
+        return cloth, ""
+    shared = replace(cloth, balance=fit_balance(cloth))
+    factor = fit_diameters(shared)
+    set_ = f"{0.01 / spacing[0].min():.1f} ends/cm and {0.01 / spacing[1].min():.1f} picks/cm"
     if factor >= 1.0:
-        return thickness, ""
-    line = (
-        f"threads of {thickness[0].max() * 1e3:.3f} mm (warp) and {thickness[1].max() * 1e3:.3f} mm (weft) jam at "
-        f"{0.01 / spacing[0].min():.1f} ends/cm and {0.01 / spacing[1].min():.1f} picks/cm"
-    )
+        return shared, f"{set_} can only be woven with the warp taking {100 * shared.balance:.0f} % of the crimp"
+    warp_mm, weft_mm = (1e3 * float(t.max()) for t in thickness)
+    line = f"threads of {warp_mm:.3f} mm (warp) and {weft_mm:.3f} mm (weft) jam at {set_}"
     if section.when_jammed == "refuse":
         raise InputError(
             f"fabric.ends_per_cm, fabric.picks_per_cm: {line}; they fit at {factor:.2f} of that thickness: space them "
             'wider, take a finer yarn, or set fabric.when_jammed = "scale"'
         )
-    return [t * factor for t in thickness], f"{line}: thinned to {100 * factor:.0f} %"
+    thinner = replace(
+        shared, warp_diameter_m=shared.warp_diameter_m * factor, weft_diameter_m=shared.weft_diameter_m * factor
+    )
+    return thinner, f"{line}: thinned to {100 * factor:.0f} %"

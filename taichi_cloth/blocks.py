@@ -57,7 +57,7 @@ class Fabric:
 
         Raises ValueError when the grid is not the fabric's.
         """
-        picks, ends = self.layout.draft.warp_up.shape
+        picks, ends = self.layout.cloth.warp_up.shape
         if points.shape != (picks, ends, 3):
             raise ValueError(f"points: shape {points.shape}; this fabric needs {(picks, ends, 3)}")
         n, kinds, blocks, bank = self.particles, self.layout.kinds, self.layout.blocks, self.bank
@@ -73,7 +73,7 @@ class Fabric:
             blocks.key0,
             blocks.key1,
             kinds.family[blocks.kind],
-            kinds.pitch[blocks.kind].astype(np.float32),
+            kinds.path.pitch[blocks.kind].astype(np.float32),
             blocks.thread,
             bank.template,
             bank.start,

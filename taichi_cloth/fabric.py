@@ -14,9 +14,8 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_cloth.crimp import crossing_heights
+from taichi_cloth.crimp import Interlacing, PathKinds, crossing_heights, path_kinds
 from taichi_cloth.errors import InputError, did_you_mean
-from taichi_cloth.weave import Draft
 from taichi_cloth.yarn import Period, Yarn
 
 __all__ = [
@@ -105,20 +104,13 @@ class Blocks:
 class BlockKinds:
     """The distinct shapes of yarn path, each array (kinds,).
 
-    family: 0 warp, 1 weft. section: BODY, START or END. pitch [m]; z0, z1: height of the yarn's axis at its ends
-    [m]; side0, side1: +1 above the crossing thread, −1 below; wrap0, wrap1: radius it wraps the crossing thread
-    with [m]; diameter: of the thread [m].
+    family: 0 warp, 1 weft. section: BODY, START or END. path: pitch, heights and wrap radii [m] as in `crimp`.
+    diameter: of the thread [m].
     """
 
     family: I32
     section: I32
-    pitch: F64
-    z0: F64
-    z1: F64
-    side0: I32
-    side1: I32
-    wrap0: F64
-    wrap1: F64
+    path: PathKinds
     diameter: F64
 
 
@@ -126,10 +118,9 @@ class BlockKinds:
 class FabricLayout:
     """Everything about a fabric that can be counted before a particle is made."""
 
-    draft: Draft
+    cloth: Interlacing
     warp: Threads
     weft: Threads
-    balance: float
     detail: Detail
     warp_period: Period
     weft_period: Period
@@ -138,7 +129,7 @@ class FabricLayout:
 
     @property
     def key_points(self) -> int:
-        return self.draft.warp_up.size
+        return self.cloth.warp_up.size
 
 
 def required_bytes(ends: int, picks: int, particles_per_block: float) -> int:
@@ -147,22 +138,25 @@ def required_bytes(ends: int, picks: int, particles_per_block: float) -> int:
     return int(blocks * (BLOCK_BYTES + particles_per_block * PARTICLE_BYTES))
 
 
-def lay_out(draft: Draft, warp: Threads, weft: Threads, *, balance: float = 0.5, detail: Detail) -> FabricLayout:
-    """Key points and block records of a fabric. Vectorised over blocks; no particle is made."""
-    picks, ends = draft.warp_up.shape
-    z_warp, z_weft = crossing_heights(draft.warp_up, warp.diameter, weft.diameter, balance)
+def lay_out(cloth: Interlacing, warp: Threads, weft: Threads, *, detail: Detail) -> FabricLayout:
+    """Key points and block records of a fabric. Vectorised over blocks; no particle is made.
+
+    cloth: the weave with the sizes of its threads, not periodic. Raises InputError where its threads jam.
+    """
+    picks, ends = cloth.warp_up.shape
     rng = np.random.Generator(np.random.Philox(key=detail.seed))
     warp_period = Period.of(warp.yarn, weft.pitch)
     weft_period = Period.of(weft.yarn, warp.pitch)
+    heights = crossing_heights(cloth.warp_up, cloth.warp_diameter_m, cloth.weft_diameter_m, cloth.balance)
     flat = np.arange(picks * ends, dtype=np.int32).reshape(picks, ends)
-    side = np.where(draft.warp_up, 1, -1).astype(np.int32)
     warp_rows, warp_kinds = _family(
-        flat.T, side.T, z_warp.T, warp, weft, family=0, first_thread=0, fringe=detail.fringe > 0
+        flat.T, cloth.warp_up.T, heights[0].T, _along(path_kinds(cloth, "warp"), transpose=True), warp, weft, detail
     )
     weft_rows, weft_kinds = _family(
-        flat, -side, z_weft, weft, warp, family=1, first_thread=ends, fringe=detail.fringe > 0
+        flat, ~cloth.warp_up, heights[1], _along(path_kinds(cloth, "weft"), transpose=False), weft, warp, detail
     )
-    weft_rows["kind"] += len(warp_kinds["pitch"])
+    weft_rows["kind"] += len(warp_kinds["section"])
+    weft_rows["thread"] += ends
     rows = {name: np.concatenate([warp_rows[name], weft_rows[name]]) for name in warp_rows}
     kinds = {name: np.concatenate([warp_kinds[name], weft_kinds[name]]) for name in warp_kinds}
     starts = rng.integers(0, 1 << 30, ends + picks)
@@ -171,91 +165,72 @@ def lay_out(draft: Draft, warp: Threads, weft: Threads, *, balance: float = 0.5,
     phase = (starts[thread] + rows.pop("along")) % blocks_of[thread]
     variant = rng.integers(0, max(1, detail.variants), len(thread))
     return FabricLayout(
-        draft=draft,
+        cloth=cloth,
         warp=warp,
         weft=weft,
-        balance=balance,
         detail=detail,
         warp_period=warp_period,
         weft_period=weft_period,
-        kinds=BlockKinds(**kinds),
+        kinds=BlockKinds(
+            family=np.repeat(np.array([0, 1], np.int32), [len(warp_kinds["section"]), len(weft_kinds["section"])]),
+            section=kinds["section"],
+            path=PathKinds(*(kinds[name] for name in ("pitch", "z0", "z1", "r0", "r1"))),
+            diameter=kinds["diameter"],
+        ),
         blocks=Blocks(phase=phase.astype(np.int32), variant=variant.astype(np.int32), **rows),
     )
 
 
+def _along(paths: PathKinds, *, transpose: bool) -> dict[str, F64]:
+    """Path arrays with the threads along axis 0 and the blocks along axis 1; pitch spread to that shape."""
+    out = {name: np.broadcast_to(getattr(paths, name), paths.z0.shape) for name in ("pitch", "z0", "z1", "r0", "r1")}
+    return {name: array.T if transpose else array for name, array in out.items()}
+
+
 def _family(
-    flat: I32,
-    side: I32,
-    z: F64,
-    own: Threads,
-    other: Threads,
-    *,
-    family: int,
-    first_thread: int,
-    fringe: bool,
+    flat: I32, up: NDArray[np.bool_], z: F64, paths: dict[str, F64], own: Threads, other: Threads, detail: Detail
 ) -> tuple[dict[str, NDArray], dict[str, NDArray]]:
     """Block records and kinds of one family, with the threads along axis 0 and the crossings along axis 1."""
     threads, crossings = flat.shape
-    own_class, own_values = _classes(own.diameter)
-    other_class, other_values = _classes(other.diameter)
-    gaps = np.diff(other.position)
-    gap_class, gap_values = _classes(gaps) if crossings > 1 else (np.zeros(0, np.int64), np.ones(1))
-    # A kind is a mixed-radix number of everything that shapes the path; np.unique finds those in use.
-    i, j = np.indices((threads, max(0, crossings - 1)))
+    own_class = _classes(own.diameter)
+    other_class = _classes(other.diameter)
+    gap_class = _classes(np.diff(other.position))
+    i, j = np.indices((threads, crossings - 1))
     parts = [(i.ravel(), j.ravel(), j.ravel() + 1, BODY)]
-    if fringe:
-        all_threads = np.arange(threads)
-        zero = np.zeros(threads, np.int64)
-        last = zero + crossings - 1
-        parts += [(all_threads, zero, zero, START), (all_threads, last, last, END)]
-    thread = np.concatenate([p[0] for p in parts])
-    begin = np.concatenate([p[1] for p in parts])
-    end = np.concatenate([p[2] for p in parts])
-    section = np.concatenate([np.full(len(p[0]), p[3]) for p in parts])
-    body = section == BODY
+    if detail.fringe > 0:
+        each = np.arange(threads)
+        first, last = 0 * each, 0 * each + crossings - 1
+        parts += [(each, first, first, START), (each, last, last, END)]
+    thread, begin, end = (np.concatenate([p[k] for p in parts]) for k in range(3))
+    section = np.concatenate([np.full(len(p[0]), p[3], np.int32) for p in parts])
     gap = np.zeros(len(thread), np.int64)
-    gap[body] = gap_class[begin[body]]
-    columns = [
-        (section, 3),
-        ((side[thread, begin] > 0).astype(np.int64), 2),
-        ((side[thread, end] > 0).astype(np.int64), 2),
-        (own_class[thread], len(own_values)),
-        (other_class[begin], len(other_values)),
-        (other_class[end], len(other_values)),
-        (gap, len(gap_values)),
-    ]
-    code = np.zeros(len(thread), np.int64)
-    for values, radix in columns:
-        code = code * radix + values
-    _, first, kind = np.unique(code, return_index=True, return_inverse=True)
-    t, b, e = thread[first], begin[first], end[first]
-    wrap = (own.diameter[t, None] + other.diameter[np.stack([b, e], 1)]) / 2
-    kinds: dict[str, NDArray] = {
-        "family": np.full(len(first), family, np.int32),
-        "section": section[first].astype(np.int32),
-        "pitch": np.where(section[first] == BODY, gap_values[gap[first]], other.pitch),
-        "z0": z[t, b],
-        "z1": z[t, e],
-        "side0": side[t, b],
-        "side1": side[t, e],
-        "wrap0": wrap[:, 0],
-        "wrap1": wrap[:, 1],
-        "diameter": own.diameter[t],
-    }
+    gap[section == BODY] = gap_class[begin[section == BODY]]
+    # A kind is a mixed-radix number of everything that shapes the path; np.unique finds those in use.
+    code = section.astype(np.int64)
+    for values in (up[thread, begin], up[thread, end], own_class[thread], other_class[begin], other_class[end], gap):
+        code = code * (int(values.max(initial=0)) + 1) + values
+    _, found, kind = np.unique(code, return_index=True, return_inverse=True)
+    t, b, free = thread[found], begin[found], section[found] != BODY
+    inside = np.minimum(b, max(0, crossings - 2))
+    kinds: dict[str, NDArray] = {"section": section[found], "diameter": own.diameter[t]}
+    for name, array in paths.items():
+        kinds[name] = np.where(free, 0.0, array[t, inside] if crossings > 1 else 0.0)
+    kinds["pitch"] = np.where(free, other.pitch, kinds["pitch"])
+    for name in ("z0", "z1"):
+        kinds[name] = np.where(free, z[t, b], kinds[name])
     rows: dict[str, NDArray] = {
         "key0": flat[thread, begin],
         "key1": flat[thread, end],
-        "thread": (first_thread + thread).astype(np.int32),
+        "thread": thread.astype(np.int32),
         "kind": kind.ravel().astype(np.int32),
-        "along": np.where(section == START, 0, begin),
+        "along": begin,
     }
     return rows, kinds
 
 
-def _classes(values: F64) -> tuple[NDArray[np.int64], F64]:
-    """Equal values (to a micrometre's thousandth) as class numbers, and one value for each class."""
-    _, first, inverse = np.unique(np.rint(values * 1e9), return_index=True, return_inverse=True)
-    return inverse.ravel().astype(np.int64), values[first]
+def _classes(values: F64) -> NDArray[np.int64]:
+    """Class numbers of values that are equal to a nanometre."""
+    return np.unique(np.rint(values * 1e9), return_inverse=True)[1].ravel().astype(np.int64)
 
 
 @dataclass(frozen=True)
@@ -292,10 +267,9 @@ def pose_points(layout: FabricLayout, pose: Pose = "flat", *, amount: float = 1.
     flat: a plane. wave: soft folds along the weft, rising `amount` × 5 % of the width. roll: bent about the warp's
     direction to an arc of `amount` × 90°. Both keep lengths along the yarns.
     """
-    if pose not in get_args(Pose):
-        raise InputError(
-            f"fabric.pose: unknown pose {pose!r}; known: {', '.join(get_args(Pose))}{did_you_mean(pose, get_args(Pose))}"
-        )
+    poses = get_args(Pose)
+    if pose not in poses:
+        raise InputError(f"pose: unknown pose {pose!r}; known: {', '.join(poses)}{did_you_mean(pose, poses)}")
     x = layout.warp.position - layout.warp.position.mean()
     z = layout.weft.position - layout.weft.position.mean()
     x, z = _stray(layout, x, z)
@@ -329,7 +303,7 @@ def _walk(x: F64, rate: F64) -> F64:
 
 def _stray(layout: FabricLayout, x: F64, z: F64) -> tuple[F64, F64]:
     """Threads that stray: a constant shift a thread and a slow wander along it, both bounded; (picks, ends) each."""
-    picks, ends = layout.draft.warp_up.shape
+    picks, ends = layout.cloth.warp_up.shape
     amount = layout.detail.irregularity
     rng = np.random.Generator(np.random.Philox(key=[layout.detail.seed, 1]))
 

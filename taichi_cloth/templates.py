@@ -173,7 +173,7 @@ def _core(
     offset, tangent, normal = _bend(
         section_yz, gather(spun.tangent), gather(spun.normal), z[:, None, :], slope[:, None, :]
     )
-    stretch = (layout.kinds.pitch[kind] / period.block_length)[:, None, None]
+    stretch = (layout.kinds.path.pitch[kind] / period.block_length)[:, None, None]
     shape = (len(kind), rows, count)
     open_ = _openness(layout, gather(spun.depth), offset[..., 2])
     return _flatten(
@@ -252,22 +252,11 @@ def _path(layout: FabricLayout, kind: NDArray[np.int64], u: F64, section: int) -
         ease = away * away * (3.0 - 2.0 * away)
         sign = 1.0 if section == END else -1.0
         rate = 6.0 * away * (1.0 - away) / max(layout.detail.fringe, 1e-9) * sign
-        z0, pitch = kinds.z0[kind][:, None], kinds.pitch[kind][:, None]
+        z0, pitch = kinds.path.z0[kind][:, None], kinds.path.pitch[kind][:, None]
         return z0 * (1.0 - ease), -z0 * rate / pitch
-    return centreline(_kinds(layout, kind), u)
-
-
-def _kinds(layout: FabricLayout, kind: NDArray[np.int64]) -> PathKinds:
-    k = layout.kinds
-    return PathKinds(
-        pitch=k.pitch[kind],
-        z0=k.z0[kind],
-        z1=k.z1[kind],
-        side0=k.side0[kind],
-        side1=k.side1[kind],
-        R0=k.wrap0[kind],
-        R1=k.wrap1[kind],
-    )
+    p = kinds.path
+    z, per_block = centreline(PathKinds(p.pitch[kind], p.z0[kind], p.z1[kind], p.r0[kind], p.r1[kind]), u)
+    return z, per_block / p.pitch[kind][:, None]
 
 
 def _bend(section_yz: F64, tangent: F64, normal: F64, z: F64, slope: F64) -> tuple[F64, F64, F64]:

@@ -141,10 +141,10 @@ def _lattice_singles(yarn: Yarn, start: float, stop: float, fibres: int, seed: i
     row = SphereSet(np.stack([centres, 0 * centres, 0 * centres], -1), np.full(len(centres), r))
     spacing = r * float(np.sqrt(np.pi / (fibres * yarn.plies)))
     filled = particles_in(row, spacing_m=spacing, seed=seed)
-    order = np.argsort(filled.position[:, 0], kind="stable")
+    order = np.argsort(filled.positions[:, 0], kind="stable")
     ply = np.empty(len(order), np.int32)
     ply[order] = np.arange(len(order)) % yarn.plies  # dealt out along the yarn: as many to each, all along it
-    position = filled.position.copy()
+    position = filled.positions.copy()
     angle = 2 * np.pi / yarn.plies * ply
     position[:, 1] += yarn.ply_offset * np.cos(angle)
     position[:, 2] += yarn.ply_offset * np.sin(angle)
@@ -153,7 +153,7 @@ def _lattice_singles(yarn: Yarn, start: float, stop: float, fibres: int, seed: i
     return (
         np.ascontiguousarray(position, np.float32),
         np.tile(np.array([1, 0, 0], np.float32), (n, 1)),
-        np.ascontiguousarray(filled.normal, np.float32),
+        np.ascontiguousarray(filled.normals, np.float32),
         np.full(n, 1.2 * spacing, np.float32),
         np.full(n, max(0.5 * spacing, drawn_radius(yarn, fibres) / 2), np.float32),
         1.0 + 0.06 * rng.standard_normal(n).clip(-2, 2),

@@ -1,0 +1,145 @@
+"""The command line: `taichi-cloth scenes | plan | turntable | animate | profile`."""
+
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+
+import taichi_cloth
+from taichi_cloth.errors import InputError
+
+__all__ = ["app", "main"]
+
+app = typer.Typer(
+    add_completion=False,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    help="Cloth modelled from its fibres up: fibres, yarns, woven fabric, and pictures of every fibre.",
+)
+
+SceneName = Annotated[str, typer.Argument(help="A built-in scene (see: taichi-cloth scenes) or a .toml file.")]
+Overrides = Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a scene value.")]
+Out = Annotated[Path | None, typer.Option("--out", help="Folder for the images; default: out/SCENE.")]
+Size = Annotated[str | None, typer.Option("--size", metavar="WxH", help="Image size in pixels, such as 1280x720.")]
+Resume = Annotated[bool, typer.Option("--resume", help="Keep the frames an interrupted run left, make the others.")]
+Arch = Annotated[str, typer.Option("--arch", help="cpu, cuda, vulkan, metal or gpu.")]
+Threads = Annotated[int | None, typer.Option("--threads", help="CPU threads; default: all there are.")]
+
+
+@app.command("scenes")
+def list_scenes() -> None:
+    """List the built-in scenes, a line each."""
+    from .load import built_in_scenes
+
+    known = built_in_scenes()
+    width = max(len(name) for name in known)
+    for name, title in known.items():
+        typer.echo(f"{name:<{width}}  {title}")
+
+
+@app.command("plan")
+def show_plan(scene: SceneName, overrides: Overrides = None) -> None:
+    """Say what a scene builds, what it leaves out and why, and how much of everything. Runs nothing."""
+    from .load import load_scene
+    from .plan import plan
+    from .report import plan_lines
+
+    for line in plan_lines(plan(load_scene(scene, overrides))):
+        typer.echo(line)
+
+
+@app.command("turntable")
+def turntable(
+    scene: SceneName,
+    overrides: Overrides = None,
+    views: Annotated[int | None, typer.Option("--views", help="Views round the subject; default: 36.")] = None,
+    size: Size = None,
+    out: Out = None,
+    resume: Resume = False,
+    arch: Arch = "cpu",
+    threads: Threads = None,
+) -> None:
+    """Walk round a scene: a PNG a view, an MP4 and a contact sheet."""
+    from .run import run
+
+    changed = list(overrides or []) + ([f"output.views={views}"] if views is not None else [])
+    run("turntable", scene, changed, size=size, out=out, resume=resume, arch=arch, threads=threads)
+
+
+@app.command("animate")
+def animate(
+    scene: SceneName,
+    overrides: Overrides = None,
+    frames: Annotated[int | None, typer.Option("--frames", help="Frames; default: the scene's.")] = None,
+    size: Size = None,
+    out: Out = None,
+    resume: Resume = False,
+    arch: Arch = "cpu",
+    threads: Threads = None,
+) -> None:
+    """Show a scene that moves (twist): a PNG a frame, an MP4 and a contact sheet."""
+    from .run import run
+
+    changed = list(overrides or []) + ([f"output.frames={frames}"] if frames is not None else [])
+    run("animate", scene, changed, size=size, out=out, resume=resume, arch=arch, threads=threads)
+
+
+@app.command("profile")
+def profile(
+    scene: SceneName = "swatch",
+    overrides: Overrides = None,
+    repeats: Annotated[int, typer.Option("--repeats", help="Timed runs of each stage.")] = 15,
+    arch: Arch = "cpu",
+    threads: Threads = None,
+) -> None:
+    """Time building and drawing: this scene, and the fixed work the paper's T-shirt sets. Medians."""
+    from .profile import profile_lines
+
+    for line in profile_lines(scene, overrides, repeats=repeats, arch=arch, threads=threads):
+        typer.echo(line)
+
+
+@app.callback(invoke_without_command=True)
+def root(version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False) -> None:
+    if version:
+        typer.echo(f"taichi-cloth {taichi_cloth.__version__}")
+        raise typer.Exit
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run the command line. Bad input gives one line on standard error and exit code 2."""
+    sys.exit(_status(sys.argv[1:] if arguments is None else arguments))
+
+
+def _status(arguments: list[str]) -> int:
+    from typer.exceptions import TyperException
+
+    from ..render.errors import RenderError
+
+    try:
+        result: Any = app(args=arguments, standalone_mode=False, prog_name="taichi-cloth")
+    except (InputError, RenderError) as error:
+        _say(str(error))
+        return 2
+    except typer.Exit as end:
+        return end.exit_code
+    except TyperException as error:
+        _say(" ".join(error.format_message().split()) or f"see: taichi-cloth {' '.join(arguments)} --help")
+        return 2
+    except (KeyboardInterrupt, typer.Abort):
+        _say("stopped; frames already written are whole: go on with --resume")
+        return 130
+    except MemoryError:
+        _say("out of memory; make the scene smaller (see: taichi-cloth plan) or close other programs")
+        return 2
+    return result if isinstance(result, int) else 0
+
+
+def _say(line: str) -> None:
+    Console(stderr=True, highlight=False, soft_wrap=True, markup=False).print(f"taichi-cloth: {line}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,304 @@
+"""What a scene builds: one class a subject, all with the same few verbs.
+
+model = build(scene)      everything constant, made once
+model.step(frame)         move to a frame; only a twisting yarn moves
+model.panels()            what is to be drawn now, side by side
+model.facts()             what can be said of it, beside the textbook
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_cloth.blocks import Fabric, FibreCloud, build_fabric
+from taichi_cloth.colour_order import colour
+from taichi_cloth.fabric import pose_points
+from taichi_cloth.fibre import FibreParticles, contour, particles_in, sphere_set_from_rows, sphere_surface_points
+from taichi_cloth.twisting import TwistingYarn
+from taichi_cloth.yarn import Period, Strands, hairs, spin
+
+from ..render.particles import Particles
+from .facts import Fact, fabric_facts, yarn_facts
+from .prepare import Prepared, fibre_kind, prepare_fabric, yarn_of
+from .schema import FabricSection, Scene
+
+__all__ = ["FabricModel", "FibreModel", "Model", "Panel", "TwistModel", "YarnModel", "build"]
+
+OPACITY = 0.96
+SURFACE_POINTS = 400_000
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One picture of a frame: its particles, the points that must be in it, the words under it."""
+
+    particles: Particles
+    bounds: NDArray[np.float32]
+    caption: str = ""
+
+
+class Model(Protocol):
+    """A built scene."""
+
+    scene: Scene
+    frames: int
+
+    def step(self, frame: int) -> None: ...
+
+    def panels(self) -> Sequence[Panel]: ...
+
+    def facts(self) -> list[Fact]: ...
+
+
+def build(scene: Scene, prepared: Prepared | None = None) -> Model:
+    """Build a scene. `prepared` saves laying a fabric out again when that was done for `plan`."""
+    if scene.subject == "fabric":
+        return FabricModel(scene, prepared or prepare_fabric(scene))
+    return {"fibre": FibreModel, "yarn": YarnModel, "twist": TwistModel}[scene.subject](scene)
+
+
+class FabricModel:
+    """A woven fabric at rest on its key points."""
+
+    def __init__(self, scene: Scene, prepared: Prepared) -> None:
+        self.scene, self.prepared, self.frames = scene, prepared, 1
+        section = scene.fabric or FabricSection()
+        self.fabric: Fabric = build_fabric(prepared.layout)
+        self.points = pose_points(prepared.layout, section.pose, amount=section.pose_amount)
+
+    def step(self, frame: int) -> None:
+        """A fabric at rest does not move."""
+
+    def panels(self) -> list[Panel]:
+        cloud = self.fabric.cloud(self.points)
+        return [Panel(_particles(cloud), cloud.position)]
+
+    def facts(self) -> list[Fact]:
+        layout = self.prepared.layout
+        facts = yarn_facts(layout.warp.yarn, "warp yarn")
+        if layout.weft.yarn != layout.warp.yarn:
+            facts += yarn_facts(layout.weft.yarn, "weft yarn")
+        return facts + fabric_facts(layout)
+
+
+class YarnModel:
+    """A length of yarn, standing upright so that a turntable turns it about its own axis."""
+
+    def __init__(self, scene: Scene) -> None:
+        assert scene.yarn is not None
+        self.scene, self.frames = scene, 1
+        section, kind = scene.yarn, fibre_kind(scene)
+        self.yarn = yarn_of(section, kind)
+        length = section.length_mm * 1e-3
+        blocks = max(4, round(length / (self.yarn.diameter * 1.2)))
+        period = Period.of(self.yarn, length / blocks, least=blocks, most=blocks)
+        fibres = min(section.fibres, self.yarn.fibres_in_section)
+        body = spin(self.yarn, period, fibres=fibres, steps=10, start=0.0, stop=length, seed=scene.seed)
+        parts = [body]
+        if self.yarn.hairiness.ends_per_m or self.yarn.hairiness.loops_per_m:
+            step = period.block_length / 10
+            parts.append(hairs(self.yarn, length=length, fibres=fibres, step=step, seed=scene.seed + 1))
+        albedo = colour(section.colour) if section.colour else np.asarray(kind.colour, np.float32)
+        clouds = [_strand_cloud(part, albedo) for part in parts]
+        self.cloud = FibreCloud(*(np.concatenate([getattr(c, f) for c in clouds]) for f in _FIELDS))
+
+    def step(self, frame: int) -> None:
+        """A yarn at rest does not move."""
+
+    def panels(self) -> list[Panel]:
+        upright = _upright(self.cloud)
+        return [Panel(_particles(upright), upright.position)]
+
+    def facts(self) -> list[Fact]:
+        return yarn_facts(self.yarn)
+
+
+class TwistModel:
+    """Two singles being twisted: the zones a and b of the paper's Figures 3 and 4."""
+
+    def __init__(self, scene: Scene) -> None:
+        assert scene.yarn is not None
+        assert scene.twist is not None
+        self.scene, self.frames = scene, scene.output.frames
+        section = scene.twist
+        self.yarn = yarn_of(scene.yarn, fibre_kind(scene))
+        sign = 1.0 if scene.yarn.twist == "Z" else -1.0
+        self.twisting = TwistingYarn(
+            self.yarn,
+            a=section.zone_a_mm * 1e-3,
+            b=section.zone_b_mm * 1e-3,
+            speed=section.speed_mm_per_s * 1e-3,
+            spin_speed=sign * section.turns_per_s,
+            duration=section.duration_s,
+            feed=section.feed_mm * 1e-3,
+            fibres=min(scene.yarn.fibres, self.yarn.fibres_in_section),
+            construction=scene.yarn.construction,
+            colours=np.stack([colour(name) for name in section.colours]),
+            seed=scene.seed,
+        )
+        t = self.twisting
+        self.nips = [_nip(x, 1.25 * self.yarn.diameter) for x in (0.0, t.a, t.a + t.b)]
+        low, high = -t.feed, t.a + t.b + t.feed
+        reach = 2.0 * self.yarn.diameter
+        self.bounds = np.array(
+            [[x - (t.a + t.b) / 2, y, 0.0] for x in (low, high) for y in (-reach, reach)], np.float32
+        )
+
+    def step(self, frame: int) -> None:
+        """Twist on to the time of a frame; frames are spread evenly over the stated duration."""
+        self.twisting.step_to(
+            self.scene.twist.duration_s * frame / max(1, self.frames - 1) if self.scene.twist else 0.0
+        )
+
+    def panels(self) -> list[Panel]:
+        t = self.twisting
+        cloud = t.cloud()
+        parts = [cloud, *self.nips]
+        joined = FibreCloud(*(np.concatenate([getattr(c, f) for c in parts]) for f in _FIELDS))
+        joined.position[:, 0] -= (t.a + t.b) / 2
+        twist_a, twist_b = t.twist
+        caption = (
+            f"t = {t.time:5.2f} s    zone a (A-B): {1e-2 * twist_a:+6.2f} turns/cm    "
+            f"zone b (B-C): {1e-2 * twist_b:+6.2f} turns/cm"
+        )
+        return [Panel(_particles(joined), self.bounds, caption)]
+
+    def facts(self) -> list[Fact]:
+        section = self.scene.twist
+        assert section is not None
+        facts = yarn_facts(self.yarn)
+        if section.speed_mm_per_s > 0:
+            steady = 10 * section.turns_per_s / section.speed_mm_per_s
+            facts.append(Fact("twist of zone a in the end", f"{steady:.2f} turns/cm", "s/V; zone b: 0"))
+        return facts
+
+
+class FibreModel:
+    """One fibre: its sphere set (Figure 1) beside the particles that fill it (Figure 2)."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene, self.frames = scene, 1
+        section, self.kind = scene.fibre, fibre_kind(scene)
+        if section.spheres is not None:
+            self.spheres = sphere_set_from_rows(section.spheres)
+        else:
+            self.spheres = contour(section.kind, length_m=section.length_um * 1e-6)
+        self.filled: FibreParticles = particles_in(
+            self.spheres, spacing_m=section.spacing_um * 1e-6, jitter=section.jitter, seed=scene.seed
+        )
+        self.albedo = colour(section.colour) if section.colour else np.asarray(self.kind.colour, np.float32)
+
+    def step(self, frame: int) -> None:
+        """A fibre at rest does not move."""
+
+    def panels(self) -> list[Panel]:
+        surface = sphere_surface_points(self.spheres, SURFACE_POINTS, seed=self.scene.seed)
+        points, normals = surface.positions, surface.normals
+        low, high = self.spheres.bounding_box()
+        area = float(np.prod(np.sort(high - low)[1:])) * 2.5
+        n = len(points)
+        shell = FibreCloud(
+            position=points.astype(np.float32),
+            tangent=np.tile(np.array([1, 0, 0], np.float32), (n, 1)),
+            normal=normals.astype(np.float32),
+            colour=np.tile(np.array([[0.30, 0.42, 0.60]], np.float32), (n, 1)),
+            radius=np.full(n, 1.6 * (area / n) ** 0.5, np.float32),
+            half_length=np.full(n, 1.6 * (area / n) ** 0.5, np.float32),
+            openness=np.ones(n, np.float32),
+        )
+        f, size = self.filled, self.scene.fibre.particle_size * self.scene.fibre.spacing_um * 1e-6
+        m = len(f.positions)
+        rng = np.random.Generator(np.random.Philox(key=[self.scene.seed, 7]))
+        tone = 1.0 + 0.05 * rng.standard_normal((m, 1)).clip(-2, 2)
+        depth = np.clip(f.depths / max(float(f.depths.max()), 1e-12), 0.0, 1.0)
+        body = FibreCloud(
+            position=f.positions.astype(np.float32),
+            tangent=f.tangents.astype(np.float32),
+            normal=f.normals.astype(np.float32),
+            colour=np.clip(self.albedo * tone, 0, 1).astype(np.float32),
+            radius=np.full(m, size, np.float32),
+            half_length=np.full(m, 1.6 * size, np.float32),
+            openness=(1.0 - 0.8 * depth).astype(np.float32),
+        )
+        clouds = [_upright(shell), _upright(body)]
+        bounds = np.concatenate([c.position for c in clouds])
+        captions = (f"{len(self.spheres.radii)} spheres", f"{m:,} particles")
+        return [Panel(_particles(c), bounds, words) for c, words in zip(clouds, captions, strict=True)]
+
+    def facts(self) -> list[Fact]:
+        low, high = self.spheres.bounding_box()
+        size = 1e6 * (high - low)
+        return [
+            Fact("fibre", self.kind.name if self.scene.fibre.spheres is None else "own sphere set"),
+            Fact("size", f"{size[0]:.0f} × {size[1]:.1f} × {size[2]:.1f} µm"),
+            Fact("density", f"{self.kind.density_kg_m3:.0f} kg/m³"),
+            Fact("fineness", f"{self.kind.fineness_dtex:.2f} dtex"),
+        ]
+
+
+_FIELDS = tuple(FibreCloud.__dataclass_fields__)
+
+
+def _particles(cloud: FibreCloud) -> Particles:
+    return Particles(
+        position=cloud.position,
+        radius=cloud.radius,
+        colour=cloud.colour,
+        tangent=cloud.tangent,
+        normal=cloud.normal,
+        half_length=cloud.half_length,
+        openness=cloud.openness,
+        opacity=OPACITY,
+    )
+
+
+def _strand_cloud(strands: Strands, albedo: NDArray) -> FibreCloud:
+    points = strands.half_length.shape[1]
+    tone = np.repeat(strands.tone, points)[:, None]
+    return FibreCloud(
+        position=strands.position.reshape(-1, 3).astype(np.float32),
+        tangent=strands.tangent.reshape(-1, 3).astype(np.float32),
+        normal=strands.normal.reshape(-1, 3).astype(np.float32),
+        colour=np.clip(albedo[None, :] * tone, 0, 1).astype(np.float32),
+        radius=np.repeat(strands.radius, points).astype(np.float32),
+        half_length=strands.half_length.ravel().astype(np.float32),
+        openness=(0.25 + 0.75 * strands.depth.ravel() ** 2).astype(np.float32),
+    )
+
+
+def _upright(cloud: FibreCloud) -> FibreCloud:
+    """Turned so that the x axis stands upright and centred."""
+
+    def turn(v: NDArray) -> NDArray:
+        return np.stack([-v[:, 1], v[:, 0], v[:, 2]], -1)
+
+    position = turn(cloud.position)
+    position = position - np.array([0.0, (position[:, 1].min() + position[:, 1].max()) / 2, 0.0], np.float32)
+    return FibreCloud(
+        position=position,
+        tangent=turn(cloud.tangent),
+        normal=turn(cloud.normal),
+        colour=cloud.colour,
+        radius=cloud.radius,
+        half_length=cloud.half_length,
+        openness=cloud.openness,
+    )
+
+
+def _nip(x: float, radius: float, count: int = 900) -> FibreCloud:
+    """A dark ring about the yarn at x: where it is fed, twisted or taken up."""
+    angle = 2 * np.pi * np.arange(count) / count
+    zero, one = np.zeros(count), np.ones(count)
+    out = np.stack([zero, np.cos(angle), np.sin(angle)], -1).astype(np.float32)
+    return FibreCloud(
+        position=(out * radius + np.array([x, 0, 0])).astype(np.float32),
+        tangent=np.stack([zero, -np.sin(angle), np.cos(angle)], -1).astype(np.float32),
+        normal=out,
+        colour=np.tile(np.array([[0.03, 0.03, 0.035]], np.float32), (count, 1)),
+        radius=(0.07 * radius * one).astype(np.float32),
+        half_length=(0.07 * radius * one).astype(np.float32),
+        openness=one.astype(np.float32),
+    )

@@ -1,0 +1,101 @@
+"""What a scene will build and what it leaves out, counted before anything runs."""
+
+from dataclasses import dataclass
+
+from taichi_cloth.fibre import contour, lattice_point_count, sphere_set_from_rows
+from taichi_cloth.memory import memory_limit
+
+from .prepare import DRAW_BYTES, Prepared, fibre_kind, prepare_fabric, yarn_of
+from .schema import Scene
+
+__all__ = ["Plan", "Stage", "plan"]
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A step of the pipeline: whether it is built, and what of, or why not."""
+
+    name: str
+    built: bool
+    why: str
+
+
+@dataclass(frozen=True)
+class Plan:
+    """stages in the order they run; key_points, blocks, particles (exact unless `about`), bytes; notes."""
+
+    stages: tuple[Stage, ...]
+    key_points: int
+    blocks: int
+    particles: int
+    about: bool
+    bytes: int
+    limit: int
+    notes: tuple[str, ...]
+    prepared: Prepared | None = None
+
+
+def plan(scene: Scene) -> Plan:
+    """Count a scene. Raises InputError as building it would, where that shows before a particle is made."""
+    subject = scene.subject
+    fibre = fibre_kind(scene)
+    source = "own sphere set" if scene.fibre.spheres is not None else fibre.name
+    built: dict[str, str] = {}
+    left: dict[str, str] = {}
+    key_points = blocks = particles = 0
+    about = False
+    notes: tuple[str, ...] = ()
+    prepared = None
+    if subject == "fibre":
+        rows = scene.fibre.spheres
+        spheres = (
+            sphere_set_from_rows(rows)
+            if rows is not None
+            else contour(scene.fibre.kind, length_m=scene.fibre.length_um * 1e-6)
+        )
+        particles = lattice_point_count(spheres, spacing_m=scene.fibre.spacing_um * 1e-6)
+        about = True
+        built["fibre lattice"] = f"{len(spheres.radii):,} spheres of {source}; at most {particles:,} lattice points"
+        left["yarn"] = "the scene has no [yarn]"
+    else:
+        assert scene.yarn is not None
+        left["fibre lattice"] = f"only a scene of one fibre needs it; {source} gives density, fineness, colour, finish"
+        yarn = yarn_of(scene.yarn, fibre)
+        fibres = min(scene.yarn.fibres, yarn.fibres_in_section)
+        built["yarn"] = (
+            f"{yarn.plies} × {yarn.count_tex:.1f} tex, {yarn.twist_per_m:.0f} turns/m {yarn.twist}; "
+            f"{fibres} of {yarn.fibres_in_section} fibres a ply drawn"
+        )
+    if subject == "twist" and scene.twist and scene.yarn:
+        s, yarn = scene.twist, yarn_of(scene.yarn, fibre)
+        length = 1e-3 * (s.zone_a_mm + s.zone_b_mm + 2 * s.feed_mm + s.speed_mm_per_s * s.duration_s)
+        particles = int(length / (yarn.diameter / 5)) * yarn.plies * min(scene.yarn.fibres, yarn.fibres_in_section)
+        about = True
+        built["twist"] = f"zones of {s.zone_a_mm:g} and {s.zone_b_mm:g} mm, {scene.output.frames} frames"
+    elif subject != "fibre":
+        left["twist"] = "the scene has no [twist]"
+    if subject == "yarn" and scene.yarn:
+        yarn = yarn_of(scene.yarn, fibre)
+        steps = 10 * max(4, round(scene.yarn.length_mm * 1e-3 / (yarn.diameter * 1.2)))
+        particles, about = steps * yarn.plies * min(scene.yarn.fibres, yarn.fibres_in_section), True
+    if subject == "fabric":
+        prepared = prepare_fabric(scene)
+        layout = prepared.layout
+        key_points, blocks, particles = layout.key_points, len(layout.blocks.kind), prepared.particles
+        notes = prepared.notes
+        picks, ends = layout.cloth.warp_up.shape
+        built["weave"] = f"{prepared.draft.name or 'draft'}: {ends} ends × {picks} picks"
+        built["fibre blocks"] = f"{len(layout.kinds.section)} kinds of path, {layout.detail.variants} variants"
+        if not (layout.warp.yarn.hairiness.ends_per_m or layout.warp.yarn.hairiness.loops_per_m):
+            left["hairs"] = "yarn.hairiness is 0"
+    else:
+        left["weave"] = "the scene has no [weave]"
+        left["fibre blocks"] = "the scene has no [weave]"
+    drawn = "elongated splats, analytic alpha" if scene.fibre.sprite in ("thread", "soft") else "textured sprites"
+    built["splatter"] = f"{scene.output.size[0]} × {scene.output.size[1]} px, {drawn}"
+    order = ("fibre lattice", "yarn", "hairs", "twist", "weave", "fibre blocks", "splatter")
+    stages = tuple(
+        Stage(name, name in built, built.get(name) or left[name]) for name in order if name in built or name in left
+    )
+    total = prepared.bytes if prepared else particles * (64 + DRAW_BYTES)
+    return Plan(stages, key_points, blocks, particles, about, total, memory_limit(), notes, prepared)

@@ -1,0 +1,92 @@
+"""Turntables and animations: frames to disk, then the video and the contact sheet."""
+
+import sys
+from pathlib import Path
+from typing import Any, Literal
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from taichi_cloth import runtime
+from taichi_cloth.errors import InputError
+
+from ..render.image import contact_sheet, write_png
+from ..render.video import write_mp4
+from .load import load_scene
+from .models import build
+from .plan import plan
+from .report import fact_lines, plan_lines
+from .schema import Scene
+from .sequence import Sequence, fingerprint
+from .view import View
+
+__all__ = ["image_size", "run"]
+
+Command = Literal["turntable", "animate"]
+
+
+def run(
+    command: Command,
+    name: str,
+    overrides: list[str],
+    *,
+    size: str | None,
+    out: Path | None,
+    resume: bool,
+    arch: Any,
+    threads: int | None,
+) -> None:
+    """One command from scene to files. Raises InputError before anything is written when the input is bad."""
+    scene = load_scene(name, overrides)
+    if command == "animate" and scene.subject != "twist":
+        raise InputError(f"animate: {name} stands still; use turntable, or animate twist")
+    width_height = image_size(size, scene)
+    planned = plan(scene)
+    runtime.start(arch, threads=threads)
+    model = build(scene, planned.prepared)
+    view = View(model, width_height)
+    count = scene.output.views if command == "turntable" else model.frames
+    folder = out or Path("out") / Path(name).stem
+    sequence = Sequence.open(folder, fingerprint(scene, command, width_height, count), count, resume=resume)
+    for line in (*plan_lines(planned), *fact_lines(model.facts())):
+        print(line)
+
+    todo = sequence.missing()
+    if command == "turntable":
+        model.step(model.frames - 1)
+        frames = view.turntable(count, todo)
+    else:
+        frames = view.animation(todo)
+    with _progress() as bar:
+        task = bar.add_task("frames", total=count, completed=count - len(todo))
+        for _ in sequence.write(frames):
+            bar.advance(task)
+        closing = bar.add_task("video and sheet", total=2)
+        codec = write_mp4(folder / f"{command}.mp4", sequence.paths, fps=scene.output.fps)
+        bar.advance(closing)
+        write_png(folder / "sheet.png", contact_sheet(sequence.paths, thumbnail=max(64, 1920 // 6)))
+        bar.advance(closing)
+    print(f"{count} frames, {command}.mp4 ({codec}) and sheet.png in {folder}")
+
+
+def image_size(text: str | None, scene: Scene) -> tuple[int, int]:
+    """The image size [px] of a `--size WxH`, or the scene's. Raises InputError."""
+    if text is None:
+        return scene.output.size
+    parts = text.lower().split("x")
+    if len(parts) == 2 and all(p.isdecimal() and len(p) < 6 and 1 <= int(p) <= 16384 for p in parts):
+        return int(parts[0]), int(parts[1])
+    raise InputError(f"--size: {text!r}; allowed: WIDTHxHEIGHT with 1 to 16384 pixels each, such as 1280x720")
+
+
+def _progress() -> Progress:
+    return Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+        console=Console(stderr=True),
+        disable=not sys.stderr.isatty(),
+    )
