@@ -1,0 +1,88 @@
+"""The lights: one key light, and a soft fill that is one colour from above and another from below."""
+
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .camera import Camera
+from .errors import RenderError
+
+__all__ = ["Background", "Colour", "Lighting"]
+
+Colour: TypeAlias = tuple[float, float, float]
+"""Linear red, green, blue."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lighting:
+    """A key light and a hemisphere of fill light. Raises RenderError for values no light can have."""
+
+    direction: Colour = (-0.55, 0.75, 0.60)
+    """Towards the key light, any length. World axes, or, when it follows the camera, the viewer's: x right,
+    y up, z towards the viewer."""
+    key_follows_camera: bool = True
+    """True: the light stays with the viewer, as on a turntable where the garment turns. False: world."""
+    key: float = 0.85
+    """Intensity of the key light: a white surface facing it gets this radiance."""
+    key_colour: Colour = (1.0, 0.965, 0.91)
+    fill: float = 0.34
+    """Intensity of the fill light."""
+    sky: Colour = (0.92, 0.97, 1.06)
+    """Colour of the fill from above."""
+    ground: Colour = (0.52, 0.49, 0.46)
+    """Colour of the fill from below."""
+    exposure: float = 0.0
+    """Stops: +1 doubles all light that falls on particles. The background is not changed."""
+
+    def __post_init__(self) -> None:
+        for name in ("direction", "key_colour", "sky", "ground"):
+            check_colour(f"lighting.{name}", getattr(self, name), negative=name == "direction")
+        if not np.linalg.norm(self.direction) > 0:
+            raise RenderError("lighting.direction: has no length; give the direction towards the light")
+        for name in ("key", "fill"):
+            value = getattr(self, name)
+            if not 0 <= value < 1e4:
+                raise RenderError(f"lighting.{name}: {value!r}; allowed: 0 to 10000")
+        if not -20 <= self.exposure <= 20:
+            raise RenderError(f"lighting.exposure: {self.exposure!r} stops; allowed: -20 to 20")
+
+    def towards_key(self, camera: Camera) -> NDArray[np.float64]:
+        """Unit direction towards the key light, world, shape (3,)."""
+        direction = np.asarray(self.direction, np.float64)
+        if self.key_follows_camera:
+            direction = camera.rotation.T @ (direction * (1.0, -1.0, -1.0))
+        return direction / np.linalg.norm(direction)
+
+    def radiances(self) -> NDArray[np.float64]:
+        """Key, sky and ground light with intensity and exposure in them, rows of shape (3, 3)."""
+        lights = [np.multiply(self.key, self.key_colour)]
+        lights += [np.multiply(self.fill, colour) for colour in (self.sky, self.ground)]
+        return np.stack(lights) * 2.0**self.exposure
+
+
+@dataclass(frozen=True, kw_only=True)
+class Background:
+    """What is behind everything: one linear colour, or a vertical gradient to a second one."""
+
+    top: Colour = (0.80, 0.82, 0.85)
+    """Linear colour of the top edge."""
+    bottom: Colour | None = None
+    """Linear colour of the bottom edge; None is the same as the top."""
+
+    def __post_init__(self) -> None:
+        check_colour("background.top", self.top)
+        if self.bottom is not None:
+            check_colour("background.bottom", self.bottom)
+
+    def ends(self) -> NDArray[np.float32]:
+        """Top and bottom colour, shape (6,)."""
+        return np.array([*self.top, *(self.top if self.bottom is None else self.bottom)], np.float32)
+
+
+def check_colour(name: str, value: Colour, *, negative: bool = False) -> None:
+    """Raises RenderError unless `value` is three finite numbers, none negative unless `negative`."""
+    array = np.asarray(value, np.float64) if len(value) == 3 else np.array([np.nan])
+    if not np.isfinite(array).all() or (array.min() < 0 and not negative):
+        raise RenderError(f"{name}: {value!r}; allowed: three {'' if negative else 'non-negative '}numbers")

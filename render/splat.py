@@ -1,0 +1,257 @@
+"""The splatter: particles and a camera in, an image out, at tens of millions of particles a second on a CPU.
+
+Per frame: project, shade and key all particles (`project`), sort them by depth and list them tile by tile
+(`sort`), blend each tile front to back (`raster`). The same input gives the same bytes whatever the number of
+chunks and threads: sorts are stable, nothing is added up atomically, and a tile belongs to one thread.
+"""
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from taichi.lang import impl
+
+from . import project as projection
+from .arrays import LANES, TILE
+from .blocks import Layout, pack
+from .camera import Camera, check_size
+from .errors import RenderError
+from .finish import Finish
+from .image import srgb_table
+from .light import Background, Lighting
+from .particles import Particles
+from .planes import borrow
+from .raster import LUT_STEPS, raster, resolve_linear
+from .sort import BINS, count_high, count_tiles, fill_tiles, scan, scan_tiles, scatter_high, scatter_low
+from .sprites import CRISP, Profile, SpriteSheet
+
+__all__ = ["RenderStats", "Splatter"]
+
+MAX_TILE_ENTRIES = 2**31 - 1
+"""Longest list of all tiles together; Taichi counts with 32 bits."""
+
+SLOPE_GAIN, LIMB_DARKENING, KEY_SHADE = 0.65, 0.4, 0.6
+"""Shading across a round thread at roundness 1 (their worst case stays above 0), and the share of the key
+light that a particle loses when it sees no sky at all."""
+
+
+@dataclass(frozen=True)
+class RenderStats:
+    """What the last frame took: particles loaded and drawn, entries in the tile lists, milliseconds a stage."""
+
+    particles: int
+    drawn: int
+    tile_entries: int
+    project_ms: float
+    sort_ms: float
+    bin_ms: float
+    raster_ms: float
+
+
+class Splatter:
+    """Draws particles on images of one size. Taichi must have been started.
+
+    width, height: image size [px], 1..16384. chunks: pieces the work is cut into; None takes the number of
+    CPU threads. profile: the analytic alpha of a splat. sprites: textures instead, which are slower.
+    opaque: a tile is finished when less than this share of light still passes everywhere in it.
+    Raises RenderError for values outside these ranges.
+    """
+
+    def __init__(
+        self,
+        width: int,
+        height: int,
+        *,
+        chunks: int | None = None,
+        profile: Profile = CRISP,
+        sprites: SpriteSheet | None = None,
+        opaque: float = 1 / 255,
+    ) -> None:
+        check_size(width, height)
+        if chunks is None:
+            chunks = int(impl.current_cfg().cpu_max_num_threads)
+        if not 1 <= chunks <= 1024:
+            raise RenderError(f"chunks: {chunks}; allowed: 1 to 1024, about the number of threads")
+        if not 0 <= opaque < 1:
+            raise RenderError(f"opaque: {opaque}; allowed: 0 to below 1, 1/255 is half a step of 8 bits")
+        self.width, self.height, self.chunks = int(width), int(height), int(chunks)
+        self.profile, self.sprites, self.opaque = profile, sprites, float(opaque)
+        self.stats: RenderStats | None = None
+        self._tiles_x, self._tiles_y = -(-self.width // TILE), -(-self.height // TILE)
+        self._tiles = self._tiles_x * self._tiles_y
+        self._histogram = np.zeros((self.chunks, max(BINS, self._tiles)), np.int32)
+        self._starts = np.zeros(self._tiles + 1, np.int32)
+        self._lists = np.zeros(1, np.int32)
+        self._planes = borrow(self, self._tiles)
+        self._srgb = srgb_table(LUT_STEPS)
+        self._constants = np.zeros((projection.CONSTANT_ROWS, 3), np.float32)
+        if sprites is None:
+            self._sheet, self._levels = np.zeros(1, np.float32), np.zeros(2, np.int32)
+        else:
+            self._sheet, self._levels = sprites.pyramid()
+        self._count = 0
+        self._layout = Layout()
+        self._reserve(0)
+
+    def load(self, particles: Particles) -> "Splatter":
+        """Pack particles for `render`; the arrays are copied. Returns the splatter itself.
+
+        Raises RenderError for too many particles or a sprite number that the sheet does not have.
+        """
+        if self.sprites is not None and particles.sprite is not None and len(particles):
+            low, high = int(particles.sprite.min()), int(particles.sprite.max())
+            if low < 0 or high >= len(self.sprites):
+                raise RenderError(f"particles.sprite: {low} to {high}; allowed: 0 to {len(self.sprites) - 1}")
+        self._layout, self._blocks, self._box = pack(particles, textured=self.sprites is not None)
+        self._opacity = 1.0 if self._layout.opacity else float(np.float32(particles.opacity))
+        self._count = len(particles)
+        self._reserve(len(self._blocks))
+        return self
+
+    def render(
+        self,
+        camera: Camera,
+        *,
+        lighting: Lighting | None = None,
+        finish: Finish | None = None,
+        background: Background | None = None,
+        out: NDArray[np.uint8] | None = None,
+    ) -> NDArray[np.uint8]:
+        """The image (height, width, 3), 8-bit sRGB, of the particles loaded.
+
+        out: an array (height, width, 3) uint8 to write to; one whose width is a multiple of 16 is filled in
+        place, without a copy. Without it every call returns an array of its own.
+        Raises RenderError when the camera's image has another size or the tile lists would be too long.
+        """
+        if (camera.width, camera.height) != (self.width, self.height):
+            raise RenderError(
+                f"camera: image of {camera.width} x {camera.height} px; allowed: "
+                f"{self.width} x {self.height}, the splatter's size"
+            )
+        lighting, finish, background = lighting or Lighting(), finish or Finish(), background or Background()
+        layout, chunks, blocks = self._layout, self.chunks, len(self._blocks)
+        edge = 1.0 if self.sprites is not None else self.profile.edge or 0.0
+        profile = {0.0: "crisp", 1.0: "soft"}.get(edge, "sharp")
+        clock = [time.perf_counter()]
+        self._set_constants(camera, lighting, finish, edge)
+        projection.project(
+            layout,
+            profile == "crisp",
+            chunks,
+            self._blocks,
+            blocks,
+            self._constants,
+            self._splats,
+            self._boxes,
+            self._keys,
+            self._histogram,
+        )
+        clock.append(time.perf_counter())
+
+        drawn = scan(chunks, BINS, self._histogram)
+        scatter_low(chunks, blocks, LANES, self._keys, self._histogram, self._order, self._high)
+        count_high(chunks, drawn, self._high, self._histogram)
+        scan(chunks, BINS, self._histogram)
+        scatter_high(chunks, drawn, self._high, self._order, self._histogram, self._sorted)
+        clock.append(time.perf_counter())
+
+        count_tiles(chunks, drawn, self._tiles_x, self._tiles, self._sorted, self._boxes, self._histogram)
+        entries = scan_tiles(chunks, self._tiles, self._histogram, self._starts)
+        self._reserve_lists(entries)
+        fill_tiles(chunks, drawn, self._tiles_x, self._sorted, self._boxes, self._histogram, self._lists)
+        clock.append(time.perf_counter())
+
+        image = self._canvas(out)
+        raster(
+            layout,
+            profile,
+            chunks,
+            self._tiles_x,
+            self._tiles,
+            self.height,
+            self._starts,
+            self._lists,
+            self._splats,
+            edge,
+            LIMB_DARKENING * finish.roundness,
+            self._sheet,
+            self._levels,
+            1 if self.sprites is None else self.sprites.size,
+            background.ends(),
+            self._srgb,
+            self.opaque,
+            *self._planes,
+            image,
+        )
+        clock.append(time.perf_counter())
+        self.stats = RenderStats(self._count, drawn, entries, *(1e3 * np.diff(clock)).tolist())
+        if image is out:
+            return image
+        image = np.ascontiguousarray(image[:, : self.width])
+        if out is None:
+            return image
+        out[:] = image
+        return out
+
+    def linear(self) -> NDArray[np.float32]:
+        """The last frame without its background: linear premultiplied RGBA (height, width, 4) float32.
+
+        Raises RenderError before the first `render`.
+        """
+        if self.stats is None:
+            raise RenderError("linear: nothing rendered yet; call render first")
+        rgba = np.empty((self.height, self.width, 4), np.float32)
+        resolve_linear(self._tiles_x, self._tiles, self._starts, *self._planes, self.width, self.height, rgba)
+        return rgba
+
+    def _canvas(self, out: NDArray[np.uint8] | None) -> NDArray[np.uint8]:
+        """Where the raster may write whole tiles of columns: `out` itself where that fits."""
+        if out is not None:
+            if out.shape != (self.height, self.width, 3) or out.dtype != np.uint8:
+                raise RenderError(f"out: {out.dtype} {out.shape}; allowed: uint8 {(self.height, self.width, 3)}")
+            if self.width % TILE == 0 and out.flags.c_contiguous:
+                return out
+        return np.empty((self.height, self._tiles_x * TILE, 3), np.uint8)
+
+    def _set_constants(self, camera: Camera, lighting: Lighting, finish: Finish, edge: float) -> None:
+        c = self._constants
+        key, sky, ground = lighting.radiances()
+        corners = np.array([[self._box[i >> k & 1, k] for k in range(3)] for i in range(8)])
+        depths = corners @ camera.rotation[2] + camera.translation[2]
+        nearest = max(camera.near, float(depths.min()))
+        key_share = float(key.sum() / max(key.sum() + (sky.sum() + ground.sum()) / 2, 1e-12))
+        c[projection.ROTATION : projection.ROTATION + 3] = camera.rotation
+        c[projection.TRANSLATION] = camera.translation
+        c[projection.EYE] = camera.eye
+        c[projection.LENS] = camera.focal, camera.cx, camera.cy
+        c[projection.KEY_DIRECTION] = lighting.towards_key(camera)
+        c[projection.KEY], c[projection.SKY], c[projection.GROUND] = key, sky, ground
+        c[projection.FIBRE] = finish.fibre, finish.specular, finish.exponent / 16
+        c[projection.SURFACE] = finish.tint, finish.sheen, SLOPE_GAIN * finish.roundness * key_share
+        c[projection.IMAGE] = self.width, self.height, camera.near
+        scale = projection.DEEPEST_KEY / max(float(depths.max()) - nearest, 1e-9)
+        c[projection.DEPTH] = nearest, scale, self._opacity
+        c[projection.EDGE] = edge, KEY_SHADE, 0.0
+
+    def _reserve(self, blocks: int) -> None:
+        """Room for the splats of `blocks` blocks of particles."""
+        count = max(blocks, 1) * LANES
+        if blocks == 0:
+            self._blocks = np.zeros((0, self._layout.rows, LANES), np.float32)
+            self._box = np.zeros((2, 3))
+            self._opacity = 1.0
+        size = self._layout.splat_size
+        if not hasattr(self, "_splats") or self._splats.shape[0] < count or self._splats.shape[1] != size:
+            self._splats = np.zeros((count, size), np.float32)
+            self._boxes = np.zeros(count, np.int64)
+            self._keys, self._order, self._high, self._sorted = (np.zeros(count, np.int32) for _ in range(4))
+
+    def _reserve_lists(self, entries: int) -> None:
+        if entries > MAX_TILE_ENTRIES:
+            raise RenderError(
+                f"tile lists: {entries} entries; allowed: {MAX_TILE_ENTRIES}; "
+                "draw a smaller image, fewer particles or smaller radii"
+            )
+        if entries > len(self._lists):
+            self._lists = np.zeros(min(int(entries * 1.25), MAX_TILE_ENTRIES), np.int32)
