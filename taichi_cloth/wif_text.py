@@ -92,7 +92,7 @@ def _strict(name: str, data: bytes, encoding: str) -> str:
 def sections(name: str, text: str) -> Sections:
     """Sections by lower-case name, each {lower-case key: entry}, from [WIF] on; the last of duplicate keys counts.
 
-    PRIVATE sections are left out. Raises InputError when there is no [WIF], or a heading is not closed.
+    Raises InputError when there is no [WIF], or a heading is not closed.
     """
     found: Sections = {}
     current: dict[str, Entry] | None = None
@@ -107,7 +107,7 @@ def sections(name: str, text: str) -> Sections:
                 raise InputError(f"{name}: line {number}: heading {shown(line)} has no ]; is the file cut short?")
             if current is None and title != "wif":
                 continue
-            current = {} if title.startswith("private") else found.setdefault(title, {})
+            current = found.setdefault(title, {})
         elif current is not None:
             key, equals, value = line.partition("=")
             if not equals:
