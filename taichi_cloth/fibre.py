@@ -47,7 +47,7 @@ class FibreKind:
 
     density_kg_m3 and fineness_dtex: Morton & Hearle, Physical Properties of Textile Fibres, 4th ed., ch. 3
     and 5 (typical apparel grades, dry); width_um: the wider way across. colour: linear-light RGB of the
-    undyed fibre, chosen by eye. finish: a suggested surface look, "matte", "satin" or "glossy". section_um2
+    undyed fibre, chosen by eye. finish: name of the surface look to draw it with. section_um2
     follows from fineness and density: 1 dtex = 1e-7 kg/m.
     """
 
@@ -68,11 +68,11 @@ class FibreKind:
 FIBRES: dict[str, FibreKind] = {
     kind.name: kind
     for kind in (
-        FibreKind("cotton", 1520, 1.7, 17.4, (0.80, 0.76, 0.66), "matte", "twisted flat ribbon; bean section"),
-        FibreKind("wool", 1310, 4.1, 20.8, (0.72, 0.66, 0.52), "matte", "overlapping scales; round section"),
-        FibreKind("silk", 1340, 1.2, 11.9, (0.83, 0.79, 0.70), "glossy", "smooth; rounded triangle"),
-        FibreKind("viscose", 1520, 1.7, 15.0, (0.85, 0.85, 0.83), "satin", "furrowed; lobed section"),
-        FibreKind("polyester", 1380, 1.7, 12.5, (0.86, 0.86, 0.87), "satin", "smooth; round section"),
+        FibreKind("cotton", 1520, 1.7, 17.4, (0.80, 0.76, 0.66), "cotton", "twisted flat ribbon; bean section"),
+        FibreKind("wool", 1310, 4.1, 20.8, (0.72, 0.66, 0.52), "wool", "overlapping scales; round section"),
+        FibreKind("silk", 1340, 1.2, 11.9, (0.83, 0.79, 0.70), "silk", "smooth; rounded triangle"),
+        FibreKind("viscose", 1520, 1.7, 15.0, (0.85, 0.85, 0.83), "viscose", "furrowed; lobed section"),
+        FibreKind("polyester", 1380, 1.7, 12.5, (0.86, 0.86, 0.87), "polyester", "smooth; round section"),
     )
 }
 
@@ -551,12 +551,14 @@ def _share_that_stays(
 
 @dataclass(frozen=True)
 class SurfacePoints:
-    """Points on the visible surface of a sphere set: positions (n, 3) [m], outward unit normals (n, 3), and the index
-    (n,) of the sphere each lies on. float64, intp."""
+    """Points on the visible surface of a sphere set: positions (n, 3) [m], outward unit normals (n, 3), the index (n,)
+    of the sphere each lies on, float64 and intp; area_m2 [m^2] of that surface, so that each stands for area_m2 / n.
+    """
 
     positions: NDArray[np.float64]
     normals: NDArray[np.float64]
     sphere: NDArray[np.intp]
+    area_m2: float
 
 
 def sphere_surface_points(spheres: SphereSet, count: int, *, seed: int = 0) -> SurfacePoints:
@@ -572,7 +574,7 @@ def sphere_surface_points(spheres: SphereSet, count: int, *, seed: int = 0) -> S
     lifted = _Lifted(spheres)
     coarse = np.full(len(areas), max(4, min(400, 60_000 // len(areas))))
     seen = _visible(spheres, lifted, coarse, seed)
-    visible = float(np.sum((areas / coarse)[seen.sphere]))
+    visible = seen.area_m2
     if visible == 0:  # every sphere but for slivers lies in others
         visible = float(areas.max())
     wanted = areas * (count / visible)
@@ -604,7 +606,8 @@ def _visible(spheres: SphereSet, lifted: _Lifted, numbers: NDArray[np.int64], se
         free = lifted.power(position)[0] > -1e-9 if len(position) else np.zeros(0, dtype=bool)
         kept.append((position[free], normal[free], sphere[free]))
     position, normal, sphere = (np.concatenate(parts) for parts in zip(*kept, strict=True))
-    return SurfacePoints(position, normal, sphere)
+    area = float(np.sum((4 * pi * spheres.radii**2 / np.maximum(numbers, 1))[sphere]))
+    return SurfacePoints(position, normal, sphere, area)
 
 
 def _random_rotations(random: NDArray[np.float64]) -> NDArray[np.float64]:

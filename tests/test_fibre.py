@@ -229,6 +229,7 @@ def test_surface_points_of_two_spheres_share_the_visible_area() -> None:
     cap = [2 * pi * 10 * (10 + (100 + 64 - 36) / 16), 2 * pi * 6 * (6 + (36 + 64 - 100) / 16)]
     counts = np.bincount(got.sphere)
     assert counts[0] / counts.sum() == pytest.approx(cap[0] / sum(cap), rel=0.01)
+    assert got.area_m2 == pytest.approx(sum(cap) * UM**2, rel=0.01)
 
 
 def test_a_million_lattice_points_take_well_under_a_second() -> None:
