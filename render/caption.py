@@ -1,23 +1,43 @@
-"""Words on a picture."""
+"""Words on a picture. The font is OpenCV's own, which holds ASCII."""
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["caption"]
+__all__ = ["caption", "label"]
+
+Image = NDArray[np.uint8]
+FONT = cv2.FONT_HERSHEY_SIMPLEX
+LINE_HEIGHT = 22.0  # px at scale 1
+COLOUR = (40, 40, 44)
 
 
-def caption(image: NDArray[np.uint8], text: str, *, colour: tuple[int, int, int] = (40, 40, 44)) -> NDArray[np.uint8]:
-    """The image (h, w, 3) RGB with one line of text near its lower left corner, as high as 1/36 of the image.
-
-    The text is drawn in OpenCV's own font, which holds ASCII, and made smaller where it would not fit.
-    """
+def caption(image: Image, text: str) -> Image:
+    """The image (h, w, 3) RGB with one line of text near its lower left corner, smaller where it would not fit."""
     height, width = image.shape[:2]
-    image = np.ascontiguousarray(image).copy()
-    scale = height / 36 / 22
-    (wide, _), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, scale, 1)
-    scale *= min(1.0, 0.94 * width / max(wide, 1))
-    at = (round(0.03 * width), height - round(0.03 * height))
-    thick = max(1, round(scale * 1.6))
-    cv2.putText(image, text, at, cv2.FONT_HERSHEY_SIMPLEX, scale, colour, thick, cv2.LINE_AA)
-    return image
+    scale = _scale(height)
+    scale *= min(1.0, 0.94 * width / max(_width(text, scale), 1))
+    return _write(image, text, (0.03 * width, 0.97 * height), scale)
+
+
+def label(image: Image, text: str, at: tuple[float, float]) -> Image:
+    """The image with a text centred at a pixel (x, y)."""
+    scale = _scale(image.shape[0])
+    return _write(image, text, (at[0] - _width(text, scale) / 2, at[1] + LINE_HEIGHT * scale / 2), scale)
+
+
+def _scale(height: int) -> float:
+    """Letters are 1/36 of the image's height, and legible on a small one."""
+    return max(0.35, height / 36 / LINE_HEIGHT)
+
+
+def _width(text: str, scale: float) -> int:
+    return cv2.getTextSize(text, FONT, scale, 1)[0][0]
+
+
+def _write(image: Image, text: str, at: tuple[float, float], scale: float) -> Image:
+    written = np.ascontiguousarray(image).copy()
+    cv2.putText(
+        written, text, (round(at[0]), round(at[1])), FONT, scale, COLOUR, max(1, round(1.6 * scale)), cv2.LINE_AA
+    )
+    return written

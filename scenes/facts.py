@@ -56,20 +56,25 @@ def fabric_facts(layout: FabricLayout) -> list[Fact]:
     cloth = layout.cloth
     # A thread that was made thicker or thinner than its yarn has the mass of its section.
     tex = [
-        t.yarn.resultant_tex / (1.0 - t.yarn.ply_take_up) * (t.diameter / t.yarn.diameter) ** 2
+        t.yarn.resultant_tex / (1.0 - t.yarn.ply_take_up) * t.thickness * t.width / t.yarn.woven_diameter**2
         for t in (layout.warp, layout.weft)
     ]
     facts: list[Fact] = []
     if min(cloth.warp_up.shape) > 1:
         f = cloth_facts(cloth, warp_tex=tex[0], weft_tex=tex[1])
-        d1, d2 = float(layout.warp.diameter.mean()), float(layout.weft.diameter.mean())
+        d1, d2 = float(layout.warp.thickness.mean()), float(layout.weft.thickness.mean())
         h1, h2 = cloth.balance * (d1 + d2), (1.0 - cloth.balance) * (d1 + d2)
         up = cloth.warp_up
-        textbook = [
-            0.5625 * (h / pitch) ** 2 * float(np.mean(changes))
-            for h, pitch, changes in (
-                (h1, layout.weft.pitch, up[1:] != up[:-1]),
-                (h2, layout.warp.pitch, up[:, 1:] != up[:, :-1]),
+        textbook = [  # Peirce's h = 4/3·p·√c on the part of the pitch that is free to bend
+            0.5625 * h * h / (free * pitch) * float(np.mean(changes))
+            for h, free, pitch, changes in (
+                (h1, float((cloth.pitches("weft") - cloth.flats("weft")).mean()), layout.weft.pitch, up[1:] != up[:-1]),
+                (
+                    h2,
+                    float((cloth.pitches("warp") - cloth.flats("warp")).mean()),
+                    layout.warp.pitch,
+                    up[:, 1:] != up[:, :-1],
+                ),
             )
         ]
         mean_tex = [float(t.mean()) for t in tex]
@@ -94,6 +99,8 @@ def fabric_facts(layout: FabricLayout) -> list[Fact]:
         weft_spacing_m=cloth.weft_spacing_m[:n],
         warp_diameter_m=cloth.warp_diameter_m[:n],
         weft_diameter_m=cloth.weft_diameter_m[:n],
+        warp_flat_m=np.asarray(cloth.warp_flat_m)[:n],
+        weft_flat_m=np.asarray(cloth.weft_flat_m)[:n],
         balance=cloth.balance,
         periodic=False,
     )

@@ -33,11 +33,13 @@ SURFACE_POINTS = 400_000
 
 @dataclass(frozen=True)
 class Panel:
-    """One picture of a frame: its particles, the points that must be in it, the words under it."""
+    """One picture of a frame: its particles, the points that must be in it, the words under it, and labels at
+    points of the world [m]."""
 
     particles: Particles
     bounds: NDArray[np.float32]
     caption: str = ""
+    labels: tuple[tuple[str, tuple[float, float, float]], ...] = ()
 
 
 class Model(Protocol):
@@ -100,7 +102,7 @@ class YarnModel:
         parts = [body]
         if self.yarn.hairiness.ends_per_m or self.yarn.hairiness.loops_per_m:
             step = period.block_length / 10
-            parts.append(hairs(self.yarn, length=length, fibres=fibres, step=step, seed=scene.seed + 1))
+            parts.append(hairs(self.yarn, length=length, step=step, seed=scene.seed + 1))
         albedo = colour(section.colour) if section.colour else np.asarray(kind.colour, np.float32)
         clouds = [_strand_cloud(part, albedo) for part in parts]
         self.cloud = FibreCloud(*(np.concatenate([getattr(c, f) for c in clouds]) for f in _FIELDS))
@@ -142,7 +144,7 @@ class TwistModel:
         t = self.twisting
         self.nips = [_nip(x, 1.25 * self.yarn.diameter) for x in (0.0, t.a, t.a + t.b)]
         low, high = -t.feed, t.a + t.b + t.feed
-        reach = 2.0 * self.yarn.diameter
+        reach = 2.2 * self.yarn.diameter
         self.bounds = np.array(
             [[x - (t.a + t.b) / 2, y, 0.0] for x in (low, high) for y in (-reach, reach)], np.float32
         )
@@ -164,7 +166,10 @@ class TwistModel:
             f"t = {t.time:5.2f} s    zone a (A-B): {1e-2 * twist_a:+6.2f} turns/cm    "
             f"zone b (B-C): {1e-2 * twist_b:+6.2f} turns/cm"
         )
-        return [Panel(_particles(joined), self.bounds, caption)]
+        middle, below = (t.a + t.b) / 2, -1.9 * self.yarn.diameter
+        places = (("A", 0.0), ("zone a", t.a / 2), ("B", t.a), ("zone b", t.a + t.b / 2), ("C", t.a + t.b))
+        labels = tuple((name, (x - middle, below, 0.0)) for name, x in places)
+        return [Panel(_particles(joined), self.bounds, caption, labels)]
 
     def facts(self) -> list[Fact]:
         section = self.scene.twist

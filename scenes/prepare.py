@@ -3,7 +3,7 @@
 All of it on the host and without a particle, so that `plan` can say what a scene needs and a limit can refuse it.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -26,7 +26,7 @@ __all__ = ["DRAW_BYTES", "Prepared", "draft_of", "fibre_kind", "prepare_fabric",
 DRAW_BYTES = 130  # what the splatter keeps for a particle while it draws
 DEFAULT_THREADS = 40
 DEFAULT_COUNT_TEX = 20.0
-DEFAULT_OPENING = 1.06  # spacing of threads over the closest possible, where a scene states none
+DEFAULT_OPENING = 1.02  # spacing of threads over the closest possible, where a scene states none
 
 
 @dataclass(frozen=True)
@@ -104,28 +104,28 @@ def prepare_fabric(scene: Scene) -> Prepared:
     require_memory(f"weave of {draft.ends:,} ends × {draft.picks:,} picks", needed, remedy)
 
     notes = list(draft.notes)
-    thickness = [
-        np.full(n, yarn.diameter) if stated is None else stated
+    diameter = [
+        np.full(n, yarn.woven_diameter) if stated is None else stated
         for n, yarn, stated in (
             (draft.ends, warp_yarn, draft.warp_thickness_m),
             (draft.picks, weft_yarn, draft.weft_thickness_m),
         )
     ]
-    spacing = _spacings(draft, section, thickness)
-    cloth, note = _woven(draft, section, spacing, thickness)
+    spacing = _spacings(draft, section, diameter)
+    cloth, note = _woven(draft, section, spacing, diameter)
     if note:
         notes.append(note)
     own = [
         colour_named(s.colour) if s.colour else np.asarray(fibre.colour, np.float32) for s in (scene.yarn, weft_section)
     ]
     families = []
-    for room, thick, stated, plain, yarn in (
-        (spacing[0], cloth.warp_diameter_m, draft.warp_colour, own[0], warp_yarn),
-        (spacing[1], cloth.weft_diameter_m, draft.weft_colour, own[1], weft_yarn),
+    for room, thick, flat, stated, plain, yarn in (
+        (spacing[0], cloth.warp_diameter_m, cloth.warp_flat_m, draft.warp_colour, own[0], warp_yarn),
+        (spacing[1], cloth.weft_diameter_m, cloth.weft_flat_m, draft.weft_colour, own[1], weft_yarn),
     ):
         position = np.concatenate([[0.0], np.cumsum((room[1:] + room[:-1]) / 2)])
         shades = stated if stated is not None else np.tile(plain, (len(room), 1))
-        families.append(Threads(position, thick, np.asarray(shades, np.float32), yarn))
+        families.append(Threads(position, thick, thick + flat, np.asarray(shades, np.float32), yarn))
     layout = lay_out(
         cloth,
         *families,
@@ -144,54 +144,61 @@ def prepare_fabric(scene: Scene) -> Prepared:
     return Prepared(draft, layout, particles, total, tuple(notes))
 
 
-def _spacings(draft: Draft, section: FabricSection, thickness: list[np.ndarray]) -> list[np.ndarray]:
+def _spacings(draft: Draft, section: FabricSection, diameter: list[np.ndarray]) -> list[np.ndarray]:
     """Room of each thread [m], warp then weft: the scene's threads/cm, else the draft's, else what just fits."""
-    closest = 0.5 * np.sqrt(3.0) * (float(thickness[0].max()) + float(thickness[1].max())) * DEFAULT_OPENING
+    root = float(np.sqrt(section.flattening))
+    passing = 0.5 * np.sqrt(3.0) * sum(float(d.max()) for d in diameter) / root  # Peirce's limit of a square cloth
     out = []
-    for n, per_cm, stated in (
-        (draft.ends, section.ends_per_cm, draft.warp_spacing_m),
-        (draft.picks, section.picks_per_cm, draft.weft_spacing_m),
+    for d, per_cm, stated in (
+        (diameter[0], section.ends_per_cm, draft.warp_spacing_m),
+        (diameter[1], section.picks_per_cm, draft.weft_spacing_m),
     ):
         if per_cm is not None:
-            out.append(np.full(n, 0.01 / per_cm))
+            out.append(np.full(len(d), 0.01 / per_cm))
         elif stated is not None:
             out.append(np.asarray(stated, np.float64))
         else:
-            out.append(np.full(n, closest))
+            out.append(np.full(len(d), DEFAULT_OPENING * (passing + float(d.max()) * (root - 1.0 / root))))
     return out
 
 
 def _woven(
-    draft: Draft, section: FabricSection, spacing: list[np.ndarray], thickness: list[np.ndarray]
+    draft: Draft, section: FabricSection, spacing: list[np.ndarray], diameter: list[np.ndarray]
 ) -> tuple[Interlacing, str]:
     """The weave with its sizes, and a note of what it took to make the threads fit; or the refusal, as asked.
 
-    Close sets are woven as a loom weaves them: first the crimp is shared otherwise, and only then is yarn thinned.
+    A yarn of diameter d lies flattened at equal area, d·√f wide and d/√f thick. Close sets are woven as a loom
+    weaves them: first the crimp is shared otherwise, and only then is yarn thinned.
     """
-    cloth = Interlacing(
-        warp_up=draft.warp_up,
-        warp_spacing_m=spacing[0],
-        weft_spacing_m=spacing[1],
-        warp_diameter_m=thickness[0],
-        weft_diameter_m=thickness[1],
-        balance=section.balance,
-        periodic=False,
-    )
+    root = float(np.sqrt(section.flattening))
+
+    def sized(factor: float, balance: float) -> Interlacing:
+        return Interlacing(
+            warp_up=draft.warp_up,
+            warp_spacing_m=spacing[0],
+            weft_spacing_m=spacing[1],
+            warp_diameter_m=factor * diameter[0] / root,
+            weft_diameter_m=factor * diameter[1] / root,
+            warp_flat_m=factor * diameter[0] * (root - 1.0 / root),
+            weft_flat_m=factor * diameter[1] * (root - 1.0 / root),
+            balance=balance,
+            periodic=False,
+        )
+
+    cloth = sized(1.0, section.balance)
     if fit_diameters(cloth) >= 1.0:
         return cloth, ""
-    shared = replace(cloth, balance=fit_balance(cloth))
+    balance = fit_balance(cloth)
+    shared = sized(1.0, balance)
     factor = fit_diameters(shared)
     set_ = f"{0.01 / spacing[0].min():.1f} ends/cm and {0.01 / spacing[1].min():.1f} picks/cm"
     if factor >= 1.0:
-        return shared, f"{set_} can only be woven with the warp taking {100 * shared.balance:.0f} % of the crimp"
-    warp_mm, weft_mm = (1e3 * float(t.max()) for t in thickness)
+        return shared, f"{set_} can only be woven with the warp taking {100 * balance:.0f} % of the crimp"
+    warp_mm, weft_mm = (1e3 * float(d.max()) for d in diameter)
     line = f"threads of {warp_mm:.3f} mm (warp) and {weft_mm:.3f} mm (weft) jam at {set_}"
     if section.when_jammed == "refuse":
         raise InputError(
             f"fabric.ends_per_cm, fabric.picks_per_cm: {line}; they fit at {factor:.2f} of that thickness: space them "
             'wider, take a finer yarn, or set fabric.when_jammed = "scale"'
         )
-    thinner = replace(
-        shared, warp_diameter_m=shared.warp_diameter_m * factor, weft_diameter_m=shared.weft_diameter_m * factor
-    )
-    return thinner, f"{line}: thinned to {100 * factor:.0f} %"
+    return sized(factor * (1.0 - 1e-9), balance), f"{line}: thinned to {100 * factor:.0f} %"

@@ -70,7 +70,7 @@ class YarnSection(Section):
     singles_twist_per_m: float = Field(0.0, ge=0, description="twist left in each single [turns/m]")
     singles_twist: Direction = "Z"
     packing: float = Field(0.60, ge=0.05, le=0.95, description="share of a single's section that is fibre")
-    flattening: float = Field(1.25, ge=0.5, le=3, description="section of a ply, tangential over radial axis")
+    flattening: float = Field(1.5, ge=0.5, le=3, description="section of a ply, tangential over radial axis")
     migration: Share = Field(0.25, description="how far a fibre wanders in the section")
     migration_period_mm: Positive = Field(4.0, description="over which length it wanders [mm]")
     hairiness: HairinessSection = HairinessSection()
@@ -105,10 +105,11 @@ class FabricSection(Section):
     ends_per_cm: Positive | None = Field(None, description="warp ends per cm; default: the file's, or what fits")
     picks_per_cm: Positive | None = Field(None, description="weft picks per cm; likewise")
     balance: float = Field(0.5, ge=0.05, le=0.95, description="the warp's part of the crimp height")
+    flattening: float = Field(2.0, ge=1, le=6, description="width of a thread over its thickness where it lies")
     when_jammed: Literal["scale", "refuse"] = Field(
         "scale", description="threads too thick for their spacing: thin them with a note, or refuse"
     )
-    steps: int = Field(6, ge=1, le=200, description="particles along a fibre between two crossings")
+    steps: int = Field(9, ge=1, le=200, description="particles along a fibre between two crossings")
     variants: int = Field(8, ge=1, le=256, description="fillings of each kind of block")
     fringe: float = Field(1.5, ge=0, le=20, description="free yarn beyond the last crossing [thread spacings]")
     irregularity: float = Field(0.03, ge=0, le=0.3, description="how far threads stray, in thread spacings")
@@ -129,18 +130,18 @@ class Twist(Section):
 
 
 class Camera(Section):
-    elevation_deg: float = Field(38.0, ge=-90, le=90, description="height of the camera above the horizon")
+    elevation_deg: float = Field(45.0, ge=-90, le=90, description="height of the camera above the horizon")
     azimuth_deg: float = Field(25.0, ge=-3600, le=3600, description="where the first view stands")
     fov_deg: float = Field(24.0, ge=1, le=120, description="vertical field of view")
-    margin: float = Field(0.06, ge=0, le=0.45, description="empty share of the frame on each side")
+    margin: float = Field(0.03, ge=0, le=0.45, description="empty share of the frame on each side")
     zoom: float = Field(1.0, gt=0, le=1e4, description="how much nearer than the framing distance; above 1 crops")
 
 
 class Light(Section):
     key_azimuth_deg: float = Field(-50.0, description="from where the key light comes, from the camera's right")
     key_elevation_deg: float = Field(42.0, ge=-90, le=90)
-    key_strength: float = Field(2.4, ge=0, le=1e3)
-    fill_strength: float = Field(0.75, ge=0, le=1e3)
+    key_strength: float = Field(1.5, ge=0, le=1e3)
+    fill_strength: float = Field(0.5, ge=0, le=1e3)
     follows_camera: bool = Field(True, description="the light turns with the camera")
     exposure: float = Field(0.0, ge=-20, le=20, description="in stops")
     background: tuple[str, str] = Field(("#f4f2ee", "#cfccc6"), description="top and bottom of the backdrop")
@@ -150,7 +151,7 @@ class Light(Section):
 class Output(Section):
     views: int = Field(36, ge=1, le=10_000, description="views of a turntable")
     frames: int = Field(72, ge=1, le=100_000, description="frames of an animation")
-    size: tuple[int, int] = Field((960, 720), description="width and height [px]")
+    size: tuple[int, int] = Field((1080, 720), description="width and height [px]")
     fps: int = Field(18, ge=1, le=240, description="frames per second of the video")
 
     @model_validator(mode="after")

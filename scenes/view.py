@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from taichi_cloth.colour_order import colour
 
 from ..render.camera import Camera, frame, orbit
-from ..render.caption import caption
+from ..render.caption import caption, label
 from ..render.finish import FINISHES, Finish, finish_for
 from ..render.light import Background, Lighting
 from ..render.splat import Splatter
@@ -85,7 +85,12 @@ class View:
         for panel, splatter, camera in zip(self._panels, self._splatters, cameras, strict=True):
             near = replace(camera, focal=camera.focal * self.scene.camera.zoom)
             image = splatter.render(near, lighting=self.lighting, finish=self.finish, background=self.background)
-            images.append(caption(image, panel.caption) if panel.caption else image)
+            if panel.caption:
+                image = caption(image, panel.caption)
+            for name, point in panel.labels:
+                x, y, _ = near.project([point])[0]
+                image = label(image, name, (float(x), float(y)))
+            images.append(image)
         return np.concatenate(images, axis=1)[:, : self.size[0]]
 
 

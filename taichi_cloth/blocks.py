@@ -73,7 +73,7 @@ class Fabric:
             blocks.key0,
             blocks.key1,
             kinds.family[blocks.kind],
-            kinds.path.pitch[blocks.kind].astype(np.float32),
+            kinds.pitch[blocks.kind].astype(np.float32),
             blocks.thread,
             bank.template,
             bank.start,

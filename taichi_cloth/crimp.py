@@ -20,7 +20,7 @@ Slopes are zero at the crossings, so a path is smooth (C1) along the whole yarn.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -63,6 +63,8 @@ class Interlacing:
     warp_up: bool (picks, ends). Sizes in metres, float64, a scalar given for a family is spread over its
     threads:
     warp_spacing_m, warp_diameter_m: (ends,); weft_spacing_m, weft_diameter_m: (picks,).
+    warp_flat_m, weft_flat_m: how much wider a thread is than it is thick, 0 for round ones; its diameter then is
+    the thickness.
     balance: share of the crimp height taken by the warp, 0 (straight warp) to 1 (straight weft).
     periodic: the draft is a repeat, so its last thread has its first as the neighbour.
 
@@ -76,6 +78,8 @@ class Interlacing:
     weft_diameter_m: F64
     balance: float = 0.5
     periodic: bool = True
+    warp_flat_m: F64 | float = 0.0
+    weft_flat_m: F64 | float = 0.0
 
     def __post_init__(self) -> None:
         up = np.asarray(self.warp_up, dtype=bool)
@@ -87,6 +91,8 @@ class Interlacing:
             for quantity in ("spacing_m", "diameter_m"):
                 field = f"{family}_{quantity}"
                 object.__setattr__(self, field, _lengths(field, getattr(self, field), count))
+            field = f"{family}_flat_m"
+            object.__setattr__(self, field, _lengths(field, getattr(self, field), count, zero=True))
         if not 0 <= self.balance <= 1:
             raise InputError(f"crimp.balance: {self.balance!r}; allowed: 0 (straight warp) to 1 (straight weft)")
 
@@ -106,8 +112,28 @@ class Interlacing:
         between = 0.5 * (spacing + np.roll(spacing, -1))
         return between if self.periodic else between[:-1]
 
+    def flats(self, family: Family) -> F64:
+        """The part of each of `pitches` that lies on the two threads' flats [m]."""
+        flat = np.asarray(self.warp_flat_m if family == "warp" else self.weft_flat_m)
+        between = 0.5 * (flat + np.roll(flat, -1))
+        return between if self.periodic else between[:-1]
 
-def _lengths(field: str, values: ArrayLike, count: int) -> F64:
+    def round_core(self) -> "Interlacing":
+        """The cloth with every flat cut out and the rest moved together: round threads, the same gaps and heights.
+
+        A flat thread is the sweep of a round one across its flat, and all threads lie level over a flat, so two
+        flat threads are just as far apart as their round cores.
+        """
+        return replace(
+            self,
+            warp_spacing_m=self.warp_spacing_m - self.warp_flat_m,
+            weft_spacing_m=self.weft_spacing_m - self.weft_flat_m,
+            warp_flat_m=0.0,
+            weft_flat_m=0.0,
+        )
+
+
+def _lengths(field: str, values: ArrayLike, count: int, *, zero: bool = False) -> F64:
     try:
         lengths = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError):
@@ -115,9 +141,9 @@ def _lengths(field: str, values: ArrayLike, count: int) -> F64:
     if lengths.shape not in ((), (count,)):
         raise InputError(f"crimp.{field}: shape {lengths.shape}; needed: one number, or ({count},)")
     lengths = np.broadcast_to(lengths, (count,))
-    bad = np.flatnonzero(~((lengths > 0) & np.isfinite(lengths)))
+    bad = np.flatnonzero(~(((lengths >= 0) if zero else (lengths > 0)) & np.isfinite(lengths)))
     if bad.size:
-        raise InputError(f"crimp.{field}: {lengths[bad[0]]:g} at thread {bad[0] + 1}; allowed: metres above 0")
+        raise InputError(f"crimp.{field}: {lengths[bad[0]]:g} at thread {bad[0] + 1}; allowed: metres{'' if zero else ' above 0'}")
     return lengths
 
 
@@ -174,7 +200,7 @@ def _crossing_radius(d_warp: F64, d_weft: F64, shape: tuple[int, ...]) -> F64:
 class PathKinds:
     """Blocks of yarn from one crossing to the next, any shape (…), all in one unit of length.
 
-    pitch: distance along the straight yarn; z0, z1: heights at its two ends; r0, r1: radii of its two arcs.
+    pitch: distance along the straight yarn, without the flats it lies on; z0, z1: heights at its two ends; r0, r1: radii of its two arcs.
     """
 
     pitch: F64
@@ -208,7 +234,8 @@ def _blocks(cloth: Interlacing, family: Family) -> tuple[F64, F64, F64, NDArray[
     heights = crossing_heights(cloth.warp_up, cloth.warp_diameter_m, cloth.weft_diameter_m, cloth.balance)
     radius = _crossing_radius(cloth.warp_diameter_m, cloth.weft_diameter_m, cloth.warp_up.shape)
     along = 0 if family == "warp" else 1
-    across = cloth.pitches("weft" if family == "warp" else "warp")
+    other: Family = "weft" if family == "warp" else "warp"
+    across = cloth.pitches(other) - cloth.flats(other)
     pitch = across[:, None] if family == "warp" else across[None, :]
 
     def both_ends(values: NDArray) -> tuple[NDArray, NDArray]:
@@ -227,6 +254,7 @@ def _straight(kinds: PathKinds) -> tuple[F64, F64, F64]:
     """s, theta and h of each block; raises InputError where the threads jam."""
     total, h = kinds.r0 + kinds.r1, np.abs(kinds.z1 - kinds.z0)
     square = kinds.pitch**2 - h * (2 * total - h)
+    square = np.where(kinds.pitch > 0, square, -np.inf)
     if np.any(square < -2 * _JAM_TOLERANCE * kinds.pitch**2):
         worst = np.unravel_index(np.argmin(square / kinds.pitch**2), square.shape)
         least = float(np.sqrt((h * (2 * total - h))[worst]))
@@ -254,7 +282,7 @@ def yarn_length(kinds: PathKinds) -> F64:
 def centreline(kinds: PathKinds, u: ArrayLike) -> tuple[F64, F64]:
     """Height z and slope dz/du of each block at u in 0..1, u·pitch being the way along the cloth.
 
-    u: (k,). Returns two arrays of shape (…, k). Raises InputError where threads jam.
+    u: (k,), or (…, k) for each block its own. Returns two arrays of shape (…, k). Raises InputError where threads jam.
     """
     _, theta, h = (value[..., None] for value in _straight(kinds))
     pitch, z0, r0, r1 = (
@@ -318,7 +346,9 @@ def crimp(cloth: Interlacing) -> tuple[F64, F64]:
         kinds = path_kinds(cloth, family)
         if kinds.z0.shape[along] == 0:
             raise InputError(f"crimp: a {family} yarn with a single crossing has no length; weave 2 or more")
-        return yarn_length(kinds).sum(axis=along) / kinds.pitch.sum(axis=along) - 1
+        other: Family = "weft" if family == "warp" else "warp"
+        flat = float(cloth.flats(other).sum())
+        return (yarn_length(kinds).sum(axis=along) + flat) / (kinds.pitch.sum(axis=along) + flat) - 1
 
     return one("warp", 0), one("weft", 1)
 
@@ -337,7 +367,7 @@ def least_pitches(cloth: Interlacing) -> tuple[F64, F64]:
         total = np.where(same, outer, radius0 + radius1)
         through = np.sqrt(np.maximum(h * (2 * total - h), 0)).max(axis=0 if family == "warp" else 1)
         side_by_side = 0.5 * (diameter + np.roll(diameter, -1))[: through.size]
-        return np.maximum(through, side_by_side)
+        return np.maximum(through, side_by_side) + cloth.flats(family)
 
     return one("warp", cloth.warp_diameter_m), one("weft", cloth.weft_diameter_m)
 
@@ -366,7 +396,7 @@ def jams(cloth: Interlacing) -> tuple[Jam, ...]:
 def fit_diameters(cloth: Interlacing) -> float:
     """The largest factor, at most 1, by which all diameters must be scaled so that no threads jam or overlap.
 
-    Least pitches grow in proportion to the diameters, so it is the smallest ratio of pitch to least pitch.
+    Least pitches grow in proportion to the diameters (and flats, which must be scaled alike), so it is the smallest ratio of pitch to least pitch.
     """
     factor = 1.0
     families: Sequence[Family] = ("warp", "weft")
@@ -389,7 +419,7 @@ def balance_limits(cloth: Interlacing) -> tuple[float, float]:
     """
 
     def other(tightest: float) -> float:
-        return float(np.sqrt(1 - min(tightest, 1.0) ** 2))
+        return float(np.sqrt(1 - min(max(tightest, 0.0), 1.0) ** 2))
 
     return other(_tightest(cloth, "weft")), 1 - other(_tightest(cloth, "warp"))
 
@@ -404,5 +434,5 @@ def fit_balance(cloth: Interlacing) -> float:
     low, high = balance_limits(cloth)
     if low <= high:
         return min(max(cloth.balance, low), high)
-    a, b = _tightest(cloth, "warp") ** 2, _tightest(cloth, "weft") ** 2
+    a, b = (max(_tightest(cloth, family), 1e-6) ** 2 for family in ("warp", "weft"))
     return float(a / (b + np.sqrt(b * b - (b - a) * a)))  # a (1 - w²) = b (1 - (1 - w)²): both jam together

@@ -67,12 +67,13 @@ class Detail:
 class Threads:
     """One family of threads (warp ends or weft picks).
 
-    position: (n,) [m] across. diameter: (n,) [m]. colour: (n, 3) float32 linear. yarn: what they are spun of;
-    a thread whose diameter differs from the yarn's is that yarn scaled in its section.
+    position: (n,) [m] across. thickness, width: (n,) [m] of the section as it lies in the cloth, flattened by the
+    threads it crosses. colour: (n, 3) float32 linear. yarn: what they are spun of; its section is scaled to fit.
     """
 
     position: F64
-    diameter: F64
+    thickness: F64
+    width: F64
     colour: F32
     yarn: Yarn
 
@@ -80,7 +81,7 @@ class Threads:
     def pitch(self) -> float:
         """Mean distance between neighbours [m]; the diameter where there is only one thread."""
         n = len(self.position)
-        return float(self.position[-1] - self.position[0]) / (n - 1) if n > 1 else float(self.diameter[0]) * 1.5
+        return float(self.position[-1] - self.position[0]) / (n - 1) if n > 1 else float(self.width[0]) * 1.5
 
 
 @dataclass(frozen=True)
@@ -104,14 +105,18 @@ class Blocks:
 class BlockKinds:
     """The distinct shapes of yarn path, each array (kinds,).
 
-    family: 0 warp, 1 weft. section: BODY, START or END. path: pitch, heights and wrap radii [m] as in `crimp`.
-    diameter: of the thread [m].
+    family: 0 warp, 1 weft. section: BODY, START or END. pitch: between the two crossings [m]. path: heights, wrap
+    radii and pitch without flats [m] as in `crimp`. flat: half of the first crossing's flat [m], where the path
+    starts to bend. thickness, width: of the thread [m].
     """
 
     family: I32
     section: I32
+    pitch: F64
     path: PathKinds
-    diameter: F64
+    flat: F64
+    thickness: F64
+    width: F64
 
 
 @dataclass(frozen=True)
@@ -174,16 +179,25 @@ def lay_out(cloth: Interlacing, warp: Threads, weft: Threads, *, detail: Detail)
         kinds=BlockKinds(
             family=np.repeat(np.array([0, 1], np.int32), [len(warp_kinds["section"]), len(weft_kinds["section"])]),
             section=kinds["section"],
-            path=PathKinds(*(kinds[name] for name in ("pitch", "z0", "z1", "r0", "r1"))),
-            diameter=kinds["diameter"],
+            path=PathKinds(*(kinds[name] for name in PATH_FIELDS)),
+            **{name: kinds[name] for name in ("pitch", "flat", "thickness", "width")},
         ),
         blocks=Blocks(phase=phase.astype(np.int32), variant=variant.astype(np.int32), **rows),
     )
 
 
+PATH_FIELDS = ("free", "z0", "z1", "r0", "r1")  # of PathKinds; its pitch is free of the flats
+
+
+def _values(paths: PathKinds) -> tuple[F64, F64, F64, F64, F64]:
+    return paths.pitch, paths.z0, paths.z1, paths.r0, paths.r1
+
+
 def _along(paths: PathKinds, *, transpose: bool) -> dict[str, F64]:
     """Path arrays with the threads along axis 0 and the blocks along axis 1; pitch spread to that shape."""
-    out = {name: np.broadcast_to(getattr(paths, name), paths.z0.shape) for name in ("pitch", "z0", "z1", "r0", "r1")}
+    out = {
+        name: np.broadcast_to(array, paths.z0.shape) for name, array in zip(PATH_FIELDS, _values(paths), strict=True)
+    }
     return {name: array.T if transpose else array for name, array in out.items()}
 
 
@@ -192,9 +206,10 @@ def _family(
 ) -> tuple[dict[str, NDArray], dict[str, NDArray]]:
     """Block records and kinds of one family, with the threads along axis 0 and the crossings along axis 1."""
     threads, crossings = flat.shape
-    own_class = _classes(own.diameter)
-    other_class = _classes(other.diameter)
-    gap_class = _classes(np.diff(other.position))
+    own_class = _classes(own.thickness)
+    other_class = _classes(other.thickness)
+    gaps = np.diff(other.position)
+    gap_class = _classes(gaps)
     i, j = np.indices((threads, crossings - 1))
     parts = [(i.ravel(), j.ravel(), j.ravel() + 1, BODY)]
     if detail.fringe > 0:
@@ -212,10 +227,15 @@ def _family(
     _, found, kind = np.unique(code, return_index=True, return_inverse=True)
     t, b, free = thread[found], begin[found], section[found] != BODY
     inside = np.minimum(b, max(0, crossings - 2))
-    kinds: dict[str, NDArray] = {"section": section[found], "diameter": own.diameter[t]}
+    kinds: dict[str, NDArray] = {
+        "section": section[found],
+        "thickness": own.thickness[t],
+        "width": own.width[t],
+        "flat": np.where(free, 0.0, (other.width - other.thickness)[b] / 2),
+        "pitch": np.where(free, other.pitch, gaps[inside] if crossings > 1 else other.pitch),
+    }
     for name, array in paths.items():
         kinds[name] = np.where(free, 0.0, array[t, inside] if crossings > 1 else 0.0)
-    kinds["pitch"] = np.where(free, other.pitch, kinds["pitch"])
     for name in ("z0", "z1"):
         kinds[name] = np.where(free, z[t, b], kinds[name])
     rows: dict[str, NDArray] = {

@@ -42,6 +42,7 @@ def deepest_interpenetration(cloth: Interlacing, *, samples: int = 16, path: Pat
     The crossings themselves, where the yarns touch, are among the samples. Elsewhere the nearest samples are apart
     by d, the yarns by a little less: sqrt(d² - (pitch / samples)² / 2) at worst. Raises InputError when the threads jam.
     """
+    cloth = cloth.round_core()
     u = np.arange(samples) / samples
     warp, weft = _Sampled.of(cloth, "warp", u, path), _Sampled.of(cloth, "weft", u, path)
     found = [_crossings(cloth, warp, weft, samples)]

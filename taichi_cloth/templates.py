@@ -22,6 +22,7 @@ F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
 FRAY = 1.6  # how much wider a yarn is at its free end
+LEAN = 0.45  # how far free ends stray from straight, in thread widths
 WANDER = 0.10  # bend of a fibre between block ends that tells variants apart, in yarn radii
 
 
@@ -82,7 +83,6 @@ def _grown(layout: FabricLayout, yarn: Yarn, period: Period, family: int, varian
     return hairs(
         yarn,
         length=period.block_length,
-        fibres=min(layout.detail.fibres, yarn.fibres_in_section),
         step=1.5 * period.block_length / layout.detail.steps,
         seed=((layout.detail.seed * 2 + family) << 20) + 1000 + variant,
     )
@@ -157,23 +157,24 @@ def _core(
         return np.moveaxis(array[:, at], 0, 1)  # (f, t, k, …) → (t, f, k, …)
 
     section_yz = gather(spun.position[..., 1:])
-    scale = (layout.kinds.diameter[kind] / _yarn(layout, kind[0]).diameter)[:, None, None, None]
+    size = np.stack([layout.kinds.width[kind], layout.kinds.thickness[kind]], -1)[:, None, None, :]
+    scale = size / _yarn(layout, kind[0]).diameter
     section_yz = section_yz * scale
-    radius_yarn = layout.kinds.diameter[kind][:, None, None] / 2
     if section == BODY:
         rng = np.random.Generator(np.random.Philox(key=[seed, 2]))
         bend = rng.standard_normal((max(1, layout.detail.variants), rows, 1, 2)).clip(-2, 2)
-        section_yz = (
-            section_yz + bend[variant] * (WANDER * radius_yarn[..., None]) * (np.sin(pi * u) ** 2)[None, None, :, None]
-        )
+        section_yz = section_yz + bend[variant] * (WANDER * size / 2) * (np.sin(pi * u) ** 2)[None, None, :, None]
     else:
         away = np.abs(u if section == END else -u) / max(layout.detail.fringe, 1e-9)
         section_yz = section_yz * (1.0 + (FRAY - 1.0) * away**2)[None, None, :, None]
+        rng = np.random.Generator(np.random.Philox(key=[seed, 4]))
+        lean = rng.standard_normal((max(1, layout.detail.variants), 1, 1, 2)).clip(-2, 2)
+        section_yz = section_yz + lean[variant] * (LEAN * size) * (away**2)[None, None, :, None]
     z, slope = _path(layout, kind, u, section)
     offset, tangent, normal = _bend(
         section_yz, gather(spun.tangent), gather(spun.normal), z[:, None, :], slope[:, None, :]
     )
-    stretch = (layout.kinds.path.pitch[kind] / period.block_length)[:, None, None]
+    stretch = (layout.kinds.pitch[kind] / period.block_length)[:, None, None]
     shape = (len(kind), rows, count)
     open_ = _openness(layout, gather(spun.depth), offset[..., 2])
     return _flatten(
@@ -182,7 +183,7 @@ def _core(
         offset=offset,
         tangent=tangent,
         normal=normal,
-        radius=np.broadcast_to(spun.radius[None, :, None] * scale[..., 0], shape),
+        radius=np.broadcast_to(spun.radius[None, :, None] * np.sqrt(scale[..., 0] * scale[..., 1]), shape),
         half_length=gather(spun.half_length) * stretch * np.sqrt(1.0 + slope**2)[:, None, :],
         openness=open_,
         tone=np.broadcast_to(spun.tone[None, :, None], shape),
@@ -252,11 +253,14 @@ def _path(layout: FabricLayout, kind: NDArray[np.int64], u: F64, section: int) -
         ease = away * away * (3.0 - 2.0 * away)
         sign = 1.0 if section == END else -1.0
         rate = 6.0 * away * (1.0 - away) / max(layout.detail.fringe, 1e-9) * sign
-        z0, pitch = kinds.path.z0[kind][:, None], kinds.path.pitch[kind][:, None]
+        z0, pitch = kinds.path.z0[kind][:, None], kinds.pitch[kind][:, None]
         return z0 * (1.0 - ease), -z0 * rate / pitch
     p = kinds.path
-    z, per_block = centreline(PathKinds(p.pitch[kind], p.z0[kind], p.z1[kind], p.r0[kind], p.r1[kind]), u)
-    return z, per_block / p.pitch[kind][:, None]
+    free = p.pitch[kind][:, None]
+    # On a flat the path is level: u is counted between the flats, and held at its ends on them.
+    inner = np.clip((u[None, :] * kinds.pitch[kind][:, None] - kinds.flat[kind][:, None]) / free, 0.0, 1.0)
+    z, per_pitch = centreline(PathKinds(*(a[kind] for a in (p.pitch, p.z0, p.z1, p.r0, p.r1))), inner)
+    return z, per_pitch / free
 
 
 def _bend(section_yz: F64, tangent: F64, normal: F64, z: F64, slope: F64) -> tuple[F64, F64, F64]:
@@ -276,7 +280,7 @@ def _openness(layout: FabricLayout, depth: F64, height: F64) -> F64:
 
     A first approximation that costs nothing at render time: 1 on the crowns, about 0.1 in the gaps' depth.
     """
-    half = (float(layout.warp.diameter.mean()) + float(layout.weft.diameter.mean())) / 2
+    half = (float(layout.warp.thickness.mean()) + float(layout.weft.thickness.mean())) / 2
     rise = np.clip(np.abs(height) / half, 0.0, 1.0)
     return (0.30 + 0.70 * depth**2) * (0.35 + 0.65 * rise * rise * (3.0 - 2.0 * rise))
 

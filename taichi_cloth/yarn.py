@@ -148,8 +148,14 @@ class Yarn:
 
     @property
     def diameter(self) -> float:
-        """Diameter [m] of the round tube that holds the whole yarn: what the weave's geometry works with."""
+        """Diameter [m] of the round tube that holds the whole yarn as it leaves the twister."""
         return 2.0 * (self.ply_offset + self.ply_axes[0])
+
+    @property
+    def woven_diameter(self) -> float:
+        """Diameter [m] of the circle of the same area as all plies: the textbook's, 1/(28√Ne) inch of the
+        resultant count. A plied yarn is pressed to it between the threads it crosses."""
+        return sqrt(self.plies) * self.single_diameter
 
     @property
     def fibre_diameter(self) -> float:
@@ -239,7 +245,9 @@ class Strands:
     half_length: F64
 
 
-OVERLAP = 1.35
+OVERLAP = 2.2  # length of a drawn piece over the distance between pieces; below, a row of them shows its joints
+TONE = 0.10  # spread of brightness from fibre to fibre
+GIRTH = 0.18  # spread of radius from fibre to fibre
 
 
 def pack_section(count: int) -> tuple[F64, F64]:
@@ -297,7 +305,7 @@ def spin(
         ply=np.repeat(np.arange(yarn.plies, dtype=np.int32), fibres),
         tone=course.tone,
         depth=depth,
-        radius=np.full(rows, drawn_radius(yarn, fibres)),
+        radius=drawn_radius(yarn, fibres) * course.girth,
         half_length=OVERLAP * 0.5 * pitch * slant * np.ones((rows, count)),
     )
 
@@ -323,8 +331,10 @@ class _Course:
         spread = max(1, mean_waves // 3)
         self.waves = rng.integers(max(1, mean_waves - spread), mean_waves + spread + 1, (rows, 2))
         self.wave_phase = rng.uniform(0.0, 2.0 * pi, (rows, 2))
-        self.tone = 1.0 + 0.06 * np.clip(rng.standard_normal(rows), -2.0, 2.0)
-        self.inset = max(0.0, 1.0 - drawn_radius(yarn, fibres) / min(yarn.ply_axes))
+        self.tone = 1.0 + TONE * np.clip(rng.standard_normal(rows), -2.0, 2.0)
+        girth = 1.0 + GIRTH * rng.uniform(-1.0, 1.0, rows)
+        self.girth = girth / np.sqrt(np.mean(girth**2))  # spread, at the same area in all
+        self.inset = np.maximum(0.0, 1.0 - drawn_radius(yarn, fibres) * self.girth / min(yarn.ply_axes))[:, None]
 
     def __call__(self, x: F64) -> tuple[F64, F64, F64]:
         """Points (f, k, 3), the axis of their ply (f, k, 3), depth in the yarn (f, k)."""
@@ -349,12 +359,12 @@ class _Course:
         return local, axis, np.clip(np.hypot(local[..., 1], local[..., 2]) / (yarn.diameter / 2), 0.0, 1.0)
 
 
-def hairs(yarn: Yarn, *, length: float, fibres: int, step: float, seed: int) -> Strands:
+def hairs(yarn: Yarn, *, length: float, step: float, seed: int) -> Strands:
     """Flyaway ends and loops on `length` [m] of yarn, each a row of points at most `step` [m] apart.
 
     A flyaway end leaves the surface at a slant and rises; a loop rises and comes back. Which and where is drawn
     from `seed`; their number is the stated number per metre, rounded at random so that the mean is right.
-    All rows have as many points as the longest hair needs.
+    All rows have as many points as the longest hair needs. A hair is as thick as a real fibre.
     """
     rng = np.random.Generator(np.random.Philox(key=seed))
     stated = yarn.hairiness
@@ -367,16 +377,18 @@ def hairs(yarn: Yarn, *, length: float, fibres: int, step: float, seed: int) -> 
     tau = (np.arange(points) + 0.5) / points
     is_end = (np.arange(rows) < counts[0])[:, None]
     t = tau[None, :]
-    bend = rng.uniform(-0.9, 0.9, (rows, 1))
-    lean = rng.uniform(-1.2, 1.2, (rows, 1))
+    bend, lean = rng.uniform(-1.2, 1.2, (2, rows, 1))
     around = rng.uniform(0.0, 2.0 * pi, (rows, 1))
     begin = rng.uniform(0.0, length, (rows, 1))
+    curl = rng.uniform(0.03, 0.14, (rows, 1))  # of the hair's length
+    waves, phase = rng.uniform(3.0, 9.0, (2, rows, 1))
 
     def path(t: F64) -> F64:
-        rise = np.where(is_end, t**1.4, 4.0 * t * (1.0 - t)) * height[:, None]
+        rise = np.where(is_end, np.maximum(t, 0.0) ** 1.4, 4.0 * t * (1.0 - t)) * height[:, None]
+        swing = curl * np.sin(pi * np.clip(t, 0.0, 1.0) * 0.5) * span[:, None]
         r = 0.92 * yarn.diameter / 2 + rise
-        turn = around + bend * t + lean * t * t
-        x = begin + reach[:, None] * (t + 0.15 * np.sin(5.0 * t + around))
+        turn = around + bend * t + lean * t * t + swing * np.sin(waves * t + phase) / r
+        x = begin + reach[:, None] * t + swing * (np.cos(waves * 0.8 * t + phase) - np.cos(phase))
         return np.stack([x, r * np.cos(turn), r * np.sin(turn)], -1)
 
     middle = path(t)
@@ -384,7 +396,7 @@ def hairs(yarn: Yarn, *, length: float, fibres: int, step: float, seed: int) -> 
     out = middle.copy()
     out[..., 0] = 0.0
     normal = out - tangent * np.sum(out * tangent, axis=-1, keepdims=True)
-    segment = span[:, None] / points * np.ones((rows, points))
+    segment = np.linalg.norm(path(t + 0.5 / points) - path(t - 0.5 / points), axis=-1)
     return Strands(
         position=middle,
         tangent=tangent,
@@ -392,8 +404,8 @@ def hairs(yarn: Yarn, *, length: float, fibres: int, step: float, seed: int) -> 
         ply=np.zeros(rows, np.int32),
         tone=1.05 + 0.08 * rng.standard_normal(rows).clip(-2, 2),
         depth=np.ones((rows, points)),
-        radius=np.full(rows, min(drawn_radius(yarn, fibres), 1.3 * yarn.fibre_diameter / 2)),
-        half_length=OVERLAP * 0.6 * segment,
+        radius=np.full(rows, yarn.fibre_diameter / 2),
+        half_length=OVERLAP * 0.5 * segment,
     )
 
 
