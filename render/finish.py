@@ -46,14 +46,14 @@ class Finish:
 
 
 FINISHES: dict[str, Finish] = {
-    "cotton": Finish(fibre=0.40, specular=0.05, exponent=8, tint=0.5, sheen=0.05, roundness=0.7),
+    "cotton": Finish(fibre=0.40, specular=0.05, exponent=8, tint=0.5, sheen=0.05, roundness=0.85),
     "linen": Finish(fibre=0.50, specular=0.14, exponent=16, tint=0.4, sheen=0.04, roundness=0.8),
-    "wool": Finish(fibre=0.35, specular=0.04, exponent=6, tint=0.6, sheen=0.22, roundness=0.6),
+    "wool": Finish(fibre=0.35, specular=0.04, exponent=6, tint=0.6, sheen=0.22, roundness=0.7),
     "silk": Finish(fibre=0.60, specular=0.75, exponent=48, tint=0.35, sheen=0.10, roundness=0.9),
     "viscose": Finish(fibre=0.55, specular=0.42, exponent=30, tint=0.3, sheen=0.06, roundness=0.85),
     "polyester": Finish(fibre=0.50, specular=0.30, exponent=24, tint=0.1, sheen=0.05, roundness=0.85),
     "nylon": Finish(fibre=0.50, specular=0.50, exponent=40, tint=0.1, sheen=0.05, roundness=0.9),
-    "acrylic": Finish(fibre=0.40, specular=0.12, exponent=12, tint=0.3, sheen=0.14, roundness=0.7),
+    "acrylic": Finish(fibre=0.40, specular=0.12, exponent=12, tint=0.3, sheen=0.14, roundness=0.8),
 }
 """Presets by material, chosen by eye: cotton is matte, wool has a soft rim, silk a bright narrow highlight."""
 

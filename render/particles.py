@@ -2,10 +2,10 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from .errors import RenderError
 
@@ -40,6 +40,21 @@ class Particles:
     opacity: float | NDArray[np.float32] = 0.85
     """Opacity of the middle of a splat, 0..1: a number or shape (n,)."""
 
+    if TYPE_CHECKING:  # what a person may pass; what is kept is stated above
+
+        def __init__(
+            self,
+            position: ArrayLike,
+            radius: ArrayLike,
+            colour: ArrayLike,
+            tangent: ArrayLike,
+            normal: ArrayLike,
+            half_length: ArrayLike | None = None,
+            openness: ArrayLike | None = None,
+            sprite: ArrayLike | None = None,
+            opacity: ArrayLike = 0.85,
+        ) -> None: ...
+
     def __post_init__(self) -> None:
         position = _array("position", self.position, np.float32)
         if position.ndim != 2 or position.shape[1] != 3:
@@ -55,7 +70,7 @@ class Particles:
         if opacity.ndim == 0:
             if not 0 <= opacity <= 1:
                 raise RenderError(f"particles.opacity: {float(opacity):g}; allowed: 0 to 1")
-            _set(self, "opacity", float(opacity))
+            _set(self, "opacity", float(self.opacity))
         else:
             _set(self, "opacity", _shaped("opacity", opacity, (count,), np.float32))
 

@@ -227,12 +227,14 @@ def project(
                 if ti.static(crisp):
                     endwise = ti.max(1.0 - flat * (3.0 + slim * slim / 3.0), 0.0)
                     reach, long, alpha, edge, edge_along = _thread(radius, long, endwise)
-                    half_width = long * ti.abs(e_x) + reach * ti.abs(e_y)
-                    half_height = long * ti.abs(e_y) + reach * ti.abs(e_x)
                 else:
                     major = long
                     long = ti.sqrt(major * major + BLUR)
                     alpha = (major * radius) / (long * reach)
+                if ti.static(crisp or layout.textured):  # the square of s and t
+                    half_width = long * ti.abs(e_x) + reach * ti.abs(e_y)
+                    half_height = long * ti.abs(e_y) + reach * ti.abs(e_x)
+                else:  # the ellipse in it
                     half_width = ti.sqrt((long * e_x) * (long * e_x) + (reach * e_y) * (reach * e_y))
                     half_height = ti.sqrt((long * e_y) * (long * e_y) + (reach * e_x) * (reach * e_x))
                 s_x = -e_y / reach
@@ -241,7 +243,7 @@ def project(
                 t_y = e_y / long
                 # Key light across the fibre: (t x v) . l, of which (-e_y, e_x) is the direction on the image.
                 across = (ty * vz - tz * vy) * lx + (tz * vx - tx * vz) * ly + (tx * vy - ty * vx) * lz
-                slope = across / ti.max(sin_v, 1e-3) * facing * c[SURFACE, 2]
+                slope = across / ti.max(sin_v, 1e-3) * ti.min(2.0 * facing, 1.0) * c[SURFACE, 2]
                 slope = ti.min(ti.max(slope, -1.0), 1.0)
             if ti.static(layout.opacity):
                 alpha *= ti.min(ti.max(particles[b, layout.opacity_row], 0.0), 1.0)

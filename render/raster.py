@@ -23,15 +23,15 @@ LUT_STEPS = 4096
 
 
 @ti.func
-def _row_from_sprite(sheet, levels, size, sprite, reach, s0, t0, s_y, t_y, dy):
-    """Alpha of 16 pixels of a row from a sprite, bilinear, from the mip level whose texels are about a pixel.
+def _row_from_sprite(sheet: Floats1, levels: Ints1, size, sprite, reach, s0, t0, s_y, t_y, dy):
+    """Alpha of 16 pixels of a row from a sprite, bilinear, from the mip level of about four texels a pixel.
 
     sheet: all levels of all sprites (see `sprites.SpriteSheet.pyramid`); levels[k]: where level k begins in a
     sprite. Across the fibre is down the sprite, along it is right.
     """
     level = 0
     texels = size
-    while ti.cast(texels, ti.f32) > 4.0 * reach and texels > 2:
+    while ti.cast(texels, ti.f32) > 8.0 * reach and texels > 4:
         texels = texels // 2
         level += 1
     base = sprite * levels[levels.shape[0] - 1] + levels[level]

@@ -31,7 +31,7 @@ __all__ = ["RenderStats", "Splatter"]
 MAX_TILE_ENTRIES = 2**31 - 1
 """Longest list of all tiles together; Taichi counts with 32 bits."""
 
-SLOPE_GAIN, LIMB_DARKENING, KEY_SHADE = 0.65, 0.4, 0.6
+SLOPE_GAIN, LIMB_DARKENING, KEY_SHADE = 0.6, 0.5, 0.6
 """Shading across a round thread at roundness 1 (their worst case stays above 0), and the share of the key
 light that a particle loses when it sees no sky at all."""
 

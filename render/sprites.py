@@ -12,11 +12,11 @@ one pixel wide at any zoom, and R such that the splat covers pi r^2 (see `projec
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from .errors import RenderError
 
@@ -54,6 +54,10 @@ class SpriteSheet:
 
     alpha: NDArray[np.float32]
 
+    if TYPE_CHECKING:
+
+        def __init__(self, alpha: ArrayLike) -> None: ...
+
     def __post_init__(self) -> None:
         alpha = np.ascontiguousarray(self.alpha, np.float32)
         object.__setattr__(self, "alpha", alpha)
@@ -73,12 +77,12 @@ class SpriteSheet:
         return self.alpha.shape[1]
 
     def pyramid(self) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
-        """All mip levels of all textures, down to 2 x 2, flat; and where each level begins within one texture.
+        """All mip levels of all textures, down to 4 x 4, flat; and where each level begins within one texture.
 
         The last entry of the second array, shape (levels + 1,), is how many texels one texture has in all.
         """
         levels: list[NDArray[Any]] = [self.alpha]
-        while levels[-1].shape[1] > 2:
+        while levels[-1].shape[1] > 4:
             a = levels[-1]
             levels.append((a[:, ::2, ::2] + a[:, 1::2, ::2] + a[:, ::2, 1::2] + a[:, 1::2, 1::2]) / 4)
         flat = np.concatenate([level.reshape(len(self.alpha), -1) for level in levels], axis=1)
