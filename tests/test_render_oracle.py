@@ -142,7 +142,7 @@ def test_thread_is_lit_as_a_round_one() -> None:
         rows[roundness] = rgba[19:37, 1] / rgba[19:37, 3]  # y is down: the first is the upper side
     assert np.ptp(rows[0.0]) < 1e-3
     assert (np.diff(rows[1.0]) < 0).sum() > 12
-    assert rows[1.0][3] > 1.6 * rows[1.0][-4]
+    assert rows[1.0][3] > 1.4 * rows[1.0][-4]
     assert rows[1.0].mean() == pytest.approx(rows[0.0].mean(), rel=0.05)
 
 
