@@ -93,9 +93,7 @@ def splat(
             view = (camera.eye - p.position[i]) / np.linalg.norm(camera.eye - p.position[i])
             across = np.cross(p.tangent[i], view)
             facing = np.clip((p.normal[i] @ to_light + 0.25) / 1.25, 0, 1)
-            slope = (
-                across @ to_light / np.linalg.norm(across) * min(2 * facing, 1) * 0.6 * finish.roundness * key_share
-            )
+            slope = across @ to_light / np.linalg.norm(across) * min(2 * facing, 1) * 0.6 * finish.roundness * key_share
             weight = weight * (1 + 0.5 * finish.roundness * (0.25 - s**2) + slope * s)
         rgba += weight[..., None] * colours[i]
     return np.concatenate([rgba, 1 - through[..., None]], axis=2)
