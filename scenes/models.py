@@ -15,8 +15,11 @@ from numpy.typing import NDArray
 
 from taichi_cloth.blocks import Fabric, FibreCloud, build_fabric
 from taichi_cloth.colour_order import colour
+from taichi_cloth.contours import contour
 from taichi_cloth.fabric import pose_points
-from taichi_cloth.fibre import FibreParticles, contour, particles_in, sphere_set_from_rows, sphere_surface_points
+from taichi_cloth.fibre import FibreParticles, particles_in
+from taichi_cloth.sphere_set import sphere_set_from_rows
+from taichi_cloth.sphere_surface import sphere_surface_points
 from taichi_cloth.twisting import TwistingYarn
 from taichi_cloth.yarn import Period, Strands, hairs, spin
 
@@ -230,7 +233,8 @@ class FibreModel:
         )
         clouds = [_upright(shell), _upright(body)]
         bounds = np.concatenate([c.position for c in clouds])
-        captions = (f"{len(self.spheres.radii)} spheres", f"{m:,} particles")
+        name = self.kind.name if self.scene.fibre.spheres is None else "own fibre"
+        captions = (f"{name}: {len(self.spheres.radii):,} spheres", f"{m:,} particles")
         return [Panel(_particles(c), bounds, words) for c, words in zip(clouds, captions, strict=True)]
 
     def facts(self) -> list[Fact]:

@@ -2,8 +2,10 @@
 
 from dataclasses import dataclass
 
-from taichi_cloth.fibre import contour, lattice_point_count, sphere_set_from_rows
+from taichi_cloth.contours import contour
+from taichi_cloth.fibre import lattice_point_count
 from taichi_cloth.memory import memory_limit
+from taichi_cloth.sphere_set import sphere_set_from_rows
 
 from .prepare import DRAW_BYTES, Prepared, fibre_kind, prepare_fabric, yarn_of
 from .schema import Scene

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from taichi_cloth.arrays import F32x2
 from taichi_cloth.blocks import FibreCloud
 from taichi_cloth.errors import InputError
-from taichi_cloth.fibre import SphereSet, particles_in
+from taichi_cloth.fibre import particles_in
+from taichi_cloth.sphere_set import SphereSet
 from taichi_cloth.twist import zone_twist
 from taichi_cloth.yarn import Period, Yarn, drawn_radius, spin
 

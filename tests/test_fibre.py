@@ -1,50 +1,19 @@
-"""Fibres: spheres to particles against analytic volumes, and sections against what the textile books say."""
+"""Fibres: spheres to particles against analytic volumes."""
 
 from math import pi
-from time import perf_counter
 
 import numpy as np
 import pytest
 
+from taichi_cloth.contours import contour, known_contours
 from taichi_cloth.errors import InputError
-from taichi_cloth.fibre import (
-    FIBRES,
-    SphereSet,
-    contour,
-    in_union,
-    known_contours,
-    lattice_point_count,
-    particles_in,
-    sphere_set_from_rows,
-    sphere_surface_points,
-)
+from taichi_cloth.fibre import lattice_point_count, particles_in
+from taichi_cloth.sphere_set import SphereSet, in_union, sphere_set_from_rows
 
 UM = 1e-6
 BALL = SphereSet(np.zeros((1, 3)), np.array([10 * UM]))
+
 PAIR = sphere_set_from_rows([[0, 0, 0, 10], [8, 0, 0, 6]])
-
-
-def section(kind: str, x_um: float = 120.0, step_um: float = 0.1) -> np.ndarray:
-    """Cross-section at x: y + iz of the points of a fine grid [um] that lie in the fibre."""
-    grid = np.arange(-14, 14, step_um)
-    y, z = (part.ravel() for part in np.meshgrid(grid, grid, indexing="ij"))
-    points = np.stack([np.full_like(y, x_um), y, z], axis=1) * UM
-    return (y + 1j * z)[in_union(contour(kind), points)]
-
-
-def outline(inside: np.ndarray, count: int = 180) -> np.ndarray:
-    """Farthest distance from the centroid in each of `count` directions."""
-    from_centre = inside - inside.mean()
-    bins = np.floor((np.angle(from_centre) / (2 * pi) + 1) * count).astype(int) % count
-    reach = np.zeros(count)
-    np.maximum.at(reach, bins, np.abs(from_centre))
-    return reach
-
-
-def widths(inside: np.ndarray) -> tuple[float, float]:
-    """Least and greatest breadth of a section over all directions [um]."""
-    breadths = [float(np.ptp((inside * np.exp(1j * a)).real)) for a in np.linspace(0, pi, 90, endpoint=False)]
-    return min(breadths), max(breadths)
 
 
 def test_lattice_volume_tends_to_the_spheres() -> None:
@@ -142,142 +111,11 @@ def test_cotton_tangents_follow_the_convolutions() -> None:
     assert (twist[outer] < 0).any()  # the sense reverses within the piece
 
 
-@pytest.mark.parametrize("kind", known_contours())
-def test_section_has_the_area_of_its_fineness_and_its_width(kind: str) -> None:
-    """Area = dtex / density, within 12 %; the widest way across within 8 % of the stated width."""
-    inside = section(kind)
-    assert len(inside) * 0.01 == pytest.approx(FIBRES[kind].section_um2, rel=0.12)
-    assert widths(inside)[1] == pytest.approx(FIBRES[kind].width_um, rel=0.08)
-    low, high = contour(kind).bounding_box()
-    assert (low[0], high[0]) == pytest.approx((0, 240 * UM), abs=1e-12)
-
-
-def test_cotton_is_a_flat_bean_that_turns_and_reverses() -> None:
-    inside = section("cotton")
-    thin, wide = widths(inside)
-    assert 1.5 < wide / thin < 2.5
-    turned = [section("cotton", float(x), 0.25) for x in np.arange(5, 236, 5)]
-    axes = np.unwrap([np.angle(np.mean((s - s.mean()) ** 2)) for s in turned]) / 2  # direction of the flat side
-    turns = np.diff(axes)
-    assert turns.max() > 0.05
-    assert turns.min() < -0.05
-    assert np.ptp(axes) > pi / 2
-
-
-def test_silk_has_threefold_symmetry() -> None:
-    inside = section("silk")
-    reach = outline(inside)
-    parts = np.abs(np.fft.rfft(reach)) / len(reach)
-    assert np.argmax(parts[1:8]) + 1 == 3
-    assert parts[3] > 4 * max(parts[1], parts[2], parts[4], parts[5])
-    assert 1.15 < reach.max() / reach.min() < 1.9
-
-
-def test_viscose_has_its_lobes() -> None:
-    reach = np.convolve(np.tile(outline(section("viscose")), 3), np.hanning(7) / np.hanning(7).sum(), "same")
-    middle = reach[180:360]
-    peaks = (middle > reach[179:359]) & (middle >= reach[181:361])
-    assert 6 <= peaks.sum() <= 9
-    thin, wide = widths(section("viscose"))
-    assert wide / thin < 1.4
-
-
-@pytest.mark.parametrize(("kind", "within"), [("polyester", 0.02), ("wool", 0.12)])
-def test_round_fibres_are_round(kind: str, within: float) -> None:
-    thin, wide = widths(section(kind))
-    assert wide / thin < 1 + within
-
-
-def test_wool_scales_step_down_toward_the_tip() -> None:
-    """Along the surface the radius climbs slowly and drops at once, by 0.5 to 1 um, every 9 to 16 um."""
-    x = np.arange(20, 220, 0.25)
-    r = np.arange(8.5, 11.5, 0.05)
-    gx, gr = np.meshgrid(x, r, indexing="ij")
-    points = np.stack([gx.ravel(), gr.ravel(), np.zeros(gx.size)], axis=1) * UM
-    top = (in_union(contour("wool"), points).reshape(gx.shape) * gr).max(axis=1)
-    fall = top[:-8] - top[8:]  # over 2 um
-    edges = (fall > 0.45) & (fall >= np.maximum(np.roll(fall, 1), np.roll(fall, -1)))
-    places = x[:-8][edges]
-    places = places[np.concatenate([[True], np.diff(places) > 4])]
-    assert 10 < len(places) < 22
-    assert 9 < np.diff(places).mean() < 16
-    assert 0.45 < np.median(fall[edges]) < 1.1
-    assert (top[8:] - top[:-8]).max() < 0.45  # no edge faces the root
-
-
-def test_width_scales_the_section() -> None:
-    low, high = contour("silk", width_m=2 * FIBRES["silk"].width_um * UM).bounding_box()
-    usual_low, usual_high = contour("silk").bounding_box()
-    np.testing.assert_allclose((high - low)[1:], 2 * (usual_high - usual_low)[1:], rtol=1e-4)
-
-
-@pytest.mark.parametrize("kind", known_contours())
-def test_surface_points_lie_on_the_union_evenly(kind: str) -> None:
-    spheres = contour(kind, length_m=60 * UM)
-    got = sphere_surface_points(spheres, 5000, seed=1)
-    assert len(got.positions) == pytest.approx(5000, rel=0.1)
-    on = np.linalg.norm(got.positions - spheres.centres[got.sphere], axis=1)
-    np.testing.assert_allclose(on, spheres.radii[got.sphere], rtol=1e-9)
-    assert in_union(spheres, got.positions, margin_m=1e-4 * UM).all()
-    assert not in_union(spheres, got.positions + 1e-4 * UM * got.normals, margin_m=-1e-12).all()
-    assert not in_union(spheres, got.positions, margin_m=-1e-4 * UM).any()
-    np.testing.assert_array_equal(got.positions, sphere_surface_points(spheres, 5000, seed=1).positions)
-
-
-def test_surface_points_of_two_spheres_share_the_visible_area() -> None:
-    got = sphere_surface_points(PAIR, 40_000)
-    cap = [2 * pi * 10 * (10 + (100 + 64 - 36) / 16), 2 * pi * 6 * (6 + (36 + 64 - 100) / 16)]
-    counts = np.bincount(got.sphere)
-    assert counts[0] / counts.sum() == pytest.approx(cap[0] / sum(cap), rel=0.01)
-    assert got.area_m2 == pytest.approx(sum(cap) * UM**2, rel=0.01)
-
-
-def test_a_million_lattice_points_take_well_under_a_second() -> None:
-    spheres = contour("cotton", length_m=240 * UM)
-    spacing = 0.43 * UM
-    assert 0.9e6 < lattice_point_count(spheres, spacing_m=spacing) < 1.2e6
-    begin = perf_counter()
-    particles_in(spheres, spacing_m=spacing)
-    assert perf_counter() - begin < 3  # 0.4 s when alone on the machine
-
-
-@pytest.mark.parametrize(
-    ("rows", "says"),
-    [
-        ([], "0 spheres"),
-        ([[0, 0, 0, 1], [0, 0, 1]], "row 2 is"),
-        ([[0, 0, 0, -1]], "row 1 is"),
-        ([[0, 0, 0, float("nan")]], "row 1 is"),
-        ([[0, 0, "wide", 1]], "row 1 is"),
-        (["1234"], "row 1 is"),
-        ([7], "row 1 is"),
-        ("spheres", "not a list of rows"),
-        ([[0, 0, 0, 1]] * 100_001, "100001 rows"),
-    ],
-)
-def test_a_users_bad_rows_are_named(rows: list, says: str) -> None:
-    with pytest.raises(InputError, match=says) as caught:
-        sphere_set_from_rows(rows)
-    assert "\n" not in str(caught.value)
-
-
 def test_bad_requests_are_refused_in_one_line() -> None:
-    with pytest.raises(InputError, match=r'unknown fibre "coton".*did you mean "cotton"'):
-        contour("coton")
-    with pytest.raises(InputError, match=r"fibre\.length_m"):
-        contour("silk", length_m=-1.0)
-    with pytest.raises(InputError, match="the limit is 100000"):
-        contour("wool", length_m=0.02)
-    with pytest.raises(InputError, match=r"fibre\.width_m"):
-        contour("silk", width_m=1.0)
     with pytest.raises(InputError, match=r"fibre\.jitter"):
         particles_in(BALL, spacing_m=UM, jitter=1.5)
     with pytest.raises(InputError, match=r"fibre\.spacing_m: 0 "):
         particles_in(BALL, spacing_m=0.0)
-    with pytest.raises(InputError, match="surface_points: 0"):
-        sphere_surface_points(BALL, 0)
-    with pytest.raises(InputError, match=r"must be \(n, 3\)"):
-        SphereSet(np.zeros((2, 2)), np.ones(2))
 
 
 def test_a_lattice_too_large_is_refused_with_the_spacing_that_would_do() -> None:
