@@ -1,0 +1,157 @@
+"""The wheel is whole, the rooms import each other as they may, and importing starts nothing."""
+
+import ast
+import importlib.metadata
+import shutil
+import subprocess
+import sys
+import tomllib
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+REPOSITORY = Path(__file__).parents[1]
+ROOMS = {"taichi_cloth": "taichi_cloth", "taichi_cloth/render": "render", "taichi_cloth/scenes": "scenes"}
+"""Folder in the wheel: folder in the repository."""
+
+MODULES = sorted(path for room in ROOMS.values() for path in (REPOSITORY / room).rglob("*.py"))
+PROJECT = tomllib.loads((REPOSITORY / "pyproject.toml").read_text("utf-8"))
+
+
+def belongs_in_wheel() -> set[str]:
+    """Every module, scene and marker of the three rooms, as the wheel should name it."""
+    return {
+        f"{inside}/{path.relative_to(REPOSITORY / room).as_posix()}"
+        for inside, room in ROOMS.items()
+        for pattern in ("*.py", "*.toml", "py.typed")
+        for path in (REPOSITORY / room).rglob(pattern)
+    }
+
+
+def test_every_folder_with_modules_is_a_listed_package() -> None:
+    listed = PROJECT["tool"]["setuptools"]["package-dir"]
+    assert sorted(listed) == sorted(PROJECT["tool"]["setuptools"]["packages"])
+    folders = {path.parent.relative_to(REPOSITORY).as_posix() for path in MODULES}
+    assert folders == set(listed.values())
+
+
+@pytest.mark.slow
+def test_the_wheel_holds_every_module_and_scene(tmp_path: Path) -> None:
+    clone = tmp_path / "clone"  # a copy, so that nothing an older build left behind gets in
+    clone.mkdir()
+    for name in ("pyproject.toml", "README.md", "LICENSE"):
+        shutil.copy(REPOSITORY / name, clone / name)
+    for room in ROOMS.values():
+        shutil.copytree(REPOSITORY / room, clone / room, ignore=shutil.ignore_patterns("__pycache__"))
+    command = [sys.executable, "-m", "pip", "wheel", ".", "--quiet", "--no-deps", "--wheel-dir", str(tmp_path)]
+    subprocess.run(command, cwd=clone, check=True)
+    (wheel,) = tmp_path.glob("*.whl")
+    with zipfile.ZipFile(wheel) as archive:
+        held = {name for name in archive.namelist() if ".dist-info/" not in name}
+        scripts = next(archive.read(n).decode() for n in archive.namelist() if n.endswith("entry_points.txt"))
+    assert held == belongs_in_wheel()
+    assert "taichi-cloth = taichi_cloth.scenes.__main__:main" in scripts
+
+
+def imports(path: Path) -> Iterator[tuple[int, str]]:
+    """(line, absolute dotted name) of everything a module imports, wherever in it."""
+    inside = next(i for i, room in ROOMS.items() if path.parent == REPOSITORY / room)
+    package = inside.replace("/", ".").split(".")
+    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from ((node.lineno, alias.name) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            base = package[: len(package) - node.level + 1] if node.level else []
+            stem = ".".join([*base, *([node.module] if node.module else [])])
+            yield from ((node.lineno, f"{stem}.{alias.name}") for alias in node.names)
+
+
+def room_of(name: str) -> str:
+    """Which room an imported dotted name is of; "" for other packages."""
+    parts = name.split(".")
+    if parts[0] in ("render", "scenes"):
+        return parts[0]
+    if parts[0] != "taichi_cloth":
+        return ""
+    return parts[1] if len(parts) > 1 and parts[1] in ("render", "scenes") else "core"
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda p: p.relative_to(REPOSITORY).as_posix())
+def test_rooms_import_only_what_they_may(path: Path) -> None:
+    room = path.parent.name
+    forbidden = {"taichi_cloth": {"render", "scenes"}, "render": {"core", "scenes"}, "scenes": set()}[room]
+    # Switches for Taichi are set in taichi_cloth/__init__.py; that is not the core, and no room needs to import it.
+    wrong = [f"{path.name}:{line} imports {name}" for line, name in imports(path) if room_of(name) in forbidden]
+    assert wrong == []
+
+
+def test_the_import_check_sees_relative_and_absolute_imports(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys.modules[__name__], "REPOSITORY", tmp_path)
+    path = tmp_path / "render" / "x.py"
+    path.parent.mkdir()
+    path.write_text("from ..fibre import contour\nfrom . import camera\nimport taichi_cloth.yarn\nimport numpy\n")
+    assert [room_of(name) for _, name in imports(path)] == ["core", "render", "core", ""]
+
+
+def test_only_the_runtime_starts_taichi() -> None:
+    callers = {
+        path.relative_to(REPOSITORY).as_posix()
+        for path in MODULES
+        for node in ast.walk(ast.parse(path.read_text("utf-8")))
+        if (
+            isinstance(node, ast.Attribute)
+            and node.attr == "init"
+            and getattr(node.value, "id", "") in ("ti", "taichi")
+        )
+        or (isinstance(node, ast.ImportFrom) and node.module == "taichi" and any(a.name == "init" for a in node.names))
+    }
+    assert callers == {"taichi_cloth/runtime.py"}
+
+
+def python(code: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    """Run code in a new interpreter, in a folder where no source tree can be imported by accident."""
+    return subprocess.run(
+        [sys.executable, "-P", "-c", code], cwd=folder, capture_output=True, text=True, check=True, timeout=120
+    )
+
+
+def test_importing_everything_prints_nothing_and_starts_nothing(tmp_path: Path) -> None:
+    names = [
+        ".".join([*inside.split("/"), path.stem])
+        for inside, room in ROOMS.items()
+        for path in sorted((REPOSITORY / room).glob("*.py"))
+        if path.stem not in ("__init__", "__main__")
+    ]
+    done = python(
+        f"import importlib, sys\nfor name in {names!r}: importlib.import_module(name)\n"
+        "from taichi.lang import impl\nassert impl.get_runtime().prog is None, 'Taichi was started'",
+        tmp_path,
+    )
+    assert (done.stdout, done.stderr) == ("", "")
+
+
+def test_the_three_packages_import_without_taichi(tmp_path: Path) -> None:
+    done = python(
+        "import sys, taichi_cloth, taichi_cloth.render, taichi_cloth.scenes; print('taichi' in sys.modules)", tmp_path
+    )
+    assert (done.stdout.strip(), done.stderr) == ("False", "")
+
+
+@pytest.mark.parametrize("arguments", [["--version"], ["scenes"], ["plan", "swatch"], ["plan", "twist"]])
+def test_commands_that_compute_nothing_do_not_load_taichi(arguments: list[str], tmp_path: Path) -> None:
+    done = python(
+        "import sys; from taichi_cloth.scenes.__main__ import main\n"
+        f"try: main({arguments!r})\n"
+        "except SystemExit as end: print(end.code, 'taichi' in sys.modules)",
+        tmp_path,
+    )
+    assert done.stdout.splitlines()[-1] == "0 False"
+    assert done.stderr == ""
+
+
+def test_the_version_is_stated_once() -> None:
+    import taichi_cloth
+
+    assert taichi_cloth.__version__ == PROJECT["project"]["version"] == importlib.metadata.version("taichi-cloth")
