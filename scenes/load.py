@@ -14,6 +14,10 @@ from .schema import Scene
 
 __all__ = ["built_in_scenes", "load_scene", "make_scene"]
 
+WIF_BRINGS = {
+    "weave": ("ends", "picks", "warp_colours", "weft_colours"),
+    "fabric": ("ends_per_cm", "picks_per_cm", "balance"),
+}
 LARGEST_SCENE_FILE = 4_000_000
 
 
@@ -29,12 +33,18 @@ def built_in_scenes() -> dict[str, str]:
 def load_scene(name: str, overrides: list[str] | None = None) -> Scene:
     """A built-in scene by name or a TOML file by path, with `key=value` overrides as on the command line.
 
+    A WIF file brings its own size, colours and spacing: when `weave.draft` is overridden with one, what the scene
+    says of these for its own draft is dropped; further overrides still hold.
     Raises InputError, one line: which file, key and value, what is allowed, and the nearest right spelling.
     """
     data, where, folder = _read(name)
+    given = {key.strip(): value.strip() for key, _, value in (text.partition("=") for text in overrides or [])}
+    if given.get("weave.draft", "").strip("\"'").lower().endswith(".wif"):
+        for section, keys in WIF_BRINGS.items():
+            for key in keys:
+                data.get(section, {}).pop(key, None)
     for text in overrides or []:
         _override(data, text)
-    given = {text.split("=", 1)[0].strip() for text in overrides or []}
     draft = data.get("weave", {}).get("draft") if isinstance(data.get("weave"), dict) else None
     if folder and isinstance(draft, str) and draft.lower().endswith(".wif") and "weave.draft" not in given:
         data["weave"]["draft"] = str(folder / draft)  # a path in a file is meant from where the file lies

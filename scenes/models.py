@@ -30,7 +30,7 @@ from .schema import FabricSection, Scene
 
 __all__ = ["FabricModel", "FibreModel", "Model", "Panel", "TwistModel", "YarnModel", "build"]
 
-OPACITY = 0.96
+OPACITY = 1.0
 SURFACE_POINTS = 400_000
 
 

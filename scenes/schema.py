@@ -109,7 +109,7 @@ class FabricSection(Section):
     when_jammed: Literal["scale", "refuse"] = Field(
         "scale", description="threads too thick for their spacing: thin them with a note, or refuse"
     )
-    steps: int = Field(9, ge=1, le=200, description="particles along a fibre between two crossings")
+    steps: int = Field(10, ge=1, le=200, description="particles along a fibre between two crossings")
     variants: int = Field(8, ge=1, le=256, description="fillings of each kind of block")
     fringe: float = Field(1.5, ge=0, le=20, description="free yarn beyond the last crossing [thread spacings]")
     irregularity: float = Field(0.03, ge=0, le=0.3, description="how far threads stray, in thread spacings")

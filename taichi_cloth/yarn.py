@@ -245,7 +245,7 @@ class Strands:
     half_length: F64
 
 
-OVERLAP = 2.2  # length of a drawn piece over the distance between pieces; below, a row of them shows its joints
+OVERLAP = 3.0  # length of a drawn piece over the distance between pieces; below, a row of them shows its joints
 TONE = 0.10  # spread of brightness from fibre to fibre
 GIRTH = 0.18  # spread of radius from fibre to fibre
 
