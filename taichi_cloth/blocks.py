@@ -156,7 +156,7 @@ def _lay(
         if k0 == k1:  # a free end runs on straight from its last crossing
             p1 = p0 + a0 * pitch[b]
         q0, t0 = particle_start[b], template_start[template[b]]
-        for m in range(particle_start[b + 1] - q0):
+        for m in range(ti.i32(particle_start[b + 1] - q0)):
             t, q = t0 + m, q0 + m
             w = ti.math.clamp(u[t], 0.0, 1.0)
             along = (a0 + w * (a1 - a0)).normalized()

@@ -80,8 +80,8 @@ def particles_in(
     index = np.flatnonzero(inside)
     if len(index) == 0:
         raise InputError(
-            f"fibre.spacing_m: {spacing_m:g} m is too coarse, no lattice point falls inside;"
-            f" try {float(spheres.radii.max()) / 2:.3g} m"
+            f"fibre.spacing_um: {1e6 * spacing_m:g} µm is too coarse, no lattice point falls inside;"
+            f" try {5e5 * float(spheres.radii.max()):.3g} µm"
         )
     cells = np.stack(np.unravel_index(index, shape), axis=1)
     points = origin + cells * spacing_m
@@ -104,15 +104,15 @@ def particles_in(
 def _lattice(spheres: SphereSet, spacing: float) -> tuple[NDArray[np.float64], tuple[int, int, int]]:
     """The first lattice point and the number of points along x, y, z; refused when there would be too many."""
     if not (np.isfinite(spacing) and spacing > 0):
-        raise InputError(f"fibre.spacing_m: {spacing:g} is not allowed; it must be finite and above 0")
+        raise InputError(f"fibre.spacing_um: {1e6 * spacing:g} µm is not allowed; it must be finite and above 0")
     low, high = spheres.bounding_box()
     numbers = np.maximum(np.ceil((high - low) / spacing * (1 - 1e-12)), 1.0)
     total = float(np.prod(numbers))
     if total > LARGEST_LATTICE:
         enough = float(spacing * (total / LARGEST_LATTICE) ** (1 / 3) * 1.02)
         raise InputError(
-            f"fibre.spacing_m: {spacing:g} m makes {total:.3g} lattice points, the limit is {LARGEST_LATTICE:.0e};"
-            f" {enough:.3g} m or more would do"
+            f"fibre.spacing_um: {1e6 * spacing:g} µm makes {total:.3g} lattice points, the limit is {LARGEST_LATTICE:.0e};"
+            f" {1e6 * enough:.3g} µm or more would do"
         )
     shape = (int(numbers[0]), int(numbers[1]), int(numbers[2]))
     return 0.5 * (low + high) - 0.5 * (numbers - 1) * spacing, shape

@@ -114,7 +114,7 @@ def test_cotton_tangents_follow_the_convolutions() -> None:
 def test_bad_requests_are_refused_in_one_line() -> None:
     with pytest.raises(InputError, match=r"fibre\.jitter"):
         particles_in(BALL, spacing_m=UM, jitter=1.5)
-    with pytest.raises(InputError, match=r"fibre\.spacing_m: 0 "):
+    with pytest.raises(InputError, match=r"fibre\.spacing_um: 0 "):
         particles_in(BALL, spacing_m=0.0)
 
 
