@@ -119,7 +119,7 @@ def test_bad_requests_are_refused_in_one_line() -> None:
 
 
 def test_a_lattice_too_large_is_refused_with_the_spacing_that_would_do() -> None:
-    with pytest.raises(InputError, match=r"8e\+15 lattice points, the limit is 5e\+07; (\S+) m or more") as caught:
+    with pytest.raises(InputError, match=r"8e\+15 lattice points, the limit is 5e\+07; (\S+) µm or more") as caught:
         particles_in(BALL, spacing_m=1e-10)
-    enough = float(str(caught.value).split("; ")[1].split(" m")[0])
+    enough = 1e-6 * float(str(caught.value).split("; ")[1].split(" µm")[0])
     assert 4e7 < lattice_point_count(BALL, spacing_m=enough) <= 5e7
