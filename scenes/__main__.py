@@ -1,16 +1,20 @@
 """The command line: `taichi-cloth scenes | plan | turntable | animate | profile`."""
 
+import contextlib
+import os
+import signal
 import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NoReturn
 
 import typer
-from rich.console import Console
 
 import taichi_cloth
 from taichi_cloth.errors import InputError
 
 __all__ = ["app", "main"]
+
+STOPPED = "stopped; frames already written are whole: go on with --resume"
 
 app = typer.Typer(
     add_completion=False,
@@ -109,8 +113,21 @@ def root(version: Annotated[bool, typer.Option("--version", help="Print the vers
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Run the command line. Bad input gives one line on standard error and exit code 2."""
+    """Run the command line. Bad input gives one line on standard error and exit code 2.
+
+    130 and 143 after an interrupt (Ctrl-C) and a SIGTERM, 1 when the machine fails: a full disk, a closed pipe.
+    """
+    with contextlib.suppress(ValueError):  # not in the main thread
+        signal.signal(signal.SIGTERM, _terminate)
     sys.exit(_status(sys.argv[1:] if arguments is None else arguments))
+
+
+class _Terminated(BaseException):
+    """SIGTERM arrived. Raised so that what is being written is cleaned up, as after Ctrl-C."""
+
+
+def _terminate(number: int, frame: object) -> NoReturn:
+    raise _Terminated
 
 
 def _status(arguments: list[str]) -> int:
@@ -128,17 +145,28 @@ def _status(arguments: list[str]) -> int:
     except TyperException as error:
         _say(" ".join(error.format_message().split()) or f"see: taichi-cloth {' '.join(arguments)} --help")
         return 2
-    except (KeyboardInterrupt, typer.Abort):
-        _say("stopped; frames already written are whole: go on with --resume")
-        return 130
+    except (KeyboardInterrupt, typer.Abort, _Terminated) as stop:
+        _say(STOPPED)
+        return 143 if isinstance(stop, _Terminated) else 130
     except MemoryError:
         _say("out of memory; make the scene smaller (see: taichi-cloth plan) or close other programs")
         return 2
-    return result if isinstance(result, int) else 0
+    except BrokenPipeError:  # whoever read our output has gone; Python must not trip over it again at its end
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+    except OSError as error:
+        _say(f"{error.filename or 'writing'}: {error.strerror or error}; frames already written are whole")
+        return 1
+    status = result if isinstance(result, int) else 0
+    if status == 130:  # what Typer makes of Ctrl-C
+        _say(STOPPED)
+    return status
 
 
 def _say(line: str) -> None:
-    Console(stderr=True, highlight=False, soft_wrap=True, markup=False).print(f"taichi-cloth: {line}")
+    """One line on standard error, with what a terminal would obey or could not show written out."""
+    shown = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in " ".join(line.split()))
+    print(f"taichi-cloth: {shown}", file=sys.stderr)
 
 
 if __name__ == "__main__":

@@ -1,5 +1,7 @@
 """Scenes from TOML: found, read, overridden, and checked before anything is built."""
 
+import os
+import stat
 import tomllib
 from importlib.resources import files
 from pathlib import Path
@@ -8,8 +10,11 @@ from typing import Any, Union, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
+from taichi_cloth.colour_order import colour
 from taichi_cloth.errors import InputError, did_you_mean
 
+from ..render.errors import RenderError
+from ..render.finish import finish_for
 from .schema import Scene
 
 __all__ = ["built_in_scenes", "load_scene", "make_scene"]
@@ -19,12 +24,14 @@ WIF_BRINGS = {
     "fabric": ("ends_per_cm", "picks_per_cm", "balance"),
 }
 LARGEST_SCENE_FILE = 4_000_000
+DEEPEST_KEY = 8
+SPRITES = ("thread", "round", "soft", "fuzzy")
 
 
 def built_in_scenes() -> dict[str, str]:
     """Names of the built-in scenes and their titles, a line each."""
     found = {}
-    for entry in files(__package__).iterdir():
+    for entry in files("taichi_cloth.scenes").iterdir():
         if entry.name.endswith(".toml"):
             found[entry.name.removesuffix(".toml")] = tomllib.loads(entry.read_text("utf-8")).get("title", "")
     return dict(sorted(found.items()))
@@ -45,56 +52,104 @@ def load_scene(name: str, overrides: list[str] | None = None) -> Scene:
                 data.get(section, {}).pop(key, None)
     for text in overrides or []:
         _override(data, text)
-    draft = data.get("weave", {}).get("draft") if isinstance(data.get("weave"), dict) else None
-    if folder and isinstance(draft, str) and draft.lower().endswith(".wif") and "weave.draft" not in given:
-        data["weave"]["draft"] = str(folder / draft)  # a path in a file is meant from where the file lies
+    for section, key, ending in (("weave", "draft", ".wif"), ("fibre", "sprite", ".png")):
+        stated = data[section].get(key) if isinstance(data.get(section), dict) else None
+        if folder and isinstance(stated, str) and stated.lower().endswith(ending) and f"{section}.{key}" not in given:
+            data[section][key] = str(folder / stated)  # a path in a file is meant from where the file lies
     return make_scene(data, where)
 
 
 def make_scene(data: dict[str, Any], where: str = "scene") -> Scene:
     """Check a scene given as nested dictionaries. Raises InputError; `where` names its source in the line."""
     try:
-        return Scene.model_validate(data)
+        scene = Scene.model_validate(data)
     except ValidationError as error:
-        raise InputError(f"{where}: {_line(error, data)}") from None
+        raise InputError(f"{where}: {_line(error)}") from None
+    try:
+        _check_names(scene)
+    except (InputError, RenderError) as error:
+        raise InputError(f"{where}: {error}") from None
+    return scene
+
+
+def _check_names(scene: Scene) -> None:
+    """Look up what the schema leaves as text, so that a misspelling shows before anything is built."""
+    yarn, weft, twist = scene.yarn, scene.weft_yarn, scene.twist
+    named = [("fibre.colour", scene.fibre.colour)]
+    named += [("yarn.colour", yarn.colour if yarn else None), ("weft_yarn.colour", weft.colour if weft else None)]
+    named += [("twist.colours", name) for name in (twist.colours if twist else ())]
+    named += [("light.background", name) for name in scene.light.background]
+    for key, name in named:
+        if name is not None:
+            try:
+                colour(name)
+            except InputError as error:
+                raise InputError(f"{key}: {error}") from None
+    if scene.light.finish is not None:
+        try:
+            finish_for(scene.light.finish)
+        except RenderError as error:
+            raise InputError(f"light.{error}") from None
+    sprite = scene.fibre.sprite
+    if sprite not in SPRITES:
+        if not sprite.lower().endswith(".png"):
+            raise InputError(
+                f"fibre.sprite: unknown sprite {sprite!r}; known: {', '.join(SPRITES)}, or the path of a .png file "
+                f"with alpha{did_you_mean(sprite, SPRITES)}"
+            )
+        from ..render.sprites import sheet_from_png  # loads OpenCV, which nothing else here needs
+
+        try:
+            sheet_from_png([sprite])
+        except (RenderError, ValueError) as error:
+            raise InputError(f"fibre.sprite: {error}") from None
 
 
 def _read(name: str) -> tuple[dict[str, Any], str, Path | None]:
     known = built_in_scenes()
     if name in known:
-        return tomllib.loads((files(__package__) / f"{name}.toml").read_text("utf-8")), name, None
+        return tomllib.loads((files("taichi_cloth.scenes") / f"{name}.toml").read_text("utf-8")), name, None
     path = Path(name)
     looks_like_path = path.suffix == ".toml" or "/" in name or "\\" in name
-    if not looks_like_path and not path.is_file():
+    if not looks_like_path and not os.path.isfile(name):
         raise InputError(
-            f"scene: unknown scene {name!r}; known: {', '.join(known)}, or the path of a .toml file"
-            f"{did_you_mean(name, known)}"
+            f"scene: unknown scene {_short(name)}; known: {', '.join(known)}, or the path of a .toml file"
+            f"{did_you_mean(name[:100], known)}"
         )
+    where = name if len(name) < 200 else f"{name[:80]}…{name[-80:]}"
     try:
-        if path.stat().st_size > LARGEST_SCENE_FILE:
-            raise InputError(f"{name}: {path.stat().st_size:,} bytes; a scene file has at most {LARGEST_SCENE_FILE:,}")
+        status = path.stat()
+        if stat.S_ISREG(status.st_mode) and status.st_size > LARGEST_SCENE_FILE:
+            raise InputError(f"{where}: {status.st_size:,} bytes; a scene file has at most {LARGEST_SCENE_FILE:,}")
+        if not stat.S_ISREG(status.st_mode):  # a folder, or something like /dev/zero that has no end
+            raise InputError(f"{where}: is no file; give a built-in scene or a .toml file")
         text = path.read_bytes().decode("utf-8-sig")
     except UnicodeDecodeError:
-        raise InputError(f"{name}: is not UTF-8 text; save the scene as TOML in UTF-8") from None
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise InputError(f"{name}: cannot be read ({reason}); give a built-in scene or a .toml file") from None
+        raise InputError(f"{where}: is not UTF-8 text; save the scene as TOML in UTF-8") from None
+    except OSError as error:
+        raise InputError(f"{where}: cannot be read ({error.strerror}); give a built-in scene or a .toml file") from None
     try:
-        return tomllib.loads(text), name, path.resolve().parent
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise InputError(f"{name}: not TOML: {error}") from None
+        return tomllib.loads(text), where, path.resolve().parent
+    except RecursionError:
+        raise InputError(f"{where}: not a scene: nested too deeply") from None
+    except ValueError as error:  # TOMLDecodeError, or an integer with more digits than Python reads
+        raise InputError(f"{where}: not TOML: {error}") from None
 
 
 def _override(data: dict[str, Any], text: str) -> None:
     key, sign, value = text.partition("=")
     parts = key.strip().split(".")
     if not sign or not all(parts):
-        raise InputError(f"--set {text}: expected key=value, for instance weave.draft=twill-2/2")
+        raise InputError(f"--set {text[:200]}: expected key=value, for instance weave.draft=twill-2/2")
+    if len(parts) > DEEPEST_KEY:
+        raise InputError(
+            f"--set {text[:60]}…: a key has at most {DEEPEST_KEY} parts, such as yarn.hairiness.ends_per_m"
+        )
     at = data
     for part in parts[:-1]:
         at = at.setdefault(part, {})
         if not isinstance(at, dict):
-            raise InputError(f"--set {text}: {part} is a value, not a section")
+            raise InputError(f"--set {text[:200]}: {part} is a value, not a section")
     at[parts[-1]] = _value(value.strip())
 
 
@@ -102,11 +157,11 @@ def _value(text: str) -> Any:
     """A TOML value where it reads as one (3, true, [1, 2], "a"); anything else is text as it stands."""
     try:
         return tomllib.loads(f"x = {text}")["x"]
-    except (tomllib.TOMLDecodeError, RecursionError):
+    except (ValueError, RecursionError):
         return text
 
 
-def _line(error: ValidationError, data: dict[str, Any]) -> str:
+def _line(error: ValidationError) -> str:
     """The first thing wrong, as one line; how many more there are."""
     problems = error.errors(include_url=False)
     first = problems[0]
@@ -114,13 +169,17 @@ def _line(error: ValidationError, data: dict[str, Any]) -> str:
     key = ".".join(str(part) for part in path) or "scene"
     if first["type"] == "extra_forbidden":
         allowed = _keys_at(path[:-1])
-        line = f"{key}: unknown key; known: {', '.join(allowed)}{did_you_mean(str(path[-1]), allowed)}"
+        line = f"{key[:200]}: unknown key; known: {', '.join(allowed)}{did_you_mean(str(path[-1])[:100], allowed)}"
     elif first["type"] == "value_error":
         prefix = "" if key == "scene" else f"{key}: "
         line = prefix + str(first.get("ctx", {}).get("error", first["msg"]))
+    elif first["type"] == "missing":
+        line = f"{key}: is missing"
+    elif first["type"] in ("model_type", "model_attributes_type", "dict_type"):
+        line = f"{key}: {_short(first.get('input'))}; allowed: a section, with {', '.join(_keys_at(path)) or 'keys'}"
     else:
         given = first.get("input")
-        shown = repr(given) if len(repr(given)) < 60 else repr(given)[:57] + "…"
+        shown = _short(given)
         message = first["msg"].removeprefix("Input should be ")
         hint = ""
         if first["type"] == "literal_error" and isinstance(given, str):
@@ -129,6 +188,15 @@ def _line(error: ValidationError, data: dict[str, Any]) -> str:
         line = f"{key}: {shown}; allowed: {message}{hint}"
     more = len(problems) - 1
     return line + (f" (and {more} more to mend after this)" if more else "")
+
+
+def _short(value: Any) -> str:
+    """The value as Python writes it, cut where it gets long."""
+    try:
+        text = repr(value)
+    except (RecursionError, ValueError):  # nested too deeply, or an integer of thousands of digits
+        return f"a {type(value).__name__}"
+    return text if len(text) < 60 else text[:57] + "…"
 
 
 def _keys_at(path: list[Any]) -> list[str]:

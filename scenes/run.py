@@ -16,7 +16,6 @@ from .load import load_scene
 from .models import build
 from .plan import plan
 from .report import fact_lines, plan_lines
-from .schema import Scene
 from .sequence import Sequence, fingerprint
 from .view import View
 
@@ -37,17 +36,17 @@ def run(
     threads: int | None,
 ) -> None:
     """One command from scene to files. Raises InputError before anything is written when the input is bad."""
-    scene = load_scene(name, overrides)
+    scene = load_scene(name, overrides + ([f"output.size={list(image_size(size))}"] if size is not None else []))
     if command == "animate" and scene.subject != "twist":
         raise InputError(f"animate: {name} stands still; use turntable, or animate twist")
-    width_height = image_size(size, scene)
     planned = plan(scene)
+    count = scene.output.views if command == "turntable" else scene.output.frames
+    folder = out or Path("out") / Path(name).stem
+    sequence = Sequence.open(folder, fingerprint(scene, command), count, resume=resume)
     runtime.start(arch, threads=threads)
     model = build(scene, planned.prepared)
-    view = View(model, width_height)
-    count = scene.output.views if command == "turntable" else model.frames
-    folder = out or Path("out") / Path(name).stem
-    sequence = Sequence.open(folder, fingerprint(scene, command, width_height, count), count, resume=resume)
+    view = View(model, scene.output.size)
+    sequence.begin()
     for line in (*plan_lines(planned), *fact_lines(model.facts())):
         print(line)
 
@@ -69,14 +68,12 @@ def run(
     print(f"{count} frames, {command}.mp4 ({codec}) and sheet.png in {folder}")
 
 
-def image_size(text: str | None, scene: Scene) -> tuple[int, int]:
-    """The image size [px] of a `--size WxH`, or the scene's. Raises InputError."""
-    if text is None:
-        return scene.output.size
+def image_size(text: str) -> tuple[int, int]:
+    """The image size [px] that a `--size WxH` states. Raises InputError."""
     parts = text.lower().split("x")
-    if len(parts) == 2 and all(p.isdecimal() and len(p) < 6 and 1 <= int(p) <= 16384 for p in parts):
+    if len(parts) == 2 and all(p.isdecimal() and p.isascii() and len(p) < 6 and 1 <= int(p) <= 16384 for p in parts):
         return int(parts[0]), int(parts[1])
-    raise InputError(f"--size: {text!r}; allowed: WIDTHxHEIGHT with 1 to 16384 pixels each, such as 1280x720")
+    raise InputError(f"--size: {text[:40]!r}; allowed: WIDTHxHEIGHT with 1 to 16384 pixels each, such as 1280x720")
 
 
 def _progress() -> Progress:

@@ -13,7 +13,7 @@ from ..render.camera import Camera, frame, orbit
 from ..render.caption import caption, label
 from ..render.finish import FINISHES, Finish, finish_for
 from ..render.light import Background, Lighting
-from ..render.splat import Splatter
+from ..render.splat import RenderStats, Splatter
 from ..render.sprites import CRISP, SOFT, SpriteSheet, fibre_sprite, round_sprite, sheet_from_png
 from .models import Model, Panel
 from .prepare import fibre_kind
@@ -65,6 +65,11 @@ class View:
                     ]
                 ),
             )
+
+    @property
+    def stats(self) -> list[RenderStats]:
+        """What the last frame took, panel by panel."""
+        return [s.stats for s in self._splatters if s.stats is not None]
 
     def _lens(self) -> dict[str, float]:
         c = self.scene.camera
