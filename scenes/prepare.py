@@ -10,9 +10,10 @@ import numpy as np
 from taichi_cloth.colour_order import colour as colour_named
 from taichi_cloth.colour_order import coloured
 from taichi_cloth.contours import FIBRES, FibreKind
-from taichi_cloth.crimp import Interlacing, fit_balance, fit_diameters
+from taichi_cloth.crimp import Interlacing
 from taichi_cloth.errors import InputError, did_you_mean
 from taichi_cloth.fabric import Detail, FabricLayout, Threads, lay_out, required_bytes
+from taichi_cloth.jamming import fit_balance, fit_diameters
 from taichi_cloth.memory import require_memory
 from taichi_cloth.templates import particle_count, particles_per_body_block
 from taichi_cloth.weave import Draft, named_weave, tile

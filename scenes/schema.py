@@ -39,46 +39,48 @@ Share = Annotated[float, Field(ge=0, le=1)]
 class Fibre(Section):
     """One fibre: a kind that textile people know, or a sphere set of one's own (paper 2.1)."""
 
-    kind: str = Field("cotton", description="cotton, wool, silk, viscose or polyester")
+    kind: str = Field(default="cotton", description="cotton, wool, silk, viscose or polyester")
     spheres: list[tuple[float, float, float, float]] | None = Field(
-        None, description="own contour: rows [x, y, z, radius] in µm, the fibre's axis along x"
+        default=None, description="own contour: rows [x, y, z, radius] in µm, the fibre's axis along x"
     )
-    length_um: float = Field(240.0, gt=0, le=1e5, description="length of the fibre shown [µm]")
-    spacing_um: float = Field(0.7, gt=0, description="distance between lattice particles [µm]")
-    jitter: float = Field(0.3, ge=0, le=1, description="largest perturbation, in fractions of the spacing")
-    particle_size: float = Field(0.8, gt=0, le=5, description="particle radius, in fractions of the spacing")
+    length_um: float = Field(default=240.0, gt=0, le=1e5, description="length of the fibre shown [µm]")
+    spacing_um: float = Field(default=0.7, gt=0, description="distance between lattice particles [µm]")
+    jitter: float = Field(default=0.3, ge=0, le=1, description="largest perturbation, in fractions of the spacing")
+    particle_size: float = Field(default=0.8, gt=0, le=5, description="particle radius, in fractions of the spacing")
     sprite: Literal["thread", "round", "soft", "fuzzy"] | str = Field(
-        "thread", description="alpha texture of a particle: a name, or a PNG with alpha"
+        default="thread", description="alpha texture of a particle: a name, or a PNG with alpha"
     )
-    colour: str | None = Field(None, description="instead of the kind's own colour: a name or #rrggbb")
+    colour: str | None = Field(default=None, description="instead of the kind's own colour: a name or #rrggbb")
 
 
 class HairinessSection(Section):
-    ends_per_m: float = Field(0.0, ge=0, le=1e5, description="flyaway fibre ends per metre of yarn")
-    loops_per_m: float = Field(0.0, ge=0, le=1e5, description="fibre loops per metre of yarn")
-    height_mm: float = Field(0.4, gt=0, le=20, description="mean rise above the yarn's surface [mm]")
+    ends_per_m: float = Field(default=0.0, ge=0, le=1e5, description="flyaway fibre ends per metre of yarn")
+    loops_per_m: float = Field(default=0.0, ge=0, le=1e5, description="fibre loops per metre of yarn")
+    height_mm: float = Field(default=0.4, gt=0, le=20, description="mean rise above the yarn's surface [mm]")
 
 
 class YarnSection(Section):
     """A yarn as a spinner states it (paper 2.2)."""
 
-    count_tex: Positive | None = Field(None, description="linear density of one single [tex]")
-    count_ne: Positive | None = Field(None, description="the same as an English cotton count [Ne]")
-    plies: int = Field(2, ge=1, le=12, description="singles folded together")
-    twist_per_m: float = Field(700.0, ge=0, description="folding twist [turns/m]; the yarn's own when plies = 1")
+    count_tex: Positive | None = Field(default=None, description="linear density of one single [tex]")
+    count_ne: Positive | None = Field(default=None, description="the same as an English cotton count [Ne]")
+    plies: int = Field(default=2, ge=1, le=12, description="singles folded together")
+    twist_per_m: float = Field(
+        default=700.0, ge=0, description="folding twist [turns/m]; the yarn's own when plies = 1"
+    )
     twist: Direction = "S"
-    singles_twist_per_m: float = Field(0.0, ge=0, description="twist left in each single [turns/m]")
+    singles_twist_per_m: float = Field(default=0.0, ge=0, description="twist left in each single [turns/m]")
     singles_twist: Direction = "Z"
-    packing: float = Field(0.60, ge=0.05, le=0.95, description="share of a single's section that is fibre")
-    flattening: float = Field(1.5, ge=0.5, le=3, description="section of a ply, tangential over radial axis")
-    migration: Share = Field(0.25, description="how far a fibre wanders in the section")
-    migration_period_mm: Positive = Field(4.0, description="over which length it wanders [mm]")
+    packing: float = Field(default=0.60, ge=0.05, le=0.95, description="share of a single's section that is fibre")
+    flattening: float = Field(default=1.5, ge=0.5, le=3, description="section of a ply, tangential over radial axis")
+    migration: Share = Field(default=0.25, description="how far a fibre wanders in the section")
+    migration_period_mm: Positive = Field(default=4.0, description="over which length it wanders [mm]")
     hairiness: HairinessSection = HairinessSection()
-    colour: str | None = Field(None, description="a name or #rrggbb; default: the fibre's own")
-    fibres: int = Field(12, ge=1, le=2000, description="fibres drawn a ply, at most as many as it has")
-    length_mm: float = Field(6.0, gt=0, le=1e5, description="length shown when the scene is of a yarn [mm]")
+    colour: str | None = Field(default=None, description="a name or #rrggbb; default: the fibre's own")
+    fibres: int = Field(default=12, ge=1, le=2000, description="fibres drawn a ply, at most as many as it has")
+    length_mm: float = Field(default=6.0, gt=0, le=1e5, description="length shown when the scene is of a yarn [mm]")
     construction: Literal["fibres", "lattice"] = Field(
-        "fibres",
+        default="fibres",
         description='"lattice" fills the singles with the particles of a sphere set, as the paper does',
     )
 
@@ -92,67 +94,71 @@ class YarnSection(Section):
 class Weave(Section):
     """Which yarn is on top (paper 2.3): a named weave or a WIF file, and the threads' colours."""
 
-    draft: str = Field("plain", description="plain, twill-2/2, satin-5, … or the path of a .wif file")
-    ends: int | None = Field(None, description="warp ends; default: the file's own, or 40")
-    picks: int | None = Field(None, description="weft picks; default: the file's own, or 40")
-    warp_colours: str | None = Field(None, description='thread order, such as "navy*4 white*4"')
+    draft: str = Field(default="plain", description="plain, twill-2/2, satin-5, … or the path of a .wif file")
+    ends: int | None = Field(default=None, description="warp ends; default: the file's own, or 40")
+    picks: int | None = Field(default=None, description="weft picks; default: the file's own, or 40")
+    warp_colours: str | None = Field(default=None, description='thread order, such as "navy*4 white*4"')
     weft_colours: str | None = None
 
 
 class FabricSection(Section):
     """Spacing of the threads, how finely they are drawn, and how the cloth lies."""
 
-    ends_per_cm: Positive | None = Field(None, description="warp ends per cm; default: the file's, or what fits")
-    picks_per_cm: Positive | None = Field(None, description="weft picks per cm; likewise")
-    balance: float = Field(0.5, ge=0.05, le=0.95, description="the warp's part of the crimp height")
-    flattening: float = Field(2.0, ge=1, le=6, description="width of a thread over its thickness where it lies")
-    when_jammed: Literal["scale", "refuse"] = Field(
-        "scale", description="threads too thick for their spacing: thin them with a note, or refuse"
+    ends_per_cm: Positive | None = Field(
+        default=None, description="warp ends per cm; default: the file's, or what fits"
     )
-    steps: int = Field(10, ge=1, le=200, description="particles along a fibre between two crossings")
-    variants: int = Field(8, ge=1, le=256, description="fillings of each kind of block")
-    fringe: float = Field(1.5, ge=0, le=20, description="free yarn beyond the last crossing [thread spacings]")
-    irregularity: float = Field(0.03, ge=0, le=0.3, description="how far threads stray, in thread spacings")
+    picks_per_cm: Positive | None = Field(default=None, description="weft picks per cm; likewise")
+    balance: float = Field(default=0.5, ge=0.05, le=0.95, description="the warp's part of the crimp height")
+    flattening: float = Field(default=2.0, ge=1, le=6, description="width of a thread over its thickness where it lies")
+    when_jammed: Literal["scale", "refuse"] = Field(
+        default="scale", description="threads too thick for their spacing: thin them with a note, or refuse"
+    )
+    steps: int = Field(default=10, ge=1, le=200, description="particles along a fibre between two crossings")
+    variants: int = Field(default=8, ge=1, le=256, description="fillings of each kind of block")
+    fringe: float = Field(default=1.5, ge=0, le=20, description="free yarn beyond the last crossing [thread spacings]")
+    irregularity: float = Field(default=0.03, ge=0, le=0.3, description="how far threads stray, in thread spacings")
     pose: Pose = "flat"
-    pose_amount: float = Field(1.0, ge=0, le=10, description="how strongly it is folded or rolled")
+    pose_amount: float = Field(default=1.0, ge=0, le=10, description="how strongly it is folded or rolled")
 
 
 class Twist(Section):
     """A yarn fed at A, twisted at B and taken up at C (paper 2.2.3)."""
 
-    zone_a_mm: float = Field(10.0, gt=0, description="distance from A to B [mm]")
-    zone_b_mm: float = Field(10.0, gt=0, description="distance from B to C [mm]")
-    speed_mm_per_s: float = Field(8.0, ge=0, description="speed of the yarn V [mm/s]")
-    turns_per_s: float = Field(6.0, ge=-1e5, le=1e5, description="speed of the twister at B [turns/s]")
-    duration_s: float = Field(3.0, gt=0, le=1e4, description="time shown [s]")
-    feed_mm: float = Field(2.0, ge=0, description="yarn shown before A and after C [mm]")
+    zone_a_mm: float = Field(default=10.0, gt=0, description="distance from A to B [mm]")
+    zone_b_mm: float = Field(default=10.0, gt=0, description="distance from B to C [mm]")
+    speed_mm_per_s: float = Field(default=8.0, ge=0, description="speed of the yarn V [mm/s]")
+    turns_per_s: float = Field(default=6.0, ge=-1e5, le=1e5, description="speed of the twister at B [turns/s]")
+    duration_s: float = Field(default=3.0, gt=0, le=1e4, description="time shown [s]")
+    feed_mm: float = Field(default=2.0, ge=0, description="yarn shown before A and after C [mm]")
     colours: tuple[str, str] = ("#c8102e", "#12863a")
 
 
 class Camera(Section):
-    elevation_deg: float = Field(45.0, ge=-90, le=90, description="height of the camera above the horizon")
-    azimuth_deg: float = Field(25.0, ge=-3600, le=3600, description="where the first view stands")
-    fov_deg: float = Field(24.0, ge=1, le=120, description="vertical field of view")
-    margin: float = Field(0.03, ge=0, le=0.45, description="empty share of the frame on each side")
-    zoom: float = Field(1.0, gt=0, le=1e4, description="how much nearer than the framing distance; above 1 crops")
+    elevation_deg: float = Field(default=45.0, ge=-90, le=90, description="height of the camera above the horizon")
+    azimuth_deg: float = Field(default=25.0, ge=-3600, le=3600, description="where the first view stands")
+    fov_deg: float = Field(default=24.0, ge=1, le=120, description="vertical field of view")
+    margin: float = Field(default=0.03, ge=0, le=0.45, description="empty share of the frame on each side")
+    zoom: float = Field(
+        default=1.0, gt=0, le=1e4, description="how much nearer than the framing distance; above 1 crops"
+    )
 
 
 class Light(Section):
-    key_azimuth_deg: float = Field(-50.0, description="from where the key light comes, from the camera's right")
-    key_elevation_deg: float = Field(42.0, ge=-90, le=90)
-    key_strength: float = Field(1.5, ge=0, le=1e3)
-    fill_strength: float = Field(0.5, ge=0, le=1e3)
-    follows_camera: bool = Field(True, description="the light turns with the camera")
-    exposure: float = Field(0.0, ge=-20, le=20, description="in stops")
-    background: tuple[str, str] = Field(("#f4f2ee", "#cfccc6"), description="top and bottom of the backdrop")
-    finish: str | None = Field(None, description="how fibres shine; default: the fibre's kind")
+    key_azimuth_deg: float = Field(default=-50.0, description="from where the key light comes, from the camera's right")
+    key_elevation_deg: float = Field(default=42.0, ge=-90, le=90)
+    key_strength: float = Field(default=1.5, ge=0, le=1e3)
+    fill_strength: float = Field(default=0.5, ge=0, le=1e3)
+    follows_camera: bool = Field(default=True, description="the light turns with the camera")
+    exposure: float = Field(default=0.0, ge=-20, le=20, description="in stops")
+    background: tuple[str, str] = Field(default=("#f4f2ee", "#cfccc6"), description="top and bottom of the backdrop")
+    finish: str | None = Field(default=None, description="how fibres shine; default: the fibre's kind")
 
 
 class Output(Section):
-    views: int = Field(36, ge=1, le=10_000, description="views of a turntable")
-    frames: int = Field(72, ge=1, le=100_000, description="frames of an animation")
-    size: tuple[int, int] = Field((1080, 720), description="width and height [px]")
-    fps: int = Field(18, ge=1, le=240, description="frames per second of the video")
+    views: int = Field(default=36, ge=1, le=10_000, description="views of a turntable")
+    frames: int = Field(default=72, ge=1, le=100_000, description="frames of an animation")
+    size: tuple[int, int] = Field(default=(1080, 720), description="width and height [px]")
+    fps: int = Field(default=18, ge=1, le=240, description="frames per second of the video")
 
     @model_validator(mode="after")
     def size_fits(self) -> "Output":
@@ -165,10 +171,10 @@ class Scene(Section):
     """A whole scene. `subject` is what it shows: the last thing it names."""
 
     title: str = ""
-    seed: int = Field(0, ge=0, lt=2**31)
+    seed: int = Field(default=0, ge=0, lt=2**31)
     fibre: Fibre = Fibre()
     yarn: YarnSection | None = None
-    weft_yarn: YarnSection | None = Field(None, description="where the weft differs from [yarn]")
+    weft_yarn: YarnSection | None = Field(default=None, description="where the weft differs from [yarn]")
     twist: Twist | None = None
     weave: Weave | None = None
     fabric: FabricSection | None = None

@@ -19,17 +19,11 @@ __all__ = [
     "cloth_facts",
     "cotton_diameter_m",
     "cover_factor",
-    "ne_to_tex",
     "thickness_m",
 ]
 
 _TEX_OF_NE_1 = 590.5  # tex · Ne of cotton
 _INCH_M = 0.0254
-
-
-def ne_to_tex(ne: ArrayLike) -> NDArray[np.float64]:
-    """tex of an English cotton count: 590.5 / Ne."""
-    return _TEX_OF_NE_1 / np.asarray(ne, dtype=np.float64)
 
 
 def cotton_diameter_m(tex: ArrayLike) -> NDArray[np.float64]:

@@ -19,7 +19,6 @@ Peirce writes D for S and l - D theta for s. The threads jam when the root is im
 Slopes are zero at the crossings, so a path is smooth (C1) along the whole yarn.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -30,20 +29,16 @@ from taichi_cloth.errors import InputError
 from taichi_cloth.weave import Draft, check_size
 
 __all__ = [
+    "JAM_TOLERANCE",
     "Family",
     "Interlacing",
-    "Jam",
     "PathKinds",
     "PeirceCell",
-    "balance_limits",
+    "block_ends",
     "centreline",
     "crimp",
     "crossing_heights",
-    "fit_balance",
-    "fit_diameters",
     "interlacing",
-    "jams",
-    "least_pitches",
     "path_kinds",
     "peirce",
     "weave_angle",
@@ -53,7 +48,7 @@ __all__ = [
 Family = Literal["warp", "weft"]
 F64 = NDArray[np.float64]
 
-_JAM_TOLERANCE = 1e-9  # of a pitch: exactly jammed threads are allowed
+JAM_TOLERANCE = 1e-9  # of a pitch: exactly jammed threads are allowed
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -143,7 +138,9 @@ def _lengths(field: str, values: ArrayLike, count: int, *, zero: bool = False) -
     lengths = np.broadcast_to(lengths, (count,))
     bad = np.flatnonzero(~(((lengths >= 0) if zero else (lengths > 0)) & np.isfinite(lengths)))
     if bad.size:
-        raise InputError(f"crimp.{field}: {lengths[bad[0]]:g} at thread {bad[0] + 1}; allowed: metres{'' if zero else ' above 0'}")
+        raise InputError(
+            f"crimp.{field}: {lengths[bad[0]]:g} at thread {bad[0] + 1}; allowed: metres{'' if zero else ' above 0'}"
+        )
     return lengths
 
 
@@ -200,7 +197,8 @@ def _crossing_radius(d_warp: F64, d_weft: F64, shape: tuple[int, ...]) -> F64:
 class PathKinds:
     """Blocks of yarn from one crossing to the next, any shape (…), all in one unit of length.
 
-    pitch: distance along the straight yarn, without the flats it lies on; z0, z1: heights at its two ends; r0, r1: radii of its two arcs.
+    pitch: distance along the straight yarn, without the flats it lies on; z0, z1: heights at its two ends; r0, r1:
+    radii of its two arcs.
     """
 
     pitch: F64
@@ -216,7 +214,7 @@ def path_kinds(cloth: Interlacing, family: Family) -> PathKinds:
 
     A cloth that is not periodic has one block less along the yarn.
     """
-    pitch, z0, z1, same, radius0, radius1 = _blocks(cloth, family)
+    pitch, z0, z1, same, radius0, radius1 = block_ends(cloth, family)
     # On a float the arc round the outermost crossing is real. The other only brings the path level, bending
     # away from its thread, so it may be as tight as the pitch needs.
     h = np.abs(z1 - z0)
@@ -229,7 +227,7 @@ def path_kinds(cloth: Interlacing, family: Family) -> PathKinds:
     return PathKinds(np.broadcast_to(pitch, h.shape), z0, z1, r0, r1)
 
 
-def _blocks(cloth: Interlacing, family: Family) -> tuple[F64, F64, F64, NDArray[np.bool_], F64, F64]:
+def block_ends(cloth: Interlacing, family: Family) -> tuple[F64, F64, F64, NDArray[np.bool_], F64, F64]:
     """Per block: pitch, height at both ends, both ends on the same face?, R of both crossings."""
     heights = crossing_heights(cloth.warp_up, cloth.warp_diameter_m, cloth.weft_diameter_m, cloth.balance)
     radius = _crossing_radius(cloth.warp_diameter_m, cloth.weft_diameter_m, cloth.warp_up.shape)
@@ -255,13 +253,13 @@ def _straight(kinds: PathKinds) -> tuple[F64, F64, F64]:
     total, h = kinds.r0 + kinds.r1, np.abs(kinds.z1 - kinds.z0)
     square = kinds.pitch**2 - h * (2 * total - h)
     square = np.where(kinds.pitch > 0, square, -np.inf)
-    if np.any(square < -2 * _JAM_TOLERANCE * kinds.pitch**2):
+    if np.any(square < -2 * JAM_TOLERANCE * kinds.pitch**2):
         worst = np.unravel_index(np.argmin(square / kinds.pitch**2), square.shape)
         least = float(np.sqrt((h * (2 * total - h))[worst]))
         pitch = float(np.broadcast_to(kinds.pitch, square.shape)[worst])
         raise InputError(
             f"crimp: the threads jam: pitch {pitch:.6g}, least possible {least:.6g}; "
-            f"use thinner yarn, more room, or another balance (fit_balance, fit_diameters)"
+            f"use thinner yarn, more room, or another balance (see `jamming`)"
         )
     s = np.sqrt(np.maximum(square, 0))
     theta = np.arctan2(total * kinds.pitch - s * (total - h), s * kinds.pitch + total * (total - h))
@@ -351,88 +349,3 @@ def crimp(cloth: Interlacing) -> tuple[F64, F64]:
         return (yarn_length(kinds).sum(axis=along) + flat) / (kinds.pitch.sum(axis=along) + flat) - 1
 
     return one("warp", 0), one("weft", 1)
-
-
-def least_pitches(cloth: Interlacing) -> tuple[F64, F64]:
-    """The least pitch each pair of neighbours allows [m]: ends (as `pitches("warp")`), picks.
-
-    It is the larger of two limits: a crossing yarn must get through between them (Peirce's jamming), and,
-    since neighbours pass each other at equal height, they need the mean of their diameters.
-    """
-
-    def one(family: Family, diameter: F64) -> F64:
-        _, z0, z1, same, radius0, radius1 = _blocks(cloth, "weft" if family == "warp" else "warp")
-        h = np.abs(z1 - z0)
-        outer = np.where(np.abs(z0) > np.abs(z1), radius0, radius1)
-        total = np.where(same, outer, radius0 + radius1)
-        through = np.sqrt(np.maximum(h * (2 * total - h), 0)).max(axis=0 if family == "warp" else 1)
-        side_by_side = 0.5 * (diameter + np.roll(diameter, -1))[: through.size]
-        return np.maximum(through, side_by_side) + cloth.flats(family)
-
-    return one("warp", cloth.warp_diameter_m), one("weft", cloth.weft_diameter_m)
-
-
-@dataclass(frozen=True)
-class Jam:
-    """Two neighbours too close together: thread `first` and the next, counted from 0, of one family [m]."""
-
-    family: Family
-    first: int
-    pitch_m: float
-    least_pitch_m: float
-
-
-def jams(cloth: Interlacing) -> tuple[Jam, ...]:
-    """The pairs of neighbours whose pitch is below the least possible; empty when the cloth can be woven."""
-    found: list[Jam] = []
-    families: Sequence[Family] = ("warp", "weft")
-    for family, least in zip(families, least_pitches(cloth), strict=True):
-        pitch = cloth.pitches(family)
-        for k in np.flatnonzero(pitch < least * (1 - _JAM_TOLERANCE)):
-            found.append(Jam(family, int(k), float(pitch[k]), float(least[k])))
-    return tuple(found)
-
-
-def fit_diameters(cloth: Interlacing) -> float:
-    """The largest factor, at most 1, by which all diameters must be scaled so that no threads jam or overlap.
-
-    Least pitches grow in proportion to the diameters (and flats, which must be scaled alike), so it is the smallest ratio of pitch to least pitch.
-    """
-    factor = 1.0
-    families: Sequence[Family] = ("warp", "weft")
-    for family, least in zip(families, least_pitches(cloth), strict=True):
-        factor = min(factor, float(np.min(cloth.pitches(family) / least, initial=1.0)))
-    return factor
-
-
-def _tightest(cloth: Interlacing, family: Family) -> float:
-    """The smallest pitch / (r0 + r1) at which a yarn of this family changes face, infinite when none does."""
-    pitch, _, _, same, radius0, radius1 = _blocks(cloth, family)
-    return float(np.min(np.where(same, np.inf, pitch / (radius0 + radius1)), initial=np.inf))
-
-
-def balance_limits(cloth: Interlacing) -> tuple[float, float]:
-    """Least and greatest balance at which no yarn jams on its way through; low > high when there is none.
-
-    A yarn that takes the share w of the crimp height jams at p = S sqrt(1 - (1 - w)²), so that the *other* family
-    must take at least sqrt(1 - (p/S)²).
-    """
-
-    def other(tightest: float) -> float:
-        return float(np.sqrt(1 - min(max(tightest, 0.0), 1.0) ** 2))
-
-    return other(_tightest(cloth, "weft")), 1 - other(_tightest(cloth, "warp"))
-
-
-def fit_balance(cloth: Interlacing) -> float:
-    """The balance nearest to the cloth's own at which it can be woven.
-
-    Close sets need it: in poplin the warp takes most of the crimp, because the ends lie too close for the
-    weft to bend between them. When the cloth jams at any balance, it is the one that `fit_diameters` shrinks
-    least.
-    """
-    low, high = balance_limits(cloth)
-    if low <= high:
-        return min(max(cloth.balance, low), high)
-    a, b = (max(_tightest(cloth, family), 1e-6) ** 2 for family in ("warp", "weft"))
-    return float(a / (b + np.sqrt(b * b - (b - a) * a)))  # a (1 - w²) = b (1 - (1 - w)²): both jam together

@@ -111,8 +111,8 @@ def _lattice(spheres: SphereSet, spacing: float) -> tuple[NDArray[np.float64], t
     if total > LARGEST_LATTICE:
         enough = float(spacing * (total / LARGEST_LATTICE) ** (1 / 3) * 1.02)
         raise InputError(
-            f"fibre.spacing_um: {1e6 * spacing:g} µm makes {total:.3g} lattice points, the limit is {LARGEST_LATTICE:.0e};"
-            f" {1e6 * enough:.3g} µm or more would do"
+            f"fibre.spacing_um: {1e6 * spacing:g} µm makes {total:.3g} lattice points, the limit is"
+            f" {LARGEST_LATTICE:.0e}; {1e6 * enough:.3g} µm or more would do"
         )
     shape = (int(numbers[0]), int(numbers[1]), int(numbers[2]))
     return 0.5 * (low + high) - 0.5 * (numbers - 1) * spacing, shape

@@ -40,7 +40,8 @@ def deepest_interpenetration(cloth: Interlacing, *, samples: int = 16, path: Pat
     neighbours of one family along their whole length. path: the centreline that is measured.
 
     The crossings themselves, where the yarns touch, are among the samples. Elsewhere the nearest samples are apart
-    by d, the yarns by a little less: sqrt(d² - (pitch / samples)² / 2) at worst. Raises InputError when the threads jam.
+    by d, the yarns by a little less: sqrt(d² - (pitch / samples)² / 2) at worst. Raises InputError when the threads
+    jam.
     """
     cloth = cloth.round_core()
     u = np.arange(samples) / samples

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
 import taichi as ti
+from taichi.lang.impl import current_cfg
 
 from taichi_cloth.errors import InputError, did_you_mean
 
@@ -55,7 +56,7 @@ def start(arch: Arch = "cpu", *, threads: int | None = None, cache: bool = True,
     }
     with contextlib.redirect_stdout(io.StringIO()):  # ti.init prints where it starts, whatever the log level
         ti.init(**options)
-    got = str(ti.cfg.arch).removeprefix("Arch.")
+    got = str(current_cfg().arch).removeprefix("Arch.")
     wanted = {"cpu": {"x64", "arm64"}, "gpu": {"cuda", "vulkan", "metal", "opengl", "amdgpu"}}.get(arch, {arch})
     if got not in wanted:
         raise InputError(f"--arch {arch}: no such device on this machine (Taichi fell back to {got}); use --arch cpu")

@@ -11,7 +11,7 @@ import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
 
-from taichi_cloth.arrays import F32x2
+from taichi_cloth.arrays import F32x2, Float
 from taichi_cloth.blocks import FibreCloud
 from taichi_cloth.errors import InputError
 from taichi_cloth.fibre import particles_in
@@ -163,7 +163,7 @@ def _lattice_singles(yarn: Yarn, start: float, stop: float, fibres: int, seed: i
 
 
 @ti.func
-def _turned(x: ti.f32, a: ti.f32, c: ti.f32, twist_a: ti.f32, twist_b: ti.f32) -> ti.f32:
+def _turned(x: Float, a: Float, c: Float, twist_a: Float, twist_b: Float) -> Float:
     """φ(x) = 2π∫T from A [rad]; nothing turns before A or behind C."""
     return 2 * ti.math.pi * (twist_a * ti.math.clamp(x, 0.0, a) + twist_b * ti.math.clamp(x - a, 0.0, c - a))
 
@@ -173,13 +173,13 @@ def _move(
     position: F32x2,
     normal: F32x2,
     tangent: F32x2,
-    a: ti.f32,
-    c: ti.f32,
-    advance: ti.f32,
-    twist_a0: ti.f32,
-    twist_b0: ti.f32,
-    twist_a1: ti.f32,
-    twist_b1: ti.f32,
+    a: Float,
+    c: Float,
+    advance: Float,
+    twist_a0: Float,
+    twist_b0: Float,
+    twist_a1: Float,
+    twist_b1: Float,
 ):
     for p in range(position.shape[0]):
         x0 = position[p, 0]

@@ -255,7 +255,7 @@ def pack_section(count: int) -> tuple[F64, F64]:
 
     Vogel's spiral: radius √((k + ½)/n), successive angles apart by the golden angle; equal area for each fibre.
     """
-    k = np.arange(count)
+    k = np.arange(count, dtype=np.float64)
     return (k + 0.5) / count, k * GOLDEN_ANGLE
 
 

@@ -11,21 +11,15 @@ from taichi_cloth.cloth_facts import (
     cloth_facts,
     cotton_diameter_m,
     cover_factor,
-    ne_to_tex,
     thickness_m,
 )
 from taichi_cloth.crimp import (
     Interlacing,
     PathKinds,
-    balance_limits,
     centreline,
     crimp,
     crossing_heights,
-    fit_balance,
-    fit_diameters,
     interlacing,
-    jams,
-    least_pitches,
     path_kinds,
     peirce,
     weave_angle,
@@ -33,7 +27,9 @@ from taichi_cloth.crimp import (
 )
 from taichi_cloth.errors import InputError
 from taichi_cloth.interpenetration import deepest_interpenetration
+from taichi_cloth.jamming import balance_limits, fit_balance, fit_diameters, jams, least_pitches
 from taichi_cloth.weave import Draft, known_weaves, named_weave
+from taichi_cloth.yarn import ne_to_tex
 
 TABLE = [  # textiles.md section 3: p/D, theta [deg], crimp %
     (np.sqrt(0.75), 60.0, 20.92),
