@@ -226,7 +226,7 @@ def _swept_depth(layout, samples: int = 24, sweeps: int = 5) -> float:
                     xyz = [layout.warp.position[j] + shift + 0 * way, layout.weft.position[i] + way, z]
                 found.append(np.stack(xyz, -1))
         tracks[family] = np.concatenate(found)
-    from scipy.spatial import cKDTree
+    from scipy.spatial import KDTree
 
-    near, _ = cKDTree(tracks[0]).query(tracks[1])
+    near, _ = KDTree(tracks[0]).query(tracks[1])
     return float((layout.warp.thickness[0] + layout.weft.thickness[0]) / 2 - near.min())

@@ -1,5 +1,6 @@
 """sRGB, PNG files that are whole or not there, contact sheets, sprite sheets and films."""
 
+import os
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -8,7 +9,6 @@ import cv2
 import numpy as np
 import pytest
 
-from taichi_cloth.render import image as image_module
 from taichi_cloth.render.camera import frame
 from taichi_cloth.render.errors import RenderError
 from taichi_cloth.render.finish import FINISHES, Finish, finish_for
@@ -68,7 +68,7 @@ def test_failed_write_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.Mo
     def broken(*_: object) -> None:
         raise OSError("disk full")
 
-    monkeypatch.setattr(image_module.os, "replace", broken)
+    monkeypatch.setattr(os, "replace", broken)
     with pytest.raises(OSError, match="disk full"):
         write_png(path, np.ones((2, 2, 3), np.uint8))
     assert path.read_bytes() == before
