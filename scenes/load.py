@@ -22,6 +22,8 @@ __all__ = ["built_in_scenes", "load_scene", "make_scene"]
 WIF_BRINGS = {
     "weave": ("ends", "picks", "warp_colours", "weft_colours"),
     "fabric": ("ends_per_cm", "picks_per_cm", "balance"),
+    "yarn": ("count_tex", "count_ne"),
+    "weft_yarn": ("count_tex", "count_ne"),
 }
 LARGEST_SCENE_FILE = 4_000_000
 DEEPEST_KEY = 8
@@ -40,8 +42,8 @@ def built_in_scenes() -> dict[str, str]:
 def load_scene(name: str, overrides: list[str] | None = None) -> Scene:
     """A built-in scene by name or a TOML file by path, with `key=value` overrides as on the command line.
 
-    A WIF file brings its own size, colours and spacing: when `weave.draft` is overridden with one, what the scene
-    says of these for its own draft is dropped; further overrides still hold.
+    A WIF file brings its own size, colours, spacing and thickness: when `weave.draft` is overridden with one, what
+    the scene says of these for its own draft is dropped; further overrides still hold.
     Raises InputError, one line: which file, key and value, what is allowed, and the nearest right spelling.
     """
     data, where, folder = _read(name)

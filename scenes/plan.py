@@ -6,6 +6,7 @@ from taichi_cloth.contours import contour
 from taichi_cloth.fibre import lattice_point_count
 from taichi_cloth.memory import memory_limit
 from taichi_cloth.sphere_set import sphere_set_from_rows
+from taichi_cloth.yarn import Yarn
 
 from .prepare import DRAW_BYTES, Prepared, fibre_kind, prepare_fabric, yarn_of
 from .schema import Scene
@@ -63,11 +64,7 @@ def plan(scene: Scene) -> Plan:
         assert scene.yarn is not None
         left["fibre lattice"] = f"only a scene of one fibre needs it; {source} gives density, fineness, colour, finish"
         yarn = yarn_of(scene.yarn, fibre)
-        fibres = min(scene.yarn.fibres, yarn.fibres_in_section)
-        built["yarn"] = (
-            f"{yarn.plies} × {yarn.count_tex:.1f} tex, {yarn.twist_per_m:.0f} turns/m {yarn.twist}; "
-            f"{fibres} of {yarn.fibres_in_section} fibres a ply drawn"
-        )
+        built["yarn"] = _yarn_line(yarn, scene.yarn.fibres)
     if subject == "twist" and scene.twist and scene.yarn:
         s, yarn = scene.twist, yarn_of(scene.yarn, fibre)
         length = 1e-3 * (s.zone_a_mm + s.zone_b_mm + 2 * s.feed_mm + s.speed_mm_per_s * s.duration_s)
@@ -83,6 +80,7 @@ def plan(scene: Scene) -> Plan:
     if subject == "fabric":
         prepared = prepare_fabric(scene)
         layout = prepared.layout
+        built["yarn"] = _yarn_line(layout.warp.yarn, layout.detail.fibres)
         key_points, blocks, particles = layout.key_points, len(layout.blocks.kind), prepared.particles
         notes = prepared.notes
         picks, ends = layout.cloth.warp_up.shape
@@ -101,3 +99,10 @@ def plan(scene: Scene) -> Plan:
     )
     total = prepared.bytes if prepared else particles * (64 + DRAW_BYTES)
     return Plan(stages, key_points, blocks, particles, about, total, memory_limit(), notes, prepared)
+
+
+def _yarn_line(yarn: Yarn, fibres: int) -> str:
+    return (
+        f"{yarn.plies} × {yarn.count_tex:.1f} tex, {yarn.twist_per_m:.0f} turns/m {yarn.twist}; "
+        f"{min(fibres, yarn.fibres_in_section)} of {yarn.fibres_in_section} fibres a ply drawn"
+    )

@@ -27,6 +27,7 @@ __all__ = ["DRAW_BYTES", "Prepared", "draft_of", "fibre_kind", "prepare_fabric",
 DRAW_BYTES = 130  # what the splatter keeps for a particle while it draws
 DEFAULT_THREADS = 40
 DEFAULT_COUNT_TEX = 20.0
+LARGEST_COUNT_TEX = 10_000.0
 DEFAULT_OPENING = 1.02  # spacing of threads over the closest possible, where a scene states none
 
 
@@ -49,15 +50,25 @@ def fibre_kind(scene: Scene) -> FibreKind:
     return FIBRES[kind]
 
 
-def yarn_of(section: YarnSection, fibre: FibreKind) -> Yarn:
-    """A yarn as stated in a scene, of the scene's fibre."""
-    count = section.count_tex or (ne_to_tex(section.count_ne) if section.count_ne else DEFAULT_COUNT_TEX)
+def yarn_of(section: YarnSection, fibre: FibreKind, *, diameter: float | None = None) -> Yarn:
+    """A yarn as stated in a scene, of the scene's fibre.
+
+    diameter: woven diameter [m] of a yarn whose count is not stated; it is twisted by the same twist multiplier as a
+    yarn of the default count, turns ∝ 1/√tex.
+    """
+    stated = section.count_tex or (ne_to_tex(section.count_ne) if section.count_ne else None)
+    count = stated or DEFAULT_COUNT_TEX
+    tighter = 1.0
+    if stated is None and diameter is not None:
+        count = 1e6 * np.pi / 4 * diameter**2 * fibre.density_kg_m3 * section.packing / section.plies
+        count = float(np.clip(count, fibre.fineness_dtex, LARGEST_COUNT_TEX))
+        tighter = float(np.sqrt(DEFAULT_COUNT_TEX / count))
     return Yarn(
         count_tex=count,
         plies=section.plies,
-        twist_per_m=section.twist_per_m,
+        twist_per_m=section.twist_per_m * tighter,
         twist=section.twist,
-        singles_twist_per_m=section.singles_twist_per_m,
+        singles_twist_per_m=section.singles_twist_per_m * tighter,
         singles_twist=section.singles_twist,
         fibre_density=fibre.density_kg_m3,
         fineness_dtex=fibre.fineness_dtex,
@@ -94,11 +105,17 @@ def prepare_fabric(scene: Scene) -> Prepared:
     assert scene.yarn is not None
     section = scene.fabric or FabricSection()
     fibre = fibre_kind(scene)
-    warp_yarn = yarn_of(scene.yarn, fibre)
     weft_section = scene.weft_yarn or scene.yarn
-    weft_yarn = yarn_of(weft_section, fibre)
     fibres = max(scene.yarn.fibres, weft_section.fibres)
     draft = draft_of(scene.weave)
+    warp_yarn = yarn_of(
+        scene.yarn, fibre, diameter=_asked(draft.warp_thickness_m, section, section.ends_per_cm, draft.warp_spacing_m)
+    )
+    weft_yarn = yarn_of(
+        weft_section,
+        fibre,
+        diameter=_asked(draft.weft_thickness_m, section, section.picks_per_cm, draft.weft_spacing_m),
+    )
     per_block = max(particles_per_body_block(y, fibres, section.steps) for y in (warp_yarn, weft_yarn))
     needed = required_bytes(draft.ends, draft.picks, per_block) + DRAW_BYTES * per_block * 2 * draft.warp_up.size
     remedy = "take fewer weave.ends and weave.picks, or lower yarn.fibres or fabric.steps"
@@ -143,6 +160,17 @@ def prepare_fabric(scene: Scene) -> Prepared:
     total = required_bytes(draft.ends, draft.picks, 0) + particles * (64 + DRAW_BYTES)
     require_memory(f"a fabric of {particles:,} particles", total, remedy)
     return Prepared(draft, layout, particles, total, tuple(notes))
+
+
+def _asked(
+    thickness: np.ndarray | None, section: FabricSection, per_cm: float | None, spacing: np.ndarray | None
+) -> float | None:
+    """Diameter [m] that the draft asks of a yarn: its thickness, or what fills its spacing in a square cloth."""
+    if thickness is not None:
+        return float(thickness.mean())
+    room = 0.01 / per_cm if per_cm is not None else None if spacing is None else float(spacing.mean())
+    root = float(np.sqrt(section.flattening))
+    return None if room is None else room / (DEFAULT_OPENING * (np.sqrt(3.0) / root + root - 1.0 / root))
 
 
 def _spacings(draft: Draft, section: FabricSection, diameter: list[np.ndarray]) -> list[np.ndarray]:

@@ -62,7 +62,10 @@ class HairinessSection(Section):
 class YarnSection(Section):
     """A yarn as a spinner states it (paper 2.2)."""
 
-    count_tex: Positive | None = Field(default=None, description="linear density of one single [tex]")
+    count_tex: Positive | None = Field(
+        default=None,
+        description="linear density of one single [tex]; default: what the draft's spacing asks for, else 20",
+    )
     count_ne: Positive | None = Field(default=None, description="the same as an English cotton count [Ne]")
     plies: int = Field(default=2, ge=1, le=12, description="singles folded together")
     twist_per_m: float = Field(

@@ -230,3 +230,17 @@ def _swept_depth(layout, samples: int = 24, sweeps: int = 5) -> float:
 
     near, _ = KDTree(tracks[0]).query(tracks[1])
     return float((layout.warp.thickness[0] + layout.weft.thickness[0]) / 2 - near.min())
+
+
+def test_a_draft_that_states_spacing_alone_gets_yarn_that_fills_it():
+    from taichi_cloth.contours import FIBRES
+    from taichi_cloth.scenes.prepare import yarn_of
+    from taichi_cloth.scenes.schema import YarnSection
+
+    section = YarnSection(count_tex=None, twist_per_m=700)
+    thin, thick = (yarn_of(section, FIBRES["cotton"], diameter=d) for d in (0.3e-3, 0.6e-3))
+    assert thin.woven_diameter == pytest.approx(0.3e-3, rel=1e-6)
+    assert thick.woven_diameter == pytest.approx(0.6e-3, rel=1e-6)
+    assert thick.twist_per_m == pytest.approx(thin.twist_per_m / 2, rel=1e-6)  # the same twist multiplier
+    stated = yarn_of(YarnSection(count_tex=30), FIBRES["cotton"], diameter=0.6e-3)
+    assert stated.count_tex == 30
