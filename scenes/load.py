@@ -52,6 +52,10 @@ def load_scene(name: str, overrides: list[str] | None = None) -> Scene:
         for section, keys in WIF_BRINGS.items():
             for key in keys:
                 data.get(section, {}).pop(key, None)
+    for section in ("yarn", "weft_yarn"):  # a count given in one unit replaces the scene's in the other
+        for key, other in (("count_tex", "count_ne"), ("count_ne", "count_tex")):
+            if f"{section}.{key}" in given and isinstance(data.get(section), dict):
+                data[section].pop(other, None)
     for text in overrides or []:
         _override(data, text)
     for section, key, ending in (("weave", "draft", ".wif"), ("fibre", "sprite", ".png")):

@@ -1,0 +1,45 @@
+"""What README shows works as it stands: its Python lines, its pictures, its commands."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from taichi_cloth.scenes.load import built_in_scenes, load_scene
+
+ROOT = Path(__file__).parent.parent
+README = (ROOT / "README.md").read_text("utf-8")
+
+
+def test_the_python_lines_run(tmp_path: Path):
+    code = re.search(r"```python\n(.*?)```", README, re.DOTALL)
+    assert code is not None
+    small = code[1].replace("(1280, 720)", "(96, 64)")
+    assert small != code[1]
+    run = subprocess.run([sys.executable, "-c", small], cwd=tmp_path, capture_output=True, text=True, timeout=120)
+    assert run.returncode == 0, run.stderr
+    assert "mass" in run.stdout
+    assert {p.name for p in tmp_path.iterdir()} == {"view_0.png", "view_9.png"}
+
+
+def test_every_picture_is_there():
+    pictures = re.findall(r"\]\((docs/[^)]+)\)", README)
+    assert len(pictures) > 8
+    for picture in pictures:
+        assert (ROOT / picture).is_file(), picture
+
+
+@pytest.mark.parametrize("line", re.findall(r"taichi-cloth (?:turntable|animate) ([^`\n#]+)", README))
+def test_every_scene_and_override_it_names_is_allowed(line: str, monkeypatch: pytest.MonkeyPatch):
+    import shlex
+
+    words = shlex.split(line.strip())
+    overrides = [words[k + 1] for k, word in enumerate(words) if word == "--set"]
+    known = [o for o in overrides if "my-draft.wif" not in o]
+    monkeypatch.chdir(ROOT)
+    if words[0] in built_in_scenes():
+        load_scene(words[0], known)
+    else:
+        assert words[0] == "SCENE"
