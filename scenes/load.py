@@ -50,12 +50,11 @@ def load_scene(name: str, overrides: list[str] | None = None) -> Scene:
     given = {key.strip(): value.strip() for key, _, value in (text.partition("=") for text in overrides or [])}
     if given.get("weave.draft", "").strip("\"'").lower().endswith(".wif"):
         for section, keys in WIF_BRINGS.items():
-            for key in keys:
-                data.get(section, {}).pop(key, None)
+            _drop(data, section, keys)
     for section in ("yarn", "weft_yarn"):  # a count given in one unit replaces the scene's in the other
         for key, other in (("count_tex", "count_ne"), ("count_ne", "count_tex")):
-            if f"{section}.{key}" in given and isinstance(data.get(section), dict):
-                data[section].pop(other, None)
+            if f"{section}.{key}" in given:
+                _drop(data, section, (other,))
     for text in overrides or []:
         _override(data, text)
     for section, key, ending in (("weave", "draft", ".wif"), ("fibre", "sprite", ".png")):
@@ -63,6 +62,13 @@ def load_scene(name: str, overrides: list[str] | None = None) -> Scene:
         if folder and isinstance(stated, str) and stated.lower().endswith(ending) and f"{section}.{key}" not in given:
             data[section][key] = str(folder / stated)  # a path in a file is meant from where the file lies
     return make_scene(data, where)
+
+
+def _drop(data: dict[str, Any], section: str, keys: tuple[str, ...]) -> None:
+    """Forget keys of a section; one that is no table is left for the schema to refuse."""
+    if isinstance(data.get(section), dict):
+        for key in keys:
+            data[section].pop(key, None)
 
 
 def make_scene(data: dict[str, Any], where: str = "scene") -> Scene:
