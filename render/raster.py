@@ -11,7 +11,22 @@ into packed instructions; a scalar inner loop takes four times as long.
 
 import taichi as ti
 
-from .arrays import LANES, TILE, Bytes1, Bytes3, Float, Floats1, Floats2, Floats3, Int, Ints1, Planes, Switch, Vec16
+from .arrays import (
+    LANES,
+    TILE,
+    Blocks,
+    Bytes1,
+    Bytes3,
+    Float,
+    Floats1,
+    Floats2,
+    Floats3,
+    Int,
+    Ints1,
+    Planes,
+    Switch,
+    Vec16,
+)
 
 __all__ = ["CHECK_EVERY", "LUT_STEPS", "raster", "resolve_linear"]
 
@@ -79,6 +94,14 @@ def raster(
     background: Floats1,
     srgb: Bytes1,
     opaque: Float,
+    # what stands behind: its switch, linear colour (height, whole tiles, 3), depth [m] a tile's row, and how to
+    # read a splat's own depth from its key
+    behind: Switch,
+    backdrop: Floats3,
+    wall: Blocks,
+    keys: Ints1,
+    nearest: Float,
+    key_depth: Float,
     # out:
     through: Planes,
     red: Planes,
@@ -89,7 +112,9 @@ def raster(
     """Blend every tile and write it as 8-bit sRGB. `image_out` has whole tiles of columns, `height` rows.
 
     profile: "soft", "sharp" or "crisp". blocks: tiles are dealt to threads in turn, so that none gets only the
-    busy middle. opaque: a tile is done when less than this passes everywhere.
+    busy middle. opaque: a tile is done when less than this passes everywhere. behind: "gradient" is the
+    background alone, "picture" takes the backdrop's colours instead, and "mesh" also its depth: a splat whose
+    centre is farther than that has no effect on the pixel.
     """
     rounds = ti.max(512, (tiles + blocks - 1) // blocks)
     for step in range(rounds * blocks):
@@ -107,6 +132,9 @@ def raster(
                         light = background[c] + (background[c + 3] - background[c]) * down
                         level = srgb[ti.cast(ti.min(light, 1.0) * LUT_STEPS + 0.5, ti.i32)]
                         for x in range(TILE):
+                            if ti.static(behind != "gradient"):
+                                light = ti.min(backdrop[y0 + y, x0 + x, c], 1.0)
+                                level = srgb[ti.cast(light * LUT_STEPS + 0.5, ti.i32)]
                             image_out[y0 + y, x0 + x, c] = level
             else:
                 iota = Vec16([0.5 + k for k in range(TILE)])
@@ -115,9 +143,18 @@ def raster(
                     red[tile, y] = Vec16(0.0)
                     green[tile, y] = Vec16(0.0)
                     blue[tile, y] = Vec16(0.0)
+                farthest = 0.0
+                if ti.static(behind == "mesh"):
+                    far = wall[tile, 0]
+                    for y in range(1, TILE):
+                        far = ti.max(far, wall[tile, y])
+                    farthest = far.max()
                 check = i + CHECK_EVERY
                 while i < end:
                     k = lists[i]
+                    z = 0.0
+                    if ti.static(behind == "mesh"):
+                        z = nearest + key_depth * ti.cast(keys[k], ti.f32)
                     x = splats[k, 0] - x0
                     middle = splats[k, 1] - y0
                     alpha = splats[k, 2]
@@ -145,6 +182,8 @@ def raster(
                             s = s0 + dy * s_y
                             light = through[tile, y]
                             weight = light * alpha
+                            if ti.static(behind == "mesh"):
+                                weight *= ti.min(ti.max((wall[tile, y] - z) * 1e12, 0.0), 1.0)
                             if ti.static(layout.textured):
                                 weight *= _row_from_sprite(
                                     sheet,
@@ -208,6 +247,8 @@ def raster(
                                 if ti.static(profile != "soft"):
                                     q = ti.min(q, 1.0)
                                 weight = light * (q * q) * alpha
+                            if ti.static(behind == "mesh"):
+                                weight *= ti.min(ti.max((wall[tile, y] - z) * 1e12, 0.0), 1.0)
                             red[tile, y] = red[tile, y] + weight * r
                             green[tile, y] = green[tile, y] + weight * g
                             blue[tile, y] = blue[tile, y] + weight * b
@@ -220,11 +261,13 @@ def raster(
                             most = ti.max(most, through[tile, y])
                         if most.max() < opaque:
                             i = end
+                        if ti.static(behind == "mesh"):
+                            i = ti.select(z > farthest, end, i)
                 for y in range(rows):
                     light = through[tile, y]
                     down = (y0 + y + 0.5) / height
                     for c in ti.static(range(3)):
-                        behind = background[c] + (background[c + 3] - background[c]) * down
+                        gradient = background[c] + (background[c + 3] - background[c]) * down
                         front = (
                             red[tile, y]
                             if ti.static(c == 0)
@@ -232,7 +275,11 @@ def raster(
                             if ti.static(c == 1)
                             else blue[tile, y]
                         )
-                        value = ti.min(ti.max(front + light * behind, 0.0), 1.0) * float(LUT_STEPS) + 0.5
+                        full = front + light * gradient
+                        if ti.static(behind != "gradient"):
+                            for x in ti.static(range(TILE)):
+                                full[x] = front[x] + light[x] * backdrop[y0 + y, x0 + x, c]
+                        value = ti.min(ti.max(full, 0.0), 1.0) * float(LUT_STEPS) + 0.5
                         for x in ti.static(range(TILE)):
                             image_out[y0 + y, x0 + x, c] = srgb[ti.cast(value[x], ti.i32)]
 

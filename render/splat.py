@@ -14,6 +14,7 @@ from taichi.lang import impl
 
 from . import project as projection
 from .arrays import LANES, TILE
+from .backdrop import NO_COLOUR, NO_WALL, Backdrop
 from .blocks import Layout, pack
 from .camera import Camera, check_size
 from .errors import RenderError
@@ -116,10 +117,12 @@ class Splatter:
         lighting: Lighting | None = None,
         finish: Finish | None = None,
         background: Background | None = None,
+        backdrop: Backdrop | None = None,
         out: NDArray[np.uint8] | None = None,
     ) -> NDArray[np.uint8]:
         """The image (height, width, 3), 8-bit sRGB, of the particles loaded.
 
+        backdrop: ground and meshes from the same camera (see `paint`), instead of the background alone.
         out: an array (height, width, 3) uint8 to write to; one whose width is a multiple of 16 is filled in
         place, without a copy. Without it every call returns an array of its own.
         Raises RenderError when the camera's image has another size or the tile lists would be too long.
@@ -181,6 +184,12 @@ class Splatter:
             background.ends(),
             self._srgb,
             self.opaque,
+            "gradient" if backdrop is None else backdrop.kind,
+            NO_COLOUR if backdrop is None else backdrop.colour,
+            NO_WALL if backdrop is None or backdrop.wall is None else backdrop.wall,
+            self._keys,
+            float(self._constants[projection.DEPTH, 0]),
+            1.0 / float(self._constants[projection.DEPTH, 1]),
             *self._planes,
             image,
         )
