@@ -28,7 +28,7 @@ from .arrays import (
     Vec16,
 )
 
-__all__ = ["CHECK_EVERY", "LUT_STEPS", "raster", "resolve_linear"]
+__all__ = ["CHECK_EVERY", "LUT_STEPS", "clear", "count_opaque", "raster", "resolve_linear"]
 
 CHECK_EVERY = 32
 """Splats between two looks at whether a tile is already opaque."""
@@ -76,6 +76,7 @@ def _row_from_sprite(sheet: Floats1, levels: Ints1, size, sprite, reach, s0, t0,
 def raster(
     layout: Switch,
     profile: Switch,
+    batch: Switch,
     blocks: Int,
     tiles_x: Int,
     tiles: Int,
@@ -115,6 +116,8 @@ def raster(
     busy middle. opaque: a tile is done when less than this passes everywhere. behind: "gradient" is the
     background alone, "picture" takes the backdrop's colours instead, and "mesh" also its depth: a splat whose
     centre is farther than that has no effect on the pixel.
+    batch: "only" is a whole picture. "more" goes on with what the planes hold, takes nothing for a tile that is
+    opaque already, and writes no image; "last" writes what the planes hold.
     """
     rounds = ti.max(512, (tiles + blocks - 1) // blocks)
     for step in range(rounds * blocks):
@@ -125,8 +128,17 @@ def raster(
             rows = ti.min(TILE, height - y0)
             i = starts[tile]
             end = starts[tile + 1]
-            if i == end:
-                for y in range(rows):
+            empty = i == end
+            if ti.static(batch == "more"):
+                if not empty:
+                    most = through[tile, 0]
+                    for y in range(1, TILE):
+                        most = ti.max(most, through[tile, y])
+                    empty = most.max() < opaque
+            if ti.static(batch == "last"):
+                empty = False
+            if empty:
+                for y in range(rows if ti.static(batch == "only") else 0):
                     down = (y0 + y + 0.5) / height
                     for c in ti.static(range(3)):
                         light = background[c] + (background[c + 3] - background[c]) * down
@@ -138,7 +150,7 @@ def raster(
                             image_out[y0 + y, x0 + x, c] = level
             else:
                 iota = Vec16([0.5 + k for k in range(TILE)])
-                for y in range(TILE):
+                for y in range(TILE if ti.static(batch == "only") else 0):
                     through[tile, y] = Vec16(1.0)
                     red[tile, y] = Vec16(0.0)
                     green[tile, y] = Vec16(0.0)
@@ -263,7 +275,7 @@ def raster(
                             i = end
                         if ti.static(behind == "mesh"):
                             i = ti.select(z > farthest, end, i)
-                for y in range(rows):
+                for y in range(0 if ti.static(batch == "more") else rows):
                     light = through[tile, y]
                     down = (y0 + y + 0.5) / height
                     for c in ti.static(range(3)):
@@ -282,6 +294,30 @@ def raster(
                         value = ti.min(ti.max(full, 0.0), 1.0) * float(LUT_STEPS) + 0.5
                         for x in ti.static(range(TILE)):
                             image_out[y0 + y, x0 + x, c] = srgb[ti.cast(value[x], ti.i32)]
+
+
+@ti.kernel
+def clear(tiles: Int, through: Planes, red: Planes, green: Planes, blue: Planes):
+    """An empty picture, for batches."""
+    for tile in range(tiles):
+        for y in range(TILE):
+            through[tile, y] = Vec16(1.0)
+            red[tile, y] = Vec16(0.0)
+            green[tile, y] = Vec16(0.0)
+            blue[tile, y] = Vec16(0.0)
+
+
+@ti.kernel
+def count_opaque(tiles: Int, opaque: Float, through: Planes) -> Int:
+    """How many tiles let less than `opaque` pass everywhere."""
+    count = 0
+    ti.loop_config(serialize=True)
+    for tile in range(tiles):
+        most = through[tile, 0]
+        for y in range(1, TILE):
+            most = ti.max(most, through[tile, y])
+        count += ti.cast(most.max() < opaque, ti.i32)
+    return count
 
 
 @ti.kernel

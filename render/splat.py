@@ -7,6 +7,7 @@ chunks and threads: sorts are stable, nothing is added up atomically, and a tile
 
 import time
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +24,7 @@ from .image import srgb_table
 from .light import Background, Lighting
 from .particles import Particles
 from .planes import borrow
-from .raster import LUT_STEPS, raster, resolve_linear
+from .raster import LUT_STEPS, clear, count_opaque, raster, resolve_linear
 from .sort import BINS, count_high, count_tiles, fill_tiles, scan, scan_tiles, scatter_high, scatter_low
 from .sprites import CRISP, Profile, SpriteSheet
 
@@ -93,6 +94,8 @@ class Splatter:
             self._sheet, self._levels = sprites.pyramid()
         self._count = 0
         self._layout = Layout()
+        self._batch = "only"
+        self._options: dict[str, Any] = {}
         self._reserve(0)
 
     def load(self, particles: Particles) -> "Splatter":
@@ -109,6 +112,75 @@ class Splatter:
         self._count = len(particles)
         self._reserve(len(self._blocks))
         return self
+
+    def load_blocks(self, layout: Layout, blocks: NDArray[np.float32], count: int) -> "Splatter":
+        """Take particles that are in blocks already (see `blocks`), without a copy and unchecked.
+
+        blocks: (ceil(count / 16), layout.rows, 16) float32, C-contiguous; opacity 1 where the layout has none;
+        whatever must not be drawn has a radius of 0 and a place among the others.
+        Raises RenderError for another shape.
+        """
+        if blocks.shape != (-(-count // LANES), layout.rows, LANES) or layout.textured != (self.sprites is not None):
+            raise RenderError(f"blocks: shape {blocks.shape}; allowed: {(-(-count // LANES), layout.rows, LANES)}")
+        places = blocks[:, :3]
+        box = np.stack([places.min(axis=(0, 2)), places.max(axis=(0, 2))]) if count else np.zeros((2, 3))
+        self._layout, self._blocks, self._box, self._opacity = layout, blocks, box.astype(np.float64), 1.0
+        self._count = count
+        self._reserve(len(blocks))
+        return self
+
+    def resize(self, width: int, height: int) -> "Splatter":
+        """Draw smaller images from now on, or larger ones again; nothing is compiled or allocated anew.
+
+        Raises RenderError for more tiles than the splatter was made with.
+        """
+        check_size(width, height)
+        tiles_x, tiles_y = -(-width // TILE), -(-height // TILE)
+        if tiles_x * tiles_y >= len(self._starts):
+            raise RenderError(
+                f"resize: {width} x {height} px; allowed: up to {len(self._starts) - 1} tiles of {TILE} px"
+            )
+        self.width, self.height = int(width), int(height)
+        self._tiles_x, self._tiles_y, self._tiles = tiles_x, tiles_y, tiles_x * tiles_y
+        return self
+
+    def begin(self, camera: Camera, **options: Any) -> "Splatter":
+        """Start a picture that comes in batches: `begin`, `add` for each from the nearest on, `finish`.
+
+        The options are those of `render`. Within a batch all is in depth order; batches lie one behind the other.
+        """
+        clear(self._tiles, *self._planes)
+        self._options = {"camera": camera, **options}
+        return self
+
+    def add(self, particles: Particles | None = None) -> "Splatter":
+        """Draw `particles`, or what is loaded, behind the batches before; opaque tiles take no more."""
+        if not self._options:
+            raise RenderError("add: no picture begun; call begin first")
+        if particles is not None:
+            self.load(particles)
+        self._batch = "more"
+        try:
+            self.render(**self._options)
+        finally:
+            self._batch = "only"
+        return self
+
+    def opaque_everywhere(self) -> bool:
+        """Whether the batches so far leave nothing to see behind them."""
+        return bool(self._tiles == count_opaque(self._tiles, self.opaque, self._planes[0]))
+
+    def finish(self, out: NDArray[np.uint8] | None = None) -> NDArray[np.uint8]:
+        """The picture of all batches, as `render` gives it."""
+        if not self._options:
+            raise RenderError("finish: no picture begun; call begin first")
+        options, self._options, self._batch = self._options, {}, "last"
+        try:
+            self._count, self._blocks = 0, self._blocks[:0]
+            return self.render(**options, out=out)
+        finally:
+            self._batch = "only"
+            self._starts[: self._tiles + 1] = np.arange(self._tiles + 1)  # no tile is known to be empty
 
     def render(
         self,
@@ -165,10 +237,11 @@ class Splatter:
         fill_tiles(chunks, drawn, self._tiles_x, self._sorted, self._boxes, self._histogram, self._lists)
         clock.append(time.perf_counter())
 
-        image = self._canvas(out)
+        image = self._canvas(out) if self._batch != "more" else np.empty((1, 1, 3), np.uint8)
         raster(
             layout,
             profile,
+            self._batch,
             chunks,
             self._tiles_x,
             self._tiles,
@@ -195,7 +268,7 @@ class Splatter:
         )
         clock.append(time.perf_counter())
         self.stats = RenderStats(self._count, drawn, entries, *(1e3 * np.diff(clock)).tolist())
-        if image is out:
+        if image is out or self._batch == "more":
             return image
         image = np.ascontiguousarray(image[:, : self.width])
         if out is None:
