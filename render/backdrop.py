@@ -30,6 +30,8 @@ class Backdrop:
     """Depth along the viewing direction [m], shape (tiles, 16, 16), OPEN where there is none; None for all OPEN."""
     face: NDArray[np.int32] | None = None
     """Which triangle is seen, shape (height, width in whole tiles), -1 for none; None without a mesh."""
+    edges: NDArray[np.float32] | None = None
+    """The triangles' edge functions, shape (f, 12), see `mesh.visible`; None without a mesh."""
 
     @property
     def kind(self) -> Behind:

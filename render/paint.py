@@ -66,7 +66,7 @@ def paint(
         passing = np.ones(face.shape, np.float32)
         passing[row, column] = shadow_at(unproject(camera, row, column, depth[row, column]))
     _shade(width, shadow_at is not None, c, mesh.faces, mesh.colour, mesh.normals, edges, face, passing, colour)
-    return Backdrop(colour, tiled(depth), face)
+    return Backdrop(colour, tiled(depth), face, edges)
 
 
 def unproject(camera: Camera, row: NDArray, column: NDArray, depth: NDArray) -> NDArray[np.float32]:

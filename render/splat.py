@@ -28,7 +28,7 @@ from .raster import LUT_STEPS, clear, count_opaque, raster, resolve_linear
 from .sort import BINS, count_high, count_tiles, fill_tiles, scan, scan_tiles, scatter_high, scatter_low
 from .sprites import CRISP, Profile, SpriteSheet
 
-__all__ = ["RenderStats", "Splatter"]
+__all__ = ["RenderStats", "SplatLists", "Splatter"]
 
 MAX_TILE_ENTRIES = 2**31 - 1
 """Longest list of all tiles together; Taichi counts with 32 bits."""
@@ -49,6 +49,27 @@ class RenderStats:
     sort_ms: float
     bin_ms: float
     raster_ms: float
+
+
+@dataclass(frozen=True, eq=False)
+class SplatLists:
+    """What `raster` read for the last frame, for `passes`; valid until the next one."""
+
+    layout: Layout
+    profile: str
+    edge: float
+    tiles_x: int
+    tiles: int
+    starts: NDArray[np.int32]
+    entries: NDArray[np.int32]
+    splats: NDArray[np.float32]
+    blocks: NDArray[np.float32]
+    keys: NDArray[np.int32]
+    nearest: float
+    key_depth: float
+    sheet: NDArray[np.float32]
+    levels: NDArray[np.int32]
+    sprite_size: int
 
 
 class Splatter:
@@ -286,6 +307,30 @@ class Splatter:
         rgba = np.empty((self.height, self.width, 4), np.float32)
         resolve_linear(self._tiles_x, self._tiles, self._starts, *self._planes, self.width, self.height, rgba)
         return rgba
+
+    def lists(self) -> SplatLists:
+        """The splats and tile lists of the last frame. Raises RenderError before the first `render`."""
+        if self.stats is None:
+            raise RenderError("passes: nothing rendered yet; call render first")
+        nearest, keys_per_metre = (float(v) for v in self._constants[projection.DEPTH, :2])
+        edge = 1.0 if self.sprites is not None else self.profile.edge or 0.0
+        return SplatLists(
+            self._layout,
+            {0.0: "crisp", 1.0: "soft"}.get(edge, "sharp"),
+            edge,
+            self._tiles_x,
+            self._tiles,
+            self._starts,
+            self._lists,
+            self._splats,
+            self._blocks,
+            self._keys,
+            nearest,
+            1 / keys_per_metre,
+            self._sheet,
+            self._levels,
+            1 if self.sprites is None else self.sprites.size,
+        )
 
     def _canvas(self, out: NDArray[np.uint8] | None) -> NDArray[np.uint8]:
         """Where the raster may write whole tiles of columns: `out` itself where that fits."""
