@@ -28,7 +28,7 @@ from .arrays import (
     Vec16,
 )
 
-__all__ = ["CHECK_EVERY", "LUT_STEPS", "clear", "count_opaque", "raster", "resolve_linear"]
+__all__ = ["CHECK_EVERY", "LUT_STEPS", "clear", "count_opaque", "raster", "resolve_linear", "row_from_sprite"]
 
 CHECK_EVERY = 32
 """Splats between two looks at whether a tile is already opaque."""
@@ -38,7 +38,7 @@ LUT_STEPS = 4096
 
 
 @ti.func
-def _row_from_sprite(sheet: Floats1, levels: Ints1, size, sprite, reach, s0, t0, s_y, t_y, dy):
+def row_from_sprite(sheet: Floats1, levels: Ints1, size, sprite, reach, s0, t0, s_y, t_y, dy):
     """Alpha of 16 pixels of a row from a sprite, bilinear, from the mip level of about four texels a pixel.
 
     sheet: all levels of all sprites (see `sprites.SpriteSheet.pyramid`); levels[k]: where level k begins in a
@@ -130,11 +130,10 @@ def raster(
             end = starts[tile + 1]
             empty = i == end
             if ti.static(batch == "more"):
-                if not empty:
-                    most = through[tile, 0]
-                    for y in range(1, TILE):
-                        most = ti.max(most, through[tile, y])
-                    empty = most.max() < opaque
+                most = through[tile, 0]
+                for y in range(1, TILE):
+                    most = ti.max(most, through[tile, y])
+                empty = empty or most.max() < opaque
             if ti.static(batch == "last"):
                 empty = False
             if empty:
@@ -197,7 +196,7 @@ def raster(
                             if ti.static(behind == "mesh"):
                                 weight *= ti.min(ti.max((wall[tile, y] - z) * 1e12, 0.0), 1.0)
                             if ti.static(layout.textured):
-                                weight *= _row_from_sprite(
+                                weight *= row_from_sprite(
                                     sheet,
                                     levels,
                                     sprite_size,
@@ -242,7 +241,7 @@ def raster(
                             if ti.static(layout.textured):
                                 one = 1.0 / reach
                                 weight = light * alpha
-                                weight *= _row_from_sprite(
+                                weight *= row_from_sprite(
                                     sheet,
                                     levels,
                                     sprite_size,
