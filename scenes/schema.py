@@ -19,6 +19,7 @@ __all__ = [
     "Light",
     "Output",
     "Scene",
+    "StageSection",
     "Subject",
     "Twist",
     "Weave",
@@ -148,11 +149,18 @@ class Light(Section):
     finish: str | None = Field(None, description="how fibres shine; default: the fibre's kind")
 
 
+class StageSection(Section):
+    """What the subject stands or lies on."""
+
+    ground: bool | None = Field(None, description="a floor with the subject's shadow; default: under fabrics only")
+
+
 class Output(Section):
     views: int = Field(36, ge=1, le=10_000, description="views of a turntable")
     frames: int = Field(72, ge=1, le=100_000, description="frames of an animation")
     size: tuple[int, int] = Field((1080, 720), description="width and height [px]")
     fps: int = Field(18, ge=1, le=240, description="frames per second of the video")
+    webp: bool = Field(False, description="also an animated WebP, at most 720 px wide, for a README")
 
     @model_validator(mode="after")
     def size_fits(self) -> "Output":
@@ -174,6 +182,7 @@ class Scene(Section):
     fabric: FabricSection | None = None
     camera: Camera = Camera()
     light: Light = Light()
+    stage: StageSection = StageSection()
     output: Output = Output()
 
     @model_validator(mode="after")
