@@ -47,7 +47,7 @@ def write_webp(
     ends = np.round(1000 / fps * np.arange(len(images) + 1)).astype(int)
     animation = cv2.Animation()
     animation.frames = images
-    animation.durations = np.maximum(np.diff(ends), 1).astype(np.int32)  # [ms], without drift
+    animation.durations = [max(1, int(n)) for n in np.diff(ends)]  # [ms], without drift
     done, data = cv2.imencodeanimation(".webp", animation, [cv2.IMWRITE_WEBP_QUALITY, quality])
     if not done:
         raise RenderError(f"{path}: OpenCV could not encode the animation")

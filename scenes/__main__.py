@@ -1,4 +1,4 @@
-"""The command line: `taichi-cloth scenes | plan | turntable | animate | profile`."""
+"""The command line: `taichi-cloth scenes | plan | turntable | animate | still | profile`."""
 
 import sys
 from pathlib import Path
@@ -24,6 +24,7 @@ Overrides = Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE
 Out = Annotated[Path | None, typer.Option("--out", help="Folder for the images; default: out/SCENE.")]
 Size = Annotated[str | None, typer.Option("--size", metavar="WxH", help="Image size in pixels, such as 1280x720.")]
 Resume = Annotated[bool, typer.Option("--resume", help="Keep the frames an interrupted run left, make the others.")]
+Webp = Annotated[bool, typer.Option("--webp", help="Also an animated WebP for a README.")]
 Arch = Annotated[str, typer.Option("--arch", help="cpu, cuda, vulkan, metal or gpu.")]
 Threads = Annotated[int | None, typer.Option("--threads", help="CPU threads; default: all there are.")]
 
@@ -57,6 +58,7 @@ def turntable(
     views: Annotated[int | None, typer.Option("--views", help="Views round the subject; default: 36.")] = None,
     size: Size = None,
     out: Out = None,
+    webp: Webp = False,
     resume: Resume = False,
     arch: Arch = "cpu",
     threads: Threads = None,
@@ -65,6 +67,7 @@ def turntable(
     from .run import run
 
     changed = list(overrides or []) + ([f"output.views={views}"] if views is not None else [])
+    changed += ["output.webp=true"] if webp else []
     run("turntable", scene, changed, size=size, out=out, resume=resume, arch=arch, threads=threads)
 
 
@@ -75,6 +78,7 @@ def animate(
     frames: Annotated[int | None, typer.Option("--frames", help="Frames; default: the scene's.")] = None,
     size: Size = None,
     out: Out = None,
+    webp: Webp = False,
     resume: Resume = False,
     arch: Arch = "cpu",
     threads: Threads = None,
@@ -83,7 +87,36 @@ def animate(
     from .run import run
 
     changed = list(overrides or []) + ([f"output.frames={frames}"] if frames is not None else [])
+    changed += ["output.webp=true"] if webp else []
     run("animate", scene, changed, size=size, out=out, resume=resume, arch=arch, threads=threads)
+
+
+@app.command("still")
+def make_still(
+    scene: SceneName,
+    overrides: Overrides = None,
+    size: Size = None,
+    passes: Annotated[str, typer.Option("--passes", help="colour, depth, normal, mask, id.")] = "colour",
+    form: Annotated[str, typer.Option("--format", help="png (8-bit colour), png16, or exr.")] = "png",
+    supersample: Annotated[int, typer.Option("--supersample", help="Samples a pixel each way: 1, 2 or 4.")] = 2,
+    out: Out = None,
+    arch: Arch = "cpu",
+    threads: Threads = None,
+) -> None:
+    """One clean picture, and if asked depth, normals, coverage and numbers of yarns, with the camera in a JSON."""
+    from .still import still
+
+    still(
+        scene,
+        list(overrides or []),
+        size=size,
+        passes=passes,
+        form=form,
+        supersample=supersample,
+        out=out,
+        arch=arch,
+        threads=threads,
+    )
 
 
 @app.command("profile")

@@ -12,6 +12,7 @@ from taichi_cloth.errors import InputError
 
 from ..render.image import contact_sheet, write_png
 from ..render.video import write_mp4
+from ..render.webp import write_webp
 from .load import load_scene
 from .models import build
 from .plan import plan
@@ -66,6 +67,8 @@ def run(
         bar.advance(closing)
         write_png(folder / "sheet.png", contact_sheet(sequence.paths, thumbnail=max(64, 1920 // 6)))
         bar.advance(closing)
+        if scene.output.webp:
+            write_webp(folder / f"{command}.webp", sequence.paths, fps=scene.output.fps)
     print(f"{count} frames, {command}.mp4 ({codec}) and sheet.png in {folder}")
 
 
