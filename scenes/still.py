@@ -136,10 +136,11 @@ def _linear(shot: Shot, view: View) -> NDArray[np.float32]:
     rgba = shot.splatter.linear()
     through = 1 - rgba[..., 3:]
     if shot.backdrop is not None:
-        return rgba[..., :3] + through * shot.backdrop.colour[:, : shot.camera.width]
-    ends = view.background.ends()
-    down = ((np.arange(shot.camera.height, dtype=np.float32) + 0.5) / shot.camera.height)[:, None, None]
-    return rgba[..., :3] + through * (ends[:3] + (ends[3:] - ends[:3]) * down)
+        behind = shot.backdrop.colour[:, : shot.camera.width]
+    else:
+        ends, height = view.background.ends(), shot.camera.height
+        behind = ends[:3] + (ends[3:] - ends[:3]) * ((np.arange(height) + 0.5) / height)[:, None, None]
+    return (rgba[..., :3] + through * behind).astype(np.float32)
 
 
 def _averaged(image: NDArray[np.float32], by: int) -> NDArray[np.float32]:
