@@ -94,6 +94,7 @@ def raster(
     # picture:
     background: Floats1,
     srgb: Bytes1,
+    gain: Float,
     opaque: Float,
     # what stands behind: its switch, linear colour (height, whole tiles, 3), depth [m] a tile's row, and how to
     # read a splat's own depth from its key
@@ -141,11 +142,11 @@ def raster(
                     down = (y0 + y + 0.5) / height
                     for c in ti.static(range(3)):
                         light = background[c] + (background[c + 3] - background[c]) * down
-                        level = srgb[ti.cast(ti.min(light, 1.0) * LUT_STEPS + 0.5, ti.i32)]
+                        level = srgb[ti.cast(ti.min(light * gain, 1.0) * LUT_STEPS + 0.5, ti.i32)]
                         for x in range(TILE):
                             if ti.static(behind != "gradient"):
                                 light = ti.min(backdrop[y0 + y, x0 + x, c], 1.0)
-                                level = srgb[ti.cast(light * LUT_STEPS + 0.5, ti.i32)]
+                                level = srgb[ti.cast(ti.min(light * gain, 1.0) * LUT_STEPS + 0.5, ti.i32)]
                             image_out[y0 + y, x0 + x, c] = level
             else:
                 iota = Vec16([0.5 + k for k in range(TILE)])
@@ -290,7 +291,7 @@ def raster(
                         if ti.static(behind != "gradient"):
                             for x in ti.static(range(TILE)):
                                 full[x] = front[x] + light[x] * backdrop[y0 + y, x0 + x, c]
-                        value = ti.min(ti.max(full, 0.0), 1.0) * float(LUT_STEPS) + 0.5
+                        value = ti.min(ti.max(full * gain, 0.0), 1.0) * float(LUT_STEPS) + 0.5
                         for x in ti.static(range(TILE)):
                             image_out[y0 + y, x0 + x, c] = srgb[ti.cast(value[x], ti.i32)]
 

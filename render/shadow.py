@@ -6,6 +6,7 @@ map_.shadow_at(points)                             transmittance anywhere
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 from math import ceil, log2, radians, tan
 
 import numpy as np
@@ -147,7 +148,7 @@ def cast(
         transmittance.deposit(
             chunks, n, stamps, cuts, width, span, root, nearest, through, through.reshape(-1, 1, LAYERS)
         )
-        for fine, coarse in zip(levels[:-1], levels[1:], strict=True):
+        for fine, coarse in pairwise(levels):
             transmittance.coarsen(fine[0], fine[1], *coarse, span, root, nearest, through)
     return ShadowMap(-away, axes, table, nearest, through, span, root, softness, radius)
 

@@ -14,19 +14,21 @@ from numpy.typing import NDArray
 from taichi.lang import impl
 
 from . import project as projection
+from . import shade as rows
 from .arrays import LANES, TILE
 from .backdrop import NO_COLOUR, NO_WALL, Backdrop
 from .blocks import Layout, pack
 from .camera import Camera, check_size
 from .errors import RenderError
 from .finish import Finish
-from .image import srgb_table
 from .light import Background, Lighting
+from .lightpass import LightPass, shading_of
 from .particles import Particles
 from .planes import borrow
 from .raster import LUT_STEPS, clear, count_opaque, raster, resolve_linear
 from .sort import BINS, count_high, count_tiles, fill_tiles, scan, scan_tiles, scatter_high, scatter_low
 from .sprites import CRISP, Profile, SpriteSheet
+from .tone import WHITE, Tone, tone_table
 
 __all__ = ["RenderStats", "SplatLists", "Splatter"]
 
@@ -45,6 +47,7 @@ class RenderStats:
     particles: int
     drawn: int
     tile_entries: int
+    light_ms: float
     project_ms: float
     sort_ms: float
     bin_ms: float
@@ -107,8 +110,9 @@ class Splatter:
         self._starts = np.zeros(self._tiles + 1, np.int32)
         self._lists = np.zeros(1, np.int32)
         self._planes = borrow(self, self._tiles)
-        self._srgb = srgb_table(LUT_STEPS)
-        self._constants = np.zeros((projection.CONSTANT_ROWS, 3), np.float32)
+        self._tables: dict[Tone, NDArray[np.uint8]] = {}
+        self.light = LightPass()
+        self._constants = np.zeros((rows.CONSTANT_ROWS, 3), np.float32)
         if sprites is None:
             self._sheet, self._levels = np.zeros(1, np.float32), np.zeros(2, np.int32)
         else:
@@ -131,6 +135,7 @@ class Splatter:
         self._layout, self._blocks, self._box = pack(particles, textured=self.sprites is not None)
         self._opacity = 1.0 if self._layout.opacity else float(np.float32(particles.opacity))
         self._count = len(particles)
+        self.light.forget()
         self._reserve(len(self._blocks))
         return self
 
@@ -147,6 +152,7 @@ class Splatter:
         box = np.stack([places.min(axis=(0, 2)), places.max(axis=(0, 2))]) if count else np.zeros((2, 3))
         self._layout, self._blocks, self._box, self._opacity = layout, blocks, box.astype(np.float64), 1.0
         self._count = count
+        self.light.forget()
         self._reserve(len(blocks))
         return self
 
@@ -231,12 +237,19 @@ class Splatter:
         profile = {0.0: "crisp", 1.0: "soft"}.get(edge, "sharp")
         clock = [time.perf_counter()]
         self._set_constants(camera, lighting, finish, edge)
+        shading = shading_of(lighting, finish)
+        light = self.light.on_particles(
+            shading, lighting, camera, layout, self._blocks, self._box, opacity=self._opacity, chunks=chunks
+        )
+        clock.append(time.perf_counter())
         projection.project(
             layout,
+            shading,
             profile == "crisp",
             chunks,
             self._blocks,
             blocks,
+            light,
             self._constants,
             self._splats,
             self._boxes,
@@ -276,14 +289,15 @@ class Splatter:
             self._levels,
             1 if self.sprites is None else self.sprites.size,
             background.ends(),
-            self._srgb,
+            self._table(lighting.tone),
+            1.0 / WHITE[lighting.tone],
             self.opaque,
             "gradient" if backdrop is None else backdrop.kind,
             NO_COLOUR if backdrop is None else backdrop.colour,
             NO_WALL if backdrop is None or backdrop.wall is None else backdrop.wall,
             self._keys,
-            float(self._constants[projection.DEPTH, 0]),
-            1.0 / float(self._constants[projection.DEPTH, 1]),
+            float(self._constants[rows.DEPTH, 0]),
+            1.0 / float(self._constants[rows.DEPTH, 1]),
             *self._planes,
             image,
         )
@@ -312,7 +326,7 @@ class Splatter:
         """The splats and tile lists of the last frame. Raises RenderError before the first `render`."""
         if self.stats is None:
             raise RenderError("passes: nothing rendered yet; call render first")
-        nearest, keys_per_metre = (float(v) for v in self._constants[projection.DEPTH, :2])
+        nearest, keys_per_metre = (float(v) for v in self._constants[rows.DEPTH, :2])
         edge = 1.0 if self.sprites is not None else self.profile.edge or 0.0
         return SplatLists(
             self._layout,
@@ -348,18 +362,27 @@ class Splatter:
         depths = corners @ camera.rotation[2] + camera.translation[2]
         nearest = max(camera.near, float(depths.min()))
         key_share = float(key.sum() / max(key.sum() + (sky.sum() + ground.sum()) / 2, 1e-12))
-        c[projection.ROTATION : projection.ROTATION + 3] = camera.rotation
-        c[projection.TRANSLATION] = camera.translation
-        c[projection.EYE] = camera.eye
-        c[projection.LENS] = camera.focal, camera.cx, camera.cy
-        c[projection.KEY_DIRECTION] = lighting.towards_key(camera)
-        c[projection.KEY], c[projection.SKY], c[projection.GROUND] = key, sky, ground
-        c[projection.FIBRE] = finish.fibre, finish.specular, finish.exponent / 16
-        c[projection.SURFACE] = finish.tint, finish.sheen, SLOPE_GAIN * finish.roundness * key_share
-        c[projection.IMAGE] = self.width, self.height, camera.near
+        c[rows.ROTATION : rows.ROTATION + 3] = camera.rotation
+        c[rows.TRANSLATION] = camera.translation
+        c[rows.EYE] = camera.eye
+        c[rows.LENS] = camera.focal, camera.cx, camera.cy
+        c[rows.KEY_DIRECTION] = lighting.towards_key(camera)
+        c[rows.KEY], c[rows.SKY], c[rows.GROUND] = key, sky, ground
+        c[rows.FIBRE] = finish.fibre, finish.specular, finish.exponent / 16
+        c[rows.SURFACE] = finish.tint, finish.sheen, SLOPE_GAIN * finish.roundness * key_share
+        c[rows.IMAGE] = self.width, self.height, camera.near
         scale = projection.DEEPEST_KEY / max(float(depths.max()) - nearest, 1e-9)
-        c[projection.DEPTH] = nearest, scale, self._opacity
-        c[projection.EDGE] = edge, KEY_SHADE, 0.0
+        c[rows.DEPTH] = nearest, scale, self._opacity
+        c[rows.EDGE] = edge, KEY_SHADE, 1.0 / (8.0 * np.sin(np.radians(finish.spread)) ** 2)
+        c[rows.LOBES] = finish.reflect, finish.transmit, finish.internal
+        for k, other in enumerate(lighting.others):
+            c[rows.OTHERS + 2 * k] = other.towards(camera)
+            c[rows.OTHERS + 2 * k + 1] = np.multiply(other.intensity * 2.0**lighting.exposure, other.colour)
+
+    def _table(self, tone: Tone) -> NDArray[np.uint8]:
+        if tone not in self._tables:
+            self._tables[tone] = tone_table(tone, LUT_STEPS)
+        return self._tables[tone]
 
     def _reserve(self, blocks: int) -> None:
         """Room for the splats of `blocks` blocks of particles."""

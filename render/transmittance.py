@@ -23,6 +23,7 @@ import taichi as ti
 
 from .arrays import LANES, Blocks, Float, Floats1, Floats2, Floats3, Int, Ints1, Ints2, Switch, Vec16
 from .blocks import NORMAL, POSITION, RADIUS, TANGENT
+from .fibre import decay
 from .sort import CHUNK_STEPS, share
 
 __all__ = ["EMPTY", "LAYERS", "STAMP_SIZE", "ambient", "coarsen", "deposit", "gather", "look_up", "stamp"]
@@ -133,19 +134,6 @@ def _layer(behind, span, root):
     return ti.sqrt(ti.sqrt(behind * span + squared * squared)) - root
 
 
-@ti.func
-def _decay(optical):
-    """exp(-x) = exp(-x/16)^16 with the (2, 2) Pade approximant, relative error below 1e-5 up to x = 16."""
-    y = ti.min(optical, 16.0) * 0.0625
-    up = 1.0 - 0.5 * y + y * y * (1.0 / 12.0)
-    down = 1.0 + 0.5 * y + y * y * (1.0 / 12.0)
-    value = up / down
-    value = value * value
-    value = value * value
-    value = value * value
-    return value * value
-
-
 @ti.kernel
 def deposit(
     bands: Int,
@@ -216,7 +204,7 @@ def deposit(
                 for k in ti.static(range(LAYERS)):
                     total += row[k]
                     row[k] = total
-                rows_out[cell, 0] = _decay(row)
+                rows_out[cell, 0] = decay(row)
 
 
 @ti.kernel
