@@ -11,6 +11,8 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from taichi_cloth.fabric import Pose
 from taichi_cloth.yarn import Direction
 
+from ..render.tone import Tone
+
 __all__ = [
     "Camera",
     "FabricSection",
@@ -139,11 +141,23 @@ class Camera(Section):
 
 
 class Light(Section):
+    """Lights, and how brightness is made of them. Directions are the viewer's of the first view."""
+
     key_azimuth_deg: float = Field(-50.0, description="from where the key light comes, from the camera's right")
     key_elevation_deg: float = Field(42.0, ge=-90, le=90)
     key_strength: float = Field(1.5, ge=0, le=1e3)
+    key_size_deg: float = Field(5.0, ge=0, le=90, description="how wide the key light is: soft shadows")
     fill_strength: float = Field(0.5, ge=0, le=1e3)
-    follows_camera: bool = Field(True, description="the light turns with the camera")
+    rim_strength: float = Field(0.0, ge=0, le=1e3, description="a light from behind that makes fibres glow")
+    rim_azimuth_deg: float = Field(150.0, description="from where the rim light comes")
+    rim_elevation_deg: float = Field(30.0, ge=-90, le=90)
+    follows_camera: bool | None = Field(
+        None, description="the lights turn with the camera; default: not where a fabric lies still"
+    )
+    shadows: bool = Field(True, description="fibres shadow one another from the key light")
+    occlusion: bool = Field(True, description="fibres hide the sky from one another")
+    shading: Literal["kajiya", "marschner"] = Field("marschner", description="model of a fibre's highlight")
+    tone: Tone = Field("neutral", description="srgb, neutral or aces: how bright highlights are kept from clipping")
     exposure: float = Field(0.0, ge=-20, le=20, description="in stops")
     background: tuple[str, str] = Field(("#f4f2ee", "#cfccc6"), description="top and bottom of the backdrop")
     finish: str | None = Field(None, description="how fibres shine; default: the fibre's kind")

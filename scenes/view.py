@@ -13,10 +13,11 @@ from ..render.backdrop import Backdrop
 from ..render.camera import Camera, frame, orbit
 from ..render.caption import caption, label
 from ..render.finish import FINISHES, Finish, finish_for
-from ..render.light import Background, Lighting
+from ..render.light import Background, KeyLight, Lighting
 from ..render.paint import paint
 from ..render.splat import Splatter
 from ..render.sprites import CRISP, SOFT, SpriteSheet, fibre_sprite, round_sprite, sheet_from_png
+from ..render.tone import tone_inverse
 from ..render.stage import Stage, stage_under
 from .models import Model, Panel
 from .prepare import fibre_kind
@@ -47,7 +48,8 @@ class View:
         self.model, self.scene, self.size, self.scale = model, model.scene, size, scale
         self.lighting, self.finish = lighting_of(self.scene), finish_of(self.scene)
         top, bottom = (tuple(float(v) for v in colour(name)) for name in self.scene.light.background)
-        self.background = Background(top=top, bottom=bottom)  # pyright: ignore[reportArgumentType]
+        ends = (tuple(tone_inverse(self.lighting.tone, end).tolist()) for end in (top, bottom))
+        self.background = Background(**dict(zip(("top", "bottom"), ends, strict=True)))
         self._splatters: list[Splatter] = []
         self._panels: list[Panel] = []
         self._stages: list[Stage | None] = []
@@ -133,22 +135,43 @@ class View:
 
 
 def lighting_of(scene: Scene) -> Lighting:
-    """The scene's lights. Directions are the viewer's when the light follows the camera, else the world's."""
+    """The scene's lights. They stay where they are for the first view, or turn with the camera."""
     section = scene.light
-    azimuth, elevation = radians(section.key_azimuth_deg), radians(section.key_elevation_deg)
+    follows = section.follows_camera
+    if follows is None:
+        follows = scene.subject != "fabric"
+
+    def direction(azimuth_deg: float, elevation_deg: float) -> tuple[float, float, float]:
+        azimuth = radians(azimuth_deg + (0.0 if follows else scene.camera.azimuth_deg))
+        elevation = radians(elevation_deg)
+        return sin(azimuth) * cos(elevation), sin(elevation), cos(azimuth) * cos(elevation)
+
+    rim = KeyLight(
+        direction=direction(section.rim_azimuth_deg, section.rim_elevation_deg),
+        intensity=section.rim_strength,
+        follows_camera=follows,
+        size=section.key_size_deg,
+        casts_shadow=section.shadows,
+    )
     return Lighting(
-        direction=(sin(azimuth) * cos(elevation), sin(elevation), cos(azimuth) * cos(elevation)),
-        key_follows_camera=section.follows_camera,
+        direction=direction(section.key_azimuth_deg, section.key_elevation_deg),
+        key_follows_camera=follows,
         key=section.key_strength,
         fill=section.fill_strength,
         exposure=section.exposure,
+        size=section.key_size_deg,
+        shadows=section.shadows,
+        occlusion=section.occlusion,
+        others=(rim,) if section.rim_strength > 0 else (),
+        tone=section.tone,
     )
 
 
 def finish_of(scene: Scene) -> Finish:
     """How the scene's fibres answer light: the stated finish, or that of their kind."""
     stated = scene.light.finish or fibre_kind(scene).finish
-    return finish_for(stated) if stated in FINISHES or scene.light.finish else Finish()
+    finish = finish_for(stated) if stated in FINISHES or scene.light.finish else Finish()
+    return replace(finish, model=scene.light.shading)
 
 
 def _sprite(scene: Scene) -> tuple:
