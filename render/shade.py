@@ -117,7 +117,7 @@ def shade(layout: Switch, shading: Switch, particles: Blocks, light: Blocks, c: 
     fill_g = c[GROUND, 1] + (c[SKY, 1] - c[GROUND, 1]) * upward
     fill_b = c[GROUND, 2] + (c[SKY, 2] - c[GROUND, 2]) * upward
     if ti.static(shading.sky >= 0):
-        seen = light[b, shading.sky] * (0.5 + 0.5 * opening)
+        seen = light[b, shading.sky] * opening
         fill_r *= bounced(seen, albedo_r)
         fill_g *= bounced(seen, albedo_g)
         fill_b *= bounced(seen, albedo_b)
@@ -144,8 +144,8 @@ def shade(layout: Switch, shading: Switch, particles: Blocks, light: Blocks, c: 
         if ti.static(shading.shadows[k] >= 0):
             passed = light[b, shading.shadows[k]]
             rim *= passed
-        elif ti.static(layout.openness):
-            passed = 1.0 - c[EDGE, 1] * (1.0 - opening)
+        if ti.static(layout.openness):
+            passed *= 1.0 - c[EDGE, 1] * (1.0 - opening)
         lit *= passed
         rim *= 0.35 + 0.65 * facing
         gleam = Vec16(0.0)

@@ -1,7 +1,7 @@
 """From linear light to the screen: plain sRGB, or a curve that keeps bright highlights from clipping.
 
 srgb     light above 1 is cut off
-neutral  unchanged up to 0.76, then 1 - d^2 / (x + d - 0.76) with d = 0.24: the shoulder of the Khronos PBR
+neutral  unchanged up to 0.84, then 1 - d^2 / (x + d - 0.84) with d = 0.16: the shoulder of the Khronos PBR
          Neutral tone mapper (2024), made for product pictures whose colours must stay; here channel by channel
 aces     (x (2.51 x + 0.03)) / (x (2.43 x + 0.59) + 0.14) of 0.6 x: K. Narkowicz, "ACES filmic tone mapping
          curve", 2015, a fit to the film industry's curve, with more contrast
@@ -22,7 +22,7 @@ TONES: tuple[Tone, ...] = get_args(Tone)
 WHITE: dict[Tone, float] = {"srgb": 1.0, "neutral": 4.0, "aces": 8.0}
 """Brightest light that still differs from what is brighter."""
 
-SHOULDER = 0.76
+SHOULDER = 0.84
 
 
 def tone_curve(tone: Tone, light: ArrayLike) -> NDArray[np.float64]:
