@@ -1,7 +1,7 @@
 """Paint what stands behind the particles: the background's gradient, the floor's shadows, then the meshes.
 
-Meshes are shaded like cloth without fibres: Lambert's law for the key light and a fill that goes from the ground's
-colour to the sky's as the normal turns upward, on smooth normals turned towards the viewer.
+Meshes are shaded like cloth without fibres: Lambert's law for every distant light and a fill that goes from the
+ground's colour to the sky's as the normal turns upward, on smooth normals turned towards the viewer.
 """
 
 # In kernels a name stands for a Taichi expression, which type checkers cannot follow.
@@ -27,8 +27,8 @@ ShadowAt = Callable[[NDArray[np.float32]], NDArray[np.float32]]
 """From points (n, 3) [m] to the share of the key light that reaches each, (n,)."""
 
 # Rows of the argument `c`, three numbers each.
-ROTATION, EYE, LENS, KEY_DIRECTION, KEY, SKY, GROUND, FLOOR = 0, 3, 4, 5, 6, 7, 8, 9
-CONSTANT_ROWS = 11  # FLOOR: height, centre x and z [m], then in the next row cells per metre
+ROTATION, EYE, LENS, SKY, GROUND, FLOOR = 0, 3, 4, 5, 6, 7
+CONSTANT_ROWS = 9  # FLOOR: height, centre x and z [m], then in the next row cells per metre
 
 
 def paint(
@@ -43,7 +43,8 @@ def paint(
 ) -> Backdrop | None:
     """The backdrop for `Splatter.render`; None when there is neither a mesh nor a stage.
 
-    shadow_at: what the particles leave of the key light on the mesh; without it they cast no shadow there.
+    shadow_at: what the particles leave of the key light on the mesh, such as `splatter.light.key_map().shadow_at`;
+    without it they cast no shadow there.
     """
     if mesh is None and stage is None:
         return None
@@ -52,8 +53,7 @@ def paint(
     c = np.zeros((CONSTANT_ROWS, 3), np.float32)
     c[ROTATION : ROTATION + 3], c[EYE] = camera.rotation, camera.eye
     c[LENS] = camera.focal, camera.cx, camera.cy
-    c[KEY_DIRECTION] = lighting.towards_key(camera)
-    c[KEY], c[SKY], c[GROUND] = lighting.radiances()
+    _, c[SKY], c[GROUND] = lighting.radiances()
     width = padded(camera.width)
     colour = np.empty((camera.height, width, 3), np.float32)
     _floor(stage is not None, width, *_floor_arguments(c, camera, lighting, stage), background.ends(), colour)
@@ -65,7 +65,9 @@ def paint(
         row, column = np.nonzero(face >= 0)
         passing = np.ones(face.shape, np.float32)
         passing[row, column] = shadow_at(unproject(camera, row, column, depth[row, column]))
-    _shade(width, shadow_at is not None, c, mesh.faces, mesh.colour, mesh.normals, edges, face, passing, colour)
+    lamps = [(lamp.towards(camera), np.multiply(lamp.intensity, lamp.colour)) for lamp in lighting.lights]
+    lamps = np.array(lamps, np.float32) * np.array([[1.0], [2.0**lighting.exposure]], np.float32)
+    _shade(width, shadow_at is not None, c, lamps, mesh.faces, mesh.colour, mesh.normals, edges, face, passing, colour)
     return Backdrop(colour, tiled(depth), face, edges)
 
 
@@ -141,6 +143,7 @@ def _shade(
     width: Int,
     shadowed: Switch,
     c: Floats2,
+    lamps: Floats3,  # direction towards each, then its radiance
     # mesh:
     faces: Ints2,
     albedo: Floats2,
@@ -164,13 +167,16 @@ def _shade(
             ray = ti.Vector([u * c[0, k] + v * c[1, k] + c[2, k] for k in ti.static(range(3))])
             if n.dot(ray) > 0.0:
                 n = -n
-            key = ti.max(n[0] * c[KEY_DIRECTION, 0] + n[1] * c[KEY_DIRECTION, 1] + n[2] * c[KEY_DIRECTION, 2], 0.0)
-            if ti.static(shadowed):
-                key *= passing[y, x]
             upward = 0.5 + 0.5 * n[1]
+            lit = ti.Vector([c[GROUND, k] + (c[SKY, k] - c[GROUND, k]) * upward for k in ti.static(range(3))])
+            for j in range(lamps.shape[0]):
+                share = ti.max(n[0] * lamps[j, 0, 0] + n[1] * lamps[j, 0, 1] + n[2] * lamps[j, 0, 2], 0.0)
+                if ti.static(shadowed):
+                    share *= passing[y, x] if j == 0 else 1.0
+                for k in ti.static(range(3)):
+                    lit[k] += share * lamps[j, 1, k]
             for k in ti.static(range(3)):
                 own = 0.0
                 for j in ti.static(range(3)):
                     own += b[j] * albedo[faces[f, j], k]
-                fill = c[GROUND, k] + (c[SKY, k] - c[GROUND, k]) * upward
-                colour_out[y, x, k] = own * (fill + c[KEY, k] * key)
+                colour_out[y, x, k] = own * lit[k]

@@ -37,8 +37,8 @@ ROOM = 2.4
 FADE = (0.42, 0.98)
 """Where the floor begins and ends to turn into the background, in half sides of the map."""
 
-LIGHT_SIZE = 0.16
-"""Standard deviation of the key light's shadow, in heights: a soft box of about 30 degrees."""
+SOFTEST = 0.08
+"""Least standard deviation of a shadow on the floor, in heights: a map of layers holds no sharper one."""
 
 LOWEST_KEY = 0.2
 """A key light lower than this (sine of its elevation) gives the shadow of one that high, fainter."""
@@ -84,15 +84,17 @@ class Stage:
         blocked = np.fft.irfft2(total, (2 * CELLS, 2 * CELLS))[:CELLS, :CELLS]
         return np.clip(blocked, 0, 1).astype(np.float32)
 
-    def key_passing(self, towards: NDArray[np.float64]) -> NDArray[np.float32]:
-        """Share 0..1 of the key light from the unit direction `towards` that reaches each place, (CELLS, CELLS)."""
+    def key_passing(self, towards: NDArray[np.float64], size_deg: float = 6.0) -> NDArray[np.float32]:
+        """Share 0..1 of a light from the unit direction `towards`, `size_deg` wide, that reaches each place,
+        (CELLS, CELLS)."""
+        softness = max(SOFTEST, np.tan(np.radians(size_deg) / 2))
         slope = towards[[0, 2]] / max(float(towards[1]), LOWEST_KEY)
         passing = np.ones((CELLS, CELLS), np.float32)
         for height, cover in zip(self.heights, self.cover, strict=True):
             shift = -slope * height / self.cell
             there = np.array([[1, 0, shift[0]], [0, 1, shift[1]]])
             moved = cv2.warpAffine(cover, there, (CELLS, CELLS), flags=cv2.INTER_LINEAR)
-            sigma = max(0.8, LIGHT_SIZE * height / self.cell)
+            sigma = max(0.8, softness * height / self.cell)
             passing *= 1 - np.clip(cv2.GaussianBlur(moved, (0, 0), sigma), 0, 1)
         return passing
 
@@ -101,7 +103,7 @@ class Stage:
         towards = lighting.towards_key(camera)
         key, sky, _ = lighting.radiances()
         key = key * max(float(towards[1]), 0.0)
-        lit = key * self.key_passing(towards)[..., None] + sky * (1 - self.sky_blocked)[..., None]
+        lit = key * self.key_passing(towards, lighting.size)[..., None] + sky * (1 - self.sky_blocked)[..., None]
         place = (np.arange(CELLS) + 0.5) / CELLS * 2 - 1
         far = np.clip((np.hypot(place[:, None], place) - FADE[0]) / (FADE[1] - FADE[0]), 0, 1)
         fade = 1 - far**2 * (3 - 2 * far)

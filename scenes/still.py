@@ -17,9 +17,11 @@ from numpy.typing import NDArray
 from taichi_cloth import runtime
 from taichi_cloth.errors import InputError, did_you_mean
 
+from ..render.camera import Camera
 from ..render.exr import require_exr, write_exr
 from ..render.image import linear_to_srgb, write_bytes, write_png
 from ..render.passes import PASSES, Passes, render_passes
+from ..render.tone import Tone, tone_curve
 from .load import load_scene
 from .models import Model, Numbers, build
 from .plan import plan
@@ -99,23 +101,28 @@ def shoot(
     model: Model, scene: Scene, size: tuple[int, int], wanted: tuple[str, ...], form: str, supersample: int
 ) -> dict[str, tuple[dict[str, Any], Callable[[Path], None]]]:
     """File name to (what its values mean, how to write it); `still.json` is the last."""
-    colours: list[NDArray[np.float32]] = []
+    colours: list[NDArray[np.float32] | None] = []
+    cameras: list[Camera] = []
     if "colour" in wanted:
         view = View(model, size, scale=supersample)
-        colours = [_averaged(_linear(shot, view), supersample) for shot in view.shots()]
+        for shot in view.shots():
+            colours.append(_averaged(_linear(shot, view), supersample))
+            cameras.append(_shrunk(shot.camera, supersample))
     data = tuple(name for name in wanted if name != "colour")
-    exact = View(model, size)
+    made = list(View(model, size).shots(plain=True)) if data else []
     layers, left = [], 0
-    for k, shot in enumerate(exact.shots()):
-        numbers = shot.panel.numbers() if "id" in data and shot.panel.numbers else None
-        particles = shot.panel.particles
-        if numbers is not None:
-            particles = replace(particles, yarn=numbers.yarn, part=numbers.part)
-        made = render_passes(shot.splatter, shot.camera, particles, data, backdrop=shot.backdrop)
-        camera = shot.camera.matrices() | {"left": left}
-        layers.append(Layers(colours[k] if colours else None, made, camera, numbers))
-        left += shot.camera.width
-    files = _files(layers, size[0], form)
+    for k in range(len(made) or len(colours)):
+        passes, numbers, camera = Passes(), None, made[k].camera if data else cameras[k]
+        if data:
+            panel, particles = made[k].panel, made[k].panel.particles
+            if "id" in data and panel.numbers:
+                numbers = panel.numbers()
+                particles = replace(particles, yarn=numbers.yarn, part=numbers.part)
+            passes = render_passes(made[k].splatter, camera, particles, data, backdrop=made[k].backdrop)
+        described = camera.matrices() | {"left": left}
+        layers.append(Layers(colours[k] if colours else None, passes, described, numbers))
+        left += camera.width
+    files = _files(layers, size[0], form, scene.light.tone)
     about = {
         "scene": scene.title,
         "size": list(size),
@@ -131,6 +138,12 @@ def shoot(
     return files
 
 
+def _shrunk(camera: Camera, by: int) -> Camera:
+    """The same view on an image `by` times smaller each way."""
+    width, height = camera.width // by, camera.height // by
+    return replace(camera, focal=camera.focal / by, cx=camera.cx / by, cy=camera.cy / by, width=width, height=height)
+
+
 def _linear(shot: Shot, view: View) -> NDArray[np.float32]:
     """Linear colour (h, w, 3) of a shot over what stands behind it."""
     rgba = shot.splatter.linear()
@@ -143,12 +156,23 @@ def _linear(shot: Shot, view: View) -> NDArray[np.float32]:
     return (rgba[..., :3] + through * behind).astype(np.float32)
 
 
+def _shown(colour: NDArray[np.float32], tone: Tone, top: int) -> NDArray[Any]:
+    """sRGB, rounded by a fixed fine pattern so that smooth backgrounds show no bands (J. Jimenez, "Next generation
+    post processing in Call of Duty", 2014: interleaved gradient noise)."""
+    y, x = np.indices(colour.shape[:2], np.float32)
+    pattern = (52.9829189 * ((0.06711056 * x + 0.00583715 * y) % 1.0)) % 1.0
+    value = linear_to_srgb(tone_curve(tone, colour)) * top + np.expand_dims(pattern, -1)
+    return np.minimum(value, top).astype(np.uint8 if top == 255 else np.uint16)
+
+
 def _averaged(image: NDArray[np.float32], by: int) -> NDArray[np.float32]:
     height, width, channels = image.shape
     return image.reshape(height // by, by, width // by, by, channels).mean(axis=(1, 3), dtype=np.float32)
 
 
-def _files(layers: list[Layers], width: int, form: str) -> dict[str, tuple[dict[str, Any], Callable[[Path], None]]]:
+def _files(
+    layers: list[Layers], width: int, form: str, tone: Tone
+) -> dict[str, tuple[dict[str, Any], Callable[[Path], None]]]:
     """The files of the passes that were made."""
 
     def joined(images: list[Any]) -> NDArray[Any] | None:
@@ -167,8 +191,8 @@ def _files(layers: list[Layers], width: int, form: str) -> dict[str, tuple[dict[
     colour = joined([one.colour for one in layers])
     if colour is not None:
         top = 255 if form == "png" else MOST
-        sheet = colour if exr else (linear_to_srgb(colour) * top + 0.5).astype(np.uint8 if top == 255 else np.uint16)
-        put("colour", {"is": "linear light" if exr else f"sRGB, 0 to {top}"}, sheet, "R G B")
+        meaning = {"is": "linear light, before the tone curve" if exr else f"sRGB, 0 to {top}", "tone": tone}
+        put("colour", meaning, colour if exr else _shown(colour, tone, top), "R G B")
     depth = joined([one.passes.depth for one in layers])
     if depth is not None:
         on = depth > 0

@@ -66,9 +66,14 @@ class View:
         for k in numbers:
             yield k, self._draw([row[k] for row in cameras])
 
-    def shots(self) -> Iterator[Shot]:
-        """The panels as the first view of a turntable shows them, drawn one after the other, without words."""
+    def shots(self, *, plain: bool = False) -> Iterator[Shot]:
+        """The panels as the first view of a turntable shows them, drawn one after the other, without words.
+
+        plain: without shadows, occlusion and floor, for passes that do not need them.
+        """
         self._load()
+        if plain:
+            self.lighting, self._stages = Lighting(), [None] * len(self._panels)
         azimuth = self.scene.camera.azimuth_deg
         for k, (panel, splatter) in enumerate(zip(self._panels, self._splatters, strict=True)):
             width, height = splatter.width, splatter.height
