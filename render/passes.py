@@ -6,7 +6,7 @@ that still passes, front to back,
     depth      where T falls through 0.5: the front of that particle, as a ball of its radius (a round thread for
                an elliptic one) [m along the viewing direction]; 0 where T stays above
     hit        which particle that is, -1 for none; from it come yarn and part, never blended
-    normal     sum of T alpha n over all particles, made unit; world axes; 0 where nothing is
+    normal     sum of T alpha n over all particles, made unit; world axes; 0 where less than LEAST is covered
     coverage   1 - T
 
 A mesh counts as an opaque surface. This kernel is slower than `raster` and runs only when asked.
@@ -34,6 +34,9 @@ from .splat import Splatter
 __all__ = ["PASSES", "Passes", "render_passes"]
 
 PASSES = ("depth", "normal", "mask", "id")
+
+LEAST = 1 / 65535
+"""Coverage below which a pixel is empty: a step of 16 bits."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +129,8 @@ def render_passes(
             normal[row, column] += through[row, column, None] * _mesh_normals(mesh, camera, backdrop, row, column)
     if normals:
         length = np.linalg.norm(normal, axis=-1, keepdims=True)
-        made["normal"] = normal / np.where(length > 0, length, 1)
+        there = (length > 0) & (made["mask"][..., None] >= LEAST)
+        made["normal"] = np.where(there, normal / np.where(there, length, 1), np.float32(0))
     wanted = set(which) | ({"yarn", "part"} if "id" in which else set())
     return Passes(**{name: image for name, image in made.items() if name in wanted})
 
