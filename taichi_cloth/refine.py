@@ -70,6 +70,12 @@ class RefiningStream:
         self._known = np.zeros(0, np.int64)
         self._near: FabricStream | None = None
         self._batch = np.zeros((0, ROWS, LANES), np.float32)
+        bank, base = fabric.bank, self.base
+        beyond = np.maximum(np.abs(bank.u - 0.5) - 0.5, 0.0) * float(base.pitch.max())
+        reach = beyond + np.linalg.norm(bank.offset, axis=1) + bank.half_length
+        filled = base.size > 0
+        self._reach = np.zeros(len(base.size))  # of each template without its hairs, which stand open on all sides
+        self._reach[filled] = np.maximum.reduceat(np.where(bank.openness < 1.0, reach, 0.0), bank.start[:-1][filled])
 
     def survey(self, camera: Pinhole) -> Refined:
         """Where every block is, and every piece of the fibres near the camera."""
@@ -78,6 +84,7 @@ class RefiningStream:
         with np.errstate(divide="ignore"):
             pixels = radius * camera.focal / np.maximum(seen.depth, camera.near)
         near = np.flatnonzero((seen.counts > 0) & (pixels > PART[0]))
+        near = near[self._in_view(near, camera)]
         if len(near) > MOST_BLOCKS:
             near = np.sort(near[np.argsort(seen.depth[near], kind="stable")[:MOST_BLOCKS]])
         view = np.zeros((7, 3), np.float32)
@@ -136,6 +143,22 @@ class RefiningStream:
     def allocated(self) -> int:
         """Bytes of the batches' arrays."""
         return self.base.allocated + self._batch.nbytes
+
+    def _in_view(self, blocks: NDArray[np.int64], camera: Pinhole) -> NDArray[np.bool_]:
+        """Whether the spheres round the blocks' own fibres, without hairs, touch the frustum."""
+        records, points = self.base.fabric.layout.blocks, self.base.points
+        p0, p1 = points[records.key0[blocks]], points[records.key1[blocks]]
+        r = np.linalg.norm(p1 - p0, axis=1) / 2 + self._reach[self.base.fabric.bank.template[blocks]]
+        x, y, z = ((p0 + p1) / 2 @ np.asarray(camera.rotation).T + np.asarray(camera.translation)).T
+        inside = z + r > camera.near
+        for across, edge in (
+            (-x, camera.cx),
+            (x, camera.width - camera.cx),
+            (-y, camera.cy),
+            (y, camera.height - camera.cy),
+        ):
+            inside &= camera.focal * across - edge * z <= r * np.hypot(camera.focal, edge)
+        return inside
 
     def _part(self, near: NDArray[np.int64], pixels: F32) -> F32:
         """The pieces of all real fibres of these blocks, (n, WIDTH)."""

@@ -46,7 +46,7 @@ TILE = 16
 
 
 class Pinhole(Protocol):
-    """A camera in OpenCV's convention: world to camera rotation (3, 3) and translation (3,), lens and size in pixels."""
+    """A camera in OpenCV's convention: world to camera rotation (3, 3) and translation (3,), lens and size [px]."""
 
     rotation: Any
     translation: Any
@@ -238,6 +238,19 @@ def _survey(
             drawn = radius[t] * view[4, 0] / ti.max(z, near)
             if target > 0:
                 share = ti.min((drawn / target) ** 2, FULL)
+            # Outside a side of the frustum, whose plane has the normal (focal, edge) in (x, z): out of view.
+            f, slack = view[4, 0], 4.0 + 3.0 * target
+            for side in ti.static(range(4)):
+                edge, across = view[4, 1], -x
+                if ti.static(side == 1):
+                    edge, across = view[5, 0] - view[4, 1], x
+                if ti.static(side == 2):
+                    edge, across = view[4, 2], -y
+                if ti.static(side == 3):
+                    edge, across = view[5, 1] - view[4, 2], y
+                edge += slack
+                if f * across - edge * z > r * ti.sqrt(f * f + edge * edge):
+                    share = 0.0
             last_x = ti.cast(view[5, 0] - 1, ti.i32) // TILE
             last_y = ti.cast(view[5, 1] - 1, ti.i32) // TILE
             left, right, top, bottom = 0, last_x, 0, last_y
@@ -253,7 +266,7 @@ def _survey(
                 top = ti.cast(ti.floor(ti.max(cy - high, 0.0) / TILE), ti.i32)
                 right = ti.cast(ti.floor(ti.min(cx + wide, view[5, 0] - 1) / TILE), ti.i32)
                 bottom = ti.cast(ti.floor(ti.min(cy + high, view[5, 1] - 1) / TILE), ti.i32)
-            if left <= right and top <= bottom:
+            if share > 0.0 and left <= right and top <= bottom:
                 count = ti.min(size[t], ti.max(1, ti.cast(ti.ceil(share * size[t]), ti.i32)))
             else:
                 left, right, top, bottom = 1, 0, 1, 0
