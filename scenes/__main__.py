@@ -91,6 +91,26 @@ def animate(
     run("animate", scene, changed, size=size, out=out, resume=resume, arch=arch, threads=threads)
 
 
+@app.command("zoom")
+def make_zoom(
+    scene: SceneName,
+    overrides: Overrides = None,
+    frames: Annotated[int | None, typer.Option("--frames", help="Frames; default: the scene's.")] = None,
+    size: Size = None,
+    out: Out = None,
+    webp: Webp = False,
+    resume: Resume = False,
+    arch: Arch = "cpu",
+    threads: Threads = None,
+) -> None:
+    """One continuous move from the whole cloth to one fibre: a PNG a frame, an MP4 and a contact sheet."""
+    from .run import run
+
+    changed = list(overrides or []) + ([f"output.frames={frames}"] if frames is not None else [])
+    changed += ["output.webp=true"] if webp else []
+    run("zoom", scene, changed, size=size, out=out, resume=resume, arch=arch, threads=threads)
+
+
 @app.command("still")
 def make_still(
     scene: SceneName,
@@ -124,10 +144,20 @@ def profile(
     scene: SceneName = "swatch",
     overrides: Overrides = None,
     repeats: Annotated[int, typer.Option("--repeats", help="Timed runs of each stage.")] = 15,
+    render: Annotated[bool, typer.Option("--render", help="Time the splatter's paths and how they scale.")] = False,
+    largest: Annotated[float, typer.Option("--largest", help="With --render: particles to scale up to.")] = 1e7,
     arch: Arch = "cpu",
     threads: Threads = None,
 ) -> None:
     """Time building and drawing: this scene, and the fixed work the paper's T-shirt sets. Medians."""
+    if render:
+        from .profile_render import render_profile_lines
+
+        for line in render_profile_lines(
+            scene, overrides, largest=largest, repeats=repeats, arch=arch, threads=threads
+        ):
+            typer.echo(line)
+        return
     from .profile import profile_lines
 
     for line in profile_lines(scene, overrides, repeats=repeats, arch=arch, threads=threads):

@@ -1,4 +1,4 @@
-"""Turntables and animations: frames to disk, then the video and the contact sheet."""
+"""Turntables, animations and zooms: frames to disk, then the video and the contact sheet."""
 
 import sys
 from pathlib import Path
@@ -20,10 +20,11 @@ from .report import fact_lines, plan_lines
 from .schema import Scene
 from .sequence import Sequence, fingerprint
 from .view import View
+from .zoom import zoom
 
 __all__ = ["image_size", "run"]
 
-Command = Literal["turntable", "animate"]
+Command = Literal["turntable", "animate", "zoom"]
 
 
 def run(
@@ -41,12 +42,14 @@ def run(
     scene = load_scene(name, overrides)
     if command == "animate" and scene.subject != "twist":
         raise InputError(f"animate: {name} stands still; use turntable, or animate twist")
+    if command == "zoom" and scene.subject != "fabric":
+        raise InputError(f"zoom: {name} has no [weave]; use a woven scene, such as swatch")
     width_height = image_size(size, scene)
     planned = plan(scene)
     runtime.start(arch, threads=threads)
     model = build(scene, planned.prepared)
     view = View(model, width_height)
-    count = scene.output.views if command == "turntable" else model.frames
+    count = {"turntable": scene.output.views, "animate": model.frames, "zoom": scene.output.frames}[command]
     folder = out or Path("out") / Path(name).stem
     sequence = Sequence.open(folder, fingerprint(scene, command, width_height, count), count, resume=resume)
     for line in (*plan_lines(planned), *fact_lines(model.facts())):
@@ -56,6 +59,8 @@ def run(
     if command == "turntable":
         model.step(model.frames - 1)
         frames = view.turntable(count, todo)
+    elif command == "zoom":
+        frames = zoom(view, count, todo)
     else:
         frames = view.animation(todo)
     with _progress() as bar:
