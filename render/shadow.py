@@ -119,7 +119,7 @@ def cast(
     deep = max(float(high[2] - low[2]), 4.0 * radius)
     texel = max(float((high - low)[:2].max()) / resolution, texel_radii * radius)
     softness = 2.0 * tan(radians(size_deg) / 2) / texel
-    count = min(MOST_LEVELS, max(1, ceil(log2(max(softness * deep, 2.0))))) if size_deg > 0 else 0
+    count = min(MOST_LEVELS, max(1, ceil(log2(max(softness * deep, 4.0))) - 1)) if size_deg > 0 else 0
     block = 1 << count
     margin = block * ceil((2.0 + 4.0 * radius / texel) / block)
     origin = (np.floor(low[:2] / texel) - margin) * texel

@@ -253,10 +253,10 @@ def coarsen(
 @ti.func
 def _bilinear(first, width, height, u, v, depth, span, root, nearest: Floats1, through: Floats2):
     """Transmittance at u, v [texels of this level] and a depth [m]; and how far behind the first depth [m]."""
-    column = ti.min(ti.max(u - 0.5, 0.0), ti.cast(width - 2, ti.f32))
-    row = ti.min(ti.max(v - 0.5, 0.0), ti.cast(height - 2, ti.f32))
-    left = ti.cast(column, ti.i32)
-    top = ti.cast(row, ti.i32)
+    column = ti.min(ti.max(u - 0.5, 0.0), ti.cast(width - 1, ti.f32))
+    row = ti.min(ti.max(v - 0.5, 0.0), ti.cast(height - 1, ti.f32))
+    left = ti.min(ti.cast(column, ti.i32), width - 2)
+    top = ti.min(ti.cast(row, ti.i32), height - 2)
     f = column - left
     g = row - top
     total = 0.0
@@ -294,8 +294,8 @@ def _through(soft: Switch, levels: Ints2, u, v, depth, softness, span, root, nea
         )
         behind = ti.max(behind, reach)
         penumbra = behind * softness
-        if penumbra > 1.0:
-            level = ti.min(ti.log(penumbra) * 1.4427, ti.cast(top, ti.f32))
+        if penumbra > 2.0:  # texels of half that width, read over two of them
+            level = ti.min(ti.log(penumbra) * 1.4427 - 1.0, ti.cast(top, ti.f32))
             low = ti.min(ti.cast(level, ti.i32), top - 1)
             mix = level - low
             if low > 0:
@@ -312,6 +312,12 @@ def _through(soft: Switch, levels: Ints2, u, v, depth, softness, span, root, nea
                 )  # fmt: skip
             value += mix * (far - value)
     return value
+
+
+@ti.func
+def _slope(cosine):
+    """1 + tan of the angle between light and normal, up to 4: how the depth of a surface varies over a texel."""
+    return 1.0 + ti.min(ti.sqrt(ti.max(1.0 - cosine * cosine, 0.0)) / ti.max(cosine, 0.05), 3.0)
 
 
 @ti.kernel
@@ -333,8 +339,8 @@ def gather(
 ):
     """light_out[block, row, lane]: the light that reaches each particle, 0..1.
 
-    A particle reads at its centre moved `offset` [m] and half its radius out along its normal, and `lag` [m] and
-    half its radius towards the light: the places where its own neighbours on the surface do not yet shadow it.
+    A particle reads at its centre moved `offset` [m] and half its radius out along its normal, and half its
+    radius and `lag` [m], more where the surface slopes, towards the light: the places where its own neighbours on the surface do not yet shadow it.
     """
     for i in range(particles.shape[0] * LANES):
         b = i // LANES
@@ -349,7 +355,12 @@ def gather(
             u = (px * axes[RIGHT, 0] + py * axes[RIGHT, 1] + pz * axes[RIGHT, 2] - axes[ORIGIN, 0]) * axes[SCALE, 0]
             v = (px * axes[UP, 0] + py * axes[UP, 1] + pz * axes[UP, 2] - axes[ORIGIN, 1]) * axes[SCALE, 0]
             depth = px * axes[AWAY, 0] + py * axes[AWAY, 1] + pz * axes[AWAY, 2] - axes[ORIGIN, 2]
-            depth -= lag + 0.5 * size
+            cosine = -(
+                axes[AWAY, 0] * particles[b, NORMAL, lane]
+                + axes[AWAY, 1] * particles[b, NORMAL + 1, lane]
+                + axes[AWAY, 2] * particles[b, NORMAL + 2, lane]
+            )
+            depth -= lag * _slope(cosine) + 0.5 * size
             value = _through(soft, levels, u, v, depth, softness, span, root, nearest, through)
         light_out[b, row, lane] = value
 
@@ -385,7 +396,7 @@ def ambient(
             u = (px * axes[RIGHT, 0] + py * axes[RIGHT, 1] + pz * axes[RIGHT, 2] - axes[ORIGIN, 0]) * axes[SCALE, 0]
             v = (px * axes[UP, 0] + py * axes[UP, 1] + pz * axes[UP, 2] - axes[ORIGIN, 1]) * axes[SCALE, 0]
             depth = px * axes[AWAY, 0] + py * axes[AWAY, 1] + pz * axes[AWAY, 2] - axes[ORIGIN, 2]
-            depth -= lag + 0.5 * size
+            depth -= lag * _slope(cosine) + 0.5 * size
             value, _ = _bilinear(levels[0, 0], levels[0, 1], levels[0, 2], u, v, depth, span, root, nearest, through)
             sums[i, 0] += cosine * value
             sums[i, 1] += cosine

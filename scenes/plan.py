@@ -95,7 +95,19 @@ def plan(scene: Scene) -> Plan:
         left["fibre blocks"] = "the scene has no [weave]"
     drawn = "elongated splats, analytic alpha" if scene.fibre.sprite in ("thread", "soft") else "textured sprites"
     built["splatter"] = f"{scene.output.size[0]} × {scene.output.size[1]} px, {drawn}"
-    order = ("fibre lattice", "yarn", "hairs", "twist", "weave", "fibre blocks", "splatter")
+    lamps = 2 if scene.light.rim_strength > 0 else 1
+    if scene.light.shadows:
+        built["light pass"] = f"transmittance of fibres to {lamps} light{'s' * (lamps > 1)}, once a pose and direction"
+    else:
+        left["light pass"] = "light.shadows is false"
+    if scene.light.occlusion and scene.light.fill_strength > 0:
+        built["occlusion"] = "the sky that fibres leave each other, from directions all round, once a pose"
+    else:
+        why = "light.occlusion is false" if not scene.light.occlusion else "light.fill_strength is 0"
+        left["occlusion"] = f"{why}; the depth in the yarn stands for it"
+    order = (
+        "fibre lattice", "yarn", "hairs", "twist", "weave", "fibre blocks", "light pass", "occlusion", "splatter",
+    )  # fmt: skip
     stages = tuple(
         Stage(name, name in built, built.get(name) or left[name]) for name in order if name in built or name in left
     )

@@ -143,9 +143,9 @@ class Camera(Section):
 class Light(Section):
     """Lights, and how brightness is made of them. Directions are the viewer's of the first view."""
 
-    key_azimuth_deg: float = Field(-50.0, description="from where the key light comes, from the camera's right")
-    key_elevation_deg: float = Field(42.0, ge=-90, le=90)
-    key_strength: float = Field(1.5, ge=0, le=1e3)
+    key_azimuth_deg: float = Field(-68.0, description="from where the key light comes, from the camera's right")
+    key_elevation_deg: float = Field(38.0, ge=-90, le=90)
+    key_strength: float = Field(1.9, ge=0, le=1e3)
     key_size_deg: float = Field(5.0, ge=0, le=90, description="how wide the key light is: soft shadows")
     fill_strength: float = Field(0.5, ge=0, le=1e3)
     rim_strength: float = Field(0.0, ge=0, le=1e3, description="a light from behind that makes fibres glow")
