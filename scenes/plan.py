@@ -7,7 +7,7 @@ from taichi_cloth.fibre import lattice_point_count
 from taichi_cloth.memory import memory_limit
 from taichi_cloth.sphere_set import sphere_set_from_rows
 
-from .prepare import DRAW_BYTES, Prepared, fibre_kind, prepare_fabric, yarn_of
+from .prepare import DRAW_BYTES, Prepared, fibre_kind, has_floor, prepare_fabric, yarn_of
 from .schema import Scene
 
 __all__ = ["Plan", "Stage", "plan"]
@@ -105,9 +105,16 @@ def plan(scene: Scene) -> Plan:
     else:
         why = "light.occlusion is false" if not scene.light.occlusion else "light.fill_strength is 0"
         left["occlusion"] = f"{why}; the depth in the yarn stands for it"
+    if has_floor(scene):
+        built["floor"] = "six layers of shadow under the subject"
+    else:
+        left["floor"] = "stage.ground is false" if subject == "fabric" else "only fabrics lie on one"
+    left["meshes"] = "the scene has none"
+    left["passes"] = "no depth, normal or id buffers; `still --passes` asks for them"
     order = (
-        "fibre lattice", "yarn", "hairs", "twist", "weave", "fibre blocks", "light pass", "occlusion", "splatter",
-    )  # fmt: skip
+        *("fibre lattice", "yarn", "hairs", "twist", "weave", "fibre blocks"),
+        *("light pass", "occlusion", "floor", "meshes", "splatter", "passes"),
+    )
     stages = tuple(
         Stage(name, name in built, built.get(name) or left[name]) for name in order if name in built or name in left
     )

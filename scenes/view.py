@@ -17,10 +17,10 @@ from ..render.light import Background, KeyLight, Lighting
 from ..render.paint import paint
 from ..render.splat import Splatter
 from ..render.sprites import CRISP, SOFT, SpriteSheet, fibre_sprite, round_sprite, sheet_from_png
-from ..render.tone import tone_inverse
 from ..render.stage import Stage, stage_under
+from ..render.tone import tone_inverse
 from .models import Model, Panel
-from .prepare import fibre_kind
+from .prepare import fibre_kind, has_floor
 from .schema import Scene
 
 __all__ = ["Shot", "View", "finish_of", "lighting_of"]
@@ -113,8 +113,7 @@ class View:
             ]
         for panel, splatter in zip(self._panels, self._splatters, strict=True):
             splatter.load(panel.particles)
-        ground = self.scene.stage.ground
-        on = self.scene.subject == "fabric" if ground is None else ground
+        on = has_floor(self.scene)
         self._stages = [stage_under(panel.particles) if on else None for panel in self._panels]
 
     def _draw(self, cameras: list[Camera]) -> Image:

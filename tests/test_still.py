@@ -16,6 +16,8 @@ from taichi_cloth.render.image import read_png
 from taichi_cloth.render.webp import write_webp
 from taichi_cloth.scenes import still as still_module
 from taichi_cloth.scenes.__main__ import main
+from taichi_cloth.scenes.load import load_scene
+from taichi_cloth.scenes.plan import plan
 
 SMALL = ["--set", "weave.ends=8", "--set", "weave.picks=6", "--size", "120x90"]
 
@@ -168,3 +170,16 @@ def test_webp_plays_and_is_whole_or_not_there(tmp_path: Path, monkeypatch: pytes
         write_webp(path, frames, fps=18)
     assert path.read_bytes() == before
     assert [p.name for p in tmp_path.iterdir()] == ["a.webp"]
+
+
+def test_plan_says_what_a_picture_leaves_out() -> None:
+    def stages(name: str, *overrides: str) -> dict[str, bool]:
+        return {stage.name: stage.built for stage in plan(load_scene(name, list(overrides))).stages}
+
+    swatch = stages("swatch")
+    assert swatch["floor"]
+    assert not swatch["meshes"]
+    assert not swatch["passes"]
+    assert not stages("swatch", "stage.ground=false")["floor"]
+    assert not stages("yarn")["floor"]
+    assert stages("yarn", "stage.ground=true")["floor"]
