@@ -15,8 +15,10 @@ from taichi_cloth.skin import skin_of
 from taichi_cloth.sphere_set import sphere_set_from_rows
 
 from ..render.camera import Camera, frame, look_at
+from ..render.light import Lighting
 from ..render.splat import Splatter
 from ..render.stream import stream
+from .gains import fit_gains
 from .models import FabricModel, Model
 from .prepare import fibre_kind
 from .view import View
@@ -41,17 +43,18 @@ def zoom(view: View, count: int, numbers: list[int]) -> Iterator[tuple[int, Imag
     width, height = view.size
     splatter = Splatter(width, height)
     cameras = path(view, source, count)
-    options = {"lighting": plain_lighting(view), "finish": view.finish, "background": view.background}
+    lighting = plain_lighting(view)
     for k in numbers:
-        image, _ = stream(splatter, cameras[k], source, **options)
+        image, _ = stream(
+            splatter, cameras[k], source, lighting=lighting, finish=view.finish, background=view.background
+        )
         yield k, image
 
 
-def plain_lighting(view: View):
+def plain_lighting(view: View) -> Lighting:
     """The view's lighting without shadows and occlusion."""
-    lighting = view.lighting
-    off = {"shadows": False, "occlusion": 0.0}
-    return replace(lighting, **{name: off[name] for name in off if hasattr(lighting, name)})
+    others = tuple(replace(light, casts_shadow=False) for light in view.lighting.others)
+    return replace(view.lighting, shadows=False, occlusion=False, others=others)
 
 
 def source_of(model: Model) -> RefiningStream:
@@ -62,7 +65,8 @@ def source_of(model: Model) -> RefiningStream:
     spheres = (
         sphere_set_from_rows(rows) if rows is not None else contour(fibre_kind(model.scene).name, length_m=SKIN_LENGTH)
     )
-    return RefiningStream(model.fabric, model.points, skin_of(spheres))
+    gains = fit_gains(model.fabric, model.points)
+    return RefiningStream(model.fabric, model.points, skin_of(spheres), gains=gains)
 
 
 def path(view: View, source: RefiningStream, count: int) -> list[Camera]:
