@@ -18,7 +18,7 @@ __all__ = ["SKY_DIRECTIONS", "occlude", "sphere_directions"]
 SKY_DIRECTIONS = 20
 """Directions over the whole sphere; a surface sees half of them."""
 
-MAP_SIZE, TEXEL = 256, 1.5
+MAP_SIZE, TEXEL = 256, 2.0
 """Texels along a map, and the smallest texel in radii: coarser than for a shadow, which has one direction."""
 
 

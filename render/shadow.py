@@ -23,7 +23,7 @@ __all__ = ["MAP_SIZE", "ShadowMap", "cast"]
 MAP_SIZE = 512
 """Texels along the longer side of a map; fewer where a texel would be smaller than TEXEL radii."""
 
-TEXEL = 0.8
+TEXEL = 1.5
 """Smallest texel, in radii of a typical particle."""
 
 MOST_LEVELS = 6

@@ -373,7 +373,8 @@ class Splatter:
         c[rows.IMAGE] = self.width, self.height, camera.near
         scale = projection.DEEPEST_KEY / max(float(depths.max()) - nearest, 1e-9)
         c[rows.DEPTH] = nearest, scale, self._opacity
-        c[rows.EDGE] = edge, KEY_SHADE / (2 if lighting.shadows else 1), 1.0 / (8.0 * np.sin(np.radians(finish.spread)) ** 2)
+        sharpness = 1.0 / (8.0 * np.sin(np.radians(finish.spread)) ** 2)
+        c[rows.EDGE] = edge, KEY_SHADE / (2 if lighting.shadows else 1), sharpness
         c[rows.LOBES] = finish.reflect, finish.transmit, finish.internal
         for k, other in enumerate(lighting.others):
             c[rows.OTHERS + 2 * k] = other.towards(camera)

@@ -38,6 +38,9 @@ STAMP_SIZE = 12
 """Numbers of a particle on the map: u, v [texels], depth [m], optical depth, half height, the rows s and t that
 turn an offset into -1..1, its edge, half width; two unused."""
 
+SMALL = 0.75
+"""A particle of smaller semi-axes [texels] is spread over four texels."""
+
 OPAQUEST = 0.97
 """Highest opacity counted: its optical depth, 3.5, is dark enough."""
 
@@ -101,6 +104,8 @@ def stamp(
             along = 0.5 + ti.sqrt(0.25 + long * long)
             edge = ti.max(0.5 * across, 1.0)
             alpha = ti.min(radius * long / (across * along * (1.0 - 0.5 / edge)), 1.0)
+            small = ti.max(SMALL - long, 0.0)  # above 0: bilinear over four texels, by its area
+            alpha = ti.select(small > 0.0, ti.min(3.1416 * radius * long, 0.95), alpha)
             if ti.static(layout.opacity):
                 alpha *= ti.min(ti.max(particles[b, layout.opacity_row], 0.0), 1.0)
             else:
@@ -108,6 +113,9 @@ def stamp(
             optical = -ti.log(1.0 - ti.min(alpha, ti.static(OPAQUEST)))
             half_width = ti.sqrt(along * along * e_x * e_x + across * across * e_y * e_y)
             half_height = ti.sqrt(along * along * e_y * e_y + across * across * e_x * e_x)
+            half_width = ti.select(small > 0.0, 0.9999, half_width)
+            half_height = ti.select(small > 0.0, 0.9999, half_height)
+            edge = ti.select(small > 0.0, 0.0, edge)
             for lane in ti.static(range(LANES)):
                 i = b * LANES + lane
                 stamps_out[i, 4] = -1.0
@@ -182,17 +190,24 @@ def deposit(
                         dy = y + 0.5 - v
                         for x in range(left, right + 1):
                             dx = x + 0.5 - u
-                            s = dx * s_x + dy * s_y
-                            t = dx * t_x + dy * t_y
-                            q = 1.0 - s * s - t * t
                             cell = y * width + x
+                            q = 0.0
+                            share_here = 0.0
+                            if edge == 0.0:
+                                q = (1.0 - ti.abs(dx)) * (1.0 - ti.abs(dy))
+                                share_here = q
+                            else:
+                                s = dx * s_x + dy * s_y
+                                t = dx * t_x + dy * t_y
+                                q = 1.0 - s * s - t * t
+                                share_here = ti.min(q * edge, 1.0)
                             if q > 0.0:
                                 if turn == 0:
                                     nearest_out[cell] = ti.min(nearest_out[cell], depth)
                                 else:
                                     k = _layer(depth - nearest_out[cell], span, root)
                                     layer = ti.min(ti.cast(k, ti.i32) + 1, ti.static(LAYERS - 1))
-                                    optical_out[cell, layer] += optical * ti.min(q * edge, 1.0)
+                                    optical_out[cell, layer] += optical * share_here
             if turn == 0:
                 for cell in range(top * width, (bottom + 1) * width):
                     if nearest_out[cell] < EMPTY:
@@ -284,33 +299,31 @@ def _through(soft: Switch, levels: Ints2, u, v, depth, softness, span, root, nea
 
     levels: rows (first texel, width, height). Between two levels the two are mixed, as in a mip map.
     """
-    value, behind = _bilinear(levels[0, 0], levels[0, 1], levels[0, 2], u, v, depth, span, root, nearest, through)
+    value = 1.0
+    level = -1.0
     if ti.static(soft):
         # What stops the light of a penumbra may stand beside this texel: look as wide as the coarsest level.
         top = levels.shape[0] - 1
         wide = 1.0 / ti.cast(1 << top, ti.f32)
-        far, reach = _bilinear(
+        far, behind = _bilinear(
             levels[top, 0], levels[top, 1], levels[top, 2], u * wide, v * wide, depth, span, root, nearest, through
         )
-        behind = ti.max(behind, reach)
-        penumbra = behind * softness
-        if penumbra > 2.0:  # texels of half that width, read over two of them
-            level = ti.min(ti.log(penumbra) * 1.4427 - 1.0, ti.cast(top, ti.f32))
+        if behind * softness > 2.0:  # texels of half that width, read over two of them
+            level = ti.min(ti.log(behind * softness) * 1.4427 - 1.0, ti.cast(top, ti.f32))
             low = ti.min(ti.cast(level, ti.i32), top - 1)
-            mix = level - low
-            if low > 0:
-                scale = 1.0 / ti.cast(1 << low, ti.f32)
-                value, reach = _bilinear(
-                    levels[low, 0], levels[low, 1], levels[low, 2],
-                    u * scale, v * scale, depth, span, root, nearest, through,
-                )  # fmt: skip
-            scale = 1.0 / ti.cast(1 << (low + 1), ti.f32)
+            scale = 1.0 / ti.cast(1 << low, ti.f32)
+            value, behind = _bilinear(
+                levels[low, 0], levels[low, 1], levels[low, 2],
+                u * scale, v * scale, depth, span, root, nearest, through,
+            )  # fmt: skip
             if low + 1 < top:
-                far, reach = _bilinear(
+                far, behind = _bilinear(
                     levels[low + 1, 0], levels[low + 1, 1], levels[low + 1, 2],
-                    u * scale, v * scale, depth, span, root, nearest, through,
+                    0.5 * u * scale, 0.5 * v * scale, depth, span, root, nearest, through,
                 )  # fmt: skip
-            value += mix * (far - value)
+            value += (level - low) * (far - value)
+    if level < 0.0:
+        value, _ = _bilinear(levels[0, 0], levels[0, 1], levels[0, 2], u, v, depth, span, root, nearest, through)
     return value
 
 
