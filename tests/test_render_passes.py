@@ -85,6 +85,7 @@ def test_mask_of_many_is_the_alpha_of_the_colour_image(thread: bool) -> None:
     splatter = Splatter(64, 48, opaque=0.0).load(cloud)
     splatter.render(camera())
     mask = render_passes(splatter, camera(), cloud, ("mask",)).mask
+    assert mask is not None
     np.testing.assert_allclose(mask, splatter.linear()[..., 3], atol=2e-6)
 
 
