@@ -73,7 +73,8 @@ class View:
         """
         self._load()
         if plain:
-            self.lighting, self._stages = Lighting(), [None for _ in self._panels]
+            self.lighting = Lighting()
+            self._stages = [None for _ in self._panels]
         azimuth = self.scene.camera.azimuth_deg
         for k, (panel, splatter) in enumerate(zip(self._panels, self._splatters, strict=True)):
             width, height = splatter.width, splatter.height
