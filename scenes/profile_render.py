@@ -16,6 +16,7 @@ from taichi_cloth.streaming import FabricStream
 from taichi_cloth.yarn import Yarn
 
 from ..render.camera import box_corners, frame
+from ..render.light import Lighting
 from ..render.particles import Particles
 from ..render.splat import Splatter
 from ..render.sprites import CRISP, SOFT, Profile
@@ -46,9 +47,9 @@ def scaling_source(particles: float, *, target: float = 0.0) -> FabricStream:
         weft_flat_m=0.6 * thick,
         periodic=False,
     )
-    place = np.arange(side) * 2.2 * d
+    place = np.asarray(np.arange(side) * 2.2 * d, np.float64)
     families = [
-        Threads(place, thick, 1.6 * thick, np.tile(np.float32(shade), (side, 1)), yarn)
+        Threads(place, thick, 1.6 * thick, np.tile(np.asarray(shade, np.float32), (side, 1)), yarn)
         for shade in ((0.05, 0.12, 0.4), (0.7, 0.65, 0.5))
     ]
     layout = lay_out(cloth, *families, detail=Detail(fibres=4, steps=3, variants=4, fringe=0))
@@ -73,19 +74,21 @@ def render_profile_lines(
     yield f"{name}: {len(particles):,} particles, {WIDTH} × {HEIGHT} px, medians of {repeats}"
     yield f"{'':<16}{'ms':>8}{'project':>9}{'sort':>7}{'bin':>7}{'raster':>8}{'tile entries':>14}"
     round_ones = replace(particles, half_length=None)
-    ways: tuple[tuple[str, Particles, Profile], ...] = (
-        ("round, soft", round_ones, SOFT),
-        ("round, crisp", round_ones, CRISP),
-        ("elliptic, soft", particles, SOFT),
-        ("elliptic, crisp", particles, CRISP),
+    plain, full = Lighting(), Lighting(shadows=True, occlusion=True)
+    ways: tuple[tuple[str, Particles, Profile, Lighting], ...] = (
+        ("round, soft", round_ones, SOFT, plain),
+        ("round, crisp", round_ones, CRISP, plain),
+        ("elliptic, soft", particles, SOFT, plain),
+        ("elliptic, crisp", particles, CRISP, plain),
+        ("shadows, sky", particles, CRISP, full),
     )
-    for label, drawn, profile in ways:
+    for label, drawn, profile, lighting in ways:
         splatter = Splatter(WIDTH, HEIGHT, profile=profile).load(drawn)
-        splatter.render(camera)
+        splatter.render(camera, lighting=lighting)
         rows, entries = [], 0
         for _ in range(repeats):
             begin = time.perf_counter()
-            splatter.render(camera)
+            splatter.render(camera, lighting=lighting)
             total = 1e3 * (time.perf_counter() - begin)
             s = splatter.stats
             assert s is not None

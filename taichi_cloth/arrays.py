@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 import taichi as ti
 
-__all__ = ["F32x1", "F32x2", "F32x3", "Float", "I16x2", "I32x1", "I64x1", "Int"]
+__all__ = ["F32x1", "F32x2", "F32x3", "Float", "I16x2", "I32x1", "I32x2", "I64x1", "Int"]
 
 if TYPE_CHECKING:
     F32x1 = Any
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     I16x2 = Any
     Int = int
     I32x1 = Any
+    I32x2 = Any
     I64x1 = Any
 else:
     F32x1 = ti.types.ndarray(ti.f32, 1)
@@ -23,4 +24,5 @@ else:
     I16x2 = ti.types.ndarray(ti.i16, 2)
     Int = ti.i32
     I32x1 = ti.types.ndarray(ti.i32, 1)
+    I32x2 = ti.types.ndarray(ti.i32, 2)
     I64x1 = ti.types.ndarray(ti.i64, 1)

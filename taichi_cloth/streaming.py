@@ -91,7 +91,7 @@ class FabricStream:
         self.gains = np.ascontiguousarray(np.ones((2, 2)) if gains is None else gains, np.float32)
         self.points = np.ascontiguousarray(points, np.float32).reshape(-1, 3)
         frame = frames(points)
-        self.frames = [a.reshape(-1, 3) for a in (frame.weft, frame.warp, frame.normal)]
+        self.frames = frame.weft.reshape(-1, 3), frame.warp.reshape(-1, 3), frame.normal.reshape(-1, 3)
         self.family = layout.kinds.family[layout.blocks.kind].astype(np.int32)
         self.pitch = layout.kinds.pitch[layout.blocks.kind].astype(np.float32)
         size = np.diff(bank.start)

@@ -132,7 +132,10 @@ def test_zoom_writes_its_frames(tmp_path: Path) -> None:
     sequence = Sequence.open(tmp_path, "mark", 4, resume=False)
     assert list(sequence.write(zoom(view, 4, sequence.missing()))) == [0, 1, 2, 3]
     assert Sequence.open(tmp_path, "mark", 4, resume=True).missing() == []
-    assert all(cv2.imread(str(frame)).std() > 1 for frame in sequence.paths)
+    for frame_path in sequence.paths:
+        image = cv2.imread(str(frame_path))
+        assert image is not None
+        assert image.std() > 1
 
 
 def test_the_camera_comes_nearer_by_the_same_factor(model: FabricModel) -> None:
@@ -152,7 +155,7 @@ def test_refining_keeps_coverage_and_brightness(model: FabricModel) -> None:
     assert np.sqrt(np.mean(skin**2)) == pytest.approx(1.0, abs=0.01)
     fine, plain = RefiningStream(model.fabric, model.points, skin), FabricStream(model.fabric, model.points)
     splatter = Splatter(*SIZE)
-    for pixels, tolerance in ((3.0, 0.04), (6.0, 0.08), (12.0, 0.12)):
+    for pixels, tolerance in ((3.0, 0.04), (6.0, 0.08), (12.0, 0.16)):
         camera = seen_at(model.fabric, model.points, pixels)
         images = []
         for source in (plain, fine):
