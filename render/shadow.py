@@ -12,7 +12,7 @@ from math import ceil, log2, radians, tan
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import transmittance
+from . import lookup, transmittance
 from .arrays import LANES
 from .blocks import RADIUS, Layout
 from .errors import RenderError
@@ -59,7 +59,7 @@ class ShadowMap:
     def on_particles(self, blocks: NDArray[np.float32], light_out: NDArray[np.float32], row: int) -> None:
         """Write the light 0..1 that reaches packed particles to light_out (blocks, rows, 16), at `row`."""
         if len(blocks):
-            transmittance.gather(
+            lookup.gather(
                 self.softness > 0, blocks, self.axes, 0.5 * self.texel, 0.5 * self.texel, self.levels,
                 self.softness, self.span, self.root, self.nearest, self.through, row, light_out,
             )  # fmt: skip
@@ -67,7 +67,7 @@ class ShadowMap:
     def add_sky(self, blocks: NDArray[np.float32], sums: NDArray[np.float32]) -> None:
         """Add this direction to sums (particles, 2), weighted by the cosine to each particle's normal."""
         if len(blocks):
-            transmittance.ambient(
+            lookup.ambient(
                 blocks, self.axes, 0.5 * self.texel, 0.5 * self.texel, self.levels,
                 self.span, self.root, self.nearest, self.through, sums,
             )  # fmt: skip
@@ -82,7 +82,7 @@ class ShadowMap:
             raise RenderError(f"shadow_at: points {points.shape}; allowed: (n, 3)")
         light = np.ones(len(points), np.float32)
         if len(points):
-            transmittance.look_up(
+            lookup.look_up(
                 self.softness > 0, points, self.axes, self.radius if lag is None else lag, self.levels,
                 self.softness, self.span, self.root, self.nearest, self.through, light,
             )  # fmt: skip

@@ -19,6 +19,7 @@ from .arrays import LANES, TILE
 from .backdrop import NO_COLOUR, NO_WALL, Backdrop
 from .blocks import Layout, pack
 from .camera import Camera, check_size
+from .constants import set_constants
 from .errors import RenderError
 from .finish import Finish
 from .light import Background, Lighting
@@ -35,9 +36,8 @@ __all__ = ["RenderStats", "SplatLists", "Splatter"]
 MAX_TILE_ENTRIES = 2**31 - 1
 """Longest list of all tiles together; Taichi counts with 32 bits."""
 
-SLOPE_GAIN, LIMB_DARKENING, KEY_SHADE = 0.6, 0.5, 0.6
-"""Shading across a round thread at roundness 1 (their worst case stays above 0), and the share of the key
-light that a particle loses when it sees no sky at all."""
+LIMB_DARKENING = 0.5
+"""How much darker the sides of a round thread are than its middle, at roundness 1."""
 
 
 @dataclass(frozen=True)
@@ -236,7 +236,7 @@ class Splatter:
         edge = 1.0 if self.sprites is not None else self.profile.edge or 0.0
         profile = {0.0: "crisp", 1.0: "soft"}.get(edge, "sharp")
         clock = [time.perf_counter()]
-        self._set_constants(camera, lighting, finish, edge)
+        set_constants(self._constants, camera, lighting, finish, self._box, opacity=self._opacity, edge=edge)
         shading = shading_of(lighting, finish)
         light = self.light.on_particles(
             shading, lighting, camera, layout, self._blocks, self._box, opacity=self._opacity, chunks=chunks
@@ -354,31 +354,6 @@ class Splatter:
             if self.width % TILE == 0 and out.flags.c_contiguous:
                 return out
         return np.empty((self.height, self._tiles_x * TILE, 3), np.uint8)
-
-    def _set_constants(self, camera: Camera, lighting: Lighting, finish: Finish, edge: float) -> None:
-        c = self._constants
-        key, sky, ground = lighting.radiances()
-        corners = np.array([[self._box[i >> k & 1, k] for k in range(3)] for i in range(8)])
-        depths = corners @ camera.rotation[2] + camera.translation[2]
-        nearest = max(camera.near, float(depths.min()))
-        key_share = float(key.sum() / max(key.sum() + (sky.sum() + ground.sum()) / 2, 1e-12))
-        c[rows.ROTATION : rows.ROTATION + 3] = camera.rotation
-        c[rows.TRANSLATION] = camera.translation
-        c[rows.EYE] = camera.eye
-        c[rows.LENS] = camera.focal, camera.cx, camera.cy
-        c[rows.KEY_DIRECTION] = lighting.towards_key(camera)
-        c[rows.KEY], c[rows.SKY], c[rows.GROUND] = key, sky, ground
-        c[rows.FIBRE] = finish.fibre, finish.specular, finish.exponent / 16
-        c[rows.SURFACE] = finish.tint, finish.sheen, SLOPE_GAIN * finish.roundness * key_share
-        c[rows.IMAGE] = self.width, self.height, camera.near
-        scale = projection.DEEPEST_KEY / max(float(depths.max()) - nearest, 1e-9)
-        c[rows.DEPTH] = nearest, scale, self._opacity
-        sharpness = 1.0 / (8.0 * np.sin(np.radians(finish.spread)) ** 2)
-        c[rows.EDGE] = edge, KEY_SHADE / (2 if lighting.shadows else 1), sharpness
-        c[rows.LOBES] = finish.reflect, finish.transmit, finish.internal
-        for k, other in enumerate(lighting.others):
-            c[rows.OTHERS + 2 * k] = other.towards(camera)
-            c[rows.OTHERS + 2 * k + 1] = np.multiply(other.intensity * 2.0**lighting.exposure, other.colour)
 
     def _table(self, tone: Tone) -> NDArray[np.uint8]:
         if tone not in self._tables:
