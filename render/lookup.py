@@ -128,6 +128,7 @@ def gather(
 
 @ti.kernel
 def ambient(
+    stride: Int,
     particles: Floats3,
     axes: Floats2,
     offset: Float,
@@ -140,10 +141,10 @@ def ambient(
     # in and out:
     sums: Floats2,
 ):
-    """Add one direction to sums (particles, 2): cosine times transmittance, and cosine."""
-    for i in range(particles.shape[0] * LANES):
-        b = i // LANES
-        lane = i % LANES
+    """Add one direction to sums (particles / stride, 2), for every stride-th particle: cosine times transmittance, and cosine."""
+    for i in range(particles.shape[0] * LANES // stride):
+        b = i * stride // LANES
+        lane = i * stride % LANES
         size = particles[b, RADIUS, lane]
         nx = particles[b, NORMAL, lane]
         ny = particles[b, NORMAL + 1, lane]

@@ -18,6 +18,9 @@ __all__ = ["SKY_DIRECTIONS", "occlude", "sphere_directions"]
 SKY_DIRECTIONS = 20
 """Directions over the whole sphere; a surface sees half of them."""
 
+STRIDE = 4
+"""Of the particles along a fibre, every so many blocks the sky and reads it, for its neighbours too."""
+
 MAP_SIZE, TEXEL = 256, 2.0
 """Texels along a map, and the smallest texel in radii: coarser than for a shadow, which has one direction."""
 
@@ -43,10 +46,19 @@ def occlude(
     directions: int = SKY_DIRECTIONS,
 ) -> None:
     """Write the share of the sky, 0..1, that packed particles see to light_out (blocks, rows, 16), at `row`."""
-    sums = np.zeros((len(blocks) * LANES, 2), np.float32)
+    stride = STRIDE if layout.elliptic else 1
+    sums = np.zeros((len(blocks) * LANES // stride, 2), np.float32)
     for direction in sphere_directions(directions):
         cast(
-            layout, blocks, box, direction, opacity=opacity, resolution=MAP_SIZE, texel_radii=TEXEL, chunks=chunks
-        ).add_sky(blocks, sums)
+            layout,
+            blocks,
+            box,
+            direction,
+            opacity=opacity,
+            resolution=MAP_SIZE,
+            texel_radii=TEXEL,
+            chunks=chunks,
+            stride=stride,
+        ).add_sky(blocks, sums, stride=stride)
     seen = np.where(sums[:, 1] > 0, sums[:, 0] / np.maximum(sums[:, 1], 1e-9), 1.0)
-    light_out[:, row] = seen.reshape(-1, LANES)
+    light_out[:, row] = np.repeat(seen, stride).reshape(-1, LANES)

@@ -54,6 +54,7 @@ SCALE = 4  # texels per metre, opacity of all, unused
 def stamp(
     layout: Switch,
     chunks: Int,
+    stride: Int,
     particles: Blocks,
     block_count: Int,
     height: Int,
@@ -66,7 +67,8 @@ def stamp(
 
     A disc of radius r [texels] is drawn with coverage min(1, e q), q = 1 - s^2 - t^2, of radius
     R = 1/2 + sqrt(1/4 + r^2) and edge e = max(1, R/2), which keeps its area (compare `project._crisp`); of an
-    elongated piece only the middle half of its length counts, for pieces of one fibre overlap.
+    elongated piece only the middle half of its length counts, for pieces of one fibre overlap. With a stride
+    each stands for as many neighbours, and is that much longer.
     """
     for step in range(chunks * CHUNK_STEPS):
         if step % CHUNK_STEPS != 0:
@@ -98,7 +100,7 @@ def stamp(
                 unit = 1.0 / ti.sqrt(e_x * e_x + e_y * e_y)
                 e_x *= unit
                 e_y *= unit
-                half = ti.max(0.5 * particles[b, layout.half_length_row] * texels, radius)
+                half = ti.max(0.5 * stride * particles[b, layout.half_length_row] * texels, radius)
                 long = ti.sqrt(radius * radius * (1.0 - flat) + half * half * flat)
             across = 0.5 + ti.sqrt(0.25 + radius * radius)
             along = 0.5 + ti.sqrt(0.25 + long * long)
@@ -119,7 +121,7 @@ def stamp(
             for lane in ti.static(range(LANES)):
                 i = b * LANES + lane
                 stamps_out[i, 4] = -1.0
-                if size[lane] > 0.0:
+                if size[lane] > 0.0 and lane % stride == 0:
                     row = ti.min(ti.max(ti.cast(v[lane], ti.i32), 0), height - 1)
                     rows_out[chunk, row] = rows_out[chunk, row] + 1
                     stamps_out[i, 0] = u[lane]
