@@ -1,4 +1,4 @@
-"""The command line: `taichi-cloth scenes | plan | turntable | animate | still | profile`."""
+"""The command line: `taichi-cloth scenes | plan | turntable | animate | zoom | still | profile`."""
 
 import sys
 from pathlib import Path
