@@ -1,6 +1,6 @@
 """The lights: a key light and more of its kind, and a soft fill, one colour from above and another from below."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
@@ -107,6 +107,11 @@ class Lighting:
             casts_shadow=self.shadows,
         )
         return (key, *self.others)
+
+    def without_passes(self) -> "Lighting":
+        """The same lights without shadows and occlusion, which need all particles at once."""
+        others = tuple(replace(light, casts_shadow=False) for light in self.others)
+        return replace(self, shadows=False, occlusion=False, others=others)
 
     def towards_key(self, camera: Camera) -> NDArray[np.float64]:
         """Unit direction towards the key light, world, shape (3,)."""

@@ -141,7 +141,7 @@ def ambient(
     # in and out:
     sums: Floats2,
 ):
-    """Add one direction to sums (particles / stride, 2), for every stride-th particle: cosine times transmittance, and cosine."""
+    """Add one direction, for every stride-th particle, to sums (n / stride, 2): cosine times transmittance, cosine."""
     for i in range(particles.shape[0] * LANES // stride):
         b = i * stride // LANES
         lane = i * stride % LANES

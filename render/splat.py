@@ -237,6 +237,8 @@ class Splatter:
         profile = {0.0: "crisp", 1.0: "soft"}.get(edge, "sharp")
         clock = [time.perf_counter()]
         set_constants(self._constants, camera, lighting, finish, self._box, opacity=self._opacity, edge=edge)
+        if self._batch != "only":  # a batch knows nothing of the others that would shadow it
+            lighting = lighting.without_passes()
         shading = shading_of(lighting, finish)
         light = self.light.on_particles(
             shading, lighting, camera, layout, self._blocks, self._box, opacity=self._opacity, chunks=chunks

@@ -194,6 +194,12 @@ def test_a_pass_is_made_once_a_pose_and_light() -> None:
     assert key_map.shadow_at([[0, 1, 0]])[0] == 1
 
 
+def test_batches_make_no_light_pass() -> None:
+    splatter = Splatter(64, 64)
+    splatter.begin(camera(64), lighting=FULL).add(cloth()).add(cloth(4)).finish()
+    assert splatter.light.passes == 0
+
+
 def test_shadow_falls_on_the_image() -> None:
     lid = sheet(0.04, half=0.02)
     lighting = Lighting(direction=(0, 1, 0), key_follows_camera=False, fill=0.05, shadows=True)
