@@ -150,7 +150,8 @@ def cast(
             chunks, n, stamps, cuts, width, span, root, nearest, through, through.reshape(-1, 1, LAYERS)
         )
         for fine, coarse in pairwise(levels):
-            transmittance.coarsen(fine[0], fine[1], *coarse, span, root, nearest, through)
+            first, wide, high = coarse
+            transmittance.coarsen(fine[0], fine[1], first, wide, high, span, root, nearest, through)
     return ShadowMap(-away, axes, table, nearest, through, span, root, softness, radius)
 
 

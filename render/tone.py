@@ -42,7 +42,7 @@ def tone_inverse(tone: Tone, shown: ArrayLike) -> NDArray[np.float64]:
     if tone == "srgb":
         return np.asarray(shown, np.float64)
     x = np.linspace(0, WHITE[tone], 100_001)
-    return np.interp(shown, tone_curve(tone, x), x)
+    return np.interp(np.asarray(shown, np.float64), tone_curve(tone, x), x)
 
 
 def tone_table(tone: Tone, steps: int) -> NDArray[np.uint8]:
