@@ -1,6 +1,6 @@
-"""The lights: one key light, and a soft fill that is one colour from above and another from below."""
+"""The lights: a key light and more of its kind, and a soft fill, one colour from above and another from below."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
@@ -8,11 +8,44 @@ from numpy.typing import NDArray
 
 from .camera import Camera
 from .errors import RenderError
+from .tone import TONES, Tone
 
-__all__ = ["Background", "Colour", "Lighting"]
+__all__ = ["Background", "Colour", "KeyLight", "Lighting"]
 
 Colour: TypeAlias = tuple[float, float, float]
 """Linear red, green, blue."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class KeyLight:
+    """A distant light. Raises RenderError for values no light can have."""
+
+    direction: Colour
+    """Towards the light, any length; axes as in `Lighting.direction`."""
+    intensity: float = 0.5
+    """A white surface facing it gets this radiance."""
+    colour: Colour = (1.0, 1.0, 1.0)
+    follows_camera: bool = True
+    size: float = 6.0
+    """Angle across the light [degrees], 0..90: how soft its shadows are."""
+    casts_shadow: bool = False
+
+    def __post_init__(self) -> None:
+        for name in ("direction", "colour"):
+            check_colour(f"light.{name}", getattr(self, name), negative=name == "direction")
+        if not np.linalg.norm(self.direction) > 0:
+            raise RenderError("light.direction: has no length; give the direction towards the light")
+        for name, most in (("intensity", 1e4), ("size", 90.0)):
+            value = getattr(self, name)
+            if not 0 <= value <= most:
+                raise RenderError(f"light.{name}: {value!r}; allowed: 0 to {most:g}")
+
+    def towards(self, camera: Camera) -> NDArray[np.float64]:
+        """Unit direction towards the light, world, shape (3,)."""
+        direction = np.asarray(self.direction, np.float64)
+        if self.follows_camera:
+            direction = camera.rotation.T @ (direction * (1.0, -1.0, -1.0))
+        return direction / np.linalg.norm(direction)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,6 +68,16 @@ class Lighting:
     """Colour of the fill from below."""
     exposure: float = 0.0
     """Stops: +1 doubles all light that falls on particles. The background is not changed."""
+    size: float = 6.0
+    """Angle across the key light [degrees], 0..90: how soft its shadows are. The sun has 0.5, a soft box 20."""
+    shadows: bool = False
+    """Whether particles shadow one another from the key light; a pass over them a pose and light direction."""
+    occlusion: bool = False
+    """Whether particles hide the fill light from one another, instead of `Particles.openness`; a pass a pose."""
+    others: tuple[KeyLight, ...] = ()
+    """More lights, such as one from behind."""
+    tone: Tone = "srgb"
+    """How light becomes brightness on the screen (see `tone`)."""
 
     def __post_init__(self) -> None:
         for name in ("direction", "key_colour", "sky", "ground"):
@@ -45,15 +88,34 @@ class Lighting:
             value = getattr(self, name)
             if not 0 <= value < 1e4:
                 raise RenderError(f"lighting.{name}: {value!r}; allowed: 0 to 10000")
+        if not 0 <= self.size <= 90:
+            raise RenderError(f"lighting.size: {self.size!r} degrees; allowed: 0 to 90")
+        if self.tone not in TONES:
+            raise RenderError(f"lighting.tone: unknown {self.tone!r}; known: {', '.join(TONES)}")
         if not -20 <= self.exposure <= 20:
             raise RenderError(f"lighting.exposure: {self.exposure!r} stops; allowed: -20 to 20")
 
+    @property
+    def lights(self) -> tuple[KeyLight, ...]:
+        """All distant lights, the key light first."""
+        key = KeyLight(
+            direction=self.direction,
+            intensity=self.key,
+            colour=self.key_colour,
+            follows_camera=self.key_follows_camera,
+            size=self.size,
+            casts_shadow=self.shadows,
+        )
+        return (key, *self.others)
+
+    def without_passes(self) -> "Lighting":
+        """The same lights without shadows and occlusion, which need all particles at once."""
+        others = tuple(replace(light, casts_shadow=False) for light in self.others)
+        return replace(self, shadows=False, occlusion=False, others=others)
+
     def towards_key(self, camera: Camera) -> NDArray[np.float64]:
         """Unit direction towards the key light, world, shape (3,)."""
-        direction = np.asarray(self.direction, np.float64)
-        if self.key_follows_camera:
-            direction = camera.rotation.T @ (direction * (1.0, -1.0, -1.0))
-        return direction / np.linalg.norm(direction)
+        return self.lights[0].towards(camera)
 
     def radiances(self) -> NDArray[np.float64]:
         """Key, sky and ground light with intensity and exposure in them, rows of shape (3, 3)."""

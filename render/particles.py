@@ -39,6 +39,10 @@ class Particles:
     """Index into the splatter's sprite sheet, shape (n,); None is sprite 0."""
     opacity: float | NDArray[np.float32] = 0.85
     """Opacity of the middle of a splat, 0..1: a number or shape (n,)."""
+    yarn: NDArray[np.int32] | None = None
+    """Number of the yarn each is part of, for the id pass, 0 and up, shape (n,); None or -1 is none."""
+    part: NDArray[np.int32] | None = None
+    """Number of the part of the subject, likewise."""
 
     if TYPE_CHECKING:  # what a person may pass; what is kept is stated above
 
@@ -53,6 +57,8 @@ class Particles:
             openness: ArrayLike | None = None,
             sprite: ArrayLike | None = None,
             opacity: ArrayLike = 0.85,
+            yarn: ArrayLike | None = None,
+            part: ArrayLike | None = None,
         ) -> None: ...
 
     def __post_init__(self) -> None:
@@ -63,7 +69,8 @@ class Particles:
         _set(self, "position", position)
         for name, columns in (("radius", ()), ("colour", (3,)), ("tangent", (3,)), ("normal", (3,))):
             _set(self, name, _shaped(name, getattr(self, name), (count, *columns), np.float32))
-        for name, dtype in (("half_length", np.float32), ("openness", np.float32), ("sprite", np.int32)):
+        optional = {"half_length": np.float32, "openness": np.float32}
+        for name, dtype in (optional | dict.fromkeys(("sprite", "yarn", "part"), np.int32)).items():
             if getattr(self, name) is not None:
                 _set(self, name, _shaped(name, getattr(self, name), (count,), dtype))
         opacity = _array("opacity", self.opacity, np.float32)
@@ -81,8 +88,8 @@ class Particles:
 def concatenate(parts: Sequence[Particles]) -> Particles:
     """One set of particles from several, in their order.
 
-    Optional arrays that only some parts have are filled in for the others: openness 1, sprite 0, half_length
-    the radius (a ball). Raises RenderError for no parts at all.
+    Optional arrays that only some parts have are filled in for the others: openness 1, sprite 0, yarn
+    and part -1 (none), half_length the radius (a ball). Raises RenderError for no parts at all.
     """
     if not parts:
         raise RenderError("concatenate: no particles given; pass at least one set")
@@ -100,7 +107,7 @@ def concatenate(parts: Sequence[Particles]) -> Particles:
 
 def _filled(name: str, value: Any, part: Particles) -> NDArray[Any]:
     if value is None:
-        value = {"half_length": part.radius, "openness": np.float32(1), "sprite": np.int32(0)}[name]
+        value = {"half_length": part.radius, "openness": np.float32(1), "sprite": np.int32(0)}.get(name, np.int32(-1))
     return np.broadcast_to(value, (len(part),)) if np.ndim(value) < 2 else value
 
 

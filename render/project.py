@@ -14,24 +14,14 @@ Numbers of one splat, `splats[i]` float32 (see `Layout.splat_size`):
 import taichi as ti
 
 from .arrays import LANES, TILE, Blocks, Floats2, Int, Ints1, Ints2, Longs1, Switch, Vec16
-from .blocks import COLOUR, NORMAL, POSITION, RADIUS, TANGENT
+from .blocks import POSITION, RADIUS, TANGENT
+from .shade import DEPTH, EDGE, IMAGE, KEY_DIRECTION, LENS, SURFACE, TRANSLATION, shade
 from .sort import BINS, CHUNK_STEPS, share
 
-__all__ = ["CONSTANT_ROWS", "DEEPEST_KEY", "project"]
+__all__ = ["DEEPEST_KEY", "project"]
 
 DEEPEST_KEY = BINS * BINS - 1
 """Depth keys have 22 bits: two passes of an 11-bit counting sort."""
-
-# Rows of the argument `c`, three numbers each.
-ROTATION, TRANSLATION, EYE = 0, 3, 4
-LENS = 5  # focal [px], cx, cy [px]
-KEY_DIRECTION, KEY, SKY, GROUND = 6, 7, 8, 9
-FIBRE = 10  # share of the fibre's diffuse term, specular strength, exponent / 16
-SURFACE = 11  # tint of the highlight, sheen, gain of the slope across the fibre
-IMAGE = 12  # width, height [px], near [m]
-DEPTH = 13  # nearest depth [m], keys per metre, opacity of all
-EDGE = 14  # edge of the sprite, 0 for crisp; share of the key light that openness takes; unused
-CONSTANT_ROWS = 15
 
 BLUR = 0.91
 """Variance [px^2] by which a soft splat is widened, so that its energy does not depend on where it falls
@@ -39,9 +29,6 @@ between the pixels: measured, the deviation stays below 0.07 at all sizes (rende
 
 LARGEST = 1e8
 """Largest radius [px]; a larger one fills the image all the same."""
-
-WRAP = 0.25
-"""How far the light reaches round the terminator: fibre assemblies scatter light sideways."""
 
 
 @ti.func
@@ -86,25 +73,17 @@ def _thread(radius, half_length, endwise):
     return reach, long, ti.min(alpha, 1.0), ti.max(0.5 * reach, 1.0), 1.0 / (1.001 - endwise)
 
 
-@ti.func
-def _lobe(cosine, sixteenth):
-    """max(0, 1 - p (1 - x) / 16) ^ 16 with sixteenth = p / 16 (see `finish`)."""
-    power = ti.max(1.0 - sixteenth * (1.0 - cosine), 0.0)
-    power = power * power
-    power = power * power
-    power = power * power
-    return power * power
-
-
 @ti.kernel
 def project(
     layout: Switch,
+    shading: Switch,
     crisp: Switch,
     chunks: Int,
     # particles:
     particles: Blocks,
     block_count: Int,
-    # view and light, its rows named above:
+    # light that reaches the particles, (blocks, shading.rows, 16); view and lights, its rows named in `shade`:
+    light: Blocks,
     c: Floats2,
     # out:
     splats_out: Floats2,
@@ -145,52 +124,7 @@ def project(
             size = particles[b, RADIUS]
             radius = ti.min(ti.max(size * scale, 1e-6), LARGEST)
 
-            # How it answers the light (see `finish` for the formulas).
-            tx = particles[b, TANGENT]
-            ty = particles[b, TANGENT + 1]
-            tz = particles[b, TANGENT + 2]
-            nx = particles[b, NORMAL]
-            ny = particles[b, NORMAL + 1]
-            nz = particles[b, NORMAL + 2]
-            vx = c[EYE, 0] - px
-            vy = c[EYE, 1] - py
-            vz = c[EYE, 2] - pz
-            unit = 1.0 / ti.sqrt(vx * vx + vy * vy + vz * vz + 1e-20)
-            vx *= unit
-            vy *= unit
-            vz *= unit
-            t_l = tx * lx + ty * ly + tz * lz
-            t_v = tx * vx + ty * vy + tz * vz
-            n_l = nx * lx + ny * ly + nz * lz
-            n_v = nx * vx + ny * vy + nz * vz
-            sin_l = ti.sqrt(ti.max(1.0 - t_l * t_l, 0.0))
-            sin_v = ti.sqrt(ti.max(1.0 - t_v * t_v, 0.0))
-            facing = ti.min(ti.max((n_l + WRAP) * (1.0 / (1.0 + WRAP)), 0.0), 1.0)
-            lambert = ti.max(n_l, 0.0)
-            lit = lambert + c[FIBRE, 0] * (sin_l * facing - lambert)
-            gleam = _lobe(sin_l * sin_v - t_l * t_v, c[FIBRE, 2]) * facing * c[FIBRE, 1]
-            grazing = ti.max(1.0 - ti.abs(n_v), 0.0)
-            grazing *= grazing
-            rim = grazing * grazing * c[SURFACE, 1]
-            upward = 0.5 + 0.5 * ny
-            opening = Vec16(1.0)
-            if ti.static(layout.openness):
-                opening = ti.min(ti.max(particles[b, layout.openness_row], 0.0), 1.0)
-                shade = 1.0 - c[EDGE, 1] * (1.0 - opening)
-                lit *= shade
-                gleam *= shade
-                rim *= opening
-            rim *= 0.35 + 0.65 * facing
-            tint = c[SURFACE, 0]
-            red = particles[b, COLOUR]
-            green = particles[b, COLOUR + 1]
-            blue = particles[b, COLOUR + 2]
-            fill_r = (c[GROUND, 0] + (c[SKY, 0] - c[GROUND, 0]) * upward) * opening
-            fill_g = (c[GROUND, 1] + (c[SKY, 1] - c[GROUND, 1]) * upward) * opening
-            fill_b = (c[GROUND, 2] + (c[SKY, 2] - c[GROUND, 2]) * upward) * opening
-            red = red * (fill_r + c[KEY, 0] * lit) + c[KEY, 0] * (gleam + rim) * (1.0 + tint * (red - 1.0))
-            green = green * (fill_g + c[KEY, 1] * lit) + c[KEY, 1] * (gleam + rim) * (1.0 + tint * (green - 1.0))
-            blue = blue * (fill_b + c[KEY, 2] * lit) + c[KEY, 2] * (gleam + rim) * (1.0 + tint * (blue - 1.0))
+            red, green, blue, vx, vy, vz, sin_v, key_facing = shade(layout, shading, particles, light, c, b)
 
             # How far it reaches on the image.
             reach = radius
@@ -213,6 +147,9 @@ def project(
             if ti.static(layout.elliptic):
                 # The tangent on the image, in units of the scale: the ellipsoid's outline under the local
                 # affine projection J is the ellipse of covariance r^2 I + (h^2 - r^2) (J t)(J t)^T.
+                tx = particles[b, TANGENT]
+                ty = particles[b, TANGENT + 1]
+                tz = particles[b, TANGENT + 2]
                 along_z = tx * c[2, 0] + ty * c[2, 1] + tz * c[2, 2]
                 e_x = tx * c[0, 0] + ty * c[0, 1] + tz * c[0, 2] - u * along_z
                 e_y = tx * c[1, 0] + ty * c[1, 1] + tz * c[1, 2] - v * along_z
@@ -243,7 +180,7 @@ def project(
                 t_y = e_y / long
                 # Key light across the fibre: (t x v) . l, of which (-e_y, e_x) is the direction on the image.
                 across = (ty * vz - tz * vy) * lx + (tz * vx - tx * vz) * ly + (tx * vy - ty * vx) * lz
-                slope = across / ti.max(sin_v, 1e-3) * ti.min(2.0 * facing, 1.0) * c[SURFACE, 2]
+                slope = across / ti.max(sin_v, 1e-3) * key_facing * c[SURFACE, 2]
                 slope = ti.min(ti.max(slope, -1.0), 1.0)
             if ti.static(layout.opacity):
                 alpha *= ti.min(ti.max(particles[b, layout.opacity_row], 0.0), 1.0)

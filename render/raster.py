@@ -11,9 +11,24 @@ into packed instructions; a scalar inner loop takes four times as long.
 
 import taichi as ti
 
-from .arrays import LANES, TILE, Bytes1, Bytes3, Float, Floats1, Floats2, Floats3, Int, Ints1, Planes, Switch, Vec16
+from .arrays import (
+    LANES,
+    TILE,
+    Blocks,
+    Bytes1,
+    Bytes3,
+    Float,
+    Floats1,
+    Floats2,
+    Floats3,
+    Int,
+    Ints1,
+    Planes,
+    Switch,
+    Vec16,
+)
 
-__all__ = ["CHECK_EVERY", "LUT_STEPS", "raster", "resolve_linear"]
+__all__ = ["CHECK_EVERY", "LUT_STEPS", "clear", "count_opaque", "raster", "resolve_linear", "row_from_sprite"]
 
 CHECK_EVERY = 32
 """Splats between two looks at whether a tile is already opaque."""
@@ -23,7 +38,7 @@ LUT_STEPS = 4096
 
 
 @ti.func
-def _row_from_sprite(sheet: Floats1, levels: Ints1, size, sprite, reach, s0, t0, s_y, t_y, dy):
+def row_from_sprite(sheet: Floats1, levels: Ints1, size, sprite, reach, s0, t0, s_y, t_y, dy):
     """Alpha of 16 pixels of a row from a sprite, bilinear, from the mip level of about four texels a pixel.
 
     sheet: all levels of all sprites (see `sprites.SpriteSheet.pyramid`); levels[k]: where level k begins in a
@@ -61,6 +76,7 @@ def _row_from_sprite(sheet: Floats1, levels: Ints1, size, sprite, reach, s0, t0,
 def raster(
     layout: Switch,
     profile: Switch,
+    batch: Switch,
     blocks: Int,
     tiles_x: Int,
     tiles: Int,
@@ -78,7 +94,16 @@ def raster(
     # picture:
     background: Floats1,
     srgb: Bytes1,
+    gain: Float,
     opaque: Float,
+    # what stands behind: its switch, linear colour (height, whole tiles, 3), depth [m] a tile's row, and how to
+    # read a splat's own depth from its key
+    behind: Switch,
+    backdrop: Floats3,
+    wall: Blocks,
+    keys: Ints1,
+    nearest: Float,
+    key_depth: Float,
     # out:
     through: Planes,
     red: Planes,
@@ -89,7 +114,11 @@ def raster(
     """Blend every tile and write it as 8-bit sRGB. `image_out` has whole tiles of columns, `height` rows.
 
     profile: "soft", "sharp" or "crisp". blocks: tiles are dealt to threads in turn, so that none gets only the
-    busy middle. opaque: a tile is done when less than this passes everywhere.
+    busy middle. opaque: a tile is done when less than this passes everywhere. behind: "gradient" is the
+    background alone, "picture" takes the backdrop's colours instead, and "mesh" also its depth: a splat whose
+    centre is farther than that has no effect on the pixel.
+    batch: "only" is a whole picture. "more" goes on with what the planes hold, takes nothing for a tile that is
+    opaque already, and writes no image; "last" writes what the planes hold.
     """
     rounds = ti.max(512, (tiles + blocks - 1) // blocks)
     for step in range(rounds * blocks):
@@ -100,24 +129,44 @@ def raster(
             rows = ti.min(TILE, height - y0)
             i = starts[tile]
             end = starts[tile + 1]
-            if i == end:
-                for y in range(rows):
+            empty = i == end
+            if ti.static(batch == "more"):
+                most = through[tile, 0]
+                for y in range(1, TILE):
+                    most = ti.max(most, through[tile, y])
+                empty = empty or most.max() < opaque
+            if ti.static(batch == "last"):
+                empty = False
+            if empty:
+                for y in range(rows if ti.static(batch == "only") else 0):
                     down = (y0 + y + 0.5) / height
                     for c in ti.static(range(3)):
                         light = background[c] + (background[c + 3] - background[c]) * down
-                        level = srgb[ti.cast(ti.min(light, 1.0) * LUT_STEPS + 0.5, ti.i32)]
+                        level = srgb[ti.cast(ti.min(light * gain, 1.0) * LUT_STEPS + 0.5, ti.i32)]
                         for x in range(TILE):
+                            if ti.static(behind != "gradient"):
+                                light = ti.min(backdrop[y0 + y, x0 + x, c], 1.0)
+                                level = srgb[ti.cast(ti.min(light * gain, 1.0) * LUT_STEPS + 0.5, ti.i32)]
                             image_out[y0 + y, x0 + x, c] = level
             else:
                 iota = Vec16([0.5 + k for k in range(TILE)])
-                for y in range(TILE):
+                for y in range(TILE if ti.static(batch == "only") else 0):
                     through[tile, y] = Vec16(1.0)
                     red[tile, y] = Vec16(0.0)
                     green[tile, y] = Vec16(0.0)
                     blue[tile, y] = Vec16(0.0)
+                farthest = 0.0
+                if ti.static(behind == "mesh"):
+                    far = wall[tile, 0]
+                    for y in range(1, TILE):
+                        far = ti.max(far, wall[tile, y])
+                    farthest = far.max()
                 check = i + CHECK_EVERY
                 while i < end:
                     k = lists[i]
+                    z = 0.0
+                    if ti.static(behind == "mesh"):
+                        z = nearest + key_depth * ti.cast(keys[k], ti.f32)
                     x = splats[k, 0] - x0
                     middle = splats[k, 1] - y0
                     alpha = splats[k, 2]
@@ -145,8 +194,10 @@ def raster(
                             s = s0 + dy * s_y
                             light = through[tile, y]
                             weight = light * alpha
+                            if ti.static(behind == "mesh"):
+                                weight *= ti.min(ti.max((wall[tile, y] - z) * 1e12, 0.0), 1.0)
                             if ti.static(layout.textured):
-                                weight *= _row_from_sprite(
+                                weight *= row_from_sprite(
                                     sheet,
                                     levels,
                                     sprite_size,
@@ -191,7 +242,7 @@ def raster(
                             if ti.static(layout.textured):
                                 one = 1.0 / reach
                                 weight = light * alpha
-                                weight *= _row_from_sprite(
+                                weight *= row_from_sprite(
                                     sheet,
                                     levels,
                                     sprite_size,
@@ -208,6 +259,8 @@ def raster(
                                 if ti.static(profile != "soft"):
                                     q = ti.min(q, 1.0)
                                 weight = light * (q * q) * alpha
+                            if ti.static(behind == "mesh"):
+                                weight *= ti.min(ti.max((wall[tile, y] - z) * 1e12, 0.0), 1.0)
                             red[tile, y] = red[tile, y] + weight * r
                             green[tile, y] = green[tile, y] + weight * g
                             blue[tile, y] = blue[tile, y] + weight * b
@@ -220,11 +273,13 @@ def raster(
                             most = ti.max(most, through[tile, y])
                         if most.max() < opaque:
                             i = end
-                for y in range(rows):
+                        if ti.static(behind == "mesh"):
+                            i = ti.select(z > farthest, end, i)
+                for y in range(0 if ti.static(batch == "more") else rows):
                     light = through[tile, y]
                     down = (y0 + y + 0.5) / height
                     for c in ti.static(range(3)):
-                        behind = background[c] + (background[c + 3] - background[c]) * down
+                        gradient = background[c] + (background[c + 3] - background[c]) * down
                         front = (
                             red[tile, y]
                             if ti.static(c == 0)
@@ -232,9 +287,37 @@ def raster(
                             if ti.static(c == 1)
                             else blue[tile, y]
                         )
-                        value = ti.min(ti.max(front + light * behind, 0.0), 1.0) * float(LUT_STEPS) + 0.5
+                        full = front + light * gradient
+                        if ti.static(behind != "gradient"):
+                            for x in ti.static(range(TILE)):
+                                full[x] = front[x] + light[x] * backdrop[y0 + y, x0 + x, c]
+                        value = ti.min(ti.max(full * gain, 0.0), 1.0) * float(LUT_STEPS) + 0.5
                         for x in ti.static(range(TILE)):
                             image_out[y0 + y, x0 + x, c] = srgb[ti.cast(value[x], ti.i32)]
+
+
+@ti.kernel
+def clear(tiles: Int, through: Planes, red: Planes, green: Planes, blue: Planes):
+    """An empty picture, for batches."""
+    for tile in range(tiles):
+        for y in range(TILE):
+            through[tile, y] = Vec16(1.0)
+            red[tile, y] = Vec16(0.0)
+            green[tile, y] = Vec16(0.0)
+            blue[tile, y] = Vec16(0.0)
+
+
+@ti.kernel
+def count_opaque(tiles: Int, opaque: Float, through: Planes) -> Int:
+    """How many tiles let less than `opaque` pass everywhere."""
+    count = 0
+    ti.loop_config(serialize=True)
+    for tile in range(tiles):
+        most = through[tile, 0]
+        for y in range(1, TILE):
+            most = ti.max(most, through[tile, y])
+        count += ti.cast(most.max() < opaque, ti.i32)
+    return count
 
 
 @ti.kernel

@@ -7,33 +7,37 @@ chunks and threads: sorts are stable, nothing is added up atomically, and a tile
 
 import time
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from taichi.lang import impl
 
 from . import project as projection
+from . import shade as rows
 from .arrays import LANES, TILE
+from .backdrop import NO_COLOUR, NO_WALL, Backdrop
 from .blocks import Layout, pack
 from .camera import Camera, check_size
+from .constants import set_constants
 from .errors import RenderError
 from .finish import Finish
-from .image import srgb_table
 from .light import Background, Lighting
+from .lightpass import LightPass, shading_of
 from .particles import Particles
 from .planes import borrow
-from .raster import LUT_STEPS, raster, resolve_linear
+from .raster import LUT_STEPS, clear, count_opaque, raster, resolve_linear
 from .sort import BINS, count_high, count_tiles, fill_tiles, scan, scan_tiles, scatter_high, scatter_low
 from .sprites import CRISP, Profile, SpriteSheet
+from .tone import WHITE, Tone, tone_table
 
-__all__ = ["RenderStats", "Splatter"]
+__all__ = ["RenderStats", "SplatLists", "Splatter"]
 
 MAX_TILE_ENTRIES = 2**31 - 1
 """Longest list of all tiles together; Taichi counts with 32 bits."""
 
-SLOPE_GAIN, LIMB_DARKENING, KEY_SHADE = 0.6, 0.5, 0.6
-"""Shading across a round thread at roundness 1 (their worst case stays above 0), and the share of the key
-light that a particle loses when it sees no sky at all."""
+LIMB_DARKENING = 0.5
+"""How much darker the sides of a round thread are than its middle, at roundness 1."""
 
 
 @dataclass(frozen=True)
@@ -43,10 +47,32 @@ class RenderStats:
     particles: int
     drawn: int
     tile_entries: int
+    light_ms: float
     project_ms: float
     sort_ms: float
     bin_ms: float
     raster_ms: float
+
+
+@dataclass(frozen=True, eq=False)
+class SplatLists:
+    """What `raster` read for the last frame, for `passes`; valid until the next one."""
+
+    layout: Layout
+    profile: str
+    edge: float
+    tiles_x: int
+    tiles: int
+    starts: NDArray[np.int32]
+    entries: NDArray[np.int32]
+    splats: NDArray[np.float32]
+    blocks: NDArray[np.float32]
+    keys: NDArray[np.int32]
+    nearest: float
+    key_depth: float
+    sheet: NDArray[np.float32]
+    levels: NDArray[np.int32]
+    sprite_size: int
 
 
 class Splatter:
@@ -84,14 +110,17 @@ class Splatter:
         self._starts = np.zeros(self._tiles + 1, np.int32)
         self._lists = np.zeros(1, np.int32)
         self._planes = borrow(self, self._tiles)
-        self._srgb = srgb_table(LUT_STEPS)
-        self._constants = np.zeros((projection.CONSTANT_ROWS, 3), np.float32)
+        self._tables: dict[Tone, NDArray[np.uint8]] = {}
+        self.light = LightPass()
+        self._constants = np.zeros((rows.CONSTANT_ROWS, 3), np.float32)
         if sprites is None:
             self._sheet, self._levels = np.zeros(1, np.float32), np.zeros(2, np.int32)
         else:
             self._sheet, self._levels = sprites.pyramid()
         self._count = 0
         self._layout = Layout()
+        self._batch = "only"
+        self._options: dict[str, Any] = {}
         self._reserve(0)
 
     def load(self, particles: Particles) -> "Splatter":
@@ -106,8 +135,79 @@ class Splatter:
         self._layout, self._blocks, self._box = pack(particles, textured=self.sprites is not None)
         self._opacity = 1.0 if self._layout.opacity else float(np.float32(particles.opacity))
         self._count = len(particles)
+        self.light.forget()
         self._reserve(len(self._blocks))
         return self
+
+    def load_blocks(self, layout: Layout, blocks: NDArray[np.float32], count: int) -> "Splatter":
+        """Take particles that are in blocks already (see `blocks`), without a copy and unchecked.
+
+        blocks: (ceil(count / 16), layout.rows, 16) float32, C-contiguous; opacity 1 where the layout has none;
+        whatever must not be drawn has a radius of 0 and a place among the others.
+        Raises RenderError for another shape.
+        """
+        if blocks.shape != (-(-count // LANES), layout.rows, LANES) or layout.textured != (self.sprites is not None):
+            raise RenderError(f"blocks: shape {blocks.shape}; allowed: {(-(-count // LANES), layout.rows, LANES)}")
+        places = blocks[:, :3]
+        box = np.stack([places.min(axis=(0, 2)), places.max(axis=(0, 2))]) if count else np.zeros((2, 3))
+        self._layout, self._blocks, self._box, self._opacity = layout, blocks, box.astype(np.float64), 1.0
+        self._count = count
+        self.light.forget()
+        self._reserve(len(blocks))
+        return self
+
+    def resize(self, width: int, height: int) -> "Splatter":
+        """Draw smaller images from now on, or larger ones again; nothing is compiled or allocated anew.
+
+        Raises RenderError for more tiles than the splatter was made with.
+        """
+        check_size(width, height)
+        tiles_x, tiles_y = -(-width // TILE), -(-height // TILE)
+        if tiles_x * tiles_y >= len(self._starts):
+            raise RenderError(
+                f"resize: {width} x {height} px; allowed: up to {len(self._starts) - 1} tiles of {TILE} px"
+            )
+        self.width, self.height = int(width), int(height)
+        self._tiles_x, self._tiles_y, self._tiles = tiles_x, tiles_y, tiles_x * tiles_y
+        return self
+
+    def begin(self, camera: Camera, **options: Any) -> "Splatter":
+        """Start a picture that comes in batches: `begin`, `add` for each from the nearest on, `finish`.
+
+        The options are those of `render`. Within a batch all is in depth order; batches lie one behind the other.
+        """
+        clear(self._tiles, *self._planes)
+        self._options = {"camera": camera, **options}
+        return self
+
+    def add(self, particles: Particles | None = None) -> "Splatter":
+        """Draw `particles`, or what is loaded, behind the batches before; opaque tiles take no more."""
+        if not self._options:
+            raise RenderError("add: no picture begun; call begin first")
+        if particles is not None:
+            self.load(particles)
+        self._batch = "more"
+        try:
+            self.render(**self._options)
+        finally:
+            self._batch = "only"
+        return self
+
+    def opaque_everywhere(self) -> bool:
+        """Whether the batches so far leave nothing to see behind them."""
+        return bool(self._tiles == count_opaque(self._tiles, self.opaque, self._planes[0]))
+
+    def finish(self, out: NDArray[np.uint8] | None = None) -> NDArray[np.uint8]:
+        """The picture of all batches, as `render` gives it."""
+        if not self._options:
+            raise RenderError("finish: no picture begun; call begin first")
+        options, self._options, self._batch = self._options, {}, "last"
+        try:
+            self._count, self._blocks = 0, self._blocks[:0]
+            return self.render(**options, out=out)
+        finally:
+            self._batch = "only"
+            self._starts[: self._tiles + 1] = np.arange(self._tiles + 1)  # no tile is known to be empty
 
     def render(
         self,
@@ -116,10 +216,12 @@ class Splatter:
         lighting: Lighting | None = None,
         finish: Finish | None = None,
         background: Background | None = None,
+        backdrop: Backdrop | None = None,
         out: NDArray[np.uint8] | None = None,
     ) -> NDArray[np.uint8]:
         """The image (height, width, 3), 8-bit sRGB, of the particles loaded.
 
+        backdrop: ground and meshes from the same camera (see `paint`), instead of the background alone.
         out: an array (height, width, 3) uint8 to write to; one whose width is a multiple of 16 is filled in
         place, without a copy. Without it every call returns an array of its own.
         Raises RenderError when the camera's image has another size or the tile lists would be too long.
@@ -134,13 +236,22 @@ class Splatter:
         edge = 1.0 if self.sprites is not None else self.profile.edge or 0.0
         profile = {0.0: "crisp", 1.0: "soft"}.get(edge, "sharp")
         clock = [time.perf_counter()]
-        self._set_constants(camera, lighting, finish, edge)
+        set_constants(self._constants, camera, lighting, finish, self._box, opacity=self._opacity, edge=edge)
+        if self._batch != "only":  # a batch knows nothing of the others that would shadow it
+            lighting = lighting.without_passes()
+        shading = shading_of(lighting, finish)
+        light = self.light.on_particles(
+            shading, lighting, camera, layout, self._blocks, self._box, opacity=self._opacity, chunks=chunks
+        )
+        clock.append(time.perf_counter())
         projection.project(
             layout,
+            shading,
             profile == "crisp",
             chunks,
             self._blocks,
             blocks,
+            light,
             self._constants,
             self._splats,
             self._boxes,
@@ -162,10 +273,11 @@ class Splatter:
         fill_tiles(chunks, drawn, self._tiles_x, self._sorted, self._boxes, self._histogram, self._lists)
         clock.append(time.perf_counter())
 
-        image = self._canvas(out)
+        image = self._canvas(out) if self._batch != "more" else np.empty((1, 1, 3), np.uint8)
         raster(
             layout,
             profile,
+            self._batch,
             chunks,
             self._tiles_x,
             self._tiles,
@@ -179,14 +291,21 @@ class Splatter:
             self._levels,
             1 if self.sprites is None else self.sprites.size,
             background.ends(),
-            self._srgb,
+            self._table(lighting.tone),
+            1.0 / WHITE[lighting.tone],
             self.opaque,
+            "gradient" if backdrop is None else backdrop.kind,
+            NO_COLOUR if backdrop is None else backdrop.colour,
+            NO_WALL if backdrop is None or backdrop.wall is None else backdrop.wall,
+            self._keys,
+            float(self._constants[rows.DEPTH, 0]),
+            1.0 / float(self._constants[rows.DEPTH, 1]),
             *self._planes,
             image,
         )
         clock.append(time.perf_counter())
         self.stats = RenderStats(self._count, drawn, entries, *(1e3 * np.diff(clock)).tolist())
-        if image is out:
+        if image is out or self._batch == "more":
             return image
         image = np.ascontiguousarray(image[:, : self.width])
         if out is None:
@@ -205,6 +324,30 @@ class Splatter:
         resolve_linear(self._tiles_x, self._tiles, self._starts, *self._planes, self.width, self.height, rgba)
         return rgba
 
+    def lists(self) -> SplatLists:
+        """The splats and tile lists of the last frame. Raises RenderError before the first `render`."""
+        if self.stats is None:
+            raise RenderError("passes: nothing rendered yet; call render first")
+        nearest, keys_per_metre = (float(v) for v in self._constants[rows.DEPTH, :2])
+        edge = 1.0 if self.sprites is not None else self.profile.edge or 0.0
+        return SplatLists(
+            self._layout,
+            {0.0: "crisp", 1.0: "soft"}.get(edge, "sharp"),
+            edge,
+            self._tiles_x,
+            self._tiles,
+            self._starts,
+            self._lists,
+            self._splats,
+            self._blocks,
+            self._keys,
+            nearest,
+            1 / keys_per_metre,
+            self._sheet,
+            self._levels,
+            1 if self.sprites is None else self.sprites.size,
+        )
+
     def _canvas(self, out: NDArray[np.uint8] | None) -> NDArray[np.uint8]:
         """Where the raster may write whole tiles of columns: `out` itself where that fits."""
         if out is not None:
@@ -214,25 +357,10 @@ class Splatter:
                 return out
         return np.empty((self.height, self._tiles_x * TILE, 3), np.uint8)
 
-    def _set_constants(self, camera: Camera, lighting: Lighting, finish: Finish, edge: float) -> None:
-        c = self._constants
-        key, sky, ground = lighting.radiances()
-        corners = np.array([[self._box[i >> k & 1, k] for k in range(3)] for i in range(8)])
-        depths = corners @ camera.rotation[2] + camera.translation[2]
-        nearest = max(camera.near, float(depths.min()))
-        key_share = float(key.sum() / max(key.sum() + (sky.sum() + ground.sum()) / 2, 1e-12))
-        c[projection.ROTATION : projection.ROTATION + 3] = camera.rotation
-        c[projection.TRANSLATION] = camera.translation
-        c[projection.EYE] = camera.eye
-        c[projection.LENS] = camera.focal, camera.cx, camera.cy
-        c[projection.KEY_DIRECTION] = lighting.towards_key(camera)
-        c[projection.KEY], c[projection.SKY], c[projection.GROUND] = key, sky, ground
-        c[projection.FIBRE] = finish.fibre, finish.specular, finish.exponent / 16
-        c[projection.SURFACE] = finish.tint, finish.sheen, SLOPE_GAIN * finish.roundness * key_share
-        c[projection.IMAGE] = self.width, self.height, camera.near
-        scale = projection.DEEPEST_KEY / max(float(depths.max()) - nearest, 1e-9)
-        c[projection.DEPTH] = nearest, scale, self._opacity
-        c[projection.EDGE] = edge, KEY_SHADE, 0.0
+    def _table(self, tone: Tone) -> NDArray[np.uint8]:
+        if tone not in self._tables:
+            self._tables[tone] = tone_table(tone, LUT_STEPS)
+        return self._tables[tone]
 
     def _reserve(self, blocks: int) -> None:
         """Room for the splats of `blocks` blocks of particles."""

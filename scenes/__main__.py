@@ -1,4 +1,4 @@
-"""The command line: `taichi-cloth scenes | plan | turntable | animate | profile`."""
+"""The command line: `taichi-cloth scenes | plan | turntable | animate | zoom | still | profile`."""
 
 import contextlib
 import os
@@ -28,6 +28,7 @@ Overrides = Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE
 Out = Annotated[Path | None, typer.Option("--out", help="Folder for the images; default: out/SCENE.")]
 Size = Annotated[str | None, typer.Option("--size", metavar="WxH", help="Image size in pixels, such as 1280x720.")]
 Resume = Annotated[bool, typer.Option("--resume", help="Keep the frames an interrupted run left, make the others.")]
+Webp = Annotated[bool, typer.Option("--webp", help="Also an animated WebP for a README.")]
 Arch = Annotated[str, typer.Option("--arch", help="cpu, cuda, vulkan, metal or gpu.")]
 Threads = Annotated[int | None, typer.Option("--threads", help="CPU threads; default: all there are.")]
 
@@ -61,6 +62,7 @@ def turntable(
     views: Annotated[int | None, typer.Option("--views", help="Views round the subject; default: 36.")] = None,
     size: Size = None,
     out: Out = None,
+    webp: Webp = False,
     resume: Resume = False,
     arch: Arch = "cpu",
     threads: Threads = None,
@@ -69,6 +71,7 @@ def turntable(
     from .run import run
 
     changed = list(overrides or []) + ([f"output.views={views}"] if views is not None else [])
+    changed += ["output.webp=true"] if webp else []
     run("turntable", scene, changed, size=size, out=out, resume=resume, arch=arch, threads=threads)
 
 
@@ -79,6 +82,7 @@ def animate(
     frames: Annotated[int | None, typer.Option("--frames", help="Frames; default: the scene's.")] = None,
     size: Size = None,
     out: Out = None,
+    webp: Webp = False,
     resume: Resume = False,
     arch: Arch = "cpu",
     threads: Threads = None,
@@ -87,7 +91,56 @@ def animate(
     from .run import run
 
     changed = list(overrides or []) + ([f"output.frames={frames}"] if frames is not None else [])
+    changed += ["output.webp=true"] if webp else []
     run("animate", scene, changed, size=size, out=out, resume=resume, arch=arch, threads=threads)
+
+
+@app.command("zoom")
+def make_zoom(
+    scene: SceneName,
+    overrides: Overrides = None,
+    frames: Annotated[int | None, typer.Option("--frames", help="Frames; default: the scene's.")] = None,
+    size: Size = None,
+    out: Out = None,
+    webp: Webp = False,
+    resume: Resume = False,
+    arch: Arch = "cpu",
+    threads: Threads = None,
+) -> None:
+    """One continuous move from the whole cloth to one fibre: a PNG a frame, an MP4 and a contact sheet."""
+    from .run import run
+
+    changed = list(overrides or []) + ([f"output.frames={frames}"] if frames is not None else [])
+    changed += ["output.webp=true"] if webp else []
+    run("zoom", scene, changed, size=size, out=out, resume=resume, arch=arch, threads=threads)
+
+
+@app.command("still")
+def make_still(
+    scene: SceneName,
+    overrides: Overrides = None,
+    size: Size = None,
+    passes: Annotated[str, typer.Option("--passes", help="colour, depth, normal, mask, id.")] = "colour",
+    form: Annotated[str, typer.Option("--format", help="png (8-bit colour), png16, or exr.")] = "png",
+    supersample: Annotated[int, typer.Option("--supersample", help="Samples a pixel each way: 1, 2 or 4.")] = 2,
+    out: Out = None,
+    arch: Arch = "cpu",
+    threads: Threads = None,
+) -> None:
+    """One clean picture, and if asked depth, normals, coverage and numbers of yarns, with the camera in a JSON."""
+    from .still import still
+
+    still(
+        scene,
+        list(overrides or []),
+        size=size,
+        passes=passes,
+        form=form,
+        supersample=supersample,
+        out=out,
+        arch=arch,
+        threads=threads,
+    )
 
 
 @app.command("profile")
@@ -95,10 +148,20 @@ def profile(
     scene: SceneName = "swatch",
     overrides: Overrides = None,
     repeats: Annotated[int, typer.Option("--repeats", help="Timed runs of each stage.")] = 15,
+    render: Annotated[bool, typer.Option("--render", help="Time the splatter's paths and how they scale.")] = False,
+    largest: Annotated[float, typer.Option("--largest", help="With --render: particles to scale up to.")] = 1e7,
     arch: Arch = "cpu",
     threads: Threads = None,
 ) -> None:
     """Time building and drawing: this scene, and the fixed work the paper's T-shirt sets. Medians."""
+    if render:
+        from .profile_render import render_profile_lines
+
+        for line in render_profile_lines(
+            scene, overrides, largest=largest, repeats=repeats, arch=arch, threads=threads
+        ):
+            typer.echo(line)
+        return
     from .profile import profile_lines
 
     for line in profile_lines(scene, overrides, repeats=repeats, arch=arch, threads=threads):

@@ -6,7 +6,7 @@ model.panels()            what is to be drawn now, side by side
 model.facts()             what can be said of it, beside the textbook
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -35,14 +35,25 @@ SURFACE_POINTS = 400_000
 
 
 @dataclass(frozen=True)
+class Numbers:
+    """Which yarn and which part each particle is of, (n,) int32, and what the numbers stand for."""
+
+    yarn: NDArray[np.int32]
+    part: NDArray[np.int32]
+    yarns: dict[int, dict[str, str | int]]
+    parts: dict[int, str]
+
+
+@dataclass(frozen=True)
 class Panel:
-    """One picture of a frame: its particles, the points that must be in it, the words under it, and labels at
-    points of the world [m]."""
+    """One picture of a frame: its particles, the points that must be in it, the words under it, labels at
+    points of the world [m], and the particles' numbers, which are made only when asked for."""
 
     particles: Particles
     bounds: NDArray[np.float32]
     caption: str = ""
     labels: tuple[tuple[str, tuple[float, float, float]], ...] = ()
+    numbers: Callable[[], Numbers] | None = None
 
 
 class Model(Protocol):
@@ -79,7 +90,18 @@ class FabricModel:
 
     def panels(self) -> list[Panel]:
         cloud = self.fabric.cloud(self.points)
-        return [Panel(_particles(cloud), cloud.position)]
+        return [Panel(_particles(cloud), cloud.position, numbers=self.numbers)]
+
+    def numbers(self) -> Numbers:
+        """Yarn: the warp ends, then the weft picks, each in the draft's order. Part: 0 warp, 1 weft."""
+        warp = self.prepared.layout.cloth.warp_up.shape[1]
+        yarn = self.fabric.threads()
+        threads = len(self.fabric.thread_colour)
+        yarns: dict[int, dict[str, str | int]] = {
+            k: {"system": "warp", "index": k} if k < warp else {"system": "weft", "index": k - warp}
+            for k in range(threads)
+        }
+        return Numbers(yarn, (yarn >= warp).astype(np.int32), yarns, {0: "warp", 1: "weft"})
 
     def facts(self) -> list[Fact]:
         layout = self.prepared.layout

@@ -8,7 +8,7 @@ from taichi_cloth.memory import memory_limit
 from taichi_cloth.sphere_set import sphere_set_from_rows
 from taichi_cloth.yarn import Yarn
 
-from .prepare import DRAW_BYTES, Prepared, fibre_kind, prepare_fabric, yarn_of
+from .prepare import DRAW_BYTES, Prepared, fibre_kind, has_floor, prepare_fabric, yarn_of
 from .schema import Scene
 
 __all__ = ["Plan", "Stage", "plan"]
@@ -93,7 +93,26 @@ def plan(scene: Scene) -> Plan:
         left["fibre blocks"] = "the scene has no [weave]"
     drawn = "elongated splats, analytic alpha" if scene.fibre.sprite in ("thread", "soft") else "textured sprites"
     built["splatter"] = f"{scene.output.size[0]} × {scene.output.size[1]} px, {drawn}"
-    order = ("fibre lattice", "yarn", "hairs", "twist", "weave", "fibre blocks", "splatter")
+    lamps = 2 if scene.light.rim_strength > 0 else 1
+    if scene.light.shadows:
+        built["light pass"] = f"transmittance of fibres to {lamps} light{'s' * (lamps > 1)}, once a pose and direction"
+    else:
+        left["light pass"] = "light.shadows is false"
+    if scene.light.occlusion and scene.light.fill_strength > 0:
+        built["occlusion"] = "the sky that fibres leave each other, from directions all round, once a pose"
+    else:
+        why = "light.occlusion is false" if not scene.light.occlusion else "light.fill_strength is 0"
+        left["occlusion"] = f"{why}; the depth in the yarn stands for it"
+    if has_floor(scene):
+        built["floor"] = "six layers of shadow under the subject"
+    else:
+        left["floor"] = "stage.ground is false" if subject == "fabric" else "only fabrics lie on one"
+    left["meshes"] = "the scene has none"
+    left["passes"] = "no depth, normal or id buffers; `still --passes` asks for them"
+    order = (
+        *("fibre lattice", "yarn", "hairs", "twist", "weave", "fibre blocks"),
+        *("light pass", "occlusion", "floor", "meshes", "splatter", "passes"),
+    )
     stages = tuple(
         Stage(name, name in built, built.get(name) or left[name]) for name in order if name in built or name in left
     )

@@ -22,7 +22,7 @@ from taichi_cloth.yarn import Hairiness, Yarn, ne_to_tex
 
 from .schema import FabricSection, Scene, Weave, YarnSection
 
-__all__ = ["DRAW_BYTES", "Prepared", "draft_of", "fibre_kind", "prepare_fabric", "yarn_of"]
+__all__ = ["DRAW_BYTES", "Prepared", "draft_of", "fibre_kind", "has_floor", "prepare_fabric", "yarn_of"]
 
 DRAW_BYTES = 130  # what the splatter keeps for a particle while it draws
 DEFAULT_THREADS = 40
@@ -97,6 +97,11 @@ def draft_of(weave: Weave) -> Draft:
         return coloured(draft, warp=weave.warp_colours, weft=weave.weft_colours)
     except InputError as error:
         raise InputError(f"weave.warp_colours, weave.weft_colours: {error}") from None
+
+
+def has_floor(scene: Scene) -> bool:
+    """Whether the subject lies on a floor that shows its shadow: fabrics do unless the scene says otherwise."""
+    return scene.subject == "fabric" if scene.stage.ground is None else scene.stage.ground
 
 
 def prepare_fabric(scene: Scene) -> Prepared:

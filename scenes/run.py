@@ -1,4 +1,4 @@
-"""Turntables and animations: frames to disk, then the video and the contact sheet."""
+"""Turntables, animations and zooms: frames to disk, then the video and the contact sheet."""
 
 import sys
 from pathlib import Path
@@ -12,16 +12,18 @@ from taichi_cloth.errors import InputError
 
 from ..render.image import contact_sheet, write_png
 from ..render.video import write_mp4
+from ..render.webp import write_webp
 from .load import load_scene
 from .models import build
 from .plan import plan
 from .report import fact_lines, plan_lines
 from .sequence import Sequence, fingerprint
 from .view import View
+from .zoom import zoom
 
 __all__ = ["image_size", "run"]
 
-Command = Literal["turntable", "animate"]
+Command = Literal["turntable", "animate", "zoom"]
 
 
 def run(
@@ -39,9 +41,11 @@ def run(
     scene = load_scene(name, overrides + ([f"output.size={list(image_size(size))}"] if size is not None else []))
     if command == "animate" and scene.subject != "twist":
         raise InputError(f"animate: {name} stands still; use turntable, or animate twist")
+    if command == "zoom" and scene.subject != "fabric":
+        raise InputError(f"zoom: {name} has no [weave]; use a woven scene, such as swatch")
     planned = plan(scene)
     count = scene.output.views if command == "turntable" else scene.output.frames
-    folder = out or Path("out") / Path(name).stem
+    folder = out or Path("out") / (Path(name).stem + ("-zoom" if command == "zoom" else ""))
     sequence = Sequence.open(folder, fingerprint(scene, command), count, resume=resume)
     runtime.start(arch, threads=threads)
     model = build(scene, planned.prepared)
@@ -54,6 +58,8 @@ def run(
     if command == "turntable":
         model.step(model.frames - 1)
         frames = view.turntable(count, todo)
+    elif command == "zoom":
+        frames = zoom(view, count, todo)
     else:
         frames = view.animation(todo)
     with _progress() as bar:
@@ -65,6 +71,8 @@ def run(
         bar.advance(closing)
         write_png(folder / "sheet.png", contact_sheet(sequence.paths, thumbnail=max(64, 1920 // 6)))
         bar.advance(closing)
+        if scene.output.webp:
+            write_webp(folder / f"{command}.webp", sequence.paths, fps=scene.output.fps)
     print(f"{count} frames, {command}.mp4 ({codec}) and sheet.png in {folder}")
 
 

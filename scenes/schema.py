@@ -11,6 +11,8 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from taichi_cloth.fabric import Pose
 from taichi_cloth.yarn import Direction
 
+from ..render.tone import Tone
+
 __all__ = [
     "Camera",
     "FabricSection",
@@ -19,6 +21,7 @@ __all__ = [
     "Light",
     "Output",
     "Scene",
+    "StageSection",
     "Subject",
     "Twist",
     "Weave",
@@ -147,14 +150,36 @@ class Camera(Section):
 
 
 class Light(Section):
-    key_azimuth_deg: float = Field(default=-50.0, description="from where the key light comes, from the camera's right")
-    key_elevation_deg: float = Field(default=42.0, ge=-90, le=90)
-    key_strength: float = Field(default=1.5, ge=0, le=1e3)
+    """Lights, and how brightness is made of them. Directions are the viewer's of the first view."""
+
+    key_azimuth_deg: float = Field(default=-68.0, description="from where the key light comes, from the camera's right")
+    key_elevation_deg: float = Field(default=38.0, ge=-90, le=90)
+    key_strength: float = Field(default=1.9, ge=0, le=1e3)
+    key_size_deg: float = Field(default=5.0, ge=0, le=90, description="how wide the key light is: soft shadows")
     fill_strength: float = Field(default=0.5, ge=0, le=1e3)
-    follows_camera: bool = Field(default=True, description="the light turns with the camera")
+    rim_strength: float = Field(default=0.0, ge=0, le=1e3, description="a light from behind that makes fibres glow")
+    rim_azimuth_deg: float = Field(default=150.0, description="from where the rim light comes")
+    rim_elevation_deg: float = Field(default=30.0, ge=-90, le=90)
+    follows_camera: bool | None = Field(
+        default=None, description="the lights turn with the camera; default: not where a fabric lies still"
+    )
+    shadows: bool = Field(default=True, description="fibres shadow one another from the key light")
+    occlusion: bool = Field(default=True, description="fibres hide the sky from one another")
+    shading: Literal["kajiya", "marschner"] = Field(default="marschner", description="model of a fibre's highlight")
+    tone: Tone = Field(
+        default="neutral", description="srgb, neutral or aces: how bright highlights are kept from clipping"
+    )
     exposure: float = Field(default=0.0, ge=-20, le=20, description="in stops")
     background: tuple[str, str] = Field(default=("#f4f2ee", "#cfccc6"), description="top and bottom of the backdrop")
     finish: str | None = Field(default=None, description="how fibres shine; default: the fibre's kind")
+
+
+class StageSection(Section):
+    """What the subject stands or lies on."""
+
+    ground: bool | None = Field(
+        default=None, description="a floor with the subject's shadow; default: under fabrics only"
+    )
 
 
 class Output(Section):
@@ -162,6 +187,7 @@ class Output(Section):
     frames: int = Field(default=72, ge=1, le=100_000, description="frames of an animation")
     size: tuple[int, int] = Field(default=(1080, 720), description="width and height [px]")
     fps: int = Field(default=18, ge=1, le=240, description="frames per second of the video")
+    webp: bool = Field(default=False, description="also an animated WebP, at most 720 px wide, for a README")
 
     @model_validator(mode="after")
     def size_fits(self) -> "Output":
@@ -183,6 +209,7 @@ class Scene(Section):
     fabric: FabricSection | None = None
     camera: Camera = Camera()
     light: Light = Light()
+    stage: StageSection = StageSection()
     output: Output = Output()
 
     @model_validator(mode="after")

@@ -1,7 +1,7 @@
 """From a built scene to images: cameras round it, lights and finish as the scene says, panels side by side."""
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from math import cos, radians, sin
 
 import numpy as np
@@ -9,34 +9,50 @@ from numpy.typing import NDArray
 
 from taichi_cloth.colour_order import colour
 
+from ..render.backdrop import Backdrop
 from ..render.camera import Camera, frame, orbit
 from ..render.caption import caption, label
 from ..render.finish import FINISHES, Finish, finish_for
-from ..render.light import Background, Lighting
+from ..render.light import Background, KeyLight, Lighting
+from ..render.paint import paint
 from ..render.splat import RenderStats, Splatter
 from ..render.sprites import CRISP, SOFT, SpriteSheet, fibre_sprite, round_sprite, sheet_from_png
+from ..render.stage import Stage, stage_under
+from ..render.tone import tone_inverse
 from .models import Model, Panel
-from .prepare import fibre_kind
+from .prepare import fibre_kind, has_floor
 from .schema import Scene
 
-__all__ = ["View", "finish_of", "lighting_of"]
+__all__ = ["Shot", "View", "finish_of", "lighting_of"]
 
 Image = NDArray[np.uint8]
 
 
+@dataclass(frozen=True)
+class Shot:
+    """A panel that was just drawn: its camera, what stands behind, and the splatter that holds it."""
+
+    panel: Panel
+    splatter: Splatter
+    camera: Camera
+    backdrop: Backdrop | None
+
+
 class View:
-    """Draws a model at one image size, (width, height) [px].
+    """Draws a model at one image size, (width, height) [px], or on canvases `scale` times as large each way.
 
     Raises InputError or RenderError for a finish, colour or sprite that is not known.
     """
 
-    def __init__(self, model: Model, size: tuple[int, int]) -> None:
-        self.model, self.scene, self.size = model, model.scene, size
+    def __init__(self, model: Model, size: tuple[int, int], *, scale: int = 1) -> None:
+        self.model, self.scene, self.size, self.scale = model, model.scene, size, scale
         self.lighting, self.finish = lighting_of(self.scene), finish_of(self.scene)
         top, bottom = (tuple(float(v) for v in colour(name)) for name in self.scene.light.background)
-        self.background = Background(top=top, bottom=bottom)  # pyright: ignore[reportArgumentType]
+        ends = (tuple(tone_inverse(self.lighting.tone, end).tolist()) for end in (top, bottom))
+        self.background = Background(**dict(zip(("top", "bottom"), ends, strict=True)))
         self._splatters: list[Splatter] = []
         self._panels: list[Panel] = []
+        self._stages: list[Stage | None] = []
 
     def turntable(self, count: int, numbers: list[int]) -> Iterator[tuple[int, Image]]:
         """The views `numbers` out of `count` evenly spaced ones, all framed alike."""
@@ -49,6 +65,22 @@ class View:
         ]
         for k in numbers:
             yield k, self._draw([row[k] for row in cameras])
+
+    def shots(self, *, plain: bool = False) -> Iterator[Shot]:
+        """The panels as the first view of a turntable shows them, drawn one after the other, without words.
+
+        plain: without shadows, occlusion and floor, for passes that do not need them.
+        """
+        self._load()
+        if plain:
+            self.lighting = Lighting()
+            self._stages = [None for _ in self._panels]
+        azimuth = self.scene.camera.azimuth_deg
+        for k, (panel, splatter) in enumerate(zip(self._panels, self._splatters, strict=True)):
+            width, height = splatter.width, splatter.height
+            (camera,) = orbit(panel.bounds, 1, width=width, height=height, start=azimuth, **self._lens())
+            shot, _ = self._shoot(k, camera)
+            yield shot
 
     def animation(self, numbers: list[int]) -> Iterator[tuple[int, Image]]:
         """The frames `numbers`, in rising order, from one standing camera."""
@@ -81,41 +113,75 @@ class View:
             width, height = self.size
             edges = np.linspace(0, width, len(self._panels) + 1).round().astype(int)
             profile, sheet = _sprite(self.scene)
-            self._splatters = [Splatter(max(1, int(w)), height, profile=profile, sprites=sheet) for w in np.diff(edges)]
+            self._splatters = [
+                Splatter(max(1, int(w)) * self.scale, height * self.scale, profile=profile, sprites=sheet)
+                for w in np.diff(edges)
+            ]
         for panel, splatter in zip(self._panels, self._splatters, strict=True):
             splatter.load(panel.particles)
+        on = has_floor(self.scene)
+        self._stages = [stage_under(panel.particles) if on else None for panel in self._panels]
 
     def _draw(self, cameras: list[Camera]) -> Image:
         images = []
-        for panel, splatter, camera in zip(self._panels, self._splatters, cameras, strict=True):
-            near = replace(camera, focal=camera.focal * self.scene.camera.zoom)
-            image = splatter.render(near, lighting=self.lighting, finish=self.finish, background=self.background)
+        for k, (panel, camera) in enumerate(zip(self._panels, cameras, strict=True)):
+            shot, image = self._shoot(k, camera)
             if panel.caption:
                 image = caption(image, panel.caption)
             for name, point in panel.labels:
-                x, y, _ = near.project([point])[0]
+                x, y, _ = shot.camera.project([point])[0]
                 image = label(image, name, (float(x), float(y)))
             images.append(image)
         return np.concatenate(images, axis=1)[:, : self.size[0]]
 
+    def _shoot(self, k: int, camera: Camera) -> tuple[Shot, Image]:
+        """Draw panel k, the camera as near as the scene's zoom says."""
+        splatter = self._splatters[k]
+        near = replace(camera, focal=camera.focal * self.scene.camera.zoom)
+        light, ground = self.lighting, self.background
+        backdrop = paint(near, stage=self._stages[k], lighting=light, background=ground)
+        image = splatter.render(near, lighting=light, finish=self.finish, background=ground, backdrop=backdrop)
+        return Shot(self._panels[k], splatter, near, backdrop), image
+
 
 def lighting_of(scene: Scene) -> Lighting:
-    """The scene's lights. Directions are the viewer's when the light follows the camera, else the world's."""
+    """The scene's lights. They stay where they are for the first view, or turn with the camera."""
     section = scene.light
-    azimuth, elevation = radians(section.key_azimuth_deg), radians(section.key_elevation_deg)
+    follows = section.follows_camera
+    if follows is None:
+        follows = scene.subject != "fabric"
+
+    def direction(azimuth_deg: float, elevation_deg: float) -> tuple[float, float, float]:
+        azimuth = radians(azimuth_deg + (0.0 if follows else scene.camera.azimuth_deg))
+        elevation = radians(elevation_deg)
+        return sin(azimuth) * cos(elevation), sin(elevation), cos(azimuth) * cos(elevation)
+
+    rim = KeyLight(
+        direction=direction(section.rim_azimuth_deg, section.rim_elevation_deg),
+        intensity=section.rim_strength,
+        follows_camera=follows,
+        size=section.key_size_deg,
+        casts_shadow=section.shadows,
+    )
     return Lighting(
-        direction=(sin(azimuth) * cos(elevation), sin(elevation), cos(azimuth) * cos(elevation)),
-        key_follows_camera=section.follows_camera,
+        direction=direction(section.key_azimuth_deg, section.key_elevation_deg),
+        key_follows_camera=follows,
         key=section.key_strength,
         fill=section.fill_strength,
         exposure=section.exposure,
+        size=section.key_size_deg,
+        shadows=section.shadows,
+        occlusion=section.occlusion,
+        others=(rim,) if section.rim_strength > 0 else (),
+        tone=section.tone,
     )
 
 
 def finish_of(scene: Scene) -> Finish:
     """How the scene's fibres answer light: the stated finish, or that of their kind."""
     stated = scene.light.finish or fibre_kind(scene).finish
-    return finish_for(stated) if stated in FINISHES or scene.light.finish else Finish()
+    finish = finish_for(stated) if stated in FINISHES or scene.light.finish else Finish()
+    return replace(finish, model=scene.light.shading)
 
 
 def _sprite(scene: Scene) -> tuple:

@@ -4,17 +4,25 @@ from typing import TYPE_CHECKING, Any
 
 import taichi as ti
 
-__all__ = ["F32x1", "F32x2", "Float", "I32x1", "I64x1"]
+__all__ = ["F32x1", "F32x2", "F32x3", "Float", "I16x2", "I32x1", "I32x2", "I64x1", "Int"]
 
 if TYPE_CHECKING:
     F32x1 = Any
     F32x2 = Any
-    I32x1 = Any
-    I64x1 = Any
+    F32x3 = Any
     Float = Any
+    I16x2 = Any
+    Int = Any
+    I32x1 = Any
+    I32x2 = Any
+    I64x1 = Any
 else:
     F32x1 = ti.types.ndarray(ti.f32, 1)
     F32x2 = ti.types.ndarray(ti.f32, 2)
-    I32x1 = ti.types.ndarray(ti.i32, 1)
-    I64x1 = ti.types.ndarray(ti.i64, 1)
+    F32x3 = ti.types.ndarray(ti.f32, 3)
     Float = ti.f32
+    I16x2 = ti.types.ndarray(ti.i16, 2)
+    Int = ti.i32
+    I32x1 = ti.types.ndarray(ti.i32, 1)
+    I32x2 = ti.types.ndarray(ti.i32, 2)
+    I64x1 = ti.types.ndarray(ti.i64, 1)

@@ -55,6 +55,10 @@ class Fabric:
     def particles(self) -> int:
         return int(self.particle_start[-1])
 
+    def threads(self) -> NDArray[np.int32]:
+        """Number of the thread each particle is of, warp ends first, then weft picks, shape (n,)."""
+        return np.repeat(self.layout.blocks.thread, np.diff(self.particle_start)).astype(np.int32)
+
     def cloud(self, points: NDArray) -> FibreCloud:
         """All particles of the fabric on key points (picks, ends, 3) [m].
 

@@ -1,0 +1,182 @@
+"""Paint what stands behind the particles: the background's gradient, the floor's shadows, then the meshes.
+
+Meshes are shaded like cloth without fibres: Lambert's law for every distant light and a fill that goes from the
+ground's colour to the sky's as the normal turns upward, on smooth normals turned towards the viewer.
+"""
+
+# In kernels a name stands for a Taichi expression, which type checkers cannot follow.
+# pyright: reportIndexIssue=false, reportArgumentType=false, reportOptionalCall=false, reportReturnType=false
+
+from collections.abc import Callable
+
+import numpy as np
+import taichi as ti
+from numpy.typing import NDArray
+from taichi.lang import impl
+
+from .arrays import Floats1, Floats2, Floats3, Int, Ints2, Switch
+from .backdrop import Backdrop, padded, tiled
+from .camera import Camera
+from .light import Background, Lighting
+from .mesh import Mesh, visible
+from .stage import CELLS, Stage
+
+__all__ = ["ShadowAt", "paint"]
+
+ShadowAt = Callable[[NDArray[np.float32]], NDArray[np.float32]]
+"""From points (n, 3) [m] to the share of the key light that reaches each, (n,)."""
+
+# Rows of the argument `c`, three numbers each.
+ROTATION, EYE, LENS, SKY, GROUND, FLOOR = 0, 3, 4, 5, 6, 7
+CONSTANT_ROWS = 9  # FLOOR: height, centre x and z [m], then in the next row cells per metre
+
+
+def paint(
+    camera: Camera,
+    *,
+    background: Background | None = None,
+    lighting: Lighting | None = None,
+    mesh: Mesh | None = None,
+    stage: Stage | None = None,
+    shadow_at: ShadowAt | None = None,
+    chunks: int | None = None,
+) -> Backdrop | None:
+    """The backdrop for `Splatter.render`; None when there is neither a mesh nor a stage.
+
+    shadow_at: what the particles leave of the key light on the mesh, such as `splatter.light.key_map().shadow_at`;
+    without it they cast no shadow there.
+    """
+    if mesh is None and stage is None:
+        return None
+    lighting, background = lighting or Lighting(), background or Background()
+    chunks = int(impl.current_cfg().cpu_max_num_threads) if chunks is None else chunks
+    c = np.zeros((CONSTANT_ROWS, 3), np.float32)
+    c[ROTATION : ROTATION + 3], c[EYE] = camera.rotation, camera.eye
+    c[LENS] = camera.focal, camera.cx, camera.cy
+    _, c[SKY], c[GROUND] = lighting.radiances()
+    width = padded(camera.width)
+    colour = np.empty((camera.height, width, 3), np.float32)
+    _floor(stage is not None, width, *_floor_arguments(c, camera, lighting, stage), background.ends(), colour)
+    if mesh is None:
+        return Backdrop(colour)
+    depth, face, edges = visible(mesh, camera, chunks=chunks)
+    passing = np.ones((1, 1), np.float32)
+    if shadow_at is not None:
+        row, column = np.nonzero(face >= 0)
+        passing = np.ones(face.shape, np.float32)
+        passing[row, column] = shadow_at(unproject(camera, row, column, depth[row, column]))
+    lamps = [(lamp.towards(camera), np.multiply(lamp.intensity, lamp.colour)) for lamp in lighting.lights]
+    lamps = np.array(lamps, np.float32) * np.array([[1.0], [2.0**lighting.exposure]], np.float32)
+    _shade(width, shadow_at is not None, c, lamps, mesh.faces, mesh.colour, mesh.normals, edges, face, passing, colour)
+    return Backdrop(colour, tiled(depth), face, edges)
+
+
+def unproject(camera: Camera, row: NDArray, column: NDArray, depth: NDArray) -> NDArray[np.float32]:
+    """World points (n, 3) [m] of pixels (n,) at a depth (n,) [m]."""
+    ray = np.stack([(column + 0.5 - camera.cx) / camera.focal, (row + 0.5 - camera.cy) / camera.focal], -1)
+    at = np.concatenate([ray, np.ones((len(row), 1))], 1) * depth[:, None]
+    return ((at - camera.translation) @ camera.rotation).astype(np.float32)
+
+
+def _floor_arguments(
+    c: NDArray[np.float32], camera: Camera, lighting: Lighting, stage: Stage | None
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    if stage is None:
+        return c, np.ones((1, 1, 3), np.float32)
+    c[FLOOR] = stage.ground, *stage.centre
+    c[FLOOR + 1] = 1 / stage.cell
+    return c, stage.darkening(camera, lighting)
+
+
+@ti.kernel
+def _floor(on: Switch, width: Int, c: Floats2, darkening: Floats3, background: Floats1, colour_out: Floats3):
+    """The gradient, and where a pixel looks down on the floor, the floor's shadows."""
+    height = colour_out.shape[0]
+    for i in range(height * width):
+        y = i // width
+        x = i % width
+        down = (y + 0.5) / height
+        shade = ti.Vector([1.0, 1.0, 1.0])
+        if ti.static(on):
+            u = (x + 0.5 - c[LENS, 1]) / c[LENS, 0]
+            v = (y + 0.5 - c[LENS, 2]) / c[LENS, 0]
+            ray_y = u * c[0, 1] + v * c[1, 1] + c[2, 1]
+            above = c[EYE, 1] - c[FLOOR, 0]
+            if ray_y < 0.0 and above > 0.0:
+                far = -above / ray_y
+                p = c[EYE, 0] + far * (u * c[0, 0] + v * c[1, 0] + c[2, 0]) - c[FLOOR, 1]
+                q = c[EYE, 2] + far * (u * c[0, 2] + v * c[1, 2] + c[2, 2]) - c[FLOOR, 2]
+                column = p * c[FLOOR + 1, 0] + 0.5 * CELLS - 0.5
+                row = q * c[FLOOR + 1, 0] + 0.5 * CELLS - 0.5
+                if 0.0 <= column < CELLS - 1.0 and 0.0 <= row < CELLS - 1.0:
+                    left = ti.cast(column, ti.i32)
+                    top = ti.cast(row, ti.i32)
+                    f = column - left
+                    g = row - top
+                    for k in ti.static(range(3)):
+                        one = darkening[top, left, k] * (1 - f) + darkening[top, left + 1, k] * f
+                        two = darkening[top + 1, left, k] * (1 - f) + darkening[top + 1, left + 1, k] * f
+                        shade[k] = one + g * (two - one)
+        for k in ti.static(range(3)):
+            colour_out[y, x, k] = (background[k] + (background[k + 3] - background[k]) * down) * shade[k]
+
+
+@ti.func
+def weights(edges: Floats2, f, x, y):
+    """b0, b1, b2 of triangle f at the pixel with its middle at (x, y)."""
+    b = ti.Vector([edges[f, 3 * k] * x + edges[f, 3 * k + 1] * y + edges[f, 3 * k + 2] for k in ti.static(range(3))])
+    return b / ti.max(b.sum(), 1e-30)
+
+
+@ti.func
+def smooth_normal(faces: Ints2, normals: Floats2, f, b):
+    """The vertices' normals blended, unit."""
+    n = ti.Vector([0.0, 0.0, 0.0])
+    for i in ti.static(range(3)):
+        for k in ti.static(range(3)):
+            n[k] += b[i] * normals[faces[f, i], k]
+    return n / ti.max(n.norm(), 1e-12)
+
+
+@ti.kernel
+def _shade(
+    width: Int,
+    shadowed: Switch,
+    c: Floats2,
+    lamps: Floats3,  # direction towards each, then its radiance
+    # mesh:
+    faces: Ints2,
+    albedo: Floats2,
+    normals: Floats2,
+    edges: Floats2,
+    # pixels:
+    face: Ints2,
+    passing: Floats2,
+    # out:
+    colour_out: Floats3,
+):
+    for i in range(colour_out.shape[0] * width):
+        y = i // width
+        x = i % width
+        f = face[y, x]
+        if f >= 0:
+            b = weights(edges, f, x + 0.5, y + 0.5)
+            n = smooth_normal(faces, normals, f, b)
+            u = (x + 0.5 - c[LENS, 1]) / c[LENS, 0]
+            v = (y + 0.5 - c[LENS, 2]) / c[LENS, 0]
+            ray = ti.Vector([u * c[0, k] + v * c[1, k] + c[2, k] for k in ti.static(range(3))])
+            if n.dot(ray) > 0.0:
+                n = -n
+            upward = 0.5 + 0.5 * n[1]
+            lit = ti.Vector([c[GROUND, k] + (c[SKY, k] - c[GROUND, k]) * upward for k in ti.static(range(3))])
+            for j in range(lamps.shape[0]):
+                share = ti.max(n[0] * lamps[j, 0, 0] + n[1] * lamps[j, 0, 1] + n[2] * lamps[j, 0, 2], 0.0)
+                if ti.static(shadowed):
+                    share *= passing[y, x] if j == 0 else 1.0
+                for k in ti.static(range(3)):
+                    lit[k] += share * lamps[j, 1, k]
+            for k in ti.static(range(3)):
+                own = 0.0
+                for j in ti.static(range(3)):
+                    own += b[j] * albedo[faces[f, j], k]
+                colour_out[y, x, k] = own * lit[k]

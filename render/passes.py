@@ -1,0 +1,275 @@
+"""Pictures for people who make data: depth, normal, coverage and the number of what is seen, pixel by pixel.
+
+They follow the same tile lists and the same alpha as the colour image, so they lie on it exactly. With T the light
+that still passes, front to back,
+
+    depth      where T falls through 0.5: the front of that particle, as a ball of its radius (a round thread for
+               an elliptic one) [m along the viewing direction]; 0 where T stays above
+    hit        which particle that is, -1 for none; from it come yarn and part, never blended
+    normal     sum of T alpha n over all particles, made unit; world axes; 0 where less than LEAST is covered
+    coverage   1 - T
+
+A mesh counts as an opaque surface. This kernel is slower than `raster` and runs only when asked.
+"""
+
+# In kernels a name stands for a Taichi expression, which type checkers cannot follow.
+# pyright: reportIndexIssue=false, reportArgumentType=false, reportOptionalCall=false, reportReturnType=false
+
+from dataclasses import dataclass
+
+import numpy as np
+import taichi as ti
+from numpy.typing import NDArray
+
+from .arrays import LANES, TILE, Float, Floats1, Floats2, Floats3, Int, Ints1, Ints2, Switch, Vec16
+from .backdrop import Backdrop
+from .blocks import NORMAL, RADIUS
+from .camera import Camera
+from .errors import RenderError, did_you_mean
+from .mesh import Mesh
+from .particles import Particles
+from .raster import row_from_sprite
+from .splat import Splatter
+
+__all__ = ["PASSES", "Passes", "render_passes"]
+
+PASSES = ("depth", "normal", "mask", "id")
+
+LEAST = 1 / 65535
+"""Coverage below which a pixel is empty: a step of 16 bits."""
+
+
+@dataclass(frozen=True, eq=False)
+class Passes:
+    """The passes asked for; the others are None."""
+
+    depth: NDArray[np.float32] | None = None
+    """[m] along the viewing direction, shape (h, w); 0 where nothing is."""
+    normal: NDArray[np.float32] | None = None
+    """Unit, world axes, shape (h, w, 3); 0 where nothing is."""
+    mask: NDArray[np.float32] | None = None
+    """Coverage 0..1, shape (h, w)."""
+    yarn: NDArray[np.int32] | None = None
+    """Number of the yarn, shape (h, w); -1 where there is none."""
+    part: NDArray[np.int32] | None = None
+    """Number of the part, shape (h, w); -1 where there is none."""
+
+
+def render_passes(
+    splatter: Splatter,
+    camera: Camera,
+    particles: Particles,
+    which: tuple[str, ...] = PASSES,
+    *,
+    backdrop: Backdrop | None = None,
+    mesh: Mesh | None = None,
+) -> Passes:
+    """The passes of what `splatter` has just drawn from `camera` with `load` and `render`.
+
+    particles: those that are loaded, for their yarn and part numbers. mesh: the one that `backdrop` shows.
+    Raises RenderError for a pass that is not known, when something else is loaded, or when nothing is drawn yet.
+    """
+    for name in which:
+        if name not in PASSES:
+            known = ", ".join(PASSES)
+            raise RenderError(f"passes: unknown pass {name!r}; known: {known}{did_you_mean(name, PASSES)}")
+    lists = splatter.lists()
+    loaded = splatter.stats.particles if splatter.stats else 0
+    if len(particles) != loaded:
+        raise RenderError(f"passes: {len(particles)} particles; allowed: the {loaded} that are loaded")
+    hits, normals = "depth" in which or "id" in which, "normal" in which
+    rows = lists.tiles * TILE
+    through = np.ones((rows, TILE), np.float32)
+    depth = np.zeros((rows, TILE) if hits else (1, 1), np.float32)
+    hit = np.full((rows, TILE) if hits else (1, 1), -1, np.int32)
+    normal = np.zeros((rows, TILE, 3) if normals else (1, 1, 3), np.float32)
+    wall = None if backdrop is None or backdrop.wall is None else backdrop.wall.reshape(-1, TILE)
+    _passes(
+        lists.layout,
+        lists.profile,
+        hits,
+        normals,
+        wall is not None,
+        splatter.chunks,
+        lists.tiles_x,
+        lists.tiles,
+        camera.focal,
+        lists.starts,
+        lists.entries,
+        lists.splats,
+        lists.blocks,
+        lists.keys,
+        lists.nearest,
+        lists.key_depth,
+        lists.edge,
+        lists.sheet,
+        lists.levels,
+        lists.sprite_size,
+        np.zeros((1, 1), np.float32) if wall is None else wall,
+        through,
+        depth,
+        hit,
+        normal,
+    )
+    size = camera.height, camera.width
+    through, depth, hit, normal = (_whole(a, lists.tiles_x, size) for a in (through, depth, hit, normal))
+    face = None if backdrop is None or backdrop.face is None else backdrop.face[:, : camera.width]
+    made: dict[str, NDArray] = {"mask": 1 - through, "depth": depth, "normal": normal}
+    if "id" in which:
+        made |= {name: _numbers(getattr(particles, name), hit) for name in ("yarn", "part")}
+    if face is not None and mesh is not None and backdrop is not None and wall is not None:
+        bare = (face >= 0) & (through > 0.5)
+        made["mask"][face >= 0] = 1
+        if hits:
+            depth[bare] = _whole(wall, lists.tiles_x, size)[bare]
+        if "id" in which:
+            made["part"][bare] = np.asarray(mesh.part)[face[bare]]
+        if normals:
+            row, column = np.nonzero(face >= 0)
+            normal[row, column] += through[row, column, None] * _mesh_normals(mesh, camera, backdrop, row, column)
+    if normals:
+        length = np.linalg.norm(normal, axis=-1, keepdims=True)
+        there = (length > 0) & (made["mask"][..., None] >= LEAST)
+        made["normal"] = np.where(there, normal / np.where(there, length, 1), np.float32(0))
+    wanted = set(which) | ({"yarn", "part"} if "id" in which else set())
+    return Passes(**{name: image for name, image in made.items() if name in wanted})
+
+
+def _whole(tiles: NDArray, tiles_x: int, size: tuple[int, int]) -> NDArray:
+    """An image (h, w, …) from tiles one below the other (tiles * 16, 16, …)."""
+    if len(tiles) == 1:
+        return tiles
+    extra = tiles.shape[2:]
+    image = tiles.reshape(-1, tiles_x, TILE, TILE, *extra).swapaxes(1, 2).reshape(-1, tiles_x * TILE, *extra)
+    return np.ascontiguousarray(image[: size[0], : size[1]])
+
+
+def _numbers(of_particle: NDArray[np.int32] | None, hit: NDArray[np.int32]) -> NDArray[np.int32]:
+    if of_particle is None or not len(of_particle):
+        return np.full(hit.shape, -1, np.int32)
+    return np.where(hit >= 0, of_particle[np.maximum(hit, 0)], -1).astype(np.int32)
+
+
+def _mesh_normals(mesh: Mesh, camera: Camera, backdrop: Backdrop, row: NDArray, column: NDArray) -> NDArray:
+    """Smooth normals (n, 3) of the mesh in these pixels, turned towards the camera."""
+    assert backdrop.face is not None
+    assert backdrop.edges is not None
+    seen = backdrop.face[row, column]
+    at = np.stack([column + 0.5, row + 0.5, np.ones(len(row))], -1)
+    share = np.einsum("nkj,nj->nk", backdrop.edges[seen, :9].reshape(-1, 3, 3), at)
+    share /= np.maximum(share.sum(axis=1, keepdims=True), 1e-30)
+    normal = np.einsum("nk,nkc->nc", share, np.asarray(mesh.normals)[mesh.faces[seen]])
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
+    ray = (at - (camera.cx, camera.cy, 0)) / (camera.focal, camera.focal, 1) @ camera.rotation
+    return np.where((normal * ray).sum(1, keepdims=True) > 0, -normal, normal)
+
+
+@ti.kernel
+def _passes(
+    layout: Switch,
+    profile: Switch,
+    hits: Switch,
+    normals: Switch,
+    walled: Switch,
+    blocks: Int,
+    tiles_x: Int,
+    tiles: Int,
+    focal: Float,
+    # splats:
+    starts: Ints1,
+    lists: Ints1,
+    splats: Floats2,
+    particles: Floats3,
+    keys: Ints1,
+    nearest: Float,
+    key_depth: Float,
+    # sprite:
+    edge: Float,
+    sheet: Floats1,
+    levels: Ints1,
+    sprite_size: Int,
+    # what stands behind:
+    wall: Floats2,
+    # out, a tile's rows one below the other:
+    through_out: Floats2,
+    depth_out: Floats2,
+    hit_out: Ints2,
+    normal_out: Floats3,
+):
+    """Alpha is `raster`'s, row by row; see there and `project` for what a splat's numbers are."""
+    rounds = ti.max(512, (tiles + blocks - 1) // blocks)
+    for step in range(rounds * blocks):
+        tile = (step % rounds) * blocks + step // rounds
+        if tile < tiles:
+            x0 = (tile % tiles_x) * TILE
+            y0 = (tile // tiles_x) * TILE
+            iota = Vec16([0.5 + k for k in range(LANES)])
+            for i in range(starts[tile], starts[tile + 1]):
+                k = lists[i]
+                z = nearest + key_depth * ti.cast(keys[k], ti.f32)
+                radius = particles[k // LANES, RADIUS, k % LANES]
+                narrow = radius * focal / z  # [px], as `reach` would be without a rim
+                dx = iota - (splats[k, 0] - x0)
+                middle = splats[k, 1] - y0
+                reach = splats[k, 6]
+                first = ti.max(0, ti.cast(ti.ceil(middle - reach - 0.5), ti.i32))
+                last = ti.min(TILE - 1, ti.cast(ti.floor(middle + reach - 0.5), ti.i32))
+                for y in range(first, last + 1):
+                    dy = y + 0.5 - middle
+                    alpha = Vec16(0.0)
+                    rise = Vec16(0.0)  # 1 - (distance from the middle or the axis, in radii)^2
+                    if ti.static(layout.elliptic):
+                        s = dx * splats[k, 7] + dy * splats[k, 8]
+                        t = dx * splats[k, 9] + dy * splats[k, 10]
+                        wide = ti.rsqrt(splats[k, 7] * splats[k, 7] + splats[k, 8] * splats[k, 8])
+                        rise = 1.0 - (s * wide / narrow) * (s * wide / narrow)
+                        if ti.static(layout.textured):
+                            number = ti.cast(splats[k, 13], ti.i32)
+                            s0 = dx * splats[k, 7]
+                            t0 = dx * splats[k, 9]
+                            alpha = row_from_sprite(
+                                sheet, levels, sprite_size, number, wide, s0, t0, splats[k, 8], splats[k, 10], dy
+                            )
+                        else:
+                            q = ti.max(1.0 - s * s - t * t, 0.0)
+                            if ti.static(profile == "crisp"):
+                                q = ti.max(1.0 - s * s - t * t * splats[k, 14], 0.0)
+                                q = ti.min(q * splats[k, 12], 1.0)
+                                q *= ti.min(ti.max(1.0 - t * t, 0.0) * splats[k, 15], 1.0)
+                            if ti.static(profile == "sharp"):
+                                q = ti.min(q * splats[k, 12], 1.0)
+                            alpha = q * q
+                    else:
+                        rho = (dx * dx + dy * dy) / (reach * reach)
+                        rise = 1.0 - rho * (reach / narrow) * (reach / narrow)
+                        if ti.static(layout.textured):
+                            number = ti.cast(splats[k, 7], ti.i32)
+                            one = 1.0 / reach
+                            alpha = row_from_sprite(
+                                sheet, levels, sprite_size, number, reach, Vec16(0.0), dx * one, one, 0.0, dy
+                            )
+                        else:
+                            sharp = 1.0
+                            if ti.static(profile == "crisp"):
+                                sharp = ti.max(0.5 * reach, 1.0)
+                            if ti.static(profile == "sharp"):
+                                sharp = edge
+                            q = ti.min(ti.max(1.0 - rho, 0.0) * sharp, 1.0)
+                            alpha = q * q
+                    at = tile * TILE + y
+                    for x in range(LANES):
+                        light = through_out[at, x]
+                        weight = light * alpha[x] * splats[k, 2]
+                        if ti.static(walled):
+                            weight = ti.select(z < wall[at, x], weight, 0.0)
+                        if weight > 0.0:
+                            left = light - weight
+                            through_out[at, x] = left
+                            if ti.static(hits):
+                                crosses = light > 0.5 and left <= 0.5
+                                if crosses:
+                                    hit_out[at, x] = k
+                                    depth_out[at, x] = z - radius * ti.sqrt(ti.max(rise[x], 0.0))
+                            if ti.static(normals):
+                                for c in ti.static(range(3)):
+                                    normal_out[at, x, c] += weight * particles[k // LANES, NORMAL + c, k % LANES]

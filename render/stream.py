@@ -1,0 +1,143 @@
+"""Pictures of more than fits in memory: the image is cut into windows, and what each shows is made, drawn, dropped.
+
+A source says where its pieces are on the image and how many particles each has; windows are halved until what
+lies in one is a batch. A window is drawn whole, with its own depth order, so nothing shows where two meet: the
+picture is that of one batch. Pieces that reach into two windows are made twice, pieces out of view never. Where
+even a single tile has too much behind it, batches lie one behind the other, nearest first, until it is opaque.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .arrays import TILE
+from .blocks import Layout
+from .camera import Camera
+from .light import Background
+from .splat import Splatter
+
+__all__ = ["STREAMED", "Source", "StreamStats", "stream"]
+
+STREAMED = Layout(elliptic=True, openness=True)
+"""The rows of the particles that a source lays."""
+
+WASTE = 1.5
+"""Windows are not halved further where that makes pieces more than this many times over."""
+
+
+class Seen(Protocol):
+    """boxes: (n, 4) int16 first and last tile column and row of each piece; counts: (n,) particles of each, 0 where
+    out of view; depth: (n,) [m]."""
+
+    boxes: Any
+    counts: Any
+    depth: Any
+
+
+class Source(Protocol):
+    """Particles that are made when they are needed."""
+
+    def survey(self, camera: Any, /) -> Any: ...
+
+    def lay(self, survey: Any, blocks: Any, /) -> tuple[NDArray[np.float32], int]: ...
+
+
+@dataclass(frozen=True)
+class StreamStats:
+    """pieces: in view. particles: made, with those made twice. batches: drawn. largest: particles of a batch."""
+
+    pieces: int
+    particles: int
+    batches: int
+    largest: int
+
+
+def stream(
+    splatter: Splatter,
+    camera: Camera,
+    source: Source,
+    *,
+    most: int = 1_000_000,
+    background: Background | None = None,
+    out: NDArray[np.uint8] | None = None,
+    **options: Any,
+) -> tuple[NDArray[np.uint8], StreamStats]:
+    """The image (height, width, 3) 8-bit sRGB of all that `source` shows, at most about `most` particles at a time.
+
+    The splatter must have the camera's size. Other options are those of `Splatter.render`, without `backdrop`.
+    """
+    width, height = splatter.width, splatter.height
+    image = np.empty((height, width, 3), np.uint8) if out is None else out
+    background = background or Background()
+    seen = source.survey(camera)
+    ids = np.flatnonzero(seen.counts).astype(np.int32)
+    made = batches = largest = 0
+    try:
+        for x0, y0, x1, y1, inside in windows(seen, ids, -(-width // TILE), -(-height // TILE), most):
+            left, top, right, bottom = x0 * TILE, y0 * TILE, min(x1 * TILE, width), min(y1 * TILE, height)
+            splatter.resize(right - left, bottom - top)
+            near = replace(camera, cx=camera.cx - left, cy=camera.cy - top, width=right - left, height=bottom - top)
+            behind = _part(background, top / height, bottom / height)
+            parts = list(_batches(seen, inside, most))
+            if len(parts) > 1:
+                splatter.begin(near, background=behind, **options)
+            for part in parts:
+                blocks, count = source.lay(seen, part)
+                made, batches, largest = made + count, batches + 1, max(largest, count)
+                splatter.load_blocks(STREAMED, blocks, count)
+                if len(parts) == 1:
+                    image[top:bottom, left:right] = splatter.render(near, background=behind, **options)
+                elif splatter.add().opaque_everywhere():
+                    break
+            if len(parts) > 1:
+                image[top:bottom, left:right] = splatter.finish()
+    finally:
+        splatter.resize(width, height)
+    return image, StreamStats(len(ids), made, batches, largest)
+
+
+def windows(
+    seen: Seen, ids: NDArray[np.int32], tiles_x: int, tiles_y: int, most: int
+) -> Iterator[tuple[int, int, int, int, NDArray[np.int32]]]:
+    """Rectangles of tiles x0, y0, x1, y1 that make up the image, and the pieces that reach into each."""
+    waiting = [(0, 0, tiles_x, tiles_y, ids)]
+    while waiting:
+        x0, y0, x1, y1, inside = waiting.pop()
+        counts = seen.counts[inside]
+        total = int(counts.sum(dtype=np.int64))
+        if total <= most or (x1 - x0 == 1 and y1 - y0 == 1):
+            yield x0, y0, x1, y1, inside
+            continue
+        axis = 0 if x1 - x0 >= y1 - y0 else 1
+        begin, end = (x0, x1) if axis == 0 else (y0, y1)
+        first, last = seen.boxes[inside, 2 * axis], seen.boxes[inside, 2 * axis + 1]
+        middle = np.clip((first.astype(np.int32) + last) // 2, begin, end - 1) - begin
+        load = np.cumsum(np.bincount(middle, weights=counts, minlength=end - begin))
+        cut = begin + int(np.clip(np.searchsorted(load, 0.5 * load[-1]) + 1, 1, end - begin - 1))
+        near, far = first < cut, last >= cut
+        if int(counts[near].sum(dtype=np.int64)) + int(counts[far].sum(dtype=np.int64)) > WASTE * total:
+            yield x0, y0, x1, y1, inside
+            continue
+        boxes = ((x0, y0, cut, y1), (cut, y0, x1, y1)) if axis == 0 else ((x0, y0, x1, cut), (x0, cut, x1, y1))
+        waiting.append((*boxes[1], inside[far]))
+        waiting.append((*boxes[0], inside[near]))
+
+
+def _batches(seen: Seen, inside: NDArray[np.int32], most: int) -> Iterator[NDArray[np.int32]]:
+    """The pieces of a window in one batch, or from front to back in several."""
+    if int(seen.counts[inside].sum(dtype=np.int64)) <= most:
+        yield inside
+        return
+    inside = inside[np.argsort(seen.depth[inside], kind="stable")]
+    group = np.cumsum(seen.counts[inside], dtype=np.int64) // max(most, 1)
+    yield from np.split(inside, np.flatnonzero(np.diff(group)) + 1)
+
+
+def _part(background: Background, begin: float, end: float) -> Background:
+    """What a window from `begin` to `end` (shares of the height) sees of the gradient."""
+    ends = background.ends().astype(np.float64)
+    top, bottom = (ends[:3] + (ends[3:] - ends[:3]) * at for at in (begin, end))
+    return Background(top=(top[0], top[1], top[2]), bottom=(bottom[0], bottom[1], bottom[2]))

@@ -1,0 +1,267 @@
+"""How much light comes through many thin, half-transparent layers: kernels of the deep opacity map.
+
+C. Yuksel, J. Keyser, "Deep opacity maps", Computer Graphics Forum 27(2), 2008: a map seen from the light whose
+layers of opacity begin, texel by texel, at the depth where the light first meets something, so that the few
+layers follow the surface. Here layer boundary k of 16 lies behind that first depth by
+
+    d(k) = D ((k + a)^4 - a^4) / ((15 + a)^4 - a^4)
+
+(fine where yarns shadow one another, coarse far behind; D the depth of the scene, a such that d(1) is about a
+particle's radius), and a particle of opacity alpha that covers the share c of a texel takes the optical depth
+-c ln(1 - alpha) there. Departures from the paper: what lies in a layer dims the light from the layer's far side
+on and is read one layer late, so that a fibre does not shadow itself; and maps hold the transmittance
+exp(-optical depth) at the boundaries, averaged into coarser maps for soft light.
+
+No atomics: a band of rows belongs to one thread, which goes through the particles in their order. The same input
+gives the same map for any number of bands.
+"""
+
+# In kernels a name stands for a Taichi expression, which type checkers cannot follow.
+# pyright: reportIndexIssue=false, reportArgumentType=false, reportOptionalCall=false, reportReturnType=false
+
+import taichi as ti
+
+from .arrays import LANES, Blocks, Float, Floats1, Floats2, Int, Ints1, Ints2, Switch, Vec16
+from .blocks import POSITION, RADIUS, TANGENT
+from .fibre import decay
+from .sort import CHUNK_STEPS, share
+
+__all__ = ["EMPTY", "LAYERS", "STAMP_SIZE", "coarsen", "deposit", "layer_of", "stamp"]
+
+LAYERS = LANES
+"""Boundaries of layers in a texel."""
+
+EMPTY = 1e30
+"""First depth [m] of a texel that no light is stopped in."""
+
+STAMP_SIZE = 12
+"""Numbers of a particle on the map: u, v [texels], depth [m], optical depth, half height, the rows s and t that
+turn an offset into -1..1, its edge, half width; two unused."""
+
+SMALL = 0.75
+"""A particle of smaller semi-axes [texels] is spread over four texels."""
+
+OPAQUEST = 0.97
+"""Highest opacity counted: its optical depth, 3.5, is dark enough."""
+
+# Rows of the argument `axes`, three numbers each.
+RIGHT, UP, AWAY = 0, 1, 2  # unit axes of the map; away from the light
+ORIGIN = 3  # u, v, depth [m] where the map begins
+SCALE = 4  # texels per metre, opacity of all, unused
+
+
+@ti.kernel
+def stamp(
+    layout: Switch,
+    chunks: Int,
+    stride: Int,
+    particles: Blocks,
+    block_count: Int,
+    height: Int,
+    axes: Floats2,
+    # out:
+    stamps_out: Floats2,
+    rows_out: Ints2,
+):
+    """Where each particle falls on the map, and how many there are in each row of texels, chunk by chunk.
+
+    A disc of radius r [texels] is drawn with coverage min(1, e q), q = 1 - s^2 - t^2, of radius
+    R = 1/2 + sqrt(1/4 + r^2) and edge e = max(1, R/2), which keeps its area (compare `project._crisp`); of an
+    elongated piece only the middle half of its length counts, for pieces of one fibre overlap. With a stride
+    each stands for as many neighbours, and is that much longer.
+    """
+    for step in range(chunks * CHUNK_STEPS):
+        if step % CHUNK_STEPS != 0:
+            continue
+        chunk = step // CHUNK_STEPS
+        for k in range(height):
+            rows_out[chunk, k] = 0
+        texels = axes[SCALE, 0]
+        for b in range(share(block_count, chunk, chunks), share(block_count, chunk + 1, chunks)):
+            px = particles[b, POSITION]
+            py = particles[b, POSITION + 1]
+            pz = particles[b, POSITION + 2]
+            size = particles[b, RADIUS]
+            u = (px * axes[RIGHT, 0] + py * axes[RIGHT, 1] + pz * axes[RIGHT, 2] - axes[ORIGIN, 0]) * texels
+            v = (px * axes[UP, 0] + py * axes[UP, 1] + pz * axes[UP, 2] - axes[ORIGIN, 1]) * texels
+            depth = px * axes[AWAY, 0] + py * axes[AWAY, 1] + pz * axes[AWAY, 2] - axes[ORIGIN, 2]
+            radius = ti.max(size * texels, 1e-3)
+            long = radius
+            e_x = Vec16(1.0)
+            e_y = Vec16(0.0)
+            if ti.static(layout.elliptic):
+                tx = particles[b, TANGENT]
+                ty = particles[b, TANGENT + 1]
+                tz = particles[b, TANGENT + 2]
+                e_x = tx * axes[RIGHT, 0] + ty * axes[RIGHT, 1] + tz * axes[RIGHT, 2]
+                e_y = tx * axes[UP, 0] + ty * axes[UP, 1] + tz * axes[UP, 2]
+                flat = ti.min(e_x * e_x + e_y * e_y, 1.0)
+                e_x += 1e-6
+                unit = 1.0 / ti.sqrt(e_x * e_x + e_y * e_y)
+                e_x *= unit
+                e_y *= unit
+                half = ti.max(0.5 * stride * particles[b, layout.half_length_row] * texels, radius)
+                long = ti.sqrt(radius * radius * (1.0 - flat) + half * half * flat)
+            across = 0.5 + ti.sqrt(0.25 + radius * radius)
+            along = 0.5 + ti.sqrt(0.25 + long * long)
+            edge = ti.max(0.5 * across, 1.0)
+            alpha = ti.min(radius * long / (across * along * (1.0 - 0.5 / edge)), 1.0)
+            small = ti.max(SMALL - long, 0.0)  # above 0: bilinear over four texels, by its area
+            alpha = ti.select(small > 0.0, ti.min(3.1416 * radius * long, 0.95), alpha)
+            if ti.static(layout.opacity):
+                alpha *= ti.min(ti.max(particles[b, layout.opacity_row], 0.0), 1.0)
+            else:
+                alpha *= axes[SCALE, 1]
+            optical = -ti.log(1.0 - ti.min(alpha, ti.static(OPAQUEST)))
+            half_width = ti.sqrt(along * along * e_x * e_x + across * across * e_y * e_y)
+            half_height = ti.sqrt(along * along * e_y * e_y + across * across * e_x * e_x)
+            half_width = ti.select(small > 0.0, 0.9999, half_width)
+            half_height = ti.select(small > 0.0, 0.9999, half_height)
+            edge = ti.select(small > 0.0, 0.0, edge)
+            for lane in ti.static(range(LANES)):
+                i = b * LANES + lane
+                stamps_out[i, 4] = -1.0
+                if size[lane] > 0.0 and lane % stride == 0:
+                    row = ti.min(ti.max(ti.cast(v[lane], ti.i32), 0), height - 1)
+                    rows_out[chunk, row] = rows_out[chunk, row] + 1
+                    stamps_out[i, 0] = u[lane]
+                    stamps_out[i, 1] = v[lane]
+                    stamps_out[i, 2] = depth[lane]
+                    stamps_out[i, 3] = optical[lane]
+                    stamps_out[i, 4] = half_height[lane]
+                    stamps_out[i, 5] = -e_y[lane] / across[lane]
+                    stamps_out[i, 6] = e_x[lane] / across[lane]
+                    stamps_out[i, 7] = e_x[lane] / along[lane]
+                    stamps_out[i, 8] = e_y[lane] / along[lane]
+                    stamps_out[i, 9] = edge[lane]
+                    stamps_out[i, 10] = half_width[lane]
+
+
+@ti.func
+def layer_of(behind, span, root):
+    """The layer coordinate k of a place `behind` metres behind the first depth; span = ((15+a)^4 - a^4) / D."""
+    squared = root * root
+    return ti.sqrt(ti.sqrt(behind * span + squared * squared)) - root
+
+
+@ti.kernel
+def deposit(
+    bands: Int,
+    count: Int,
+    stamps: Floats2,
+    cuts: Ints1,
+    width: Int,
+    span: Float,
+    root: Float,
+    # out: first depths, optical depths and, in the same memory, transmittances
+    nearest_out: Floats1,
+    optical_out: Floats2,
+    rows_out: Blocks,
+):
+    """The map: first depth and the transmittance at every layer boundary, shape (texels,) and (texels, 16).
+
+    cuts: band b has the rows cuts[b] to cuts[b + 1]. rows_out is optical_out, (texels, 1, 16), seen as vectors.
+    """
+    for step in range(bands * CHUNK_STEPS):
+        if step % CHUNK_STEPS != 0:
+            continue
+        band = step // CHUNK_STEPS
+        top = cuts[band]
+        bottom = cuts[band + 1] - 1
+        for cell in range(top * width, (bottom + 1) * width):
+            nearest_out[cell] = EMPTY
+        for turn in range(2):
+            for i in range(count):
+                reach = stamps[i, 4]
+                v = stamps[i, 1]
+                first = ti.max(ti.cast(ti.ceil(v - reach - 0.5), ti.i32), top)
+                last = ti.min(ti.cast(ti.floor(v + reach - 0.5), ti.i32), bottom)
+                if reach > 0.0 and first <= last:
+                    u = stamps[i, 0]
+                    depth = stamps[i, 2]
+                    optical = stamps[i, 3]
+                    s_x = stamps[i, 5]
+                    s_y = stamps[i, 6]
+                    t_x = stamps[i, 7]
+                    t_y = stamps[i, 8]
+                    edge = stamps[i, 9]
+                    wide = stamps[i, 10]
+                    left = ti.max(ti.cast(ti.ceil(u - wide - 0.5), ti.i32), 0)
+                    right = ti.min(ti.cast(ti.floor(u + wide - 0.5), ti.i32), width - 1)
+                    for y in range(first, last + 1):
+                        dy = y + 0.5 - v
+                        for x in range(left, right + 1):
+                            dx = x + 0.5 - u
+                            cell = y * width + x
+                            q = 0.0
+                            share_here = 0.0
+                            if edge == 0.0:
+                                q = (1.0 - ti.abs(dx)) * (1.0 - ti.abs(dy))
+                                share_here = q
+                            else:
+                                s = dx * s_x + dy * s_y
+                                t = dx * t_x + dy * t_y
+                                q = 1.0 - s * s - t * t
+                                share_here = ti.min(q * edge, 1.0)
+                            if q > 0.0:
+                                if turn == 0:
+                                    nearest_out[cell] = ti.min(nearest_out[cell], depth)
+                                else:
+                                    k = layer_of(depth - nearest_out[cell], span, root)
+                                    layer = ti.min(ti.cast(k, ti.i32) + 1, ti.static(LAYERS - 1))
+                                    optical_out[cell, layer] += optical * share_here
+            if turn == 0:
+                for cell in range(top * width, (bottom + 1) * width):
+                    if nearest_out[cell] < EMPTY:
+                        rows_out[cell, 0] = Vec16(0.0)
+        for cell in range(top * width, (bottom + 1) * width):
+            if nearest_out[cell] < EMPTY:
+                row = rows_out[cell, 0]
+                total = 0.0
+                for k in ti.static(range(LAYERS)):
+                    total += row[k]
+                    row[k] = total
+                rows_out[cell, 0] = decay(row)
+
+
+@ti.kernel
+def coarsen(
+    first: Int,
+    width: Int,
+    coarse_first: Int,
+    coarse_width: Int,
+    coarse_height: Int,
+    span: Float,
+    root: Float,
+    # in and out: all levels one after another
+    nearest: Floats1,
+    through: Floats2,
+):
+    """A map of half the resolution from the one before: mean transmittance of four texels at equal depths."""
+    for cell in range(coarse_width * coarse_height):
+        x = cell % coarse_width
+        y = cell // coarse_width
+        corner = first + 2 * y * width + 2 * x
+        near = EMPTY
+        for child in ti.static(range(4)):
+            near = ti.min(near, nearest[corner + (child // 2) * width + child % 2])
+        nearest[coarse_first + cell] = near
+        if near < EMPTY:
+            a = root * root
+            a *= a
+            for k in range(LAYERS):
+                up = k + root
+                up *= up
+                boundary = near + (up * up - a) / span
+                total = 0.0
+                for child in ti.static(range(4)):
+                    source = corner + (child // 2) * width + child % 2
+                    behind = boundary - nearest[source]
+                    value = 1.0
+                    if behind > 0.0:
+                        at = layer_of(behind, span, root)
+                        low = ti.min(ti.cast(at, ti.i32), ti.static(LAYERS - 2))
+                        part = ti.min(at - low, 1.0)
+                        value = through[source, low] + part * (through[source, low + 1] - through[source, low])
+                    total += 0.25 * value
+                through[coarse_first + cell, k] = total

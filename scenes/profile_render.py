@@ -1,0 +1,129 @@
+"""Timing of drawing: the splatter's paths and stages on the swatch, and how cost grows from 10⁵ particles on."""
+
+import resource
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from taichi_cloth import runtime
+from taichi_cloth.blocks import build_fabric
+from taichi_cloth.crimp import Interlacing
+from taichi_cloth.fabric import Detail, Threads, lay_out, pose_points
+from taichi_cloth.streaming import FabricStream
+from taichi_cloth.yarn import Yarn
+
+from ..render.camera import box_corners, frame
+from ..render.light import Lighting
+from ..render.particles import Particles
+from ..render.splat import Splatter
+from ..render.sprites import CRISP, SOFT, Profile
+from ..render.stream import StreamStats, stream
+from .load import load_scene
+from .models import build
+
+__all__ = ["render_profile_lines", "scaling_source"]
+
+WIDTH, HEIGHT = 1280, 720
+PER_BLOCK = 24
+"""Particles of a block in the scaling table: 2 plies of 4 fibres in 3 steps."""
+
+
+def scaling_source(particles: float, *, target: float = 0.0) -> FabricStream:
+    """A square plain-woven cloth of about that many particles, ready to stream."""
+    side = max(8, round((particles / (2 * PER_BLOCK)) ** 0.5))
+    yarn = Yarn(count_tex=20, plies=2, twist_per_m=700)
+    d = yarn.woven_diameter
+    spacing, thick = np.full(side, 2.2 * d), np.full(side, 0.7 * d)
+    cloth = Interlacing(
+        warp_up=(np.add.outer(np.arange(side), np.arange(side)) % 2 == 0),
+        warp_spacing_m=spacing,
+        weft_spacing_m=spacing,
+        warp_diameter_m=thick,
+        weft_diameter_m=thick,
+        warp_flat_m=0.6 * thick,
+        weft_flat_m=0.6 * thick,
+        periodic=False,
+    )
+    place = np.asarray(np.arange(side) * 2.2 * d, np.float64)
+    families = [
+        Threads(place, thick, 1.6 * thick, np.tile(np.asarray(shade, np.float32), (side, 1)), yarn)
+        for shade in ((0.05, 0.12, 0.4), (0.7, 0.65, 0.5))
+    ]
+    layout = lay_out(cloth, *families, detail=Detail(fibres=4, steps=3, variants=4, fringe=0))
+    return FabricStream(build_fabric(layout), pose_points(layout, "wave", amount=0.5), target=target)
+
+
+def render_profile_lines(
+    name: str,
+    overrides: list[str] | None = None,
+    *,
+    largest: float = 1e7,
+    repeats: int = 9,
+    arch: Any = "cpu",
+    threads: int | None = None,
+) -> Iterator[str]:
+    """Medians of the ways to draw a scene, their stages, and the scaling table up to `largest` particles."""
+    scene = load_scene(name, overrides)
+    runtime.start(arch, threads=threads, pin=True)
+    model = build(scene)
+    particles = model.panels()[0].particles
+    camera = frame(particles.position, width=WIDTH, height=HEIGHT, elevation=45)
+    yield f"{name}: {len(particles):,} particles, {WIDTH} × {HEIGHT} px, medians of {repeats}"
+    yield f"{'':<16}{'ms':>8}{'project':>9}{'sort':>7}{'bin':>7}{'raster':>8}{'tile entries':>14}"
+    round_ones = replace(particles, half_length=None)
+    plain, full = Lighting(), Lighting(shadows=True, occlusion=True)
+    ways: tuple[tuple[str, Particles, Profile, Lighting], ...] = (
+        ("round, soft", round_ones, SOFT, plain),
+        ("round, crisp", round_ones, CRISP, plain),
+        ("elliptic, soft", particles, SOFT, plain),
+        ("elliptic, crisp", particles, CRISP, plain),
+        ("shadows, sky", particles, CRISP, full),
+    )
+    for label, drawn, profile, lighting in ways:
+        splatter = Splatter(WIDTH, HEIGHT, profile=profile).load(drawn)
+        splatter.render(camera, lighting=lighting)
+        rows, entries = [], 0
+        for _ in range(repeats):
+            begin = time.perf_counter()
+            splatter.render(camera, lighting=lighting)
+            total = 1e3 * (time.perf_counter() - begin)
+            s = splatter.stats
+            assert s is not None
+            rows.append((total, s.project_ms, s.sort_ms, s.bin_ms, s.raster_ms))
+            entries = s.tile_entries
+        ms = np.median(rows, axis=0)
+        yield f"{label:<16}{ms[0]:8.1f}{ms[1]:9.1f}{ms[2]:7.1f}{ms[3]:7.1f}{ms[4]:8.1f}{entries:14,}"
+    yield ""
+    yield "streamed, every particle drawn: a woven square that fills the image"
+    yield f"{'particles':>13}{'ms':>9}{'ns each':>9}{'batches':>9}{'largest':>11}{'peak RSS MB':>13}{'thinned ms':>12}"
+    n = 1e5
+    while n <= largest * 1.01:
+        source = scaling_source(n)
+        begin_ms, stats = _streamed(source, repeats if n < 5e6 else 1)
+        source.target = 0.5
+        thinned, _ = _streamed(source, 1)
+        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+        each = 1e6 * begin_ms / max(stats.particles, 1)
+        yield (
+            f"{stats.particles:13,}{begin_ms:9.0f}{each:9.1f}{stats.batches:9,}{stats.largest:11,}{peak:13,.0f}"
+            f"{thinned:12.0f}"
+        )
+        n *= 10
+
+
+def _streamed(source: FabricStream, repeats: int) -> tuple[float, StreamStats]:
+    """Median milliseconds of a picture that the cloth fills, and what it took."""
+    points = source.points
+    camera = frame(
+        box_corners(points.min(axis=0), points.max(axis=0)), width=WIDTH, height=HEIGHT, elevation=60, margin=0.0
+    )
+    splatter, took = Splatter(WIDTH, HEIGHT), []
+    _, stats = stream(splatter, camera, source)
+    for _ in range(repeats):
+        begin = time.perf_counter()
+        _, stats = stream(splatter, camera, source)
+        took.append(1e3 * (time.perf_counter() - begin))
+    return float(np.median(took)), stats

@@ -1,0 +1,135 @@
+"""One continuous move from the whole cloth to one fibre (the paper's Figure 13): the camera's path, and its frames."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from math import radians, tan
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_cloth.contours import contour
+from taichi_cloth.errors import InputError
+from taichi_cloth.fabric import BODY
+from taichi_cloth.refine import RefiningStream
+from taichi_cloth.skin import skin_of
+from taichi_cloth.sphere_set import sphere_set_from_rows
+
+from ..render.camera import Camera, frame, look_at
+from ..render.light import Lighting
+from ..render.splat import Splatter
+from ..render.stream import stream
+from .gains import fit_gains
+from .models import FabricModel, Model
+from .prepare import fibre_kind
+from .view import View
+
+__all__ = ["path", "target_of", "zoom"]
+
+Image = NDArray[np.uint8]
+F64 = NDArray[np.float64]
+END_WIDTHS = 5.5
+"""Height of the last picture, in diameters of a fibre."""
+TURN = 0.7
+"""How far the camera turns from the scene's view towards the cloth's normal on its way."""
+SKIN_LENGTH = 350e-6
+
+
+def zoom(view: View, count: int, numbers: list[int]) -> Iterator[tuple[int, Image]]:
+    """The frames `numbers` of `count`. Without shadows: what throws them is never all there.
+
+    Raises InputError for a scene that is not of a fabric.
+    """
+    source = source_of(view.model)
+    width, height = view.size
+    splatter = Splatter(width, height)
+    cameras = path(view, source, count)
+    lighting = plain_lighting(view)
+    for k in numbers:
+        image, _ = stream(
+            splatter, cameras[k], source, lighting=lighting, finish=view.finish, background=view.background
+        )
+        yield k, image
+
+
+def plain_lighting(view: View) -> Lighting:
+    """The view's lighting without shadows and occlusion."""
+    others = tuple(replace(light, casts_shadow=False) for light in view.lighting.others)
+    return replace(view.lighting, shadows=False, occlusion=False, others=others)
+
+
+def source_of(model: Model) -> RefiningStream:
+    """The model's fabric, refined where the camera is near down to the surface of the scene's own fibre."""
+    if not isinstance(model, FabricModel):
+        raise InputError("zoom: needs a woven scene, such as swatch; this one has no [weave]")
+    rows = model.scene.fibre.spheres
+    spheres = (
+        sphere_set_from_rows(rows) if rows is not None else contour(fibre_kind(model.scene).name, length_m=SKIN_LENGTH)
+    )
+    gains = fit_gains(model.fabric, model.points)
+    return RefiningStream(model.fabric, model.points, skin_of(spheres), gains=gains)
+
+
+def path(view: View, source: RefiningStream, count: int) -> list[Camera]:
+    """`count` cameras: the distance falls by the same factor from each to the next, and what is looked at moves
+    from the middle of the cloth to a fibre in proportion to the distance left, so that it drifts to the middle of
+    the picture evenly."""
+    camera, (width, height) = view.scene.camera, view.size
+    points = source.base.points
+    lens = {"width": width, "height": height, "fov": camera.fov_deg}
+    first = frame(
+        points, azimuth=camera.azimuth_deg, elevation=camera.elevation_deg, margin=camera.margin, radius=1e-3, **lens
+    )
+    end, normal = target_of(source)
+    centre = (points.min(axis=0) + points.max(axis=0)).astype(np.float64) / 2
+    far = float((centre - first.eye) @ first.forward)
+    begin = first.eye + first.forward * far
+    diameter = source.base.fabric.layout.warp.yarn.fibre_diameter
+    near = END_WIDTHS * diameter / 2 / tan(radians(camera.fov_deg) / 2)
+    start = -first.forward
+    final = start + TURN * (normal - start)
+    cameras = []
+    for k in range(count):
+        share = k / max(1, count - 1)
+        distance = far * (near / far) ** share
+        left = (distance - near) / (far - near)
+        at = end + (begin - end) * left
+        ease = share * share * (3 - 2 * share)
+        direction = start + (final - start) * ease
+        direction /= np.linalg.norm(direction)
+        # The picture's up stays that of the first view, so that a look straight down does not spin.
+        cameras.append(
+            look_at(at + direction * distance, at, up=-first.rotation[1], near=distance * 0.3, **lens)  # pyright: ignore
+        )
+    return cameras
+
+
+def target_of(source: RefiningStream) -> tuple[F64, F64]:
+    """A place on a fibre on the crown of a thread near the middle of the cloth [m], and the cloth's normal there."""
+    base = source.base
+    layout = base.fabric.layout
+    picks, ends = layout.cloth.warp_up.shape
+    body = np.flatnonzero(layout.kinds.section[layout.blocks.kind] == BODY)
+    middle = (picks // 2) * ends + ends // 2
+    centre = base.points[middle].astype(np.float64)
+    normal = base.frames[2][middle].astype(np.float64)
+    about = (base.points[layout.blocks.key0[body]] + base.points[layout.blocks.key1[body]]) / 2
+    nearest = body[np.argsort(np.linalg.norm(about - centre, axis=1), kind="stable")[:24]]
+    starts, sizes = (
+        base.fabric.bank.start[base.fabric.bank.template[nearest]],
+        base.size[base.fabric.bank.template[nearest]],
+    )
+    best, place = -np.inf, centre
+    for block, start, size in zip(nearest, starts, sizes, strict=True):
+        bank, mine = base.fabric.bank, slice(int(start), int(start + size))
+        usable = bank.openness[mine] < 1.0  # hairs stand open on all sides
+        height = np.where(usable, bank.offset[mine, 2] + bank.radius[mine], -np.inf)
+        top = int(np.argmax(height))
+        p0, p1 = (base.points[k[block]].astype(np.float64) for k in (layout.blocks.key0, layout.blocks.key1))
+        up = base.frames[2][layout.blocks.key0[block]].astype(np.float64)
+        along = (p1 - p0) / np.linalg.norm(p1 - p0)
+        u, offset = float(bank.u[mine][top]), bank.offset[mine][top].astype(np.float64)
+        spot = p0 + u * (p1 - p0) + offset[0] * along + offset[1] * np.cross(up, along) + height[top] * up
+        score = float(height[top]) - 0.02 * float(np.linalg.norm(spot - centre))
+        if score > best:
+            best, place, normal = score, spot, up
+    return place, normal

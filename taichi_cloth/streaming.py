@@ -1,0 +1,370 @@
+"""Blocks that stream (paper 3.3 at real thread counts): only what a camera sees is made, and no more than it needs.
+
+`FabricStream.survey` looks at every block record: where its bounding sphere falls on the image, how far away it is,
+and how many of its template's particles are worth drawing there. `FabricStream.lay` makes the particles of chosen
+blocks, in an array that is used again and again. Nothing is kept per particle but one batch.
+
+Level of detail, after R. L. Cook, J. Halstead, M. Planck, D. Ryu, "Stochastic simplification of aggregate detail",
+SIGGRAPH 2007: a template's particles stand in an order of which every beginning is an even sample of all. A block
+whose particles are smaller than `target` pixels draws a share λ of them, each enlarged so that the areas add up to
+the same; the last of them fade in with λ, so nothing pops. Particles keep their own colour, normal and tangent, so
+the mean answer to any light stays. What a sample cannot keep, how particles hide each other and stand out beyond
+the yarn's edge, is put right by two measured gains a share (`gains`).
+"""
+
+# In kernels a name stands for a Taichi expression, which type checkers cannot follow.
+# pyright: reportIndexIssue=false, reportArgumentType=false, reportOptionalCall=false, reportReturnType=false
+
+from dataclasses import dataclass
+from math import log
+from typing import Any, Protocol
+
+import numpy as np
+import taichi as ti
+from numpy.typing import NDArray
+
+from taichi_cloth.arrays import F32x1, F32x2, F32x3, Float, I16x2, I32x1, I64x1, Int
+from taichi_cloth.blocks import Fabric
+from taichi_cloth.fabric import frames
+
+__all__ = ["FULL", "LANES", "ROWS", "FabricStream", "Pinhole", "Survey"]
+
+F32 = NDArray[np.float32]
+I32 = NDArray[np.int32]
+LANES = 16
+ROWS = 15
+"""Rows of a block of 16 particles: position 0–2, radius 3, colour 4–6, tangent 7–9, normal 10–12, half length 13,
+openness 14."""
+FULL = 1.3
+"""The share λ from which on all particles are drawn whole: the last 23 % of a share are fading."""
+FADE = 1.0 - 1.0 / FULL
+COLUMNS = ("u", "offset", "tangent", "normal", "radius", "half_length", "openness", "tone")
+GOLDEN = 0.6180339887498949
+LOG4 = log(4.0)
+CHUNK_STEPS = 1024  # Taichi on a CPU gives a thread at least 512 iterations (see render/sort.py)
+TILE = 16
+
+
+class Pinhole(Protocol):
+    """A camera in OpenCV's convention: world to camera rotation (3, 3) and translation (3,), lens and size [px]."""
+
+    rotation: Any
+    translation: Any
+    focal: float
+    cx: float
+    cy: float
+    width: int
+    height: int
+    near: float
+
+
+@dataclass(frozen=True)
+class Survey:
+    """What a camera sees of each block. boxes: (blocks, 4) int16 first and last tile column and row, last < first
+    where it is out of view. counts: (blocks,) int32 particles worth drawing, 0 out of view. depth: (blocks,)
+    float32 [m] of the middle. share: (blocks,) float32 λ, `FULL` for everything."""
+
+    boxes: NDArray[np.int16]
+    counts: I32
+    depth: F32
+    share: F32
+
+
+class FabricStream:
+    """The blocks of a fabric on key points (picks, ends, 3) [m], to be made as they are needed.
+
+    target: radius [px] that drawn particles are thinned to; 0 draws every particle whatever its size.
+    gains: (levels, 2) factors for radius and colour at λ = 1, 1/4, 1/16, …; None is 1 everywhere.
+    """
+
+    def __init__(
+        self,
+        fabric: Fabric,
+        points: NDArray,
+        *,
+        target: float = 0.5,
+        gains: NDArray | None = None,
+        chunks: int = 2,
+    ) -> None:
+        layout, bank = fabric.layout, fabric.bank
+        self.fabric, self.target, self.chunks = fabric, float(target), int(chunks)
+        self.gains = np.ascontiguousarray(np.ones((2, 2)) if gains is None else gains, np.float32)
+        self.points = np.ascontiguousarray(points, np.float32).reshape(-1, 3)
+        frame = frames(points)
+        self.frames = frame.weft.reshape(-1, 3), frame.warp.reshape(-1, 3), frame.normal.reshape(-1, 3)
+        self.family = layout.kinds.family[layout.blocks.kind].astype(np.int32)
+        self.pitch = layout.kinds.pitch[layout.blocks.kind].astype(np.float32)
+        size = np.diff(bank.start)
+        template = np.repeat(np.arange(len(size)), size)
+        place = np.arange(len(template)) - bank.start[template]
+        order = np.lexsort(((place * GOLDEN + template * (1 - GOLDEN)) % 1.0, template))
+        self.particles = np.ascontiguousarray(np.column_stack([getattr(bank, c)[order] for c in COLUMNS]), np.float32)
+        self.size = size.astype(np.int32)
+        used = np.zeros(len(size))  # the longest pitch each template is laid on
+        np.maximum.at(used, bank.template, self.pitch)
+        beyond = np.maximum(np.abs(bank.u - 0.5) - 0.5, 0.0) * used[template]
+        reach = beyond + np.linalg.norm(bank.offset, axis=1) + np.maximum(bank.radius, bank.half_length)
+        starts = bank.start[:-1]
+        filled = size > 0
+        self.reach, self.radius = np.zeros(len(size), np.float32), np.zeros(len(size), np.float32)
+        self.reach[filled] = np.maximum.reduceat(reach, starts[filled])
+        self.radius[filled] = np.add.reduceat(bank.radius.astype(np.float64), starts[filled]) / size[filled]
+        self._batch = np.zeros((0, ROWS, LANES), np.float32)
+
+    @property
+    def allocated(self) -> int:
+        """Bytes of the batch's array, the only one that grows with what is drawn."""
+        return self._batch.nbytes
+
+    def survey(self, camera: Pinhole) -> Survey:
+        """Where every block is for a camera, and how much of it is worth drawing."""
+        blocks = self.fabric.layout.blocks
+        n = len(blocks.kind)
+        out = Survey(
+            np.empty((n, 4), np.int16), np.empty(n, np.int32), np.empty(n, np.float32), np.empty(n, np.float32)
+        )
+        view = np.zeros((6, 3), np.float32)
+        view[:3], view[3] = camera.rotation, camera.translation
+        view[4] = camera.focal, camera.cx, camera.cy
+        view[5] = camera.width, camera.height, camera.near
+        _survey(
+            self.points,
+            *self.frames[:2],
+            blocks.key0,
+            blocks.key1,
+            self.family,
+            self.pitch,
+            self.fabric.bank.template,
+            self.size,
+            self.reach,
+            self.radius,
+            view,
+            self.target,
+            out.boxes,
+            out.counts,
+            out.depth,
+            out.share,
+        )
+        return out
+
+    def lay(self, survey: Survey, blocks: I32) -> tuple[F32, int]:
+        """The particles of these blocks, as many as the survey says: (ceil(n / 16), ROWS, 16) and n.
+
+        The array is valid until the next call.
+        """
+        b = self.fabric.layout.blocks
+        counts = survey.counts[blocks]
+        starts = np.concatenate([[0], np.cumsum(counts, dtype=np.int64)])
+        total = int(starts[-1])
+        rows = -(-total // LANES)
+        if len(self._batch) < rows:
+            self._batch = np.zeros((rows, ROWS, LANES), np.float32)
+        out = self._batch[:rows]
+        if not total:
+            return out, 0
+        _lay(
+            self.chunks,
+            blocks.astype(np.int32, copy=False),
+            starts.astype(np.int32),
+            survey.share,
+            self.points,
+            *self.frames,
+            b.key0,
+            b.key1,
+            self.family,
+            self.pitch,
+            b.thread,
+            self.fabric.bank.template,
+            self.fabric.bank.start,
+            self.size,
+            self.fabric.thread_colour,
+            self.particles,
+            self.gains,
+            out,
+        )
+        if total % LANES:  # places that fill up the last block: nothing, where something is
+            out[-1, :, total % LANES :] = out[-1, :, total % LANES - 1, None]
+            out[-1, 3, total % LANES :] = 0.0
+        return out, total
+
+
+@ti.func
+def _row(a: F32x2, i):
+    return ti.Vector([a[i, 0], a[i, 1], a[i, 2]])
+
+
+@ti.kernel
+def _survey(
+    # key points
+    point: F32x2,
+    along_weft: F32x2,
+    along_warp: F32x2,
+    # blocks
+    key0: I32x1,
+    key1: I32x1,
+    family: I32x1,
+    pitch: F32x1,
+    template: I32x1,
+    size: I32x1,
+    reach: F32x1,
+    radius: F32x1,
+    # camera
+    view: F32x2,
+    target: Float,
+    # out
+    boxes_out: I16x2,
+    counts_out: I32x1,
+    depth_out: F32x1,
+    share_out: F32x1,
+):
+    """The bounding sphere of centre (X, Y, Z) and radius r lies within f r √(1 + (X/Z)²)/(Z − r) of its centre's
+    pixel, likewise down."""
+    for b in range(key0.shape[0]):
+        k0, k1, t = key0[b], key1[b], template[b]
+        p0 = _row(point, k0)
+        p1 = _row(point, k1)
+        if k0 == k1:
+            p1 = p0 + pitch[b] * (_row(along_warp, k0) if family[b] == 0 else _row(along_weft, k0))
+        middle = 0.5 * (p0 + p1)
+        r = 0.5 * (p1 - p0).norm() + reach[t]
+        x = _row(view, 0).dot(middle) + view[3, 0]
+        y = _row(view, 1).dot(middle) + view[3, 1]
+        z = _row(view, 2).dot(middle) + view[3, 2]
+        near = view[5, 2]
+        count, share = 0, 0.0
+        left, right, top, bottom = 1, 0, 1, 0
+        if z + r > near and size[t] > 0:
+            share = FULL
+            drawn = radius[t] * view[4, 0] / ti.max(z, near)
+            if target > 0:
+                share = ti.min((drawn / target) ** 2, FULL)
+            # Outside a side of the frustum, whose plane has the normal (focal, edge) in (x, z): out of view.
+            f, slack = view[4, 0], 4.0 + 3.0 * target
+            for side in ti.static(range(4)):
+                edge, across = view[4, 1], -x
+                if ti.static(side == 1):
+                    edge, across = view[5, 0] - view[4, 1], x
+                if ti.static(side == 2):
+                    edge, across = view[4, 2], -y
+                if ti.static(side == 3):
+                    edge, across = view[5, 1] - view[4, 2], y
+                edge += slack
+                if f * across - edge * z > r * ti.sqrt(f * f + edge * edge):
+                    share = 0.0
+            last_x = ti.cast(view[5, 0] - 1, ti.i32) // TILE
+            last_y = ti.cast(view[5, 1] - 1, ti.i32) // TILE
+            left, right, top, bottom = 0, last_x, 0, last_y
+            if z - r > near:
+                u, v = x / z, y / z
+                grown = view[4, 0] * r / (z - r)
+                margin = 2.0 + 3.0 * target
+                wide = grown * ti.sqrt(1.0 + u * u) + margin
+                high = grown * ti.sqrt(1.0 + v * v) + margin
+                cx = u * view[4, 0] + view[4, 1]
+                cy = v * view[4, 0] + view[4, 2]
+                left = ti.cast(ti.floor(ti.max(cx - wide, 0.0) / TILE), ti.i32)
+                top = ti.cast(ti.floor(ti.max(cy - high, 0.0) / TILE), ti.i32)
+                right = ti.cast(ti.floor(ti.min(cx + wide, view[5, 0] - 1) / TILE), ti.i32)
+                bottom = ti.cast(ti.floor(ti.min(cy + high, view[5, 1] - 1) / TILE), ti.i32)
+            if share > 0.0 and left <= right and top <= bottom:
+                count = ti.min(size[t], ti.max(1, ti.cast(ti.ceil(share * size[t]), ti.i32)))
+            else:
+                left, right, top, bottom = 1, 0, 1, 0
+        boxes_out[b, 0] = ti.cast(left, ti.i16)
+        boxes_out[b, 1] = ti.cast(right, ti.i16)
+        boxes_out[b, 2] = ti.cast(top, ti.i16)
+        boxes_out[b, 3] = ti.cast(bottom, ti.i16)
+        counts_out[b] = count
+        depth_out[b] = z
+        share_out[b] = share
+
+
+@ti.kernel
+def _lay(
+    chunks: Int,
+    ids: I32x1,
+    starts: I32x1,
+    shares: F32x1,
+    # key points
+    point: F32x2,
+    along_weft: F32x2,
+    along_warp: F32x2,
+    upward: F32x2,
+    # blocks
+    key0: I32x1,
+    key1: I32x1,
+    family: I32x1,
+    pitch: F32x1,
+    thread: I32x1,
+    template: I32x1,
+    template_start: I64x1,
+    size: I32x1,
+    thread_colour: F32x2,
+    # templates, columns in the order of COLUMNS
+    particle: F32x2,
+    gains: F32x2,
+    # out
+    blocks_out: F32x3,
+):
+    """As `blocks.lay`, for some blocks, some particles of each, in rows of 16."""
+    for step in range(chunks * CHUNK_STEPS):
+        if step % CHUNK_STEPS != 0:
+            continue
+        chunk = step // CHUNK_STEPS
+        total = ti.cast(ids.shape[0], ti.i64)
+        for i in range(ti.cast(total * chunk // chunks, ti.i32), ti.cast(total * (chunk + 1) // chunks, ti.i32)):
+            b = ids[i]
+            k0, k1, yarn, kind = key0[b], key1[b], thread[b], template[b]
+            p0 = _row(point, k0)
+            p1 = _row(point, k1)
+            a0 = _row(along_warp, k0) if family[b] == 0 else _row(along_weft, k0)
+            a1 = _row(along_warp, k1) if family[b] == 0 else _row(along_weft, k1)
+            n0 = _row(upward, k0)
+            n1 = _row(upward, k1)
+            if k0 == k1:  # a free end runs on straight from its last crossing
+                p1 = p0 + a0 * pitch[b]
+            # How much larger the particles of a share are: as many times as their areas are fewer.
+            share = shares[b]
+            n = ti.cast(size[kind], ti.f32)
+            drawn = share * n
+            whole = ti.min(n, (1.0 - FADE) * drawn)
+            fading = ti.min(n, drawn) - whole
+            area = whole
+            if fading > 0.0:
+                area += ((FADE * drawn) ** 2 - (drawn - whole - fading) ** 2) / (2.0 * FADE * drawn)
+            level = ti.max(-ti.log(share) / LOG4, 0.0)
+            low = ti.min(ti.cast(level, ti.i32), gains.shape[0] - 2)
+            part = ti.min(level - low, 1.0)
+            larger = n / ti.max(area, 1e-6)
+            wider = gains[low, 0] + part * (gains[low + 1, 0] - gains[low, 0])
+            brighter = gains[low, 1] + part * (gains[low + 1, 1] - gains[low, 1])
+            red = thread_colour[yarn, 0] * brighter
+            green = thread_colour[yarn, 1] * brighter
+            blue = thread_colour[yarn, 2] * brighter
+            q0 = starts[i]
+            t0 = ti.cast(template_start[kind], ti.i32)
+            for m in range(starts[i + 1] - q0):
+                t, q = t0 + m, q0 + m
+                u = particle[t, 0]
+                w = ti.math.clamp(u, 0.0, 1.0)
+                along = (a0 + w * (a1 - a0)).normalized()
+                up = n0 + w * (n1 - n0)
+                up = (up - along * up.dot(along)).normalized()
+                across = up.cross(along)
+                x = p0 + u * (p1 - p0) + particle[t, 1] * along + particle[t, 2] * across + particle[t, 3] * up
+                d = particle[t, 4] * along + particle[t, 5] * across + particle[t, 6] * up
+                normal = particle[t, 7] * along + particle[t, 8] * across + particle[t, 9] * up
+                faded = ti.math.clamp((drawn - m) / (FADE * drawn), 0.0, 1.0)
+                grown = ti.sqrt(larger * faded) * wider if share < FULL else 1.0
+                block, lane = q // LANES, q % LANES
+                for c in ti.static(range(3)):
+                    blocks_out[block, c, lane] = x[c]
+                    blocks_out[block, 7 + c, lane] = d[c]
+                    blocks_out[block, 10 + c, lane] = normal[c]
+                tone = particle[t, 13]
+                blocks_out[block, 3, lane] = particle[t, 10] * grown
+                blocks_out[block, 4, lane] = red * tone
+                blocks_out[block, 5, lane] = green * tone
+                blocks_out[block, 6, lane] = blue * tone
+                blocks_out[block, 13, lane] = particle[t, 11] * grown
+                blocks_out[block, 14, lane] = particle[t, 12]

@@ -1,0 +1,336 @@
+"""Shadows, the sky between yarns, the lobes of a fibre and tone: against closed forms."""
+
+from dataclasses import replace
+from math import pi, radians, sin
+
+import numpy as np
+import pytest
+import taichi as ti
+
+from taichi_cloth.render.arrays import LANES, Floats2
+from taichi_cloth.render.blocks import pack
+from taichi_cloth.render.camera import Camera, look_at
+from taichi_cloth.render.errors import RenderError
+from taichi_cloth.render.fibre import decay, lobes
+from taichi_cloth.render.finish import FINISHES, Finish
+from taichi_cloth.render.light import Background, KeyLight, Lighting
+from taichi_cloth.render.lightpass import NO_LIGHT, shading_of
+from taichi_cloth.render.occlusion import occlude, sphere_directions
+from taichi_cloth.render.particles import Particles, concatenate
+from taichi_cloth.render.shade import PLAIN
+from taichi_cloth.render.shadow import ShadowMap, cast
+from taichi_cloth.render.splat import Splatter
+from taichi_cloth.render.tone import TONES, WHITE, tone_curve, tone_inverse, tone_table
+
+UP = (0.0, 1.0, 0.0)
+
+
+def discs(position, radius, *, opacity=1.0, normal=UP, **more) -> Particles:
+    return Particles(position, radius, (0.5, 0.5, 0.5), (1, 0, 0), normal, opacity=opacity, **more)
+
+
+def sheet(height: float, *, half: float = 0.1, step: float = 0.002, opacity: float = 1.0) -> Particles:
+    """A closed horizontal sheet of overlapping discs."""
+    x = np.arange(-half, half + step / 2, step)
+    grid = np.stack(np.meshgrid(x, [height], x, indexing="ij"), -1).reshape(-1, 3)
+    return discs(grid, step, opacity=opacity)
+
+
+def shadow(particles: Particles, direction=UP, **options) -> tuple[ShadowMap, np.ndarray]:
+    """The map, and the light on each particle."""
+    layout, blocks, box = pack(particles, textured=False)
+    opacity = 1.0 if layout.opacity else float(particles.opacity)
+    shadow_map = cast(layout, blocks, box, direction, opacity=opacity, **options)
+    light = np.full((len(blocks), 1, LANES), np.nan, np.float32)
+    shadow_map.on_particles(blocks, light, 0)
+    return shadow_map, light[:, 0].reshape(-1)[: len(particles)]
+
+
+def sky(particles: Particles) -> np.ndarray:
+    layout, blocks, box = pack(particles, textured=False)
+    light = np.ones((len(blocks), 1, LANES), np.float32)
+    occlude(layout, blocks, box, light, 0, opacity=float(particles.opacity), chunks=2, directions=64)
+    return light[:, 0].reshape(-1)[: len(particles)]
+
+
+def camera(size: int = 96) -> Camera:
+    return look_at((0, 0.25, 0.25), (0, 0, 0), width=size, height=size, fov=45)
+
+
+def test_one_disc_shadows_another_at_the_analytic_place() -> None:
+    """Light at 45 degrees: the shadow of a disc 0.05 m up lies 0.05 m aside, and is as wide as the disc."""
+    disc = discs([[0, 0.05, 0], [0, 0, 0]], [0.02, 1e-4])
+    shadow_map, _ = shadow(disc, (-1, 1, 0), texel_radii=0.05)
+    x = np.linspace(0, 0.1, 2001)
+    light = shadow_map.shadow_at(np.stack([x, 0 * x, 0 * x], 1), lag=0.0)
+    dark = x[light < 0.5]
+    # A disc of the map faces the light: seen from there it is round, on the ground stretched by sqrt(2).
+    assert (dark.min() + dark.max()) / 2 == pytest.approx(0.05, abs=5e-4)
+    assert dark.max() - dark.min() == pytest.approx(2 * 0.02 * 2**0.5, rel=0.05)
+    assert light[np.abs(x - 0.05) < 0.02].max() < 0.05
+    assert light[np.abs(x - 0.05) > 0.04].min() == 1.0
+
+
+def test_penumbra_is_as_wide_as_the_light_seen_from_the_blocker() -> None:
+    """Under an edge at height h a light of angle w gives a penumbra 2 h tan(w / 2) wide, within a third."""
+    edge = sheet(0.06, half=0.08)
+    edge = replace(edge, radius=np.where(edge.position[:, 0] > 0, 0, edge.radius))
+    ground = discs([[0, 0, 0]], [1e-5])
+    x = np.linspace(-0.06, 0.06, 2401)
+    widths = []
+    for size in (0.0, 12.0, 24.0):
+        shadow_map, _ = shadow(concatenate([edge, ground]), size_deg=size)
+        light = shadow_map.shadow_at(np.stack([x, 0 * x, 0 * x], 1), lag=0.0)
+        assert np.all(np.diff(light) > -0.02)
+        widths.append((np.interp(0.9, light, x) - np.interp(0.1, light, x)) / 0.8)
+        assert np.interp(0.5, light, x) == pytest.approx(0.0, abs=0.004)
+    assert widths[0] < 0.004
+    for width, size in zip(widths[1:], (12.0, 24.0), strict=True):
+        assert width == pytest.approx(2 * 0.06 * np.tan(radians(size) / 2), rel=0.34)
+
+
+@pytest.mark.parametrize("alpha", [0.2, 0.5])
+def test_layers_dim_the_light_by_one_minus_alpha_each(alpha: float) -> None:
+    """Big discs behind one another, farther apart than the layers of the map: (1 - a)^k on disc k and below."""
+    depths = np.array([0.0, 0.03, 0.06, 0.09, 0.12])
+    stack = discs([[0, -d, 0] for d in depths], 0.004, opacity=alpha)
+    shadow_map, light = shadow(stack, texel_radii=0.05)
+    np.testing.assert_allclose(light, (1 - alpha) ** np.arange(5), atol=0.03)
+    assert shadow_map.shadow_at([[0, -0.2, 0]])[0] == pytest.approx((1 - alpha) ** 5, abs=1e-3)
+    assert shadow_map.shadow_at([[0.05, -0.2, 0], [0, 0.1, 0]]) == pytest.approx([1, 1])
+
+
+@pytest.mark.parametrize("angle", [0, 30, 60, 70])
+def test_a_sheet_does_not_shadow_itself(angle: float) -> None:
+    plane = sheet(0.0, half=0.05)
+    _, light = shadow(plane, (sin(radians(angle)), sin(radians(90 - angle)), 0))
+    inner = np.abs(plane.position[:, [0, 2]]).max(axis=1) < 0.045
+    assert light[inner].mean() > 0.97
+    assert np.percentile(light[inner], 1) > 0.85
+
+
+def test_a_thread_does_not_shadow_itself_and_shadows_what_lies_under_it() -> None:
+    x = np.arange(-0.05, 0.05, 0.001)
+    thread = discs(np.stack([x, 0 * x + 0.02, 0 * x], 1), 0.001, half_length=0.0015)
+    below = discs(np.stack([x, 0 * x, 0 * x], 1), 0.001, half_length=0.0015)
+    _, light = shadow(concatenate([thread, below]))
+    assert light[: len(x)].min() > 0.99
+    assert light[len(x) + 5 : -5].max() < 0.25
+
+
+def test_sky_over_a_plane_and_in_a_slot() -> None:
+    """A plane sees all of it; the middle of a slot's floor, w wide and h deep, sin(atan(w / 2h))."""
+    floor = sheet(0.0, half=0.06)
+    inner = np.abs(floor.position[:, [0, 2]]).max(axis=1) < 0.05
+    assert sky(floor)[inner].mean() > 0.96
+    width, depth, step = 0.04, 0.03, 0.002
+    z, y = np.meshgrid(np.arange(-0.2, 0.2, step), np.arange(0, depth, step))
+    walls = []
+    for side in (-1, 1):
+        at = np.stack([np.full(z.size, side * width / 2), y.ravel(), z.ravel()], 1)
+        walls.append(discs(at, step, normal=(-side, 0, 0)))
+    z = np.arange(-0.2, 0.2, step)
+    middle = discs(np.stack([0 * z, 0 * z, z], 1), step)
+    seen = sky(concatenate([middle, *walls]))[: len(z)]
+    centre = seen[np.abs(z) < 0.05].mean()
+    assert centre == pytest.approx(sin(np.arctan2(width / 2, depth)), abs=0.08)
+
+
+def test_directions_are_even() -> None:
+    directions = sphere_directions(20)
+    np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1)
+    np.testing.assert_allclose(directions.mean(axis=0), 0, atol=0.03)
+
+
+def cloth(seed: int = 3, count: int = 3000) -> Particles:
+    rng = np.random.default_rng(seed)
+    along = rng.standard_normal((count, 3))
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    return Particles(
+        rng.uniform(-0.08, 0.08, (count, 3)), rng.uniform(0.001, 0.004, count), rng.uniform(0.2, 0.8, (count, 3)),
+        along, UP, half_length=rng.uniform(0.002, 0.008, count), openness=rng.uniform(0.3, 1, count), opacity=0.7,
+    )  # fmt: skip
+
+
+FULL = Lighting(
+    direction=(0.4, 0.8, 0.3), key_follows_camera=False, shadows=True, occlusion=True, tone="neutral",
+    others=(KeyLight(direction=(-0.4, 0.3, -0.8), casts_shadow=True, follows_camera=False),),
+)  # fmt: skip
+
+
+def test_same_bytes_for_any_number_of_chunks() -> None:
+    images = [
+        Splatter(96, 96, chunks=n).load(cloth()).render(camera(), lighting=FULL, finish=Finish(model="marschner"))
+        for n in (1, 2, 5)
+    ]
+    assert np.array_equal(images[0], images[1])
+    assert np.array_equal(images[0], images[2])
+
+
+def test_no_light_pass_without_shadows() -> None:
+    """One plain light compiles the plain kernel, and nothing is made for it."""
+    splatter = Splatter(64, 64).load(cloth())
+    splatter.render(camera(64))
+    assert shading_of(Lighting(), Finish()) == PLAIN
+    assert splatter.light.passes == 0
+    assert splatter.light._light is None
+    assert splatter.light.key_map() is None
+    assert NO_LIGHT.size == LANES
+
+
+def test_a_pass_is_made_once_a_pose_and_light() -> None:
+    splatter = Splatter(64, 64).load(cloth())
+    cameras = [look_at((x, 0.2, 0.25), (0, 0, 0), width=64, height=64) for x in (0.0, 0.1, 0.2)]
+    for view in cameras:
+        splatter.render(view, lighting=FULL)
+    assert splatter.light.passes == 3  # two lights and the sky, in the first view
+    for view in cameras:
+        splatter.render(view, lighting=replace(FULL, key_follows_camera=True))
+    assert splatter.light.passes == 6
+    splatter.load(cloth(4)).render(cameras[0], lighting=FULL)
+    assert splatter.light.passes == 9
+    key_map = splatter.light.key_map()
+    assert key_map is not None
+    assert key_map.shadow_at([[0, 1, 0]])[0] == 1
+
+
+def test_batches_make_no_light_pass() -> None:
+    splatter = Splatter(64, 64)
+    splatter.begin(camera(64), lighting=FULL).add(cloth()).add(cloth(4)).finish()
+    assert splatter.light.passes == 0
+
+
+def test_shadow_falls_on_the_image() -> None:
+    lid = sheet(0.04, half=0.02)
+    lighting = Lighting(direction=(0, 1, 0), key_follows_camera=False, fill=0.05, shadows=True)
+    view = look_at((0, 0.05, 0.3), (0, 0.0, 0), width=96, height=96, fov=40)
+    splatter = Splatter(96, 96).load(concatenate([sheet(0.0, half=0.06), lid]))
+    lit = splatter.render(view, lighting=replace(lighting, shadows=False)).astype(int)
+    dark = splatter.render(view, lighting=lighting).astype(int)
+    x, y, _ = view.project([[0, 0, -0.003]])[0].astype(int)
+    assert dark[y, x].max() < 0.5 * lit[y, x].max()
+    x, y, _ = view.project([[0.045, 0, 0.0]])[0].astype(int)
+    assert abs(dark[y, x] - lit[y, x]).max() < 8
+
+
+@ti.kernel
+def _scatter(angles: Floats2, sharpness: float, weights: Floats2, out: Floats2):
+    for i in range(angles.shape[0]):
+        th_i = angles[i, 0]
+        th_r = angles[i, 1]
+        cos_i = ti.cos(th_i)
+        cos_r = ti.cos(th_r)
+        s_i = ti.sin(th_i)
+        s_r = ti.sin(th_r)
+        l_v = s_i * s_r + cos_i * cos_r * ti.cos(angles[i, 2])
+        r, tt, trt = lobes(s_i, s_r, cos_i, cos_r, l_v, sharpness, weights[0, 0], weights[0, 1], weights[0, 2])
+        out[i, 0] = r
+        out[i, 1] = tt
+        out[i, 2] = trt
+
+
+def scattered(finish: Finish, th_i: float) -> np.ndarray:
+    """Share of the light from inclination th_i that R, TT and TRT send out: the integral of f cos^2 over the sphere.
+
+    Power out over power in, both a length of fibre: cos th is the width seen, one more the solid angle's.
+    """
+    th = (np.arange(400) + 0.5) / 400 * pi - pi / 2
+    phi = (np.arange(90) + 0.5) / 90 * 2 * pi - pi
+    grid = np.stack(np.meshgrid([th_i], th, phi, indexing="ij"), -1).reshape(-1, 3).astype(np.float32)
+    out = np.zeros((len(grid), 3), np.float32)
+    weights = np.array([[finish.reflect, finish.transmit, finish.internal]], np.float32)
+    _scatter(grid, 1 / (8 * np.sin(np.radians(finish.spread)) ** 2), weights, out)
+    cell = (pi / 400) * (2 * pi / 90)
+    return (out * np.cos(grid[:, 1:2]) ** 2).sum(axis=0) * cell
+
+
+@pytest.mark.parametrize("name", FINISHES)
+def test_a_fibre_sends_out_no_more_than_comes_in(name: str) -> None:
+    finish = FINISHES[name]
+    for degrees in (0, 20, 40, 60, 80):
+        r, tt, trt = scattered(finish, radians(degrees))
+        diffuse = 1 - finish.reflect - finish.transmit - finish.internal
+        assert r + tt + trt + diffuse <= 1.05 if degrees < 70 else r + tt + trt <= 1
+    normal = scattered(replace(finish, spread=6), 0.0)
+    assert normal[1] == pytest.approx(finish.transmit, rel=0.06)
+    assert normal[2] == pytest.approx(finish.internal, rel=0.1)
+    assert normal[0] >= 0.95 * finish.reflect
+
+
+def test_decay_is_the_exponential() -> None:
+    @ti.kernel
+    def run(x: Floats2):
+        for i in range(x.shape[0]):
+            x[i, 1] = decay(x[i, 0])
+
+    values = np.zeros((200, 2), np.float32)
+    values[:, 0] = np.linspace(0, 15, 200)
+    run(values)
+    np.testing.assert_allclose(values[:, 1], np.exp(-values[:, 0]), rtol=0.02, atol=1e-6)
+
+
+def brightness(finish: Finish, light: tuple[float, float, float], **more) -> float:
+    """Mean linear light of a thread across the image, lit from a direction of the viewer's."""
+    x = np.arange(-0.05, 0.05, 0.002)
+    thread = Particles(np.stack([x, 0 * x, 0 * x], 1), 0.004, (0.7, 0.5, 0.3), (1, 0, 0), (0, 0, 1), half_length=0.003)
+    view = look_at((0, 0, 0.2), (0, 0, 0), width=64, height=64)
+    lighting = Lighting(direction=light, key=1.0, key_colour=(1, 1, 1), fill=0.0, **more)
+    splatter = Splatter(64, 64).load(thread)
+    splatter.render(view, lighting=lighting, finish=finish, background=Background(top=(0, 0, 0)))
+    return float(splatter.linear()[..., :3].mean())
+
+
+def test_light_passes_through_a_fibre() -> None:
+    """Against the light a fibre with transmission glows; without it is dark; and it beats its front-lit lobes."""
+    clear = Finish(model="marschner", transmit=0.5, internal=0.0, reflect=0.0, sheen=0.0, fibre=0.0)
+    closed = replace(clear, transmit=0.0)
+    back = (0.0, 0.05, -1.0)
+    assert brightness(clear, back, shadows=True) > 10 * brightness(closed, back, shadows=True)
+    lobes_only = replace(clear, transmit=1.0)
+    front = (0.0, 0.05, 1.0)
+    assert brightness(lobes_only, back, shadows=True) > 3 * brightness(lobes_only, front, shadows=True)
+
+
+def test_materials_differ() -> None:
+    """Along a sweep of the light, each pair of presets differs by more than a tenth somewhere."""
+    lights = [(0.0, 0.3, 1.0), (0.3, 0.2, 1.0), (0.7, 0.2, 0.7), (0.0, 0.3, -1.0)]
+    names = ("cotton", "silk", "wool", "polyester", "viscose")
+    curves = {
+        n: np.array([brightness(replace(FINISHES[n], model="marschner"), at, shadows=True) for at in lights])
+        for n in names
+    }
+    for i, one in enumerate(names):
+        for two in names[i + 1 :]:
+            assert np.abs(np.log(curves[one] / curves[two])).max() > 0.1, (one, two)
+
+
+@pytest.mark.parametrize("tone", TONES)
+def test_tone_curves(tone) -> None:
+    x = np.linspace(0, WHITE[tone], 1000)
+    shown = tone_curve(tone, x)
+    assert shown[0] == 0
+    assert shown[-1] <= 1
+    assert np.all(np.diff(shown) >= 0)
+    colours = np.array([0.05, 0.4, 0.9])
+    np.testing.assert_allclose(tone_curve(tone, tone_inverse(tone, colours)), colours, atol=1e-4)
+    assert len(tone_table(tone, 4096)) == 4097
+    if tone == "neutral":
+        np.testing.assert_allclose(tone_curve(tone, colours[:2]), colours[:2])
+
+
+def test_errors() -> None:
+    with pytest.raises(RenderError, match=r"lighting.tone"):
+        Lighting(tone="pink")  # pyright: ignore[reportArgumentType]
+    with pytest.raises(RenderError, match=r"lighting.size"):
+        Lighting(size=100)
+    with pytest.raises(RenderError, match=r"light.direction"):
+        KeyLight(direction=(0, 0, 0))
+    with pytest.raises(RenderError, match=r"up to 8"):
+        shading_of(Lighting(others=(KeyLight(direction=UP),) * 9), Finish())
+    with pytest.raises(RenderError, match=r"makes no light"):
+        Finish(reflect=0.5, transmit=0.5, internal=0.1)
+    with pytest.raises(RenderError, match=r"finish.model"):
+        Finish(model="phong")  # pyright: ignore[reportArgumentType]
+    shadow_map, _ = shadow(cloth())
+    with pytest.raises(RenderError, match=r"\(n, 3\)"):
+        shadow_map.shadow_at([1, 2, 3])

@@ -1,0 +1,166 @@
+"""Streaming: batches and windows against one picture, culling, level of detail against full detail, refinement."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from taichi_cloth.contours import contour
+from taichi_cloth.refine import RefiningStream
+from taichi_cloth.render.camera import Camera, frame
+from taichi_cloth.render.particles import Particles
+from taichi_cloth.render.splat import Splatter
+from taichi_cloth.render.stream import stream
+from taichi_cloth.scenes.gains import fit_gains, seen_at
+from taichi_cloth.scenes.load import load_scene
+from taichi_cloth.scenes.models import FabricModel, build
+from taichi_cloth.scenes.sequence import Sequence
+from taichi_cloth.scenes.view import View
+from taichi_cloth.scenes.zoom import path, source_of, target_of, zoom
+from taichi_cloth.skin import skin_of
+from taichi_cloth.streaming import FULL, LANES, ROWS, FabricStream
+
+SIZE = 320, 192
+
+
+@pytest.fixture(scope="module")
+def model() -> FabricModel:
+    small = ["weave.ends=24", "weave.picks=20", "yarn.fibres=8", "fabric.steps=8"]
+    built = build(load_scene("swatch", small))
+    assert isinstance(built, FabricModel)
+    return built
+
+
+@pytest.fixture(scope="module")
+def particles(model: FabricModel) -> Particles:
+    return model.panels()[0].particles
+
+
+@pytest.fixture(scope="module")
+def camera(particles: Particles) -> Camera:
+    return frame(particles.position, width=SIZE[0], height=SIZE[1], elevation=50)
+
+
+def psnr(a: np.ndarray, b: np.ndarray) -> float:
+    return float(10 * np.log10(255**2 / max(np.mean((a.astype(float) - b) ** 2), 1e-9)))
+
+
+def some(p: Particles, chosen: np.ndarray) -> Particles:
+    optional = [None if a is None else a[chosen] for a in (p.half_length, p.openness)]
+    fields = (p.position, p.radius, p.colour, p.tangent, p.normal)
+    return Particles(*(a[chosen] for a in fields), *optional, opacity=p.opacity)  # pyright: ignore[reportArgumentType]
+
+
+def test_batches_in_depth_order_are_one_picture(particles: Particles, camera: Camera) -> None:
+    order = np.argsort(camera.project(particles.position)[:, 2], kind="stable")
+    splatter = Splatter(*SIZE).load(some(particles, order))
+    whole, alpha = splatter.render(camera), splatter.linear()
+    for count in (1, 5):
+        splatter.begin(camera)
+        for part in np.array_split(order, count):
+            splatter.add(some(particles, part))
+        assert psnr(whole, splatter.finish()) > 60
+        assert np.abs(splatter.linear() - alpha).max() < 0.02
+
+
+def test_windows_are_one_picture(model: FabricModel, particles: Particles, camera: Camera) -> None:
+    splatter = Splatter(*SIZE).load(particles)
+    whole = splatter.render(camera)
+    source = FabricStream(model.fabric, model.points, target=0)
+    sizes = []
+    for most in (10**9, 40_000, 20_000):
+        image, stats = stream(splatter, camera, source, most=most)
+        assert psnr(whole, image) > 45
+        assert stats.largest <= most * 1.1
+        sizes.append(stats.batches)
+    assert sizes[0] == 1 < sizes[1] < sizes[2]
+
+
+def test_memory_is_bounded_by_the_batch(model: FabricModel, camera: Camera) -> None:
+    source = FabricStream(model.fabric, model.points, target=0)
+    _, stats = stream(Splatter(*SIZE), camera, source, most=20_000)
+    assert stats.particles > 80_000
+    assert source.allocated <= 1.1 * 20_000 * ROWS * 4 + ROWS * LANES * 4
+
+
+def test_same_bytes_for_any_number_of_chunks(model: FabricModel, camera: Camera) -> None:
+    images = set()
+    for chunks in (1, 2, 3):
+        source = FabricStream(model.fabric, model.points, chunks=chunks)
+        images.add(stream(Splatter(*SIZE, chunks=chunks), camera, source, most=30_000)[0].tobytes())
+    assert len(images) == 1
+
+
+def test_out_of_view_is_never_made_and_nothing_is_missed(model: FabricModel, particles: Particles) -> None:
+    camera = frame(model.points[8:12, 10:14].reshape(-1, 3), width=SIZE[0], height=SIZE[1], elevation=35, margin=0)
+    splatter = Splatter(*SIZE).load(particles)
+    whole = splatter.render(camera)
+    source = FabricStream(model.fabric, model.points, target=0)
+    image, stats = stream(splatter, camera, source)
+    assert stats.pieces < 0.75 * len(model.fabric.layout.blocks.kind)
+    assert psnr(whole, image) > 55
+    behind = replace(camera, rotation=np.diag([1.0, -1, -1]) @ camera.rotation, translation=-camera.translation)
+    assert stream(splatter, behind, source)[1].particles < 0.05 * len(particles)
+
+
+@pytest.fixture(scope="module")
+def gains(model: FabricModel) -> np.ndarray:
+    return fit_gains(model.fabric, model.points)
+
+
+@pytest.mark.parametrize("pixels", [1.0, 0.5, 0.35, 0.25, 0.125, 0.0625])
+def test_brightness_and_coverage_stay_from_a_pixel_down(model: FabricModel, gains: np.ndarray, pixels: float) -> None:
+    """Thinned against full detail: total coverage and colour of the cloth within 2 %."""
+    camera, splatter = seen_at(model.fabric, model.points, pixels), Splatter(*SIZE)
+    full = FabricStream(model.fabric, model.points, target=0)
+    thin = FabricStream(model.fabric, model.points, gains=gains)
+    sums, made = [], []
+    for source in (full, thin):
+        _, stats = stream(splatter, camera, source, most=10**9)
+        sums.append(splatter.linear().sum((0, 1), dtype=np.float64))
+        made.append(stats.particles)
+    assert sums[1] == pytest.approx(sums[0], rel=0.02)
+    if pixels < 0.3:
+        assert made[1] < 1.5 * (pixels / 0.5) ** 2 * FULL * made[0]
+
+
+def test_zoom_writes_its_frames(tmp_path: Path) -> None:
+    small = ["weave.ends=8", "weave.picks=8", "yarn.fibres=4", "fabric.steps=4", "output.frames=4"]
+    view = View(build(load_scene("swatch", small)), (96, 64))
+    sequence = Sequence.open(tmp_path, "mark", 4, resume=False)
+    sequence.begin()
+    assert list(sequence.write(zoom(view, 4, sequence.missing()))) == [0, 1, 2, 3]
+    assert Sequence.open(tmp_path, "mark", 4, resume=True).missing() == []
+    for frame_path in sequence.paths:
+        image = cv2.imread(str(frame_path))
+        assert image is not None
+        assert image.std() > 1
+
+
+def test_the_camera_comes_nearer_by_the_same_factor(model: FabricModel) -> None:
+    view = View(model, SIZE)
+    source = source_of(model)
+    cameras = path(view, source, 9)
+    end, _ = target_of(source)
+    left = np.array([np.linalg.norm(c.eye - end) for c in cameras])
+    assert (np.diff(left) < 0).all()
+    near = np.array([c.near for c in cameras])
+    assert near[1:] / near[:-1] == pytest.approx(near[1] / near[0])
+    assert cameras[-1].project([end])[0, :2] == pytest.approx([SIZE[0] / 2, SIZE[1] / 2], abs=1e-3)
+
+
+def test_refining_keeps_coverage_and_brightness(model: FabricModel) -> None:
+    skin = skin_of(contour("cotton", length_m=350e-6))
+    assert np.sqrt(np.mean(skin**2)) == pytest.approx(1.0, abs=0.01)
+    fine, plain = RefiningStream(model.fabric, model.points, skin), FabricStream(model.fabric, model.points)
+    splatter = Splatter(*SIZE)
+    for pixels, tolerance in ((3.0, 0.04), (6.0, 0.08), (12.0, 0.16)):
+        camera = seen_at(model.fabric, model.points, pixels)
+        images = []
+        for source in (plain, fine):
+            stream(splatter, camera, source, most=10**9)
+            images.append(splatter.linear().mean((0, 1)))
+        assert images[1][3] == pytest.approx(images[0][3], rel=0.05)
+        assert images[1][:3] == pytest.approx(images[0][:3], rel=tolerance)
