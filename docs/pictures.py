@@ -8,9 +8,12 @@ import numpy as np
 
 from taichi_cloth import runtime
 from taichi_cloth.contours import known_contours
+from taichi_cloth.render.caption import label
+from taichi_cloth.render.image import contact_sheet
 from taichi_cloth.scenes.load import load_scene
 from taichi_cloth.scenes.models import build
 from taichi_cloth.scenes.view import View
+from taichi_cloth.scenes.zoom import zoom
 
 HERE = Path(__file__).parent
 SCHORT = HERE.parent / "tests" / "data" / "wif" / "schort.wif"
@@ -37,7 +40,57 @@ def twist() -> np.ndarray:
     return np.concatenate(picture("twist", size=(1920, 480), frames=[0, 12, 30, 71]), axis=0)
 
 
+def materials() -> np.ndarray:
+    """One weave and one dye in four fibres under one light."""
+    dye = "#8c2f39"
+    weave = [f"yarn.colour='{dye}'", f"weave.warp_colours='{dye}'", f"weave.weft_colours='{dye}'", "weave.ends=30"]
+    weave += ["weave.picks=30", "fabric.pose=wave", "fabric.pose_amount=1.6", "yarn.count_tex=20", "camera.zoom=1.5"]
+    filament = ["ends_per_m=0", "loops_per_m=0"]
+    hairs = {"silk": filament, "polyester": filament, "wool": ["ends_per_m=2500", "loops_per_m=1500", "height_mm=0.3"]}
+    twist = {"silk": ["yarn.twist_per_m=300"], "polyester": ["yarn.twist_per_m=300"]}
+    images = []
+    for kind in ("cotton", "silk", "wool", "polyester"):
+        own = [f"yarn.hairiness.{h}" for h in hairs.get(kind, [])] + twist.get(kind, [])
+        image = picture("twill", f"fibre.kind={kind}", *weave, *own, size=(900, 800))[0]
+        images.append(label(image, kind, (100, 770)))
+    return np.concatenate([np.concatenate(images[:2], axis=1), np.concatenate(images[2:], axis=1)], axis=0)
+
+
+def distances() -> np.ndarray:
+    """Four weaves, each from three distances."""
+    rows = []
+    for name in ("plain", "twill", "satin", "tartan"):
+        near = [(1.0, []), (4.0, ["yarn.fibres=24", "fabric.steps=16"]), (12.0, ["yarn.fibres=60", "fabric.steps=32"])]
+        small = ["weave.ends=20", "weave.picks=20"] if name != "tartan" else ["weave.ends=56", "weave.picks=56"]
+        whole = [picture(name, size=(660, 480))[0]]
+        whole += [picture(name, f"camera.zoom={z}", *small, *fine, size=(660, 480))[0] for z, fine in near[1:]]
+        rows.append(np.concatenate(whole, axis=1))
+    return np.concatenate(rows, axis=0)
+
+
+def fringe() -> np.ndarray:
+    """Flyaway fibres of a wool edge against the light."""
+    backlit = ["light.rim_strength=4", "light.rim_azimuth_deg=178", "light.rim_elevation_deg=32"]
+    backlit += ["light.key_strength=0.25", "light.fill_strength=0.35", "light.follows_camera=true"]
+    backlit += ["light.background=['#3a3f49', '#171a20']", "stage.ground=false"]
+    woolly = ["fibre.kind=wool", "yarn.hairiness.ends_per_m=9000", "yarn.hairiness.loops_per_m=3000"]
+    woolly += ["yarn.hairiness.height_mm=0.22", "yarn.fibres=40", "fabric.steps=20", "fabric.fringe=3"]
+    view = ["weave.ends=20", "weave.picks=12", "weave.warp_colours=camel", "weave.weft_colours=cream"]
+    view += ["camera.elevation_deg=30", "camera.azimuth_deg=12", "camera.zoom=1.25"]
+    return picture("plain", *backlit, *woolly, *view, size=(1800, 1080))[0]
+
+
+def zoomed() -> np.ndarray:
+    """Twelve frames of `taichi-cloth zoom swatch`."""
+    view = View(build(load_scene("swatch", [])), (960, 640))
+    return contact_sheet([image for _, image in zoom(view, 12, list(range(12)))], columns=4, thumbnail=640)
+
+
 PICTURES = {
+    "materials": materials,
+    "distances": distances,
+    "fringe": fringe,
+    "zoom": zoomed,
     "swatch": lambda: picture("swatch", size=FABRIC)[0],
     "fibre": fibre,
     "yarn": lambda: picture("yarn", size=(800, 1200))[0],
