@@ -20,8 +20,8 @@ from taichi_cloth.fabric import pose_points
 from taichi_cloth.fibre import FibreParticles, particles_in
 from taichi_cloth.sphere_set import sphere_set_from_rows
 from taichi_cloth.sphere_surface import sphere_surface_points
+from taichi_cloth.spin import Period, Strands, hairs, spin
 from taichi_cloth.twisting import TwistingYarn
-from taichi_cloth.yarn import Period, Strands, hairs, spin
 
 from ..render.particles import Particles
 from .facts import Fact, fabric_facts, yarn_facts

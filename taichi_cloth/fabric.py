@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from taichi_cloth.crimp import Interlacing, PathKinds, crossing_heights, path_kinds
 from taichi_cloth.errors import InputError, did_you_mean
-from taichi_cloth.yarn import Period, Yarn
+from taichi_cloth.spin import Period
+from taichi_cloth.yarn import Yarn
 
 __all__ = [
     "BLOCK_BYTES",

@@ -2,7 +2,7 @@
 
 A template is a list of particles, each with its ratio u along the block and its offset in the fabric's local frame
 (along the yarn, across it, normal). It joins three things: the path the yarn takes over and under (`crimp`), the
-block's place in the yarn's period (`yarn.spin`), and one of a few variants that hide the repeat. All templates of
+block's place in the yarn's period (`spin.spin`), and one of a few variants that hide the repeat. All templates of
 one yarn meet their neighbours in the same section, so there is no seam between blocks.
 """
 
@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from taichi_cloth.crimp import PathKinds, centreline
 from taichi_cloth.fabric import BODY, END, START, FabricLayout
-from taichi_cloth.yarn import Period, Strands, Yarn, hairs, spin
+from taichi_cloth.spin import Period, Strands, hairs, spin
+from taichi_cloth.yarn import Yarn
 
 __all__ = ["TemplateBank", "build_templates", "particle_count", "particles_per_body_block"]
 

@@ -1,6 +1,6 @@
 """A yarn being twisted (paper 2.2.4): parallel singles whose particles are moved, step by step, by the twist equations.
 
-Step 1 lays the singles side by side (`yarn.spin` unfolded, or a sphere set's particles shared evenly, as the paper
+Step 1 lays the singles side by side (`spin.spin` unfolded, or a sphere set's particles shared evenly, as the paper
 does). Step 2 moves every particle: with the yarn along x, and about the yarn's axis by what the twist in front of it
 has grown, dφ = φ(x + V·dt, t + dt) − φ(x, t), φ = 2π∫T dx from A. Step 3, the seeded perturbation, is in the singles.
 """
@@ -16,8 +16,9 @@ from taichi_cloth.blocks import FibreCloud
 from taichi_cloth.errors import InputError
 from taichi_cloth.fibre import particles_in
 from taichi_cloth.sphere_set import SphereSet
+from taichi_cloth.spin import Period, drawn_radius, spin
 from taichi_cloth.twist import zone_twist
-from taichi_cloth.yarn import Period, Yarn, drawn_radius, spin
+from taichi_cloth.yarn import Yarn
 
 __all__ = ["TwistingYarn"]
 

@@ -6,18 +6,8 @@ import numpy as np
 import pytest
 
 from taichi_cloth.errors import InputError
-from taichi_cloth.yarn import (
-    Hairiness,
-    Period,
-    Yarn,
-    hairs,
-    ne_to_tex,
-    pack_section,
-    resultant_count,
-    rotate_section,
-    spin,
-    turns_per_m,
-)
+from taichi_cloth.spin import Period, hairs, pack_section, rotate_section, spin
+from taichi_cloth.yarn import Hairiness, Yarn, ne_to_tex, resultant_count, turns_per_m
 
 BLOCK = 0.4e-3
 
