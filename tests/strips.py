@@ -1,4 +1,4 @@
-"""Strips of cloth that the dynamics tests share: one grid shape, so that Taichi compiles one kernel for most of them."""
+"""Strips of cloth that the dynamics tests share: one grid shape, so that one kernel serves most of them."""
 
 from dataclasses import replace
 

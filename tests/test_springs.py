@@ -10,12 +10,12 @@ from taichi_cloth.energy import elastic_energy, elastic_forces
 from taichi_cloth.errors import InputError
 from taichi_cloth.materials import MATERIALS, Material, named_material
 from taichi_cloth.sheet import Sheet
-from taichi_cloth.springs import calibrate
+from taichi_cloth.springs import BendingLaw, calibrate
 
 RNG = np.random.Generator(np.random.Philox(key=3))
 
 
-def sheet_of(material: Material, a: float, b: float, *, bending="hinge", rows=6, cols=9) -> Sheet:
+def sheet_of(material: Material, a: float, b: float, *, bending: BendingLaw = "hinge", rows=6, cols=9) -> Sheet:
     springs = calibrate(material, spacing_x=a, spacing_y=b, bending=bending)
     return Sheet.rectangle(rows, cols, material=material, springs=springs)
 
@@ -54,14 +54,6 @@ def test_a_sheet_on_a_cylinder_stores_b_kappa_squared(cut: int) -> None:
     x = sheet.flat()
     x[..., 1], x[..., 2] = chord * np.sin(angle)[:, None], chord * (1 - np.cos(angle))[:, None]
     patches = (cut - 1) * b * 3 * b  # hinges × length × width
-    diagonals = sum(
-        0.5
-        * sheet.springs.diagonal
-        * (np.linalg.norm(x[1:, k] - x[:-1, 1 - k + j], axis=-1) - sheet.springs.diagonal_length) ** 2
-        for k in (0, 1)
-        for j in (0,)
-    ).sum()
-    assert diagonals < 1e-20
     assert elastic_energy(sheet, x) == pytest.approx(0.5 * PLAIN.bending_warp / radius**2 * patches, rel=0.004)
 
 
