@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 import taichi as ti
 
-__all__ = ["F32x1", "F32x2", "F32x3", "Float", "I32x1", "I32x2", "I64x1", "Int", "Template", "Vec3"]
+__all__ = ["F32x1", "F32x2", "F32x3", "Float", "I32x1", "I32x2", "I64x1", "Int", "Template"]
 
 if TYPE_CHECKING:
     F32x1 = Any
@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     Float = Any
     Int = Any
     Template = Any
-    Vec3 = Any
 else:
     F32x1 = ti.types.ndarray(ti.f32, 1)
     F32x2 = ti.types.ndarray(ti.f32, 2)
@@ -27,4 +26,3 @@ else:
     Float = ti.f32
     Int = ti.i32
     Template = ti.template()
-    Vec3 = ti.math.vec3

@@ -57,10 +57,11 @@ class Sheet:
         if mask.ndim != 2 or not mask.any():
             raise InputError(f"sheet: cells of shape {mask.shape}; allowed: 2 rows and 2 columns of key points or more")
         shape = (mask.shape[0] + 1, mask.shape[1] + 1)
+        held = np.asarray(False if pinned is None else pinned, bool)
         try:
-            pins = np.broadcast_to(np.asarray(False if pinned is None else pinned, bool), shape).copy()
+            pins = np.broadcast_to(held, shape).copy()
         except ValueError:
-            raise InputError(f"pins: shape {np.shape(pinned)}; allowed: {shape}, one for each key point") from None
+            raise InputError(f"pins: shape {held.shape}; allowed: {shape}, one for each key point") from None
         return cls(mask, material, springs, pins)
 
     @property

@@ -45,14 +45,14 @@ def test_a_slack_strip_hangs_in_a_catenary() -> None:
     """Length 0.4 m over a span of 0.3 m: the sag is a (cosh(D/2a) − 1) with L = 2a sinh(D/2a). Tolerance 0.5 %."""
     span, length = 0.3, 0.4
     stiff = {"tensile_warp": 400.0, "tensile_weft": 400.0, "shear": 0.0, "bending_warp": 0.0, "bending_weft": 0.0}
-    sheet = strip(length=length, pinned=(0, ROWS - 1), air_damping=6.0, **stiff)
+    sheet = strip(length=length, pinned=(0, ROWS - 1), air_damping=6.0, **stiff)  # pyright: ignore[reportArgumentType]
     x = sheet.flat()
     share = np.arange(ROWS) / (ROWS - 1)
     x[..., 1] = (span * share)[:, None]
     x[..., 2] = -(0.5 * (length**2 - span**2) ** 0.5 * np.sin(np.pi * share))[:, None]
     x = run(simulate(sheet, forces=Forces(gravity=(0.0, 0.0, -9.81)), positions=x), 300)[-1]
     a = brentq(lambda a: 2 * a * np.sinh(span / 2 / a) - length, 0.05, 1.0)
-    exact = a * (np.cosh(span / 2 / a) - 1)
+    exact = a * (np.cosh(span / 2 / a) - 1)  # pyright: ignore[reportOperatorIssue]
     assert -x[ROWS // 2, :, 2].mean() == pytest.approx(exact, rel=5e-3)
 
 

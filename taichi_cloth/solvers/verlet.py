@@ -18,7 +18,7 @@ import numpy as np
 import taichi as ti
 
 from taichi_cloth import runtime
-from taichi_cloth.arrays import F32x3, I32x2, Int, Template, Vec3
+from taichi_cloth.arrays import F32x3, Float, I32x2, Int, Template
 from taichi_cloth.errors import InputError
 from taichi_cloth.forces import Forces, FrameForces
 from taichi_cloth.sheet import LANES, PAD, Sheet, SheetState
@@ -28,7 +28,7 @@ from taichi_cloth.solvers.stencil import Features, Numbers, Stencil
 
 __all__ = ["Verlet"]
 
-MEETING = 8
+MEETING = 16
 """Substeps between two meetings of the strips; even."""
 
 WORTH_THREADS = 20_000
@@ -86,7 +86,6 @@ class Verlet(Solver):
         )
         self._numbers = Numbers(**_numbers(sheet, forces, self.step))
         self._work = _workspace(runtime.generation(), sheet.padded_shape, self.strips)
-        self._spare = np.empty((6, *sheet.padded_shape), np.float32)
 
     def advance(self, state: SheetState, forces: FrameForces) -> None:
         work = self._work
@@ -94,20 +93,21 @@ class Verlet(Solver):
             sheet = self.sheet
             model = np.stack([sheet.padded(v) for v in (*sheet.weights, sheet.inverse_mass)])
             work.take_model(model, state.values)
+            work.cuts.from_numpy(self._rows)
             work.holder = self
         first, last = np.asarray(forces.wind_start), np.asarray(forces.wind_end)
         meeting = self.substeps if self.strips == 1 else MEETING
-        source, target = state.values, self._spare
+        source, target = work.states
+        source.from_numpy(state.values)
         for done in range(0, self.substeps, meeting):
             count = min(meeting, self.substeps - done)
-            wind = ti.Vector(list(first + (last - first) * (done / self.substeps)), ti.f32)
-            change = ti.Vector(list((last - first) / self.substeps), ti.f32)
+            wind = (first + (last - first) * (done / self.substeps)).tolist()
+            change = ((last - first) / self.substeps).tolist()
             kernel = work.serial if self.strips == 1 else work.parallel
-            kernel(source, self._rows, self._numbers, wind, change, count, self._features, target)
+            kernel(source, work.cuts, self._numbers, *wind, *change, count, self._features, target)
             source, target = target, source
-        if source is not state.values:
-            rows = slice(PAD, -PAD)
-            state.values[:, rows] = source[:, rows]
+        rows = slice(PAD, -PAD)
+        state.values[:, rows] = source.to_numpy()[:, rows]
 
 
 def _numbers(sheet: Sheet, forces: Forces, step: float) -> dict[str, float]:
@@ -148,6 +148,8 @@ class _Workspace(Stencil):
         rows, width = padded_shape
         super().__init__(strips * rows * width, width)
         self.rows, self.strips = rows, strips
+        self.states = [ti.ndarray(ti.f32, (6, rows, width)) for _ in range(2)]
+        self.cuts = ti.ndarray(ti.i32, (strips, 2))
         self.holder: Verlet | None = None
 
     @ti.kernel
@@ -218,8 +220,12 @@ class _Workspace(Stencil):
         source: F32x3,
         rows: I32x2,
         n: Numbers,
-        wind: Vec3,
-        change: Vec3,
+        wind_x: Float,
+        wind_y: Float,
+        wind_z: Float,
+        change_x: Float,
+        change_y: Float,
+        change_z: Float,
         count: Int,
         features: Template,
         # out
@@ -227,6 +233,8 @@ class _Workspace(Stencil):
     ):
         ti.loop_config(serialize=True)
         for strip in range(1):
+            wind = ti.Vector([wind_x, wind_y, wind_z])
+            change = ti.Vector([change_x, change_y, change_z])
             self.frame(strip, source, rows[0, 0], rows[0, 1], n, wind, change, count, features, target)
 
     @ti.kernel
@@ -236,8 +244,12 @@ class _Workspace(Stencil):
         source: F32x3,
         rows: I32x2,
         n: Numbers,
-        wind: Vec3,
-        change: Vec3,
+        wind_x: Float,
+        wind_y: Float,
+        wind_z: Float,
+        change_x: Float,
+        change_y: Float,
+        change_z: Float,
         count: Int,
         features: Template,
         # out
@@ -246,4 +258,6 @@ class _Workspace(Stencil):
         for t in range(self.strips * _CHUNK):
             if t % _CHUNK == 0:
                 strip = t // _CHUNK
+                wind = ti.Vector([wind_x, wind_y, wind_z])
+                change = ti.Vector([change_x, change_y, change_z])
                 self.frame(strip, source, rows[strip, 0], rows[strip, 1], n, wind, change, count, features, target)
