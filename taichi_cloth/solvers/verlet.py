@@ -85,10 +85,9 @@ class Verlet(Solver):
             plane=forces.plane is not None,
         )
         self._numbers = Numbers(**_numbers(sheet, forces, self.step))
-        self._work = _workspace(runtime.generation(), sheet.padded_shape, self.strips)
 
     def advance(self, state: SheetState, forces: FrameForces) -> None:
-        work = self._work
+        work = _workspace(runtime.generation(), self.sheet.padded_shape, self.strips)
         if work.holder is not self:
             sheet = self.sheet
             model = np.stack([sheet.padded(v) for v in (*sheet.weights, sheet.inverse_mass)])
