@@ -1,9 +1,10 @@
 """Cloth modelled from its fibres up: fibres, yarns, weaves, and what every fibre looks like.
 
 The rooms follow Zhu, Li & Ma 2016, "Fiber-Based 3D Cloth Modeling and Garment Simulation with
-Photorealistic Appearance": `fibre` (2.1), `yarn`, `spin` and `twist` (2.2), `weave`, `wif`, `crimp` and `fabric`
-(2.3), `blocks` (3.3). `taichi_cloth.render` draws, `taichi_cloth.scenes` says what a scene is and holds the
-command line. Importing starts nothing: `taichi_cloth.runtime.start` does.
+Photorealistic Appearance": `fibre` (2.1), `yarn`, `spin` and `twist` (2.2), `weave`, `wif`, `crimp` and
+`fabric` (2.3), `springs`, `sheet` and `simulation` (3.1), `solvers` (3.2), `blocks` (3.3). `taichi_cloth.render` draws,
+`taichi_cloth.scenes` says what a scene is and holds the command line. Importing starts nothing:
+`taichi_cloth.runtime.start` does.
 """
 
 import os

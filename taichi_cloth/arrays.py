@@ -4,25 +4,27 @@ from typing import TYPE_CHECKING, Any
 
 import taichi as ti
 
-__all__ = ["F32x1", "F32x2", "F32x3", "Float", "I16x2", "I32x1", "I32x2", "I64x1", "Int"]
+__all__ = ["F32x1", "F32x2", "F32x3", "Float", "I16x2", "I32x1", "I32x2", "I64x1", "Int", "Template"]
 
 if TYPE_CHECKING:
     F32x1 = Any
     F32x2 = Any
     F32x3 = Any
-    Float = Any
     I16x2 = Any
-    Int = Any
     I32x1 = Any
     I32x2 = Any
     I64x1 = Any
+    Float = Any
+    Int = Any
+    Template = Any
 else:
     F32x1 = ti.types.ndarray(ti.f32, 1)
     F32x2 = ti.types.ndarray(ti.f32, 2)
     F32x3 = ti.types.ndarray(ti.f32, 3)
-    Float = ti.f32
     I16x2 = ti.types.ndarray(ti.i16, 2)
-    Int = ti.i32
     I32x1 = ti.types.ndarray(ti.i32, 1)
     I32x2 = ti.types.ndarray(ti.i32, 2)
     I64x1 = ti.types.ndarray(ti.i64, 1)
+    Float = ti.f32
+    Int = ti.i32
+    Template = ti.template()

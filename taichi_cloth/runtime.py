@@ -15,7 +15,7 @@ from taichi.lang.impl import current_cfg
 
 from taichi_cloth.errors import InputError, did_you_mean
 
-__all__ = ["Arch", "Runtime", "start"]
+__all__ = ["Arch", "Runtime", "generation", "start", "threads"]
 
 Arch = Literal["cpu", "cuda", "vulkan", "metal", "gpu"]
 
@@ -26,6 +26,19 @@ class Runtime:
 
     arch: str
     threads: int
+
+
+_started: list[Runtime] = []  # all starts of this process, the last one valid
+
+
+def generation() -> int:
+    """How many times Taichi was started: fields and kernels made under another number are gone."""
+    return len(_started)
+
+
+def threads() -> int:
+    """CPU threads that kernels may use; 1 before `start`."""
+    return _started[-1].threads if _started else 1
 
 
 def start(arch: Arch = "cpu", *, threads: int | None = None, cache: bool = True, pin: bool = False) -> Runtime:
@@ -62,7 +75,8 @@ def start(arch: Arch = "cpu", *, threads: int | None = None, cache: bool = True,
         raise InputError(f"--arch {arch}: no such device on this machine (Taichi fell back to {got}); use --arch cpu")
     if pin and workers > 1:
         _pin(sorted(_thread_ids() - before)[-workers:])
-    return Runtime(arch=got, threads=workers)
+    _started.append(Runtime(arch=got, threads=workers))
+    return _started[-1]
 
 
 def _processors() -> int:

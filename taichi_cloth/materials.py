@@ -1,0 +1,103 @@
+"""Fabric properties that dynamics follows from, and presets with their sources.
+
+Everything is a property of the *sheet*, per width or per area, so it does not know how finely the sheet is cut into
+key points. Kawabata's units (KES-F): 1 gf·cm²/cm of bending rigidity = 98.07 µN·m, 1 gf/(cm·deg) of shear stiffness
+= 56.2 N/m.
+
+Sources. Bending and shear: typical ranges of Kawabata's measurements ("The standardization and analysis of hand
+evaluation", 1980) for habotai silk, cotton shirting and wool suiting, the middle of each range; denim: density and
+bending of Wang, O'Brien & Ramamoorthi 2011 ("Data-driven elastic models for cloth", SIGGRAPH), its shear is an
+estimate from a stiff cotton twill. Tensile stiffness is the secant of the first percent, a round number of the
+right order: yarns are an order stiffer once their crimp is drawn out.
+"""
+
+from dataclasses import dataclass, fields
+from math import isfinite
+
+from taichi_cloth.errors import InputError, did_you_mean
+
+__all__ = ["MATERIALS", "Material", "known_materials", "named_material"]
+
+_BENDING = 98.07e-6  # N·m of 1 gf·cm²/cm
+_SHEAR = 56.2  # N/m of 1 gf/(cm·deg)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Material:
+    """A fabric as a sheet. Raises InputError on values that no cloth can have.
+
+    tensile_warp, tensile_weft: force per width and strain when pulled along one family with free edges [N/m].
+    shear: force per width and radian of shear angle [N/m].
+    bending_warp, bending_weft: rigidity when the warp, or the weft, is bent [N·m] (moment per width and curvature).
+    density: mass per area [kg/m²].
+    air_damping: share of the velocity lost a second, as a rate [1/s].
+    fibre_damping: time by which the stress in springs and hinges lags behind, of Kelvin and Voigt [s].
+    """
+
+    tensile_warp: float
+    tensile_weft: float
+    shear: float
+    bending_warp: float
+    bending_weft: float
+    density: float
+    air_damping: float = 1.0
+    fibre_damping: float = 0.0
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            positive = field.name in ("tensile_warp", "tensile_weft", "density")
+            if not (isfinite(value) and (value > 0 if positive else value >= 0)):
+                allowed = "above 0" if positive else "0 or more"
+                raise InputError(f"material.{field.name}: {value!r}; allowed: a finite number, {allowed}")
+
+
+MATERIALS = {
+    "cotton-shirting": Material(
+        tensile_warp=1500.0,
+        tensile_weft=1000.0,
+        shear=1.2 * _SHEAR,
+        bending_warp=0.09 * _BENDING,
+        bending_weft=0.06 * _BENDING,
+        density=0.115,
+    ),
+    "silk-habotai": Material(
+        tensile_warp=1200.0,
+        tensile_weft=900.0,
+        shear=0.3 * _SHEAR,
+        bending_warp=0.015 * _BENDING,
+        bending_weft=0.012 * _BENDING,
+        density=0.055,
+    ),
+    "wool-suiting": Material(
+        tensile_warp=1000.0,
+        tensile_weft=800.0,
+        shear=0.75 * _SHEAR,
+        bending_warp=0.13 * _BENDING,
+        bending_weft=0.11 * _BENDING,
+        density=0.220,
+    ),
+    "denim": Material(
+        tensile_warp=4000.0,
+        tensile_weft=3000.0,
+        shear=4.0 * _SHEAR,
+        bending_warp=97e-6,
+        bending_weft=64e-6,
+        density=0.324,
+    ),
+}
+"""Presets by name; the sources stand at the head of this module."""
+
+
+def known_materials() -> tuple[str, ...]:
+    """Names of the presets."""
+    return tuple(MATERIALS)
+
+
+def named_material(name: str) -> Material:
+    """A preset by its name. Raises InputError on a name that is not known."""
+    if name not in MATERIALS:
+        raise InputError(
+            f"material: unknown material {name!r}; known: {', '.join(MATERIALS)}{did_you_mean(name, MATERIALS)}"
+        )
+    return MATERIALS[name]

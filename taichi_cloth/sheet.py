@@ -1,0 +1,168 @@
+"""The sheet: key points on a padded structured grid, what is constant about it, and its state.
+
+Neighbours are fixed offsets in one flat array of `rows + 2 PAD` by `width`, a whole number of LANES, so that a kernel
+works on 8 neighbours at once. What is absent has weight 0: no branch, no list. Any mask of cells is a sheet, so
+several panels can lie in one grid with PAD empty rows between them.
+
+State is one float32 array (6, padded rows, width): x, y, z [m], and the steps dx, dy, dz since the substep before [m].
+The step is stored and not the velocity or the former position because float32 would lose g·h² beside a position.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from taichi_cloth.errors import InputError
+from taichi_cloth.materials import Material
+from taichi_cloth.springs import Springs
+
+__all__ = ["LANES", "PAD", "Sheet", "SheetState"]
+
+F32 = NDArray[np.float32]
+F64 = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+LANES = 8
+PAD = 2  # empty rows before the first and after the last: the reach of a second neighbour
+
+
+@dataclass(frozen=True, eq=False)
+class Sheet:
+    """What is constant about a sheet.
+
+    cells: bool (rows − 1, cols − 1), the patches of cloth between four key points. material, springs: of all of them.
+    pinned: bool (rows, cols), key points that forces do not move.
+    """
+
+    cells: Mask
+    material: Material
+    springs: Springs
+    pinned: Mask
+
+    @classmethod
+    def rectangle(
+        cls, rows: int, cols: int, *, material: Material, springs: Springs, pinned: ArrayLike | None = None
+    ) -> "Sheet":
+        """A whole rectangle of rows × cols key points. pinned: bool, any shape that spreads to (rows, cols)."""
+        return cls.of_cells(np.ones((rows - 1, cols - 1), bool), material=material, springs=springs, pinned=pinned)
+
+    @classmethod
+    def of_cells(
+        cls, cells: ArrayLike, *, material: Material, springs: Springs, pinned: ArrayLike | None = None
+    ) -> "Sheet":
+        """A sheet of any outline. Raises InputError on one without a cell, or pins that do not fit."""
+        mask = np.asarray(cells, bool)
+        if mask.ndim != 2 or not mask.any():
+            raise InputError(f"sheet: cells of shape {mask.shape}; allowed: 2 rows and 2 columns of key points or more")
+        shape = (mask.shape[0] + 1, mask.shape[1] + 1)
+        held = np.asarray(False if pinned is None else pinned, bool)
+        try:
+            pins = np.broadcast_to(held, shape).copy()
+        except ValueError:
+            raise InputError(f"pins: shape {held.shape}; allowed: {shape}, one for each key point") from None
+        return cls(mask, material, springs, pins)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(rows, cols) of key points."""
+        return self.cells.shape[0] + 1, self.cells.shape[1] + 1
+
+    @property
+    def width(self) -> int:
+        """Row width in memory, whole lanes."""
+        return -(-self.shape[1] // LANES) * LANES
+
+    @property
+    def padded_shape(self) -> tuple[int, int]:
+        return self.shape[0] + 2 * PAD, self.width
+
+    @cached_property
+    def mass(self) -> F64:
+        """(rows, cols) [kg]: areal density × area, a quarter of each cell that meets there; 0 where there is none."""
+        s = self.springs
+        corners = sum(_shifted(self.cells, i, j).astype(np.float64) for i in (0, 1) for j in (0, 1))
+        return self.material.density * s.spacing_x * s.spacing_y * np.asarray(corners) / 4
+
+    @cached_property
+    def present(self) -> Mask:
+        return self.mass > 0
+
+    @cached_property
+    def inverse_mass(self) -> F64:
+        """(rows, cols) [1/kg], 0 for pinned and absent key points."""
+        free = self.present & ~self.pinned
+        return np.where(free, 1.0, 0.0) / np.where(free, self.mass, 1.0)
+
+    @cached_property
+    def weights(self) -> tuple[F64, F64, F64]:
+        """Share of the interior constant, each (rows, cols): of the spring from (i, j) to (i, j+1), of that to
+        (i+1, j), ½ on an edge, and of both diagonals of the cell (i, j). 0 where there is none."""
+        here = _shifted(self.cells, 0, 0).astype(np.float64)
+        return (here + _shifted(self.cells, 1, 0)) / 2, (here + _shifted(self.cells, 0, 1)) / 2, here
+
+    def padded(self, values: ArrayLike) -> F32:
+        """(rows, cols) as float32 in the padded grid, 0 around."""
+        out = np.zeros(self.padded_shape, np.float32)
+        out[PAD:-PAD, : self.shape[1]] = values
+        return out
+
+    def state(self, positions: ArrayLike) -> "SheetState":
+        """A state at rest at positions (rows, cols, 3) [m]. Raises InputError on wrong shapes or numbers."""
+        x = np.asarray(positions, np.float64)
+        if x.shape != (*self.shape, 3):
+            raise InputError(f"sheet: positions of shape {x.shape}; allowed: {(*self.shape, 3)}")
+        if not np.isfinite(x[self.present]).all():
+            raise InputError("sheet: positions that are not finite; allowed: finite numbers [m]")
+        values = np.zeros((6, *self.padded_shape), np.float32)
+        # Around the sheet lie distinct dummy positions: no spring, not even one of weight 0, has length 0.
+        values[0] = 1.0e3 * self.springs.spacing_x + np.arange(self.width) * self.springs.spacing_x
+        values[1] = np.arange(self.padded_shape[0])[:, None] * self.springs.spacing_y
+        inside = values[:, PAD:-PAD, : self.shape[1]]
+        inside[:3][:, self.present] = np.moveaxis(x, -1, 0)[:, self.present]
+        return SheetState(values)
+
+    def flat(self) -> F64:
+        """Rest positions (rows, cols, 3) [m] in the x–y plane, from the origin; columns along x, rows along y."""
+        rows, cols = self.shape
+        out = np.zeros((rows, cols, 3))
+        out[..., 0] = np.arange(cols) * self.springs.spacing_x
+        out[..., 1] = np.arange(rows)[:, None] * self.springs.spacing_y
+        return out
+
+    def positions(self, state: "SheetState") -> F32:
+        """(rows, cols, 3) float32 [m], a copy."""
+        return np.moveaxis(state.values[:3, PAD:-PAD, : self.shape[1]], 0, -1).copy()
+
+    def steps(self, state: "SheetState") -> F32:
+        """(rows, cols, 3) float32 [m] moved in the last substep, a copy."""
+        return np.moveaxis(state.values[3:, PAD:-PAD, : self.shape[1]], 0, -1).copy()
+
+    def set_steps(self, state: "SheetState", steps: ArrayLike, where: Mask | None = None) -> None:
+        """Writes steps (rows, cols, 3) [m] of the key points in `where`, (rows, cols); None: of all present."""
+        chosen = self.present if where is None else where
+        inside = state.values[3:, PAD:-PAD, : self.shape[1]]
+        inside[:, chosen] = np.moveaxis(np.asarray(steps), -1, 0)[:, chosen]
+
+    def stretch(self, positions: NDArray) -> tuple[NDArray, NDArray]:
+        """Strain of the threads: of the weft (rows, cols − 1) and of the warp (rows − 1, cols); 0 where absent."""
+        s = self.springs
+        weft = np.linalg.norm(np.diff(positions, axis=1), axis=-1) / s.spacing_x - 1
+        warp = np.linalg.norm(np.diff(positions, axis=0), axis=-1) / s.spacing_y - 1
+        return np.where(self.weights[0][:, :-1] > 0, weft, 0.0), np.where(self.weights[1][:-1] > 0, warp, 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class SheetState:
+    """values: float32 (6, padded rows, width), see the head of this module. A solver changes it in place."""
+
+    values: F32
+
+    def copy(self) -> "SheetState":
+        return SheetState(self.values.copy())
+
+
+def _shifted(cells: Mask, i: int, j: int) -> Mask:
+    """(rows, cols): the cell whose corner number (i, j) the key point is."""
+    return np.pad(cells, ((i, 1 - i), (j, 1 - j)))

@@ -1,0 +1,172 @@
+"""The loop (paper 3.2): model, state, step.
+
+A frame is, in this order: pins take their next place, the solver moves the state on (`solvers/`), and the state is
+checked. A state that is not finite or stretched beyond belief stops the run; the last good one is kept.
+
+Units: SI. Time is counted in frames, so that a run that was resumed is the run that was left alone, byte for byte.
+"""
+
+import hashlib
+import os
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from taichi_cloth.energy import elastic_forces
+from taichi_cloth.errors import InputError
+from taichi_cloth.forces import Forces
+from taichi_cloth.pins import Pins
+from taichi_cloth.sheet import PAD, Sheet, SheetState
+from taichi_cloth.solvers.base import Solver
+
+__all__ = ["Simulation", "Unstable"]
+
+F32 = NDArray[np.float32]
+
+LARGEST_STRETCH = 1.0
+"""Strain of a thread beyond which a run is stopped: twice its length. No cloth comes near it and stays whole."""
+
+
+class Unstable(RuntimeError):
+    """A state that is no cloth any more. frame: the one that failed; `Simulation.state` is that before it."""
+
+    def __init__(self, message: str, frame: int) -> None:
+        super().__init__(message)
+        self.frame = frame
+
+
+class Simulation:
+    """A sheet in motion.
+
+    sheet: its pinned key points are those of all `pins` together. positions: (rows, cols, 3) [m] at the start.
+    velocities: [m/s], any shape that spreads to that of positions. Raises InputError on pins that do not fit.
+    """
+
+    def __init__(
+        self,
+        sheet: Sheet,
+        solver: Solver,
+        *,
+        forces: Forces,
+        positions: ArrayLike,
+        velocities: ArrayLike = 0.0,
+        pins: tuple[Pins, ...] = (),
+    ) -> None:
+        held = np.zeros(sheet.shape, bool)
+        for group in pins:
+            if np.shape(group.mask) != sheet.shape or (held & group.mask).any():
+                raise InputError(f"pins: masks of the sheet's shape {sheet.shape} that do not overlap are allowed")
+            held |= group.mask
+        if pins and (held != sheet.pinned).any():
+            raise InputError("pins: their masks and the key points the sheet was made with as pinned differ")
+        self.sheet, self.solver, self.forces, self.pins = sheet, solver, forces, pins
+        self.frame = 0
+        self.state = sheet.state(positions)
+        for group in pins:
+            start = np.asarray(positions, np.float64)[group.mask]
+            if group.path is not None and np.abs(group.at(0.0) - start).max(initial=0.0) > 1e-6:
+                raise InputError("pins.path: at 0 s it is not where the sheet starts; allowed: 1e-6 m off")
+        self._first_steps(np.asarray(positions, np.float64), velocities)
+
+    @property
+    def time(self) -> float:
+        """[s]"""
+        return self.frame * self.frame_time
+
+    @property
+    def frame_time(self) -> float:
+        """Between two frames [s]."""
+        return self.solver.step * self.solver.substeps
+
+    @property
+    def positions(self) -> F32:
+        """(rows, cols, 3) float32 [m], a copy."""
+        return self.sheet.positions(self.state)
+
+    def _first_steps(self, positions: NDArray[np.float64], velocities: ArrayLike) -> None:
+        """x(0) − x(−h) = v h − a h²/2, which makes the start of second order, as the rest."""
+        sheet, h = self.sheet, self.solver.step
+        free = sheet.inverse_mass[..., None]
+        forces = elastic_forces(sheet, np.where(sheet.present[..., None], positions, 0.0)) * free
+        acceleration = forces + np.where(free > 0, self.forces.gravity, 0.0)
+        moving = np.where(free > 0, np.broadcast_to(velocities, positions.shape), 0.0)
+        sheet.set_steps(self.state, moving * h - acceleration * h**2 / 2)
+
+    def step(self) -> None:
+        """One frame. Raises Unstable, with the state as it was before the frame."""
+        start, end = self.time, (self.frame + 1) * self.frame_time
+        moved = self.state.copy()
+        for group in self.pins:
+            if group.path is not None:
+                self._lead(moved, group, end)
+        self.solver.advance(moved, self.forces.during(start, end))
+        for group in self.pins:
+            if group.path is not None:  # float32 steps add up to almost where they lead
+                inside = moved.values[:3, PAD:-PAD, : self.sheet.shape[1]]
+                inside[:, group.mask] = group.at(end).T
+        self._check(moved)
+        self.state = moved
+        self.frame += 1
+
+    def _lead(self, state: SheetState, group: Pins, end: float) -> None:
+        here = self.sheet.positions(state)
+        there = here.astype(np.float64)
+        there[group.mask] = group.at(end)
+        self.sheet.set_steps(state, (there - here) / self.solver.substeps, group.mask)
+
+    def _check(self, state: SheetState) -> None:
+        """Raises Unstable with the frame, the key point and what to change."""
+        sheet, number = self.sheet, self.frame + 1
+        positions = sheet.positions(state)
+        bad = sheet.present & ~np.isfinite(positions).all(axis=-1)
+        what = "is not finite"
+        if not bad.any():
+            weft, warp = sheet.stretch(positions)
+            if max(weft.max(), warp.max()) <= LARGEST_STRETCH:
+                return
+            family = weft if weft.max() >= warp.max() else warp
+            bad = np.pad(family == family.max(), [(0, n - m) for n, m in zip(sheet.shape, family.shape, strict=True)])
+            what = f"hangs on a thread stretched by {100 * family.max():.0f} % (allowed: {100 * LARGEST_STRETCH:.0f} %)"
+        i, j = (int(k) for k in np.argwhere(bad)[0])
+        raise Unstable(
+            f"frame {number}: key point ({i}, {j}) {what}; the state of frame {self.frame} is kept. "
+            "Use a smaller solver.safety, a stiffer material, slower pins, or weaker forces",
+            number,
+        )
+
+    def save(self, path: Path | str) -> None:
+        """The state to a file, replaced as a whole: whoever reads it finds this state or the one before."""
+        target = Path(path)
+        part = target.with_name(f".{target.name}.{os.getpid()}.part")
+        try:
+            with part.open("wb") as file:
+                np.savez(file, values=self.state.values, frame=self.frame, made_for=self._fingerprint())
+                file.flush()
+                os.fsync(file.fileno())
+            part.replace(target)
+        finally:
+            part.unlink(missing_ok=True)
+
+    def restore(self, path: Path | str) -> None:
+        """Goes on from a state that was saved. Raises InputError where there is none, or one of another simulation."""
+        try:
+            with np.load(path, allow_pickle=False) as saved:
+                values, frame, made_for = saved["values"], int(saved["frame"]), str(saved["made_for"])
+        except (OSError, ValueError, KeyError, EOFError) as error:
+            raise InputError(f"{path}: no saved state ({error}); allowed: a file that `save` wrote") from None
+        except Exception as error:  # zipfile and zlib raise their own for a file that was cut or changed
+            raise InputError(f"{path}: a damaged state ({error}); allowed: a file that `save` wrote") from None
+        if made_for != self._fingerprint() or values.shape != self.state.values.shape or values.dtype != np.float32:
+            raise InputError(f"{path}: saved by a simulation of another sheet, forces or step; start it anew")
+        self.state = SheetState(values)
+        self.frame = frame
+
+    def _fingerprint(self) -> str:
+        """Of everything the motion follows from, except the paths of pins."""
+        digest = hashlib.sha256()
+        for array in (self.sheet.cells, self.sheet.pinned):
+            digest.update(repr(array.shape).encode() + array.tobytes())
+        parts = (self.sheet.material, self.sheet.springs, self.forces, type(self.solver).__name__)
+        digest.update(repr((*parts, self.solver.step, self.solver.substeps)).encode())
+        return digest.hexdigest()

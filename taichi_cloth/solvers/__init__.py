@@ -1,0 +1,1 @@
+"""Ways to move a sheet on (paper 3.2): one file a method, all with the interface of `base`."""

@@ -1,0 +1,25 @@
+"""What every solver is: a thing that moves a state on by one frame."""
+
+from abc import ABC, abstractmethod
+
+from taichi_cloth.forces import FrameForces
+from taichi_cloth.sheet import SheetState
+
+__all__ = ["Solver"]
+
+
+class Solver(ABC):
+    """A method of integration, made for one sheet, one set of forces and one frame rate."""
+
+    substeps: int
+    """Steps a frame."""
+
+    step: float
+    """Length of a step [s]."""
+
+    @abstractmethod
+    def advance(self, state: SheetState, forces: FrameForces) -> None:
+        """Moves the state on by one frame, in place.
+
+        The steps of pinned key points stand in the state and are kept: they move by them every substep.
+        """

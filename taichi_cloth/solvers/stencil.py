@@ -1,0 +1,236 @@
+"""One substep of 8 neighbouring key points: springs, hinges, air, contact. Straight-line code without a branch.
+
+LLVM turns it into vector instructions because the 8 lanes are loaded from consecutive elements of separate fields,
+rows have a width known at compile time, and fast_math is off. All of that is needed: each one missing costs a factor
+of two to four, silently.
+
+Everything is scaled so that inverse mass × sum is a displacement: constants come multiplied by h².
+"""
+
+# In kernels a vector is a Taichi expression, which type checkers cannot follow.
+# pyright: reportOptionalCall=false, reportOperatorIssue=false, reportGeneralTypeIssues=false
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import taichi as ti
+
+from taichi_cloth.arrays import Template
+from taichi_cloth.sheet import LANES
+
+__all__ = ["Features", "Numbers", "Stencil"]
+
+
+@dataclass(frozen=True)
+class Features:
+    """What the kernel contains. Taichi compiles one kernel for each combination that is used."""
+
+    hinges: bool
+    fibre_damping: bool
+    wind: bool
+    sphere: bool
+    plane: bool
+
+
+NUMBERS = (
+    *("structural_x", "structural_y", "diagonal", "second_x", "second_y", "hinge_x", "hinge_y"),  # × h² [N s²/m = kg]
+    *("spacing_x", "spacing_y", "diagonal_length"),  # [m]
+    "kept",  # share of a step that viscous damping leaves
+    "lag",  # τ/h of damping along the springs
+    *("gravity_x", "gravity_y", "gravity_z"),  # × h² [m]
+    *("wind_drag", "wind_lift", "rate"),  # ½ ρ C h² [kg s²/m³], the last 1/h [1/s]
+    *("sphere_x", "sphere_y", "sphere_z", "sphere_radius", "sphere_friction"),  # [m], gap included
+    *("plane_x", "plane_y", "plane_z", "plane_height", "plane_friction"),
+)
+
+if TYPE_CHECKING:
+    Numbers: TypeAlias = Any
+else:
+    Numbers = ti.types.struct(**dict.fromkeys(NUMBERS, ti.f32))
+"""Constants of a step, an argument of the kernel: changing them compiles nothing."""
+
+
+@ti.func
+def load(field: Template, p):
+    return ti.Vector([field[p + k] for k in ti.static(range(LANES))])
+
+
+@ti.func
+def store(field: Template, p, values):
+    for k in ti.static(range(LANES)):
+        field[p + k] = values[k]
+
+
+@ti.func
+def contact(features: Template, nx, ny, nz, depth, friction, dx, dy, dz):
+    """The step (dx, dy, dz) [m] after a push out by `depth` along n, and Coulomb friction of at most µ × push."""
+    along = dx * nx + dy * ny + dz * nz
+    tx, ty, tz = dx - along * nx, dy - along * ny, dz - along * nz
+    held = ti.min(friction * depth / ti.sqrt(tx * tx + ty * ty + tz * tz + 1e-30), 1.0)
+    return dx + depth * nx - held * tx, dy + depth * ny - held * ty, dz + depth * nz - held * tz
+
+
+@ti.data_oriented
+class Stencil:
+    """Work memory for substeps: two buffers that take turns, and the weights. `size` elements; rows of `width`.
+
+    position, step: [buffer][axis] fields [m]. east, north, cell: weights of `Sheet`. inverse_mass: [1/kg].
+    """
+
+    def __init__(self, size: int, width: int) -> None:
+        def fields(count: int) -> list[ti.Field]:
+            return [ti.field(ti.f32, size) for _ in range(count)]
+
+        self.size, self.width = size, width
+        self.position, self.step = [fields(3), fields(3)], [fields(3), fields(3)]
+        self.east, self.north, self.cell, self.inverse_mass = fields(4)
+
+    @ti.func
+    def away(self, a: Template, p, offset: Template):
+        """Vector to the neighbour at p + offset, and how much more than p it moved in the last step."""
+        x, y, z = ti.static(*self.position[a])
+        return (
+            load(x, p + offset) - load(x, p),
+            load(y, p + offset) - load(y, p),
+            load(z, p + offset) - load(z, p),
+        )
+
+    @ti.func
+    def moved(self, a: Template, p, offset: Template):
+        u, v, w = ti.static(*self.step[a])
+        return (
+            load(u, p + offset) - load(u, p),
+            load(v, p + offset) - load(v, p),
+            load(w, p + offset) - load(w, p),
+        )
+
+    @ti.func
+    def spring(self, a: Template, features: Template, p, offset: Template, constant, rest, lag):
+        """Pull of the spring to the key point at p + offset, and the vector to it."""
+        x, y, z = self.away(a, p, offset)
+        squared = ti.max(x * x + y * y + z * z, 1e-20)
+        factor = 1.0 - rest / ti.sqrt(squared)
+        if ti.static(features.fibre_damping):
+            u, v, w = self.moved(a, p, offset)
+            factor += lag * (u * x + v * y + w * z) / squared
+        factor *= constant
+        return factor * x, factor * y, factor * z
+
+    @ti.func
+    def curve(self, a: Template, features: Template, p, offset: Template, lag):
+        """As `away`, with what damping adds to it in a law that is linear in the positions."""
+        x, y, z = self.away(a, p, offset)
+        if ti.static(features.fibre_damping):
+            u, v, w = self.moved(a, p, offset)
+            x += lag * u
+            y += lag * v
+            z += lag * w
+        return x, y, z
+
+    @ti.func
+    def bend(self, a: Template, features: Template, p, offset: Template, weight: Template, beta, lag):
+        """Pull of the three hinges that p is part of, in the direction of neighbours at ±offset."""
+        before, here = load(weight, p - offset), load(weight, p)
+        c_minus = ti.min(load(weight, p - 2 * offset), before)
+        c_here = ti.min(before, here)
+        c_plus = ti.min(here, load(weight, p + offset))
+        x1, y1, z1 = self.curve(a, features, p, offset, lag)
+        x2, y2, z2 = self.curve(a, features, p, 2 * offset, lag)
+        x_1, y_1, z_1 = self.curve(a, features, p, -offset, lag)
+        x_2, y_2, z_2 = self.curve(a, features, p, -2 * offset, lag)
+        return (
+            beta * (2.0 * c_here * (x1 + x_1) - c_plus * (x2 - 2.0 * x1) - c_minus * (x_2 - 2.0 * x_1)),
+            beta * (2.0 * c_here * (y1 + y_1) - c_plus * (y2 - 2.0 * y1) - c_minus * (y_2 - 2.0 * y_1)),
+            beta * (2.0 * c_here * (z1 + z_1) - c_plus * (z2 - 2.0 * z1) - c_minus * (z_2 - 2.0 * z_1)),
+        )
+
+    @ti.func
+    def second(self, a: Template, features: Template, p, offset: Template, weight: Template, k, rest, lag):
+        """Pull of the paper's two springs to the second neighbours at ±2 offset."""
+        ahead = ti.min(load(weight, p), load(weight, p + offset))
+        behind = ti.min(load(weight, p - offset), load(weight, p - 2 * offset))
+        x, y, z = self.spring(a, features, p, 2 * offset, k * ahead, rest, lag)
+        u, v, w = self.spring(a, features, p, -2 * offset, k * behind, rest, lag)
+        return x + u, y + v, z + w
+
+    @ti.func
+    def elastic(self, a: Template, features: Template, p, n: Template):
+        """Pull of all springs and hinges on the lanes at p."""
+        row = ti.static(self.width)
+        e, w = load(self.east, p), load(self.east, p - 1)
+        x, y, z = self.spring(a, features, p, 1, n.structural_x * e, n.spacing_x, n.lag)
+        u, v, t = self.spring(a, features, p, -1, n.structural_x * w, n.spacing_x, n.lag)
+        x, y, z = x + u, y + v, z + t
+        e, w = load(self.north, p), load(self.north, p - row)
+        u, v, t = self.spring(a, features, p, row, n.structural_y * e, n.spacing_y, n.lag)
+        x, y, z = x + u, y + v, z + t
+        u, v, t = self.spring(a, features, p, -row, n.structural_y * w, n.spacing_y, n.lag)
+        x, y, z = x + u, y + v, z + t
+        for corner, cell in ti.static(((row + 1, 0), (-row - 1, -row - 1), (row - 1, -1), (1 - row, -row))):
+            c = n.diagonal * load(self.cell, p + cell)
+            u, v, t = self.spring(a, features, p, corner, c, n.diagonal_length, n.lag)
+            x, y, z = x + u, y + v, z + t
+        if ti.static(features.hinges):
+            u, v, t = self.bend(a, features, p, 1, self.east, n.hinge_x, n.lag)
+            x, y, z = x + u, y + v, z + t
+            u, v, t = self.bend(a, features, p, row, self.north, n.hinge_y, n.lag)
+            x, y, z = x + u, y + v, z + t
+        else:
+            u, v, t = self.second(a, features, p, 1, self.east, n.second_x, 2.0 * n.spacing_x, n.lag)
+            x, y, z = x + u, y + v, z + t
+            u, v, t = self.second(a, features, p, row, self.north, n.second_y, 2.0 * n.spacing_y, n.lag)
+            x, y, z = x + u, y + v, z + t
+        return x, y, z
+
+    @ti.func
+    def air(self, a: Template, p, dx, dy, dz, wind, n: Template):
+        """Drag and lift of the wind × h². The area vector is that of the cells around, so it is right at edges too."""
+        row = ti.static(self.width)
+        e, w = ti.min(2.0 * load(self.east, p), 1.0), ti.min(2.0 * load(self.east, p - 1), 1.0)
+        s, t = ti.min(2.0 * load(self.north, p), 1.0), ti.min(2.0 * load(self.north, p - row), 1.0)
+        x1, y1, z1 = self.away(a, p, 1)
+        x2, y2, z2 = self.away(a, p, -1)
+        ax, ay, az = e * x1 - w * x2, e * y1 - w * y2, e * z1 - w * z2
+        x1, y1, z1 = self.away(a, p, row)
+        x2, y2, z2 = self.away(a, p, -row)
+        bx, by, bz = s * x1 - t * x2, s * y1 - t * y2, s * z1 - t * z2
+        nx, ny, nz = 0.25 * (ay * bz - az * by), 0.25 * (az * bx - ax * bz), 0.25 * (ax * by - ay * bx)
+        ux, uy, uz = wind[0] - n.rate * dx, wind[1] - n.rate * dy, wind[2] - n.rate * dz
+        speed = ti.sqrt(ux * ux + uy * uy + uz * uz + 1e-30)
+        area = ti.sqrt(nx * nx + ny * ny + nz * nz + 1e-30)
+        through = nx * ux + ny * uy + nz * uz
+        along = n.wind_drag * ti.abs(through) - n.wind_lift * through * through / (area * speed)
+        across = n.wind_lift * through * speed / area
+        return along * ux + across * nx, along * uy + across * ny, along * uz + across * nz
+
+    @ti.func
+    def substep(self, a: Template, features: Template, p, wind, n: Template):
+        """Störmer–Verlet for the lanes at p, from buffer a to the other: dx ← D dx + a h², x ← x + dx."""
+        b = ti.static(1 - a)
+        px, py, pz = load(self.position[a][0], p), load(self.position[a][1], p), load(self.position[a][2], p)
+        sx, sy, sz = load(self.step[a][0], p), load(self.step[a][1], p), load(self.step[a][2], p)
+        fx, fy, fz = self.elastic(a, features, p, n)
+        if ti.static(features.wind):
+            x, y, z = self.air(a, p, sx, sy, sz, wind, n)
+            fx, fy, fz = fx + x, fy + y, fz + z
+        inverse = load(self.inverse_mass, p)
+        free = ti.min(inverse * 1e30, 1.0)  # 1, or 0 for pinned and absent key points, which keep their step
+        dx = sx + free * ((n.kept - 1.0) * sx + inverse * fx + n.gravity_x)
+        dy = sy + free * ((n.kept - 1.0) * sy + inverse * fy + n.gravity_y)
+        dz = sz + free * ((n.kept - 1.0) * sz + inverse * fz + n.gravity_z)
+        if ti.static(features.sphere):
+            x, y, z = px + dx - n.sphere_x, py + dy - n.sphere_y, pz + dz - n.sphere_z
+            distance = ti.sqrt(ti.max(x * x + y * y + z * z, 1e-12))
+            depth = free * ti.max(n.sphere_radius - distance, 0.0)
+            scale = 1.0 / distance
+            dx, dy, dz = contact(features, x * scale, y * scale, z * scale, depth, n.sphere_friction, dx, dy, dz)
+        if ti.static(features.plane):
+            x, y, z = px + dx, py + dy, pz + dz
+            depth = free * ti.max(n.plane_height - (x * n.plane_x + y * n.plane_y + z * n.plane_z), 0.0)
+            dx, dy, dz = contact(features, n.plane_x, n.plane_y, n.plane_z, depth, n.plane_friction, dx, dy, dz)
+        store(self.position[b][0], p, px + dx)
+        store(self.position[b][1], p, py + dy)
+        store(self.position[b][2], p, pz + dz)
+        store(self.step[b][0], p, dx)
+        store(self.step[b][1], p, dy)
+        store(self.step[b][2], p, dz)

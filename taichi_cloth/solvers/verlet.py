@@ -1,0 +1,262 @@
+"""Explicit Störmer–Verlet (paper 3.2): x(t + h) = x(t) + (x(t) − x(t − h)) + a h², a frame in one kernel.
+
+The step follows from the springs: h = safety × the longest that is stable (`stability.py`), so a person names a frame
+rate only.
+
+Threads: the rows are cut into strips, one a thread. A strip takes its rows and a halo of two more for each substep
+until the strips meet again, and works on its own copy; the halo, which shrinks by two rows a substep, is computed
+twice. Nobody waits inside a kernel, so nothing can hang, and as every key point goes through the same arithmetic
+the bytes do not depend on the number of threads.
+"""
+
+# pyright: reportOptionalCall=false, reportOperatorIssue=false, reportGeneralTypeIssues=false, reportCallIssue=false
+
+from functools import lru_cache
+from math import ceil, exp
+
+import numpy as np
+import taichi as ti
+
+from taichi_cloth import runtime
+from taichi_cloth.arrays import F32x3, Float, I32x2, Int, Template
+from taichi_cloth.errors import InputError
+from taichi_cloth.forces import Forces, FrameForces
+from taichi_cloth.sheet import LANES, PAD, Sheet, SheetState
+from taichi_cloth.solvers.base import Solver
+from taichi_cloth.solvers.stability import highest_frequency, longest_step
+from taichi_cloth.solvers.stencil import Features, Numbers, Stencil
+
+__all__ = ["Verlet"]
+
+MEETING = 16
+"""Substeps between two meetings of the strips; even."""
+
+WORTH_THREADS = 50_000
+"""Key points from which a second thread pays: 158² gained nothing on two shared cores, 257² a factor of 1.4."""
+
+_CHUNK = 1024  # iterations a strip: Taichi gives a thread 512 or more
+
+
+class Verlet(Solver):
+    """The paper's method for one sheet.
+
+    frame_rate: frames a second [1/s]. step: asked for [s]; None takes the longest that is safe. safety: share of the
+    stable limit. threads: strips; None takes 1, or all of the runtime's where the sheet is large enough.
+    Raises InputError on a step that is not stable, with the one that is.
+    """
+
+    def __init__(
+        self,
+        sheet: Sheet,
+        forces: Forces,
+        *,
+        frame_rate: float = 60.0,
+        step: float | None = None,
+        safety: float = 0.9,
+        threads: int | None = None,
+    ) -> None:
+        if not (np.isfinite(frame_rate) and frame_rate > 0):
+            raise InputError(f"solver.frame_rate: {frame_rate!r}; allowed: above 0")
+        if not 0 < safety <= 1:
+            raise InputError(f"solver.safety: {safety!r}; allowed: above 0, at most 1")
+        m = sheet.material
+        self.sheet, self.frame_rate = sheet, frame_rate
+        self.frequency = highest_frequency(sheet)
+        self.limit = longest_step(self.frequency, fibre_damping=m.fibre_damping, air_damping=m.air_damping)
+        longest = safety * self.limit
+        if step is not None and not 0 < step <= longest:
+            raise InputError(
+                f"solver.step: {step!r} s; the springs of this sheet allow at most {longest:.4g} s "
+                f"({safety:g} of the stable limit); leave it out, or name one above 0 up to that"
+            )
+        # Two substeps at a time: the buffers take turns. 1e-9: a frame that is just so many steps is not one more.
+        self.substeps = max(2, 2 * ceil(1 / frame_rate / (step or longest) / 2 - 1e-9))
+        self.step = 1 / frame_rate / self.substeps
+        rows = sheet.shape[0]
+        count = threads or (runtime.threads() if sheet.present.sum() >= WORTH_THREADS else 1)
+        self.strips = max(1, min(count, rows // (4 * MEETING))) if threads is None else max(1, min(count, rows))
+        cuts = np.linspace(PAD, PAD + rows, self.strips + 1).round().astype(np.int32)
+        self._rows = np.stack([cuts[:-1], cuts[1:]], axis=1)
+        self._features = Features(
+            hinges=sheet.springs.law == "hinge",
+            fibre_damping=m.fibre_damping > 0,
+            wind=forces.wind is not None,
+            sphere=forces.sphere is not None,
+            plane=forces.plane is not None,
+        )
+        self._numbers = Numbers(**_numbers(sheet, forces, self.step))
+
+    def advance(self, state: SheetState, forces: FrameForces) -> None:
+        work = _workspace(runtime.generation(), self.sheet.padded_shape, self.strips)
+        if work.holder is not self:
+            sheet = self.sheet
+            model = np.stack([sheet.padded(v) for v in (*sheet.weights, sheet.inverse_mass)])
+            work.take_model(model, state.values)
+            work.cuts.from_numpy(self._rows)
+            work.holder = self
+        first, last = np.asarray(forces.wind_start), np.asarray(forces.wind_end)
+        meeting = self.substeps if self.strips == 1 else MEETING
+        source, target = work.states
+        source.from_numpy(state.values)
+        for done in range(0, self.substeps, meeting):
+            count = min(meeting, self.substeps - done)
+            wind = (first + (last - first) * (done / self.substeps)).tolist()
+            change = ((last - first) / self.substeps).tolist()
+            kernel = work.serial if self.strips == 1 else work.parallel
+            kernel(source, work.cuts, self._numbers, *wind, *change, count, self._features, target)
+            source, target = target, source
+        rows = slice(PAD, -PAD)
+        state.values[:, rows] = source.to_numpy()[:, rows]
+
+
+def _numbers(sheet: Sheet, forces: Forces, step: float) -> dict[str, float]:
+    """The values of `stencil.Numbers`."""
+    s, m, h2 = sheet.springs, sheet.material, step * step
+    scaled = ("structural_x", "structural_y", "diagonal", "second_x", "second_y", "hinge_x", "hinge_y")
+    out = {name: getattr(s, name) * h2 for name in scaled}
+    out |= {name: getattr(s, name) for name in ("spacing_x", "spacing_y", "diagonal_length")}
+    out |= {"kept": exp(-m.air_damping * step), "lag": m.fibre_damping / step, "rate": 1 / step}
+    wind, ball, plane = forces.wind, forces.sphere, forces.plane
+    out["wind_drag"] = 0.5 * wind.air_density * wind.drag * h2 if wind else 0.0
+    out["wind_lift"] = 0.5 * wind.air_density * wind.lift * h2 if wind else 0.0
+    out["sphere_radius"] = ball.radius + ball.gap if ball else 0.0
+    out["sphere_friction"] = ball.friction if ball else 0.0
+    out["plane_height"] = plane.height + plane.gap if plane else 0.0
+    out["plane_friction"] = plane.friction if plane else 0.0
+    for k, axis in enumerate("xyz"):
+        out[f"gravity_{axis}"] = forces.gravity[k] * h2
+        out[f"sphere_{axis}"] = ball.centre[k] if ball else 0.0
+        out[f"plane_{axis}"] = plane.normal[k] if plane else 0.0
+    return out
+
+
+@lru_cache(maxsize=16)
+def _workspace(generation: int, padded_shape: tuple[int, int], strips: int) -> "_Workspace":
+    """Fields and kernels for grids of that shape: sheets of one shape share them, and compile once.
+
+    generation: of the Taichi runtime; a new start throws all fields away.
+    """
+    return _Workspace(padded_shape, strips)
+
+
+@ti.data_oriented
+class _Workspace(Stencil):
+    """The kernels of a frame, for `strips` copies of a padded grid one after the other."""
+
+    def __init__(self, padded_shape: tuple[int, int], strips: int) -> None:
+        rows, width = padded_shape
+        super().__init__(strips * rows * width, width)
+        self.rows, self.strips = rows, strips
+        self.states = [ti.ndarray(ti.f32, (6, rows, width)) for _ in range(2)]
+        self.cuts = ti.ndarray(ti.i32, (strips, 2))
+        self.holder: Verlet | None = None
+
+    @ti.kernel
+    def take_model(self, model: F32x3, values: F32x3):
+        """Weights into every strip, and the state, with what lies around the sheet, into both buffers."""
+        ti.loop_config(serialize=True)
+        for strip in range(self.strips):
+            for i in range(self.rows):
+                for j in range(self.width):
+                    p = (strip * self.rows + i) * self.width + j
+                    self.east[p] = model[0, i, j]
+                    self.north[p] = model[1, i, j]
+                    self.cell[p] = model[2, i, j]
+                    self.inverse_mass[p] = model[3, i, j]
+                    for b in ti.static(range(2)):
+                        for c in ti.static(range(3)):
+                            self.position[b][c][p] = values[c, i, j]
+                            self.step[b][c][p] = values[3 + c, i, j]
+
+    @ti.func
+    def blocks(self, strip, row):
+        """Block of lanes where a row of a strip starts. The bounds tell the compiler that nothing overflows."""
+        return ti.min(ti.max((strip * self.rows + row) * (self.width // LANES), 0), 1 << 24)
+
+    @ti.func
+    def frame(
+        self,
+        strip,
+        source: Template,
+        first,
+        last,
+        n: Template,
+        wind,
+        change,
+        count,
+        features: Template,
+        target: Template,
+    ):
+        """`count` substeps of the rows `first` to `last` of a strip; count is even."""
+        lowest, highest = PAD, self.rows - PAD
+        base = strip * self.rows
+        for i in range(ti.max(first - 2 * count, lowest), ti.min(last + 2 * count, highest)):
+            for j in range(self.width):
+                p = (base + i) * self.width + j
+                for c in ti.static(range(3)):
+                    self.position[0][c][p] = source[c, i, j]
+                    self.step[0][c][p] = source[3 + c, i, j]
+        for q in range(count // 2):
+            for half in ti.static(range(2)):
+                done = 2 * q + half
+                halo = 2 * (count - 1 - done)
+                air = wind + done * change
+                b0 = self.blocks(strip, ti.max(first - halo, lowest))
+                b1 = self.blocks(strip, ti.min(last + halo, highest))
+                for b in range(b0, b1):
+                    self.substep(half, features, b * LANES, air, n)
+        for i in range(first, last):
+            for j in range(self.width):
+                p = (base + i) * self.width + j
+                for c in ti.static(range(3)):
+                    target[c, i, j] = self.position[0][c][p]
+                    target[3 + c, i, j] = self.step[0][c][p]
+
+    @ti.kernel
+    def serial(
+        self,
+        # in
+        source: F32x3,
+        rows: I32x2,
+        n: Numbers,
+        wind_x: Float,
+        wind_y: Float,
+        wind_z: Float,
+        change_x: Float,
+        change_y: Float,
+        change_z: Float,
+        count: Int,
+        features: Template,
+        # out
+        target: F32x3,
+    ):
+        ti.loop_config(serialize=True)
+        for strip in range(1):
+            wind = ti.Vector([wind_x, wind_y, wind_z])
+            change = ti.Vector([change_x, change_y, change_z])
+            self.frame(strip, source, rows[0, 0], rows[0, 1], n, wind, change, count, features, target)
+
+    @ti.kernel
+    def parallel(
+        self,
+        # in
+        source: F32x3,
+        rows: I32x2,
+        n: Numbers,
+        wind_x: Float,
+        wind_y: Float,
+        wind_z: Float,
+        change_x: Float,
+        change_y: Float,
+        change_z: Float,
+        count: Int,
+        features: Template,
+        # out
+        target: F32x3,
+    ):
+        for t in range(self.strips * _CHUNK):
+            if t % _CHUNK == 0:
+                strip = t // _CHUNK
+                wind = ti.Vector([wind_x, wind_y, wind_z])
+                change = ti.Vector([change_x, change_y, change_z])
+                self.frame(strip, source, rows[strip, 0], rows[strip, 1], n, wind, change, count, features, target)
