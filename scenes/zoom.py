@@ -15,10 +15,11 @@ from taichi_cloth.skin import skin_of
 from taichi_cloth.sphere_set import sphere_set_from_rows
 
 from ..render.camera import Camera, frame, look_at
+from ..render.finish import Finish
 from ..render.light import Lighting
 from ..render.splat import Splatter
 from ..render.stream import stream
-from .gains import fit_gains
+from .gains import fit_gains, fit_surface
 from .models import FabricModel, Model
 from .prepare import fibre_kind
 from .view import View
@@ -39,11 +40,11 @@ def zoom(view: View, count: int, numbers: list[int]) -> Iterator[tuple[int, Imag
 
     Raises InputError for a scene that is not of a fabric.
     """
-    source = source_of(view.model)
+    lighting = plain_lighting(view)
+    source = source_of(view.model, lighting, view.finish)
     width, height = view.size
     splatter = Splatter(width, height)
     cameras = path(view, source, count)
-    lighting = plain_lighting(view)
     for k in numbers:
         image, _ = stream(
             splatter, cameras[k], source, lighting=lighting, finish=view.finish, background=view.background
@@ -57,16 +58,21 @@ def plain_lighting(view: View) -> Lighting:
     return replace(view.lighting, shadows=False, occlusion=False, others=others)
 
 
-def source_of(model: Model) -> RefiningStream:
-    """The model's fabric, refined where the camera is near down to the surface of the scene's own fibre."""
+def source_of(model: Model, lighting: Lighting | None = None, finish: Finish | None = None) -> RefiningStream:
+    """The model's fabric, refined where the camera is near down to the surface of the scene's own fibre.
+
+    lighting, finish: in which it keeps its brightness at any distance.
+    """
     if not isinstance(model, FabricModel):
         raise InputError("zoom: needs a woven scene, such as swatch; this one has no [weave]")
     rows = model.scene.fibre.spheres
     spheres = (
         sphere_set_from_rows(rows) if rows is not None else contour(fibre_kind(model.scene).name, length_m=SKIN_LENGTH)
     )
-    gains = fit_gains(model.fabric, model.points)
-    return RefiningStream(model.fabric, model.points, skin_of(spheres), gains=gains)
+    skin, options = skin_of(spheres), {"lighting": lighting, "finish": finish}
+    gains = fit_gains(model.fabric, model.points, **options)
+    bright = fit_surface(model.fabric, model.points, skin, **options)
+    return RefiningStream(model.fabric, model.points, skin, gains=gains, surface_gain=bright)
 
 
 def path(view: View, source: RefiningStream, count: int) -> list[Camera]:

@@ -224,11 +224,15 @@ def surface(
     grid: I32x2,
     view: F32x2,
     skin: F32x2,
+    gain: Float,
     # out
     blocks_out: F32x3,
 ):
     """A piece as one splat, or as points on its skin: with ρ(s, θ) the height map over the mean radius r and e the
-    unit vector from the axis, points a + r ρ e with normals e − ρ_θ/ρ e_θ − r ρ_s t."""
+    unit vector from the axis, points a + r ρ e with normals e − ρ_θ/ρ e_θ − r ρ_s t.
+
+    gain: factor for the points' colour.
+    """
     for step in range(chunks * 1024):
         if step % 1024 != 0:
             continue
@@ -287,7 +291,7 @@ def surface(
                         block, lane = q // LANES, q % LANES
                         for c in ti.static(range(3)):
                             blocks_out[block, c, lane] = x[c]
-                            blocks_out[block, 4 + c, lane] = pieces[p, 4 + c]
+                            blocks_out[block, 4 + c, lane] = pieces[p, 4 + c] * gain
                             blocks_out[block, 7 + c, lane] = d[c]
                             blocks_out[block, 10 + c, lane] = n[c]
                         width = ti.sqrt(rho * rho + by_angle * by_angle) * radius * ARC / around

@@ -45,13 +45,24 @@ class RefiningStream:
     """A fabric that streams as `FabricStream` does and is refined where the camera is near.
 
     skin: the fibre's height map (see `skin.skin_of`). steps: pieces of a real fibre in a block.
+    surface_gain: factor for the colour of points on a surface. They hide what is behind them better than splats do,
+    so that more of the picture is fibres that lie open.
     """
 
     def __init__(
-        self, fabric: Fabric, points: NDArray, skin: F32, *, steps: int = STEPS, chunks: int = 2, **options: object
+        self,
+        fabric: Fabric,
+        points: NDArray,
+        skin: F32,
+        *,
+        steps: int = STEPS,
+        surface_gain: float = 1.0,
+        chunks: int = 2,
+        **options: object,
     ) -> None:
         self.base = FabricStream(fabric, points, chunks=chunks, **options)  # pyright: ignore[reportArgumentType]
         self.skin, self.steps, self.chunks = np.ascontiguousarray(skin, np.float32), steps, chunks
+        self.surface_gain = float(surface_gain)
         self._known = np.zeros(0, np.int64)
         self._near: FabricStream | None = None
         self._batch = np.zeros((0, ROWS, LANES), np.float32)
@@ -116,6 +127,7 @@ class RefiningStream:
             survey.grid,
             survey.view,
             self.skin,
+            self.surface_gain,
             batch,
         )
         filled = int(starts[-1]) % LANES

@@ -5,11 +5,13 @@ and how many of its template's particles are worth drawing there. `FabricStream.
 blocks, in an array that is used again and again. Nothing is kept per particle but one batch.
 
 Level of detail, after R. L. Cook, J. Halstead, M. Planck, D. Ryu, "Stochastic simplification of aggregate detail",
-SIGGRAPH 2007: a template's particles stand in an order of which every beginning is an even sample of all. A block
-whose particles are smaller than `target` pixels draws a share λ of them, each enlarged so that the areas add up to
-the same; the last of them fade in with λ, so nothing pops. Particles keep their own colour, normal and tangent, so
-the mean answer to any light stays. What a sample cannot keep, how particles hide each other and stand out beyond
-the yarn's edge, is put right by two measured gains a share (`gains`).
+SIGGRAPH 2007: a template's particles stand in a ring of which every arc is an even sample of all, and each block
+begins elsewhere on it, so that what one block leaves out another shows. A block whose particles are smaller than
+`target` pixels draws a share λ of them, each enlarged so that the areas add up to the same; the last of them fade in
+with λ, so nothing pops. Particles keep their own normal and tangent, so the mean answer to any light stays. What a
+sample cannot keep, how particles hide each other and stand out beyond the yarn's edge, is put right by measured gains
+(`gains`). A thread sends to the eye a share of its colour and a sheen without colour, which a sample changes
+differently, so the colour is multiplied and openness, on which both hang, is led towards 1.
 """
 
 # In kernels a name stands for a Taichi expression, which type checkers cannot follow.
@@ -27,7 +29,7 @@ from taichi_cloth.arrays import F32x1, F32x2, F32x3, Float, I16x2, I32x1, I64x1,
 from taichi_cloth.blocks import Fabric
 from taichi_cloth.fabric import frames
 
-__all__ = ["FULL", "LANES", "ROWS", "FabricStream", "Pinhole", "Survey"]
+__all__ = ["FULL", "LANES", "ROWS", "UNCHANGED", "FabricStream", "Pinhole", "Survey"]
 
 F32 = NDArray[np.float32]
 I32 = NDArray[np.int32]
@@ -40,7 +42,10 @@ FULL = 1.3
 FADE = 1.0 - 1.0 / FULL
 COLUMNS = ("u", "offset", "tangent", "normal", "radius", "half_length", "openness", "tone")
 GOLDEN = 0.6180339887498949
-LOG4 = log(4.0)
+ROOT_2 = 1779033703
+"""The fraction of √2 in 32 bits: a block's multiple of it is where it begins on its template's ring."""
+LOG2 = log(2.0)
+UNCHANGED = (1.0, 1.0, 1.0, 0.0)
 CHUNK_STEPS = 1024  # Taichi on a CPU gives a thread at least 512 iterations (see render/sort.py)
 TILE = 16
 
@@ -74,7 +79,8 @@ class FabricStream:
     """The blocks of a fabric on key points (picks, ends, 3) [m], to be made as they are needed.
 
     target: radius [px] that drawn particles are thinned to; 0 draws every particle whatever its size.
-    gains: (levels, 2) factors for radius and colour at λ = 1, 1/4, 1/16, …; None is 1 everywhere.
+    gains: (levels, 4) factor for radius, factors for the colour of warp and weft, and how far openness is led
+    towards 1 (towards 0 where negative), at λ = 1, 1/2, 1/4, …; None changes nothing.
     """
 
     def __init__(
@@ -88,7 +94,7 @@ class FabricStream:
     ) -> None:
         layout, bank = fabric.layout, fabric.bank
         self.fabric, self.target, self.chunks = fabric, float(target), int(chunks)
-        self.gains = np.ascontiguousarray(np.ones((2, 2)) if gains is None else gains, np.float32)
+        self.gains = np.ascontiguousarray(np.tile(UNCHANGED, (2, 1)) if gains is None else gains, np.float32)
         self.points = np.ascontiguousarray(points, np.float32).reshape(-1, 3)
         frame = frames(points)
         self.frames = frame.weft.reshape(-1, 3), frame.warp.reshape(-1, 3), frame.normal.reshape(-1, 3)
@@ -327,24 +333,30 @@ def _lay(
             share = shares[b]
             n = ti.cast(size[kind], ti.f32)
             drawn = share * n
-            whole = ti.min(n, (1.0 - FADE) * drawn)
-            fading = ti.min(n, drawn) - whole
-            area = whole
-            if fading > 0.0:
-                area += ((FADE * drawn) ** 2 - (drawn - whole - fading) ** 2) / (2.0 * FADE * drawn)
-            level = ti.max(-ti.log(share) / LOG4, 0.0)
+            count = starts[i + 1] - starts[i]
+            whole = ti.min(count, ti.cast((1.0 - FADE) * drawn, ti.i32) + 1)
+            fading = ti.cast(count - whole, ti.f32)
+            area = whole + fading * (drawn - 0.5 * (whole + count - 1)) / (FADE * drawn)
+            level = ti.max(-ti.log(share) / LOG2, 0.0)
             low = ti.min(ti.cast(level, ti.i32), gains.shape[0] - 2)
             part = ti.min(level - low, 1.0)
             larger = n / ti.max(area, 1e-6)
             wider = gains[low, 0] + part * (gains[low + 1, 0] - gains[low, 0])
-            brighter = gains[low, 1] + part * (gains[low + 1, 1] - gains[low, 1])
+            mine = 1 + family[b]
+            brighter = gains[low, mine] + part * (gains[low + 1, mine] - gains[low, mine])
+            opened = gains[low, 3] + part * (gains[low + 1, 3] - gains[low, 3])
+            most = 1.0 if opened > 0.0 else 0.0
+            opened = ti.abs(opened)
             red = thread_colour[yarn, 0] * brighter
             green = thread_colour[yarn, 1] * brighter
             blue = thread_colour[yarn, 2] * brighter
             q0 = starts[i]
             t0 = ti.cast(template_start[kind], ti.i32)
-            for m in range(starts[i + 1] - q0):
-                t, q = t0 + m, q0 + m
+            turn = ti.cast(b, ti.u32) * ti.cast(ROOT_2, ti.u32)
+            first = ti.cast(ti.cast(turn >> 8, ti.f32) * (n / 16777216.0), ti.i32)
+            for m in range(count):
+                t, q = first + m, q0 + m
+                t = t0 + (t if t < size[kind] else t - size[kind])
                 u = particle[t, 0]
                 w = ti.math.clamp(u, 0.0, 1.0)
                 along = (a0 + w * (a1 - a0)).normalized()
@@ -367,4 +379,4 @@ def _lay(
                 blocks_out[block, 5, lane] = green * tone
                 blocks_out[block, 6, lane] = blue * tone
                 blocks_out[block, 13, lane] = particle[t, 11] * grown
-                blocks_out[block, 14, lane] = particle[t, 12]
+                blocks_out[block, 14, lane] = particle[t, 12] + opened * (most - particle[t, 12])
