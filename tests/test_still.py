@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from taichi_cloth import runtime
-from taichi_cloth.render import webp as webp_module
 from taichi_cloth.render.errors import RenderError
 from taichi_cloth.render.exr import write_exr
 from taichi_cloth.render.image import read_png
@@ -24,7 +23,7 @@ SMALL = ["--set", "weave.ends=8", "--set", "weave.picks=6", "--size", "120x90"]
 
 @pytest.fixture(autouse=True)
 def keep_taichi(monkeypatch: pytest.MonkeyPatch, taichi_runtime: runtime.Runtime) -> None:
-    monkeypatch.setattr(still_module.runtime, "start", lambda *a, **k: taichi_runtime)
+    monkeypatch.setattr(runtime, "start", lambda *a, **k: taichi_runtime)
 
 
 def still(folder: Path, *more: str) -> int:
@@ -38,7 +37,7 @@ def still(folder: Path, *more: str) -> int:
 def pictures(tmp_path_factory: pytest.TempPathFactory, taichi_runtime: runtime.Runtime) -> Path:
     folder = tmp_path_factory.mktemp("still")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(still_module.runtime, "start", lambda *a, **k: taichi_runtime)
+        patch.setattr(runtime, "start", lambda *a, **k: taichi_runtime)
         assert still(folder, "--passes", "colour,depth,normal,mask,id", "--format", "png16") == 0
     return folder
 
@@ -165,7 +164,7 @@ def test_webp_plays_and_is_whole_or_not_there(tmp_path: Path, monkeypatch: pytes
         with pytest.raises(RenderError, match=words):
             write_webp(path, bad, fps=18)
     before = path.read_bytes()
-    monkeypatch.setattr(webp_module.cv2, "imencodeanimation", lambda *a: (False, None))
+    monkeypatch.setattr(cv2, "imencodeanimation", lambda *a: (False, None))
     with pytest.raises(RenderError, match="could not encode"):
         write_webp(path, frames, fps=18)
     assert path.read_bytes() == before
