@@ -55,6 +55,12 @@ def show_plan(scene: SceneName, overrides: Overrides = None) -> None:
         typer.echo(line)
 
 
+def _changed(overrides: list[str] | None, key: str, count: int | None, webp: bool) -> list[str]:
+    """A scene's overrides with what the options for the number of pictures and for a WebP say."""
+    counted = [f"output.{key}={count}"] if count is not None else []
+    return [*(overrides or []), *counted, *(["output.webp=true"] if webp else [])]
+
+
 @app.command("turntable")
 def turntable(
     scene: SceneName,
@@ -70,8 +76,7 @@ def turntable(
     """Walk round a scene: a PNG a view, an MP4 and a contact sheet."""
     from .run import run
 
-    changed = list(overrides or []) + ([f"output.views={views}"] if views is not None else [])
-    changed += ["output.webp=true"] if webp else []
+    changed = _changed(overrides, "views", views, webp)
     run("turntable", scene, changed, size=size, out=out, resume=resume, arch=arch, threads=threads)
 
 
@@ -90,8 +95,7 @@ def animate(
     """Show a scene that moves (twist): a PNG a frame, an MP4 and a contact sheet."""
     from .run import run
 
-    changed = list(overrides or []) + ([f"output.frames={frames}"] if frames is not None else [])
-    changed += ["output.webp=true"] if webp else []
+    changed = _changed(overrides, "frames", frames, webp)
     run("animate", scene, changed, size=size, out=out, resume=resume, arch=arch, threads=threads)
 
 
@@ -110,8 +114,7 @@ def make_zoom(
     """One continuous move from the whole cloth to one fibre: a PNG a frame, an MP4 and a contact sheet."""
     from .run import run
 
-    changed = list(overrides or []) + ([f"output.frames={frames}"] if frames is not None else [])
-    changed += ["output.webp=true"] if webp else []
+    changed = _changed(overrides, "frames", frames, webp)
     run("zoom", scene, changed, size=size, out=out, resume=resume, arch=arch, threads=threads)
 
 

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from taichi_cloth.arrays import F32x1, F32x2, I32x1, I64x1
 from taichi_cloth.fabric import FabricLayout, frames
+from taichi_cloth.laying import block_ends, frame_at, placed, turned
 from taichi_cloth.templates import TemplateBank, build_templates
 
 __all__ = ["Fabric", "FibreCloud", "build_fabric"]
@@ -151,28 +152,14 @@ def _lay(
 ):
     for b in range(key0.shape[0]):
         k0, k1, yarn = key0[b], key1[b], thread[b]
-        p0 = ti.Vector([point[k0, 0], point[k0, 1], point[k0, 2]])
-        p1 = ti.Vector([point[k1, 0], point[k1, 1], point[k1, 2]])
-        a0 = ti.Vector([along_weft[k0, 0], along_weft[k0, 1], along_weft[k0, 2]])
-        a1 = ti.Vector([along_weft[k1, 0], along_weft[k1, 1], along_weft[k1, 2]])
-        if family[b] == 0:
-            a0 = ti.Vector([along_warp[k0, 0], along_warp[k0, 1], along_warp[k0, 2]])
-            a1 = ti.Vector([along_warp[k1, 0], along_warp[k1, 1], along_warp[k1, 2]])
-        n0 = ti.Vector([upward[k0, 0], upward[k0, 1], upward[k0, 2]])
-        n1 = ti.Vector([upward[k1, 0], upward[k1, 1], upward[k1, 2]])
-        if k0 == k1:  # a free end runs on straight from its last crossing
-            p1 = p0 + a0 * pitch[b]
+        p0, p1, a0, a1, n0, n1 = block_ends(point, along_weft, along_warp, upward, k0, k1, family[b], pitch[b])
         q0, t0 = particle_start[b], template_start[template[b]]
         for m in range(ti.i32(particle_start[b + 1] - q0)):
             t, q = t0 + m, q0 + m
-            w = ti.math.clamp(u[t], 0.0, 1.0)
-            along = (a0 + w * (a1 - a0)).normalized()
-            up = n0 + w * (n1 - n0)
-            up = (up - along * up.dot(along)).normalized()
-            across = up.cross(along)
-            x = p0 + u[t] * (p1 - p0) + offset[t, 0] * along + offset[t, 1] * across + offset[t, 2] * up
-            d = tangent[t, 0] * along + tangent[t, 1] * across + tangent[t, 2] * up
-            n = normal[t, 0] * along + normal[t, 1] * across + normal[t, 2] * up
+            along, across, up = frame_at(a0, a1, n0, n1, u[t])
+            x = placed(p0, p1, u[t], along, across, up, offset[t, 0], offset[t, 1], offset[t, 2])
+            d = turned(along, across, up, tangent[t, 0], tangent[t, 1], tangent[t, 2])
+            n = turned(along, across, up, normal[t, 0], normal[t, 1], normal[t, 2])
             for c in ti.static(range(3)):
                 position_out[q, c] = x[c]
                 tangent_out[q, c] = d[c]

@@ -12,6 +12,7 @@ from math import pi
 import taichi as ti
 
 from taichi_cloth.arrays import F32x1, F32x2, F32x3, Float, I16x2, I32x1, I32x2, I64x1, Int
+from taichi_cloth.laying import block_ends, frame_at, placed, row, turned
 from taichi_cloth.streaming import LANES, ROWS, TILE
 
 __all__ = ["WIDTH", "place", "split", "surface"]
@@ -26,11 +27,6 @@ place along the skin's period, the period [m], its turn [rad], whether it has a 
 far before and after it its neighbours on the fibre stand in the list, 0 at a block's end."""
 ARC = 220.0 / 180.0 * pi
 """How much of a fibre's circumference gets points: the side towards the camera, and a little more."""
-
-
-@ti.func
-def _row(a: F32x2, i):
-    return ti.Vector([a[i, 0], a[i, 1], a[i, 2]])
 
 
 @ti.func
@@ -79,14 +75,7 @@ def split(
         for i in range(ids.shape[0] * chunk // chunks, ids.shape[0] * (chunk + 1) // chunks):
             b = ids[i]
             k0, k1, yarn = key0[b], key1[b], thread[b]
-            p0 = _row(point, k0)
-            p1 = _row(point, k1)
-            a0 = _row(along_warp, k0) if family[b] == 0 else _row(along_weft, k0)
-            a1 = _row(along_warp, k1) if family[b] == 0 else _row(along_weft, k1)
-            n0 = _row(upward, k0)
-            n1 = _row(upward, k1)
-            if k0 == k1:
-                p1 = p0 + a0 * pitch[b]
+            p0, p1, a0, a1, n0, n1 = block_ends(point, along_weft, along_warp, upward, k0, k1, family[b], pitch[b])
             periods = ti.max(1.0, ti.round(pitch[b] / usual))
             t0 = ti.cast(template_start[template[b]], ti.i32)
             q = starts[i]
@@ -94,17 +83,13 @@ def split(
             while q < starts[i + 1]:
                 t = t0 + m
                 u = particle[t, 0]
-                w = ti.math.clamp(u, 0.0, 1.0)
-                along = (a0 + w * (a1 - a0)).normalized()
-                up = n0 + w * (n1 - n0)
-                up = (up - along * up.dot(along)).normalized()
-                across = up.cross(along)
-                x = p0 + u * (p1 - p0) + particle[t, 1] * along + particle[t, 2] * across + particle[t, 3] * up
-                d = particle[t, 4] * along + particle[t, 5] * across + particle[t, 6] * up
-                normal = particle[t, 7] * along + particle[t, 8] * across + particle[t, 9] * up
+                along, across, up = frame_at(a0, a1, n0, n1, u)
+                x = placed(p0, p1, u, along, across, up, particle[t, 1], particle[t, 2], particle[t, 3])
+                d = turned(along, across, up, particle[t, 4], particle[t, 5], particle[t, 6])
+                normal = turned(along, across, up, particle[t, 7], particle[t, 8], particle[t, 9])
                 side = d.cross(normal)
                 is_core = m < core[b]
-                row = m // steps[b] if is_core else 100000 + m
+                line = m // steps[b] if is_core else 100000 + m
                 count = each[b] if is_core else 1
                 many = ti.cast(count, ti.f32)
                 radius = particle[t, 10]
@@ -114,14 +99,14 @@ def split(
                     if count > 1:
                         rho = ti.sqrt((j + 0.5) / many)
                         fine = radius / ti.sqrt(many)
-                        angle = 2.399963 * j + 6.2831853 * _hash(row, yarn)
-                        bulge = ti.sin(3.14159265 * w) ** 2 * radius
-                        y = ti.cos(angle) * rho * (radius - fine) + (_hash(row * 64 + j, b) - 0.5) * 0.7 * bulge
-                        z = ti.sin(angle) * rho * (radius - fine) + (_hash(row * 64 + j, b + 7919) - 0.5) * 0.7 * bulge
+                        angle = 2.399963 * j + 6.2831853 * _hash(line, yarn)
+                        bulge = ti.sin(3.14159265 * ti.math.clamp(u, 0.0, 1.0)) ** 2 * radius
+                        y = ti.cos(angle) * rho * (radius - fine) + (_hash(line * 64 + j, b) - 0.5) * 0.7 * bulge
+                        z = ti.sin(angle) * rho * (radius - fine) + (_hash(line * 64 + j, b + 7919) - 0.5) * 0.7 * bulge
                         here += parted[i] * (y * normal + z * side)
                         r = radius + parted[i] * (fine - radius)
                         outward = (normal + parted[i] * 0.6 * (y * normal + z * side) / radius).normalized()
-                        tone *= 1.0 + parted[i] * 0.12 * (_hash(row * 64 + j, yarn + 31) - 0.5)
+                        tone *= 1.0 + parted[i] * 0.12 * (_hash(line * 64 + j, yarn + 31) - 0.5)
                         far = parted[i]
                     for c in ti.static(range(3)):
                         pieces_out[q, c] = here[c]
@@ -131,9 +116,9 @@ def split(
                     pieces_out[q, 3] = r
                     pieces_out[q, 13] = particle[t, 11]
                     pieces_out[q, 14] = particle[t, 12]
-                    pieces_out[q, 15] = u * periods + _hash(row * 64 + j, yarn + 101)
+                    pieces_out[q, 15] = u * periods + _hash(line * 64 + j, yarn + 101)
                     pieces_out[q, 16] = pitch[b] / periods
-                    pieces_out[q, 17] = 6.2831853 * _hash(row * 64 + j, yarn + 57)
+                    pieces_out[q, 17] = 6.2831853 * _hash(line * 64 + j, yarn + 57)
                     pieces_out[q, 18] = 1.0 if is_core else 0.0
                     pieces_out[q, 19] = far
                     pieces_out[q, 20] = count if is_core and m % steps[b] > 0 else 0
@@ -154,10 +139,10 @@ def place(
 ):
     """As `streaming.survey`, for pieces; grid_out: points along a piece and around it, 0 for one splat."""
     for q in range(pieces.shape[0]):
-        at = _row(pieces, q)
-        x = _row(view, 0).dot(at) + view[3, 0]
-        y = _row(view, 1).dot(at) + view[3, 1]
-        z = _row(view, 2).dot(at) + view[3, 2]
+        at = row(pieces, q)
+        x = row(view, 0).dot(at) + view[3, 0]
+        y = row(view, 1).dot(at) + view[3, 1]
+        z = row(view, 2).dot(at) + view[3, 2]
         r = ti.max(pieces[q, 13], 2.2 * pieces[q, 3])
         left, right, top, bottom = 1, 0, 1, 0
         along, around, count = 0, 0, 0
@@ -245,10 +230,10 @@ def surface(
                 for c in ti.static(range(ROWS)):
                     blocks_out[q // LANES, c, q % LANES] = pieces[p, c]
             else:
-                at = _row(pieces, p)
+                at = row(pieces, p)
                 before = p - ti.cast(pieces[p, 20], ti.i32)
                 after = p + ti.cast(pieces[p, 21], ti.i32)
-                x0, x2 = _row(pieces, before), _row(pieces, after)
+                x0, x2 = row(pieces, before), row(pieces, after)
                 n0, n1, n2 = _side(pieces, before), _side(pieces, p), _side(pieces, after)
                 s0, s1, s2 = pieces[before, 15], pieces[p, 15], pieces[after, 15]
                 if before == p:  # the fibre goes straight on into the next block
@@ -256,8 +241,8 @@ def surface(
                 if after == p:
                     x2, s2 = 2.0 * at - x0, 2.0 * s1 - s0
                 radius = pieces[p, 3]
-                toward = _row(view, 6) - at
-                z = _row(view, 2).dot(at) + view[3, 2]
+                toward = row(view, 6) - at
+                z = row(view, 2).dot(at) + view[3, 2]
                 scale = view[4, 0] / z
                 shown = ti.math.clamp((radius * scale - SURFACE[0]) / (SURFACE[1] - SURFACE[0]), 0.0, 1.0)
                 shown = shown * shown * (3.0 - 2.0 * shown)

@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 from taichi_cloth.arrays import F32x1, F32x2, F32x3, Float, I16x2, I32x1, I64x1, Int
 from taichi_cloth.blocks import Fabric
 from taichi_cloth.fabric import frames
+from taichi_cloth.laying import block_ends, frame_at, placed, row, turned
 
 __all__ = ["FULL", "LANES", "ROWS", "UNCHANGED", "FabricStream", "Pinhole", "Survey"]
 
@@ -194,11 +195,6 @@ class FabricStream:
         return out, total
 
 
-@ti.func
-def _row(a: F32x2, i):
-    return ti.Vector([a[i, 0], a[i, 1], a[i, 2]])
-
-
 @ti.kernel
 def _survey(
     # key points
@@ -227,15 +223,15 @@ def _survey(
     pixel, likewise down."""
     for b in range(key0.shape[0]):
         k0, k1, t = key0[b], key1[b], template[b]
-        p0 = _row(point, k0)
-        p1 = _row(point, k1)
+        p0 = row(point, k0)
+        p1 = row(point, k1)
         if k0 == k1:
-            p1 = p0 + pitch[b] * (_row(along_warp, k0) if family[b] == 0 else _row(along_weft, k0))
+            p1 = p0 + pitch[b] * (row(along_warp, k0) if family[b] == 0 else row(along_weft, k0))
         middle = 0.5 * (p0 + p1)
         r = 0.5 * (p1 - p0).norm() + reach[t]
-        x = _row(view, 0).dot(middle) + view[3, 0]
-        y = _row(view, 1).dot(middle) + view[3, 1]
-        z = _row(view, 2).dot(middle) + view[3, 2]
+        x = row(view, 0).dot(middle) + view[3, 0]
+        y = row(view, 1).dot(middle) + view[3, 1]
+        z = row(view, 2).dot(middle) + view[3, 2]
         near = view[5, 2]
         count, share = 0, 0.0
         left, right, top, bottom = 1, 0, 1, 0
@@ -321,14 +317,7 @@ def _lay(
         for i in range(ti.cast(total * chunk // chunks, ti.i32), ti.cast(total * (chunk + 1) // chunks, ti.i32)):
             b = ids[i]
             k0, k1, yarn, kind = key0[b], key1[b], thread[b], template[b]
-            p0 = _row(point, k0)
-            p1 = _row(point, k1)
-            a0 = _row(along_warp, k0) if family[b] == 0 else _row(along_weft, k0)
-            a1 = _row(along_warp, k1) if family[b] == 0 else _row(along_weft, k1)
-            n0 = _row(upward, k0)
-            n1 = _row(upward, k1)
-            if k0 == k1:  # a free end runs on straight from its last crossing
-                p1 = p0 + a0 * pitch[b]
+            p0, p1, a0, a1, n0, n1 = block_ends(point, along_weft, along_warp, upward, k0, k1, family[b], pitch[b])
             # How much larger the particles of a share are: as many times as their areas are fewer.
             share = shares[b]
             n = ti.cast(size[kind], ti.f32)
@@ -358,14 +347,10 @@ def _lay(
                 t, q = first + m, q0 + m
                 t = t0 + (t if t < size[kind] else t - size[kind])
                 u = particle[t, 0]
-                w = ti.math.clamp(u, 0.0, 1.0)
-                along = (a0 + w * (a1 - a0)).normalized()
-                up = n0 + w * (n1 - n0)
-                up = (up - along * up.dot(along)).normalized()
-                across = up.cross(along)
-                x = p0 + u * (p1 - p0) + particle[t, 1] * along + particle[t, 2] * across + particle[t, 3] * up
-                d = particle[t, 4] * along + particle[t, 5] * across + particle[t, 6] * up
-                normal = particle[t, 7] * along + particle[t, 8] * across + particle[t, 9] * up
+                along, across, up = frame_at(a0, a1, n0, n1, u)
+                x = placed(p0, p1, u, along, across, up, particle[t, 1], particle[t, 2], particle[t, 3])
+                d = turned(along, across, up, particle[t, 4], particle[t, 5], particle[t, 6])
+                normal = turned(along, across, up, particle[t, 7], particle[t, 8], particle[t, 9])
                 faded = ti.math.clamp((drawn - m) / (FADE * drawn), 0.0, 1.0)
                 grown = ti.sqrt(larger * faded) * wider if share < FULL else 1.0
                 block, lane = q // LANES, q % LANES
