@@ -1,0 +1,1 @@
+"""Garments (paper 4): patterns, panels cut from cloth, sewn and worn."""
