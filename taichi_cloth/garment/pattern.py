@@ -36,7 +36,7 @@ class Wrap:
 
     origin: (3,) where the panel's y = 0 meets the axis [m]. axis, outward: (3,) unit, square to each other: the way of
     +y, and from the axis to the panel's x = `middle`. radius: (outward, sideways) semi-axes of the section [m].
-    taper: growth of the radii a metre of y.
+    taper: relative growth of the section with y [1/m].
     """
 
     origin: F64
@@ -53,7 +53,7 @@ class Wrap:
         angle = np.linspace(-np.pi, np.pi, 1441)
         ring = np.stack([a * np.cos(angle), b * np.sin(angle)], -1)
         walked = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(ring, axis=0), axis=1))])
-        scale = np.maximum(1.0 + self.taper * xy[:, 1] / min(a, b), 0.05)
+        scale = np.maximum(1.0 + self.taper * xy[:, 1], 0.05)
         reach = (xy[:, 0] - self.middle) / scale + walked[-1] / 2
         turn = np.interp(reach, walked, angle)
         beyond = reach - np.clip(reach, 0.0, walked[-1])  # wider than the ring: the rest hangs on straight
