@@ -32,11 +32,12 @@ PAD = 2  # empty rows before the first and after the last: the reach of a second
 class Sheet:
     """What is constant about a sheet.
 
-    cells: bool (rows − 1, cols − 1), the patches of cloth between four key points. material, springs: of all of them.
+    cells: (rows − 1, cols − 1), share of each patch between four key points that is cloth: 1, or less where an outline
+    cuts it, 0 where there is none. material, springs: of all of them.
     pinned: bool (rows, cols), key points that forces do not move.
     """
 
-    cells: Mask
+    cells: F64
     material: Material
     springs: Springs
     pinned: Mask
@@ -46,23 +47,27 @@ class Sheet:
         cls, rows: int, cols: int, *, material: Material, springs: Springs, pinned: ArrayLike | None = None
     ) -> "Sheet":
         """A whole rectangle of rows × cols key points. pinned: bool, any shape that spreads to (rows, cols)."""
-        return cls.of_cells(np.ones((rows - 1, cols - 1), bool), material=material, springs=springs, pinned=pinned)
+        return cls.of_cells(np.ones((rows - 1, cols - 1)), material=material, springs=springs, pinned=pinned)
 
     @classmethod
     def of_cells(
         cls, cells: ArrayLike, *, material: Material, springs: Springs, pinned: ArrayLike | None = None
     ) -> "Sheet":
         """A sheet of any outline. Raises InputError on one without a cell, or pins that do not fit."""
-        mask = np.asarray(cells, bool)
-        if mask.ndim != 2 or not mask.any():
-            raise InputError(f"sheet: cells of shape {mask.shape}; allowed: 2 rows and 2 columns of key points or more")
-        shape = (mask.shape[0] + 1, mask.shape[1] + 1)
+        share = np.asarray(cells, np.float64)
+        if share.ndim != 2 or not share.any():
+            raise InputError(
+                f"sheet: cells of shape {share.shape}; allowed: 2 rows and 2 columns of key points or more"
+            )
+        if not (np.isfinite(share).all() and (share >= 0).all()):
+            raise InputError("sheet: cells that are negative or not finite; allowed: shares of 0 or more")
+        shape = (share.shape[0] + 1, share.shape[1] + 1)
         held = np.asarray(False if pinned is None else pinned, bool)
         try:
             pins = np.broadcast_to(held, shape).copy()
         except ValueError:
             raise InputError(f"pins: shape {held.shape}; allowed: {shape}, one for each key point") from None
-        return cls(mask, material, springs, pins)
+        return cls(share, material, springs, pins)
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -82,7 +87,7 @@ class Sheet:
     def mass(self) -> F64:
         """(rows, cols) [kg]: areal density × area, a quarter of each cell that meets there; 0 where there is none."""
         s = self.springs
-        corners = sum(_shifted(self.cells, i, j).astype(np.float64) for i in (0, 1) for j in (0, 1))
+        corners = sum(_shifted(self.cells, i, j) for i in (0, 1) for j in (0, 1))
         return self.material.density * s.spacing_x * s.spacing_y * np.asarray(corners) / 4
 
     @cached_property
@@ -99,7 +104,7 @@ class Sheet:
     def weights(self) -> tuple[F64, F64, F64]:
         """Share of the interior constant, each (rows, cols): of the spring from (i, j) to (i, j+1), of that to
         (i+1, j), ½ on an edge, and of both diagonals of the cell (i, j). 0 where there is none."""
-        here = _shifted(self.cells, 0, 0).astype(np.float64)
+        here = _shifted(self.cells, 0, 0)
         return (here + _shifted(self.cells, 1, 0)) / 2, (here + _shifted(self.cells, 0, 1)) / 2, here
 
     def padded(self, values: ArrayLike) -> F32:
@@ -163,6 +168,6 @@ class SheetState:
         return SheetState(self.values.copy())
 
 
-def _shifted(cells: Mask, i: int, j: int) -> Mask:
+def _shifted(cells: F64, i: int, j: int) -> F64:
     """(rows, cols): the cell whose corner number (i, j) the key point is."""
     return np.pad(cells, ((i, 1 - i), (j, 1 - j)))
