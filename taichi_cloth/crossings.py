@@ -48,7 +48,8 @@ def refine_points(points: NDArray, present: ArrayLike | None, k: int) -> F32:
     mask = np.ones((rows, cols), np.int32) if present is None else np.ascontiguousarray(present, np.int32)
     if x.ndim != 3 or mask.shape != (rows, cols) or min(rows, cols) < 2:
         raise InputError(
-            f"points, present: shapes {x.shape}, {mask.shape}; allowed: (rows, cols, 3) and (rows, cols), 2 or more each"
+            f"points, present: shapes {x.shape}, {mask.shape}; "
+            "allowed: (rows, cols, 3) and (rows, cols), each 2 or more"
         )
     many_rows, many_cols = (rows - 1) * k + 1, (cols - 1) * k + 1
     between, out = np.zeros((rows, many_cols, 3), np.float32), np.zeros((many_rows, many_cols, 3), np.float32)
@@ -86,10 +87,10 @@ def _along(x: F32x3, present: I32x2, i, j, di: Template, dj: Template, last, sha
     if on != 0 and 0 < share < k:
         before, after = 2.0 * p0 - p1, 2.0 * p1 - p0
         at = i * di + j * dj
-        if at > 0:
+        if at > 0:  # noqa: SIM102 - the index must not be read otherwise
             if present[i - di, j - dj] != 0:
                 before = _point(x, i - di, j - dj)
-        if at + 2 <= last:
+        if at + 2 <= last:  # noqa: SIM102
             if present[i + 2 * di, j + 2 * dj] != 0:
                 after = _point(x, i + 2 * di, j + 2 * dj)
         value = _spline(before, p0, p1, after, t)

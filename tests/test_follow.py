@@ -100,7 +100,7 @@ def test_on_a_flat_sheet_all_rules_agree(fabric: Fabric, smooth: FibreFollower, 
 
 def test_a_yarn_has_no_corner_at_a_key_point(fabric: Fabric) -> None:
     """A sheet round a roll, 12° a crossing, and only the yarns' axes: straight pieces meet at 12°, those of the smooth
-    rule turn by about 12° / 5 particles."""
+    rule turn gradually, the most at the ends of a cubic (12° · 1.5 / 5 particles)."""
     angle = np.radians(12.0) * (np.arange(11) - 5)
     points = pose_points(fabric.layout)
     radius = fabric.layout.warp.pitch / np.radians(12.0)
@@ -116,7 +116,7 @@ def test_a_yarn_has_no_corner_at_a_key_point(fabric: Fabric) -> None:
         step /= np.linalg.norm(step, axis=1)[:, None]
         worst[rule] = np.degrees(np.arccos((step[:-1] * step[1:]).sum(1).clip(-1, 1))).max()
     assert worst["linear"] > 5.9  # the corner lies between two particles: half of it on each side
-    assert worst["smooth"] < 3.5
+    assert worst["smooth"] < 4.0
 
 
 def test_blocks_without_their_key_points_are_left_out(fabric: Fabric) -> None:
