@@ -23,6 +23,7 @@ from taichi_cloth.sphere_surface import sphere_surface_points
 from taichi_cloth.spin import Period, Strands, hairs, spin
 from taichi_cloth.twisting import TwistingYarn
 
+from ..render.mesh import Mesh
 from ..render.particles import Particles
 from .facts import Fact, fabric_facts, yarn_facts
 from .prepare import Prepared, fibre_kind, prepare_fabric, yarn_of
@@ -54,6 +55,8 @@ class Panel:
     caption: str = ""
     labels: tuple[tuple[str, tuple[float, float, float]], ...] = ()
     numbers: Callable[[], Numbers] | None = None
+    meshes: tuple[Mesh, ...] = ()
+    """Surfaces among the particles, lit and shadowed with them."""
 
 
 class Model(Protocol):

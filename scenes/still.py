@@ -118,7 +118,9 @@ def shoot(
             if "id" in data and panel.numbers:
                 numbers = panel.numbers()
                 particles = replace(particles, yarn=numbers.yarn, part=numbers.part)
-            passes = render_passes(made[k].splatter, camera, particles, data, backdrop=made[k].backdrop)
+            passes = render_passes(
+                made[k].splatter, camera, particles, data, backdrop=made[k].backdrop, mesh=made[k].mesh
+            )
         described = camera.matrices() | {"left": left}
         layers.append(Layers(colours[k] if colours else None, passes, described, numbers))
         left += camera.width

@@ -14,6 +14,7 @@ from ..render.camera import Camera, frame, orbit
 from ..render.caption import caption, label
 from ..render.finish import FINISHES, Finish, finish_for
 from ..render.light import Background, KeyLight, Lighting
+from ..render.mesh import Mesh, join
 from ..render.paint import paint
 from ..render.splat import RenderStats, Splatter
 from ..render.sprites import CRISP, SOFT, SpriteSheet, fibre_sprite, round_sprite, sheet_from_png
@@ -36,6 +37,7 @@ class Shot:
     splatter: Splatter
     camera: Camera
     backdrop: Backdrop | None
+    mesh: Mesh | None = None
 
 
 class View:
@@ -53,6 +55,7 @@ class View:
         self._splatters: list[Splatter] = []
         self._panels: list[Panel] = []
         self._stages: list[Stage | None] = []
+        self._meshes: list[Mesh | None] = []
 
     def turntable(self, count: int, numbers: list[int]) -> Iterator[tuple[int, Image]]:
         """The views `numbers` out of `count` evenly spaced ones, all framed alike."""
@@ -120,7 +123,11 @@ class View:
         for panel, splatter in zip(self._panels, self._splatters, strict=True):
             splatter.load(panel.particles)
         on = has_floor(self.scene)
-        self._stages = [stage_under(panel.particles) if on else None for panel in self._panels]
+        self._meshes = [join(panel.meshes) if panel.meshes else None for panel in self._panels]
+        self._stages = [
+            stage_under(panel.particles, mesh) if on else None
+            for panel, mesh in zip(self._panels, self._meshes, strict=True)
+        ]
 
     def _draw(self, cameras: list[Camera]) -> Image:
         images = []
@@ -139,9 +146,9 @@ class View:
         splatter = self._splatters[k]
         near = replace(camera, focal=camera.focal * self.scene.camera.zoom)
         light, ground = self.lighting, self.background
-        backdrop = paint(near, stage=self._stages[k], lighting=light, background=ground)
+        backdrop = paint(near, mesh=self._meshes[k], stage=self._stages[k], lighting=light, background=ground)
         image = splatter.render(near, lighting=light, finish=self.finish, background=ground, backdrop=backdrop)
-        return Shot(self._panels[k], splatter, near, backdrop), image
+        return Shot(self._panels[k], splatter, near, backdrop, self._meshes[k]), image
 
 
 def lighting_of(scene: Scene) -> Lighting:

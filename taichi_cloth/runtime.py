@@ -15,7 +15,7 @@ from taichi.lang.impl import current_cfg
 
 from taichi_cloth.errors import InputError, did_you_mean
 
-__all__ = ["Arch", "Runtime", "generation", "start", "threads"]
+__all__ = ["Arch", "Runtime", "generation", "on_host", "start", "threads"]
 
 Arch = Literal["cpu", "cuda", "vulkan", "metal", "gpu"]
 
@@ -39,6 +39,11 @@ def generation() -> int:
 def threads() -> int:
     """CPU threads that kernels may use; 1 before `start`."""
     return _started[-1].threads if _started else 1
+
+
+def on_host() -> bool:
+    """Whether kernels run on the CPU, where NumPy and Taichi see the same memory."""
+    return bool(_started) and _started[-1].arch in ("x64", "arm64")
 
 
 def start(arch: Arch = "cpu", *, threads: int | None = None, cache: bool = True, pin: bool = False) -> Runtime:

@@ -1,0 +1,336 @@
+"""Fibres that follow key points, frame by frame (paper 3.3, Steps 4–6): positions, tangents and normals in one pass.
+
+What never changes (colour, radius, half length, openness) is written once. Every frame, a small pass finds the
+cloth's frame at each key point and one pass over the fibre blocks moves all particles. Rules, with s the ratio of a
+particle along its block, t its offset and F the cloth's frame (along the yarn, across it, normal):
+
+    "paper"    x = s·P + (1 − s)·P' + t         t constant in the world's axes, those of the cloth at rest
+    "linear"   x = s·P + (1 − s)·P' + F(s)·t    F blended between the key points
+    "smooth"   x = H(s) + F(s)·t                H the cubic through both key points along the cloth's direction there
+
+With the paper's rule a cloth that turns loses its thickness and its relief. With "smooth" a yarn has no corner at a
+key point: H leaves P in the direction d of the yarn there, at the speed of the chord, H' = |P' − P| d, so that on a
+straight yarn it is the straight line whatever the spacing. Tangents and normals follow F by every rule.
+
+The particles lie as the splatter reads them: groups of 16, a row of 16 numbers for each property. A fibre block
+fills half groups of 8; the places left over in its last one have a radius of 0. They are held in a field, because
+LLVM makes no vector instructions of stores to an array argument (six times as slow); `groups` is a view of it.
+"""
+
+# In kernels a vector is a Taichi expression, which type checkers cannot follow.
+# pyright: reportOptionalCall=false, reportIndexIssue=false, reportOperatorIssue=false, reportGeneralTypeIssues=false
+# pyright: reportCallIssue=false
+
+import ctypes
+from typing import Literal, get_args
+
+import numpy as np
+import taichi as ti
+from numpy.typing import ArrayLike, NDArray
+
+from taichi_cloth import runtime
+from taichi_cloth.arrays import F32x3, I32x2, Int, Template
+from taichi_cloth.blocks import Fabric, FibreCloud
+from taichi_cloth.errors import InputError, did_you_mean
+
+__all__ = ["ROWS", "FibreFollower", "FollowRule"]
+
+F32 = NDArray[np.float32]
+FollowRule = Literal["smooth", "linear", "paper"]
+
+GROUP = 16
+LANES = 8
+ROWS = 15
+"""Rows of a group: position 0–2, radius 3, colour 4–6, tangent 7–9, normal 10–12, half length 13, openness 14."""
+POSITION, RADIUS, COLOUR, TANGENT, NORMAL, HALF_LENGTH, OPENNESS = 0, 3, 4, 7, 10, 13, 14
+MOVING = ("u", "offset", "tangent", "normal")
+COLUMNS = 10  # numbers a particle in MOVING
+FRAME = 12
+"""Numbers a key point: place [m], unit direction of the weft, of the warp, unit normal."""
+RECORD = 6
+"""Numbers a fibre block: both key points, column of its direction in FRAME, first octet of its template and of its
+particles, and how many octets."""
+
+
+@ti.data_oriented
+class FibreFollower:
+    """The fibre particles of a fabric on a grid of key points, moved in place. Made after Taichi was started.
+
+    present: bool (picks, ends), key points that exist; fibre blocks that need another are left out.
+    rest: key points (picks, ends, 3) [m] in whose axes the paper's rule keeps the offsets; only "paper" needs it.
+    Raises InputError on an unknown rule, arrays of the wrong shape, or a mask that leaves no block.
+    """
+
+    def __init__(
+        self,
+        fabric: Fabric,
+        *,
+        present: ArrayLike | None = None,
+        rule: FollowRule = "smooth",
+        rest: NDArray | None = None,
+    ) -> None:
+        rules = get_args(FollowRule)
+        if rule not in rules:
+            raise InputError(f"rule: unknown rule {rule!r}; known: {', '.join(rules)}{did_you_mean(rule, rules)}")
+        self.fabric, self.rule = fabric, rule
+        self.shape: tuple[int, int] = fabric.layout.cloth.warp_up.shape
+        mask = np.ones(self.shape, bool) if present is None else np.asarray(present, bool)
+        if mask.shape != self.shape:
+            raise InputError(f"present: shape {mask.shape}; allowed: {self.shape}, one for each crossing")
+        self._present = np.ascontiguousarray(mask, np.int32)
+        layout, bank, blocks = fabric.layout, fabric.bank, fabric.layout.blocks
+        size = np.diff(bank.start)
+        kept = mask.ravel()[blocks.key0] & mask.ravel()[blocks.key1] & (size[bank.template] > 0)
+        self.kept = np.flatnonzero(kept)
+        """Numbers of the fibre blocks there are, of those of the layout."""
+        if not len(self.kept):
+            raise InputError("present: no two neighbouring key points; allowed: a mask with cloth in it")
+        template, kind = bank.template[self.kept], blocks.kind[self.kept]
+        octets = -(-size // LANES)
+        self._count = count = octets[template]
+        first = np.cumsum(octets) - octets
+        begin = np.cumsum(count) - count
+        family = layout.kinds.family[kind]
+        record = (blocks.key0[self.kept], blocks.key1[self.kept], 6 - 3 * family, first[template], begin, count)
+        slots = LANES * int(count.sum())
+        self.slots = -(-slots // GROUP) * GROUP
+        self._allocate(mask.size, len(self.kept), int(octets.sum()))
+        self._record.from_numpy(np.stack(record, axis=1).astype(np.int32).ravel())
+        self._pitch.from_numpy(layout.kinds.pitch[kind].astype(np.float32))
+        self._bank.from_numpy(_padded_bank(fabric, size, octets))
+
+        of_block = np.repeat(np.arange(len(self.kept)), count * LANES)
+        place = np.arange(slots) - LANES * begin[of_block]
+        drawn = place < size[template][of_block]
+        self.particle_slots = np.flatnonzero(drawn)
+        """Where the particles are, in the order of the blocks, (particles,) of the slots."""
+        self.threads = blocks.thread[self.kept][of_block[drawn]].astype(np.int32)
+        """Thread of each particle, warp ends first, (particles,)."""
+        particle = bank.start[template][of_block] + np.minimum(place, size[template][of_block] - 1)
+        shade = fabric.thread_colour[blocks.thread[self.kept]][of_block] * bank.tone[particle][:, None]
+        self._write(RADIUS, np.where(drawn, bank.radius[particle], 0.0))
+        self._write(HALF_LENGTH, bank.half_length[particle])
+        self._write(OPENNESS, bank.openness[particle])
+        for c in range(3):
+            self._write(COLOUR + c, shade[:, c])
+        if rule == "paper":
+            if rest is None:
+                raise InputError('rest: missing; the rule "paper" keeps offsets in the axes of the cloth at rest')
+            self._key_frames(self._checked(rest), self._present, self._rest)
+
+    def _allocate(self, keys: int, blocks: int, octets: int) -> None:
+        """Fields, in one tree, and the view of the particles among them."""
+        self._frames = ti.field(ti.f32, keys * FRAME)
+        self._rest = ti.field(ti.f32, keys * FRAME) if self.rule == "paper" else self._frames
+        self._record = ti.field(ti.i32, blocks * RECORD)
+        self._pitch = ti.field(ti.f32, blocks)
+        self._bank = ti.field(ti.f32, octets * COLUMNS * LANES)
+        self._out = ti.field(ti.f32, self.slots * ROWS)
+        self._blocks = blocks
+        shape = (self.slots // GROUP, ROWS, GROUP)
+        self._in_place = runtime.on_host()
+        if self._in_place:
+            memory = (ctypes.c_float * (self.slots * ROWS)).from_address(self._address())
+            self.groups: F32 = np.ctypeslib.as_array(memory).reshape(shape)
+        else:
+            self.groups = np.zeros(shape, np.float32)
+        """All particles as the splatter's blocks, (slots / 16, ROWS, 16); valid until Taichi starts again."""
+
+    @ti.kernel
+    def _address(self) -> ti.u64:
+        return ti.get_addr(self._out, [0])
+
+    @property
+    def particles(self) -> int:
+        return len(self.particle_slots)
+
+    def follow(self, points: NDArray) -> F32:
+        """Moves all particles to key points (picks, ends, 3) [m] and gives `groups`, the same array each time.
+
+        Raises InputError when the grid is not the fabric's.
+        """
+        self._move(self._checked(points), self._present, self._blocks)
+        if not self._in_place:
+            moved = self._out.to_numpy().reshape(self.groups.shape)
+            for row in (POSITION, TANGENT, NORMAL):
+                self.groups[:, row : row + 3] = moved[:, row : row + 3]
+        if self._count.sum() % 2:  # the half group that fills up the last one lies where something is
+            self.groups[-1, POSITION : POSITION + 3, LANES:] = self.groups[-1, POSITION : POSITION + 3, LANES - 1, None]
+        return self.groups
+
+    def cloud(self) -> FibreCloud:
+        """The particles as they lie now, as separate arrays: a copy, in the order of the blocks."""
+        rows = self.groups.transpose(1, 0, 2).reshape(ROWS, -1)[:, self.particle_slots]
+
+        def triple(row: int) -> F32:
+            return np.ascontiguousarray(rows[row : row + 3].T)
+
+        return FibreCloud(
+            position=triple(POSITION),
+            tangent=triple(TANGENT),
+            normal=triple(NORMAL),
+            colour=triple(COLOUR),
+            radius=rows[RADIUS],
+            half_length=rows[HALF_LENGTH],
+            openness=rows[OPENNESS],
+        )
+
+    def _checked(self, points: NDArray) -> F32:
+        if points.shape != (*self.shape, 3):
+            raise InputError(f"points: shape {points.shape}; allowed: {(*self.shape, 3)}, the fabric's crossings")
+        return np.ascontiguousarray(points, np.float32)
+
+    def _write(self, row: int, values: NDArray) -> None:
+        padded = np.zeros(self.slots, np.float32)
+        padded[: len(values)] = values
+        self.groups[:, row] = padded.reshape(-1, GROUP)
+
+    @ti.kernel
+    def _key_frames(self, point: F32x3, present: I32x2, frames_out: Template):
+        for k in range(point.shape[0] * point.shape[1]):
+            _key_frame(point, present, k, frames_out)
+
+    @ti.kernel
+    def _move(self, point: F32x3, present: I32x2, blocks: Int):
+        for k in range(point.shape[0] * point.shape[1]):
+            _key_frame(point, present, k, self._frames)
+        for b in range(blocks):
+            self._block(b)
+
+    @ti.func
+    def _block(self, b):
+        """One fibre block, 8 particles at a time, without a branch."""
+        k0, k1, along = self._record[b * RECORD], self._record[b * RECORD + 1], self._record[b * RECORD + 2]
+        p0, p1 = _triple(self._frames, k0 * FRAME), _triple(self._frames, k1 * FRAME)
+        a0, a1 = _triple(self._frames, k0 * FRAME + along), _triple(self._frames, k1 * FRAME + along)
+        n0, n1 = _triple(self._frames, k0 * FRAME + 9), _triple(self._frames, k1 * FRAME + 9)
+        if k0 == k1:  # a free end runs on straight from its last crossing
+            p1 = p0 + a0 * self._pitch[b]
+        chord = p1 - p0
+        length = chord.norm()
+        m0, m1 = a0 * length - chord, a1 * length - chord
+        source, target = self._record[b * RECORD + 3], self._record[b * RECORD + 4]
+        for h in range(self._record[b * RECORD + 5]):
+            # The bounds tell the compiler that no index overflows, without which there are no vector instructions.
+            t = ti.min(ti.max(source + h, 0), 1 << 24) * (COLUMNS * LANES)
+            octet = ti.min(ti.max(target + h, 0), 1 << 24)
+            q = (octet >> 1) * (ROWS * GROUP) + (octet & 1) * LANES
+            u = _load(self._bank, t)
+            x, y, z = _load3(self._bank, t + LANES)
+            w = ti.min(ti.max(u, 0.0), 1.0)
+            ax, ay, az, nx, ny, nz = _blended(a0, a1, n0, n1, w)
+            cx, cy, cz = ny * az - nz * ay, nz * ax - nx * az, nx * ay - ny * ax
+            px, py, pz = p0[0] + chord[0] * u, p0[1] + chord[1] * u, p0[2] + chord[2] * u
+            if ti.static(self.rule == "smooth"):
+                # H less the straight line, w(1−w)² m0 − w²(1−w) m1; beyond its ends it runs on along the yarn.
+                v = 1.0 - w
+                h0, h1, beyond = w * v * v, w * w * v, u - w
+                px += h0 * m0[0] - h1 * m1[0] + beyond * (length * ax - chord[0])
+                py += h0 * m0[1] - h1 * m1[1] + beyond * (length * ay - chord[1])
+                pz += h0 * m0[2] - h1 * m1[2] + beyond * (length * az - chord[2])
+            if ti.static(self.rule == "paper"):
+                b0, b1 = _triple(self._rest, k0 * FRAME + along), _triple(self._rest, k1 * FRAME + along)
+                r0, r1 = _triple(self._rest, k0 * FRAME + 9), _triple(self._rest, k1 * FRAME + 9)
+                bx, by, bz, rx, ry, rz = _blended(b0, b1, r0, r1, w)
+                px += x * bx + y * (ry * bz - rz * by) + z * rx
+                py += x * by + y * (rz * bx - rx * bz) + z * ry
+                pz += x * bz + y * (rx * by - ry * bx) + z * rz
+            else:
+                px += x * ax + y * cx + z * nx
+                py += x * ay + y * cy + z * ny
+                pz += x * az + y * cz + z * nz
+            _store3(self._out, q + POSITION * GROUP, px, py, pz)
+            for k in ti.static(range(2)):
+                x, y, z = _load3(self._bank, t + (4 + 3 * k) * LANES)
+                _store3(
+                    self._out,
+                    q + (TANGENT + 3 * k) * GROUP,
+                    x * ax + y * cx + z * nx,
+                    x * ay + y * cy + z * ny,
+                    x * az + y * cz + z * nz,
+                )
+
+
+def _padded_bank(fabric: Fabric, size: NDArray, octets: NDArray) -> F32:
+    """Templates in octets, (octets · COLUMNS · 8,): a row of 8 for each column; the last particle fills them up."""
+    bank = fabric.bank
+    owner = np.repeat(np.arange(len(size)), octets * LANES)
+    place = np.arange(len(owner)) - LANES * (np.cumsum(octets) - octets)[owner]
+    source = bank.start[owner] + np.minimum(place, size[owner] - 1)
+    columns = np.column_stack([getattr(bank, name)[source] for name in MOVING]).astype(np.float32)
+    return np.ascontiguousarray(columns.reshape(-1, LANES, COLUMNS).transpose(0, 2, 1)).ravel()
+
+
+@ti.func
+def _load(field: Template, p):
+    return ti.Vector([field[p + k] for k in ti.static(range(LANES))])
+
+
+@ti.func
+def _load3(field: Template, p):
+    return _load(field, p), _load(field, p + LANES), _load(field, p + 2 * LANES)
+
+
+@ti.func
+def _store3(field: Template, p, x, y, z):
+    for k in ti.static(range(LANES)):
+        field[p + k] = x[k]
+    for k in ti.static(range(LANES)):
+        field[p + GROUP + k] = y[k]
+    for k in ti.static(range(LANES)):
+        field[p + 2 * GROUP + k] = z[k]
+
+
+@ti.func
+def _triple(field: Template, p):
+    return ti.Vector([field[p], field[p + 1], field[p + 2]])
+
+
+@ti.func
+def _unit(v):
+    return v / ti.sqrt(ti.max(v.dot(v), 1e-30))
+
+
+@ti.func
+def _blended(a0, a1, n0, n1, w):
+    """The cloth's frame at the shares w of a block, 8 lanes: along the yarn and normal, orthonormal."""
+    d, n = a1 - a0, n1 - n0
+    ax, ay, az = a0[0] + d[0] * w, a0[1] + d[1] * w, a0[2] + d[2] * w
+    scale = 1.0 / ti.sqrt(ti.max(ax * ax + ay * ay + az * az, 1e-30))
+    ax, ay, az = ax * scale, ay * scale, az * scale
+    nx, ny, nz = n0[0] + n[0] * w, n0[1] + n[1] * w, n0[2] + n[2] * w
+    lean = ax * nx + ay * ny + az * nz
+    nx, ny, nz = nx - lean * ax, ny - lean * ay, nz - lean * az
+    scale = 1.0 / ti.sqrt(ti.max(nx * nx + ny * ny + nz * nz, 1e-30))
+    return ax, ay, az, nx * scale, ny * scale, nz * scale
+
+
+@ti.func
+def _key_frame(point: F32x3, present: I32x2, k, frames_out: Template):
+    """Frame of key point k by central differences, one-sided where a neighbour is not present."""
+    picks, ends = point.shape[0], point.shape[1]
+    i, j = k // ends, k % ends
+    weft, warp = ti.Vector([0.0, 0.0, 0.0]), ti.Vector([0.0, 0.0, 0.0])
+    here = ti.Vector([point[i, j, 0], point[i, j, 1], point[i, j, 2]])
+    if present[i, j] != 0:
+        ahead, behind = ti.min(j + 1, ends - 1), ti.max(j - 1, 0)
+        ahead = ahead if present[i, ahead] != 0 else j
+        behind = behind if present[i, behind] != 0 else j
+        above, below = ti.min(i + 1, picks - 1), ti.max(i - 1, 0)
+        above = above if present[above, j] != 0 else i
+        below = below if present[below, j] != 0 else i
+        for c in ti.static(range(3)):
+            weft[c] = point[i, ahead, c] - point[i, behind, c]
+            warp[c] = point[above, j, c] - point[below, j, c]
+    upright = ti.Vector([0.0, 1.0, 0.0])  # where a direction has one thread only, it is taken square to the other
+    if weft.dot(weft) == 0.0:
+        weft = warp.cross(upright) if warp.dot(warp) > 0.0 else ti.Vector([1.0, 0.0, 0.0])
+    if warp.dot(warp) == 0.0:
+        warp = upright.cross(weft)
+    weft, warp = _unit(weft), _unit(warp)
+    normal = _unit(weft.cross(warp))
+    for c in ti.static(range(3)):
+        frames_out[k * FRAME + c] = here[c]
+        frames_out[k * FRAME + 3 + c] = weft[c]
+        frames_out[k * FRAME + 6 + c] = warp[c]
+        frames_out[k * FRAME + 9 + c] = normal[c]
