@@ -57,6 +57,7 @@ class FibreFollower:
     """The fibre particles of a fabric on a grid of key points, moved in place. Made after Taichi was started.
 
     present: bool (picks, ends), key points that exist; fibre blocks that need another are left out.
+    spans: (blocks, 2) from and to, as shares of each block, where its fibres are drawn, from > to for none; None: all.
     rest: key points (picks, ends, 3) [m] in whose axes the paper's rule keeps the offsets; only "paper" needs it.
     Raises InputError on an unknown rule, arrays of the wrong shape, or a mask that leaves no block.
     """
@@ -66,6 +67,7 @@ class FibreFollower:
         fabric: Fabric,
         *,
         present: ArrayLike | None = None,
+        spans: NDArray | None = None,
         rule: FollowRule = "smooth",
         rest: NDArray | None = None,
     ) -> None:
@@ -81,6 +83,10 @@ class FibreFollower:
         layout, bank, blocks = fabric.layout, fabric.bank, fabric.layout.blocks
         size = np.diff(bank.start)
         kept = mask.ravel()[blocks.key0] & mask.ravel()[blocks.key1] & (size[bank.template] > 0)
+        if spans is not None:
+            if spans.shape != (len(kept), 2):
+                raise InputError(f"spans: shape {spans.shape}; allowed: {(len(kept), 2)}, a row a block")
+            kept &= spans[:, 1] > spans[:, 0]
         self.kept = np.flatnonzero(kept)
         """Numbers of the fibre blocks there are, of those of the layout."""
         if not len(self.kept):
@@ -102,11 +108,15 @@ class FibreFollower:
         of_block = np.repeat(np.arange(len(self.kept)), count * LANES)
         place = np.arange(slots) - LANES * begin[of_block]
         drawn = place < size[template][of_block]
+        particle = bank.start[template][of_block] + np.minimum(place, size[template][of_block] - 1)
+        if spans is not None:  # a whole block keeps the hairs that reach beyond its ends
+            low, high = spans[self.kept].T
+            low, high = np.where(low <= 0, -np.inf, low)[of_block], np.where(high >= 1, np.inf, high)[of_block]
+            drawn &= (bank.u[particle] >= low) & (bank.u[particle] <= high)
         self.particle_slots = np.flatnonzero(drawn)
         """Where the particles are, in the order of the blocks, (particles,) of the slots."""
         self.threads = blocks.thread[self.kept][of_block[drawn]].astype(np.int32)
         """Thread of each particle, warp ends first, (particles,)."""
-        particle = bank.start[template][of_block] + np.minimum(place, size[template][of_block] - 1)
         shade = fabric.thread_colour[blocks.thread[self.kept]][of_block] * bank.tone[particle][:, None]
         self._write(RADIUS, np.where(drawn, bank.radius[particle], 0.0))
         self._write(HALF_LENGTH, bank.half_length[particle])

@@ -17,7 +17,7 @@ from scipy.spatial import KDTree
 from taichi_cloth.errors import InputError
 from taichi_cloth.garment.pattern import Panel, Pattern
 
-__all__ = ["SLIVER", "Atlas", "CutPanel", "cut", "intervals", "spacing_for"]
+__all__ = ["SLIVER", "Atlas", "CutPanel", "cut", "intervals", "spacing_for", "turned"]
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -95,8 +95,7 @@ class Atlas:
 
     @property
     def key_points(self) -> int:
-        c = np.pad(self.cells > 0, 1)
-        return int((c[1:, 1:] | c[1:, :-1] | c[:-1, 1:] | c[:-1, :-1]).sum())
+        return int(self.present().sum())
 
     def panel(self, name: str) -> CutPanel:
         return next(p for p in self.panels if p.panel.name == name)
@@ -109,6 +108,32 @@ class Atlas:
             placed = p.panel.place.points(p.lattice().reshape(-1, 2)).reshape(rows, cols, 3)
             out[p.row : p.row + rows, p.col : p.col + cols] = placed
         return out
+
+    def ghosts(self) -> tuple[I64, I64, F64]:
+        """Key points that are not simulated but lie beside some that are, in their panel's rectangle: (g, 2) rows and
+        columns, and the blend of key points that each goes on from: (g, 4, 2) and (g, 4). Cloth that a left-out cell
+        should have carried is drawn on them."""
+        present = self.present()
+        places, nodes, shares = [], [], []
+        for p in self.panels:
+            rows, cols = p.shape
+            window = present[p.row : p.row + rows, p.col : p.col + cols]
+            grown = np.pad(window, 1)
+            near = np.zeros_like(window)
+            for i in range(3):
+                for j in range(3):
+                    near |= grown[i : i + rows, j : j + cols]
+            at = np.argwhere(near & ~window)
+            blend = p.embed(p.origin + at[:, ::-1] * np.asarray(p.spacing))
+            places.append(at + [p.row, p.col])
+            nodes.append(blend[0])
+            shares.append(blend[1])
+        return np.concatenate(places), np.concatenate(nodes), np.concatenate(shares)
+
+    def present(self) -> NDArray[np.bool_]:
+        """(rows, cols): key points that are simulated."""
+        c = np.pad(self.cells > 0, 1)
+        return c[1:, 1:] | c[1:, :-1] | c[:-1, 1:] | c[:-1, :-1]
 
     def owner(self) -> NDArray[np.int32]:
         """(rows, cols): number of the panel whose rectangle a key point lies in, −1 for none."""
@@ -199,18 +224,21 @@ def _shares(outline: F64, origin: F64, spacing: tuple[float, float], shape: tupl
 
 
 def _pack(shapes: list[tuple[int, int]]) -> tuple[list[tuple[int, int]], tuple[int, int]]:
-    """Rectangles (rows, cols) on shelves: their corners, and the size of all. The width that wastes least wins."""
+    """Rectangles (rows, cols) on shelves, an empty row or column between them: their corners, and the size of all.
+
+    The width that wastes least wins.
+    """
     order = sorted(range(len(shapes)), key=lambda k: -shapes[k][0])
-    widest, total = max(s[1] for s in shapes), sum(s[1] for s in shapes)
+    widest, total = max(s[1] for s in shapes), sum(s[1] + 1 for s in shapes)
     best: tuple[int, list[tuple[int, int]], tuple[int, int]] | None = None
     for width in range(-(-widest // 8) * 8, -(-total // 8) * 8 + 1, 8):
         places, row, col, tall, used = [(0, 0)] * len(shapes), 0, 0, 0, 0
         for k in order:
             if col + shapes[k][1] > width:
-                row, col, tall = row + tall, 0, 0
+                row, col, tall = row + tall + 1, 0, 0
             places[k] = (row, col)
-            col, tall = col + shapes[k][1], max(tall, shapes[k][0])
-            used = max(used, col)
+            used = max(used, col + shapes[k][1])
+            col, tall = col + shapes[k][1] + 1, max(tall, shapes[k][0])
         size = (row + tall, used)
         if best is None or size[0] * width < best[0]:
             best = (size[0] * width, places, size)

@@ -1,0 +1,125 @@
+"""Weaving a garment's panels (paper 2.3 and 4): threads between key points, that end where the outline ends.
+
+The atlas is woven as one cloth with k threads a key point; each panel keeps the fibre blocks that are its own, up to
+its outline, and has threads of its own, counted from the panel's own origin, so that stripes of panels that are sewn
+together can meet.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_cloth.blocks import Fabric
+from taichi_cloth.crossings import refine_points, refined_mask
+from taichi_cloth.errors import InputError
+from taichi_cloth.fabric import BODY
+from taichi_cloth.garment.cut import Atlas, CutPanel, intervals
+
+__all__ = ["Colours", "Weaving", "crossings_shape"]
+
+F32 = NDArray[np.float32]
+F64 = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Colours:
+    """Repeats of thread colours, each (n, 3) linear: of the warp along the panel's x, of the weft along its y."""
+
+    warp: F32
+    weft: F32
+
+
+def crossings_shape(atlas: Atlas, k: int) -> tuple[int, int]:
+    """(picks, ends) of the cloth that a garment is cut from, with k threads a key point."""
+    rows, cols = atlas.shape
+    return (rows - 1) * k + 1, (cols - 1) * k + 1
+
+
+class Weaving:
+    """A garment's threads.
+
+    cloth: the atlas as one woven fabric of `crossings_shape`. colours: of panels by name; a panel that is not named
+    keeps the cloth's. Raises InputError on a cloth of another size or a panel that is not there.
+
+    fabric: the cloth with its threads numbered panel by panel. spans: (blocks, 2) from and to where along each of its
+    blocks there is cloth, from > to for none. present: (picks, ends) crossings that exist. panel: (threads,) number of
+    the panel each thread is of.
+    """
+
+    def __init__(self, atlas: Atlas, cloth: Fabric, k: int, colours: Mapping[str, Colours] | None = None) -> None:
+        shape = cloth.layout.cloth.warp_up.shape
+        if shape != crossings_shape(atlas, k):
+            raise InputError(f"garment: cloth of {shape} crossings; allowed: {crossings_shape(atlas, k)}")
+        names = [p.panel.name for p in atlas.panels]
+        for name in colours or {}:
+            if name not in names:
+                raise InputError(f"garment.colours: no panel {name!r}; known: {', '.join(names)}")
+        self.atlas, self.threads_per_key_point = atlas, k
+        self._ghosts = atlas.ghosts()
+        self._mask = atlas.present()
+        self._mask[tuple(self._ghosts[0].T)] = True
+        self.present = refined_mask(self._mask, k)
+        blocks, kinds = cloth.layout.blocks, cloth.layout.kinds
+        row, col = np.divmod(blocks.key0, shape[1])
+        last_row, last_col = np.divmod(blocks.key1, shape[1])
+        warp = kinds.family[blocks.kind] == 0
+        woven = (kinds.section[blocks.kind] == BODY) & self.present[row, col] & self.present[last_row, last_col]
+        self.spans = np.tile(np.array([1.0, 0.0], np.float32), (len(row), 1))
+        thread = np.zeros(len(row), np.int32)
+        shades, owners = [], []
+        count = 0
+        for number, piece in enumerate(atlas.panels):
+            top, left = piece.row * k, piece.col * k
+            high, wide = (piece.shape[0] - 1) * k + 1, (piece.shape[1] - 1) * k + 1
+            i, j = row - top, col - left
+            mine = woven & (i >= 0) & (last_row - top < high) & (j >= 0) & (last_col - left < wide)
+            for along_warp, n, at, place in ((True, wide, j, i), (False, high, i, j)):
+                chosen = np.flatnonzero(mine & (warp == along_warp))
+                self.spans[chosen] = _spans(piece, k, along_warp, at[chosen], place[chosen])
+                thread[chosen] = count + at[chosen]
+                own = cloth.thread_colour[left : left + n] if along_warp else cloth.thread_colour[shape[1] + top :][:n]
+                if colours and piece.panel.name in colours:
+                    repeat = colours[piece.panel.name]
+                    own = _repeated(repeat.warp if along_warp else repeat.weft, piece, k, along_warp, n)
+                shades.append(own)
+                owners.append(np.full(n, number, np.int32))
+                count += n
+        self.panel = np.concatenate(owners)
+        layout = replace(cloth.layout, blocks=replace(blocks, thread=thread))
+        self.fabric = replace(cloth, layout=layout, thread_colour=np.concatenate(shades).astype(np.float32))
+
+    def crossings(self, positions: NDArray) -> F32:
+        """Crossings (picks, ends, 3) float32 [m] of key points (rows, cols, 3) [m]."""
+        places, nodes, shares = self._ghosts
+        points = np.array(positions, np.float32)
+        blend = (points[nodes[..., 0], nodes[..., 1]] * shares[..., None].astype(np.float32)).sum(axis=1)
+        points[tuple(places.T)] = blend
+        return refine_points(points, self._mask, self.threads_per_key_point)
+
+
+def _spans(piece: CutPanel, k: int, along_warp: bool, thread: NDArray, place: NDArray) -> F32:
+    """(n, 2) from and to, as shares of the way from crossing `place` to the next, where thread number `thread` of a
+    panel is inside its outline: the longest piece of it."""
+    outline = piece.outline()
+    across, along = (0, 1) if along_warp else (1, 0)
+    pitch = np.asarray(piece.spacing) / k
+    out = np.tile(np.array([1.0, 0.0]), (len(thread), 1))
+    order = np.argsort(thread, kind="stable")
+    starts = np.searchsorted(thread[order], np.arange(thread.max(initial=-1) + 2))
+    for number in range(len(starts) - 1):
+        rows = order[starts[number] : starts[number + 1]]
+        value = piece.origin[across] + number * pitch[across]
+        for low, high in (intervals(outline, value, across) - piece.origin[along]) / pitch[along]:
+            a, b = np.clip(low - place[rows], 0.0, 1.0), np.clip(high - place[rows], 0.0, 1.0)
+            longer = b - a > np.maximum(out[rows, 1] - out[rows, 0], 1e-6)
+            out[rows[longer], 0], out[rows[longer], 1] = a[longer], b[longer]
+    return out.astype(np.float32)
+
+
+def _repeated(repeat: F32, piece: CutPanel, k: int, along_warp: bool, count: int) -> F32:
+    """(count, 3) colours of a panel's threads, counted from the one nearest the panel's own origin."""
+    axis = 0 if along_warp else 1
+    first = round(float(piece.origin[axis]) / (piece.spacing[axis] / k))
+    return np.asarray(repeat, np.float32)[(first + np.arange(count)) % len(repeat)]
