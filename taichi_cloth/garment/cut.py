@@ -125,7 +125,7 @@ class Atlas:
                     near |= grown[i : i + rows, j : j + cols]
             at = np.argwhere(near & ~window)
             blend = p.embed(p.origin + at[:, ::-1] * np.asarray(p.spacing))
-            places.append(at + [p.row, p.col])
+            places.append(at + np.array([p.row, p.col]))
             nodes.append(blend[0])
             shares.append(blend[1])
         return np.concatenate(places), np.concatenate(nodes), np.concatenate(shares)
