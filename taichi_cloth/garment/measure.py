@@ -1,0 +1,130 @@
+"""A body's figure read off its skin: girths by tape, heights where sections split and are widest or narrowest."""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import ConvexHull
+
+from taichi_cloth.body.skinning import Body
+from taichi_cloth.errors import InputError
+from taichi_cloth.garment.figure import Figure, Limb, Section
+
+__all__ = ["figure_of"]
+
+F64 = NDArray[np.float64]
+
+STEP = 0.005  # between the heights that are looked at [m]
+
+
+def figure_of(body: Body) -> Figure:
+    """What patterns need to know of a body at rest. Raises InputError on one without two arms and two legs apart."""
+    skin = _Skin(body)
+    tall = body.stature
+    joints = dict(zip(body.skeleton.names, body.skeleton.joints, strict=True))
+    shoulders = [joints[f"upper_arm_{side}"] for side in "lr"]
+    top = float(np.mean([s[1] for s in shoulders]))
+    crotch = skin.split(0.35 * tall, 0.56 * tall, 2, "legs")
+    underarm = skin.split(top - 0.16 * tall, top + 0.02, 3, "arms")
+
+    def trunk(y: float) -> F64:
+        """(n, 2) x and z of the section through the trunk at a height."""
+        return skin.middle(y)
+
+    waist = _best(trunk, crotch + 0.09 * tall, underarm - 0.05 * tall, widest=False)
+    hip = _best(trunk, crotch + 0.01, waist - 0.02 * tall, widest=True)
+    chest = _best(trunk, waist + 0.05 * tall, underarm - 0.01, widest=True)
+    neck_joint = joints["neck"]
+    neck = _best(trunk, neck_joint[1], joints["head"][1] + 0.02 * tall, widest=False)
+    girth = _girth(trunk(neck))
+    tips = float(np.mean([abs(s[0]) for s in shoulders]))
+    arms = tuple(Limb(joints[f"upper_arm_{side}"], joints[f"forearm_{side}"]) for side in "lr")
+    legs = tuple(Limb(joints[f"thigh_{side}"], joints[f"foot_{side}"]) for side in "lr")
+    return Figure(
+        stature=tall,
+        neck=girth,
+        chest=_girth(trunk(chest)),
+        waist=_girth(trunk(waist)),
+        hip=_girth(trunk(hip)),
+        upper_arm=skin.tape((arms[0].top + 2 * arms[0].bottom) / 3, arms[0].axis),
+        thigh=skin.tape(np.array([legs[0].top[0], crotch - 0.03, legs[0].top[2]]), np.array([0.0, 1.0, 0.0])),
+        shoulder=2 * tips,
+        neck_height=skin.top(girth / (2 * np.pi) + 0.012, neck_joint[1] + 0.03),
+        shoulder_height=skin.top(tips, top + 0.12),
+        underarm_height=underarm,
+        waist_height=waist,
+        hip_height=hip,
+        crotch_height=crotch,
+        sections={name: _section(trunk(y)) for name, y in (("chest", chest), ("waist", waist), ("hip", hip))},
+        arms=(arms[0], arms[1]),
+        legs=(legs[0], legs[1]),
+    )
+
+
+class _Skin:
+    def __init__(self, body: Body) -> None:
+        self.vertices, self.faces = body.vertices, body.faces
+
+    def loops(self, point: F64, normal: F64) -> list[F64]:
+        """Points (n, 3) of each piece of the section through a point, square to the normal."""
+        height = (self.vertices - point) @ normal
+        above = height > 0
+        cut = self.faces[(above[self.faces].sum(axis=1) % 3) != 0]
+        edges = np.sort(np.concatenate([cut[:, [0, 1]], cut[:, [1, 2]], cut[:, [2, 0]]]), axis=1)
+        triangle = np.tile(np.arange(len(cut)), 3)
+        crossed = above[edges[:, 0]] != above[edges[:, 1]]
+        edges, triangle = edges[crossed], triangle[crossed]
+        unique, number = np.unique(edges, axis=0, return_inverse=True)
+        a, b = height[unique[:, 0]], height[unique[:, 1]]
+        where = self.vertices[unique[:, 0]] + (a / (a - b))[:, None] * (
+            self.vertices[unique[:, 1]] - self.vertices[unique[:, 0]]
+        )
+        pairs = number.ravel()[np.argsort(triangle, kind="stable")].reshape(-1, 2)
+        graph = csr_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(unique), len(unique)))
+        label = connected_components(graph, directed=False)[1]
+        pieces = [where[label == k] for k in range(label.max(initial=-1) + 1)]
+        return [piece for piece in pieces if len(piece) >= 8]
+
+    def level(self, y: float) -> list[F64]:
+        return self.loops(np.array([0.0, y, 0.0]), np.array([0.0, 1.0, 0.0]))
+
+    def middle(self, y: float) -> F64:
+        """(n, 2) x and z of the piece nearest the middle plane at a height."""
+        return min(self.level(y), key=lambda p: abs(p[:, 0].mean()))[:, [0, 2]]
+
+    def tape(self, point: F64, axis: F64) -> float:
+        """Girth [m] of the limb round a point, square to its axis."""
+        piece = min(self.loops(point, axis), key=lambda p: float(np.linalg.norm(p.mean(axis=0) - point)))
+        across = np.linalg.svd(axis[None])[2][1:]
+        return _girth(piece @ across.T)
+
+    def split(self, low: float, high: float, pieces: int, what: str) -> float:
+        """The greatest height up to which the section has that many pieces, found from `low` upwards."""
+        heights = np.arange(low, high, STEP)
+        found = [y for y in heights if len(self.level(float(y))) >= pieces]
+        if not found:
+            raise InputError(f"body: no {what} apart from the trunk; allowed: a standing body, its {what} apart")
+        return float(found[-1])
+
+    def top(self, x: float, limit: float) -> float:
+        """Height of the skin at ±x, below a limit."""
+        near = (np.abs(np.abs(self.vertices[:, 0]) - x) < 0.008) & (self.vertices[:, 1] < limit)
+        return float(self.vertices[near, 1].max())
+
+
+def _girth(section: F64) -> float:
+    """Length of a tape round a section (n, 2) [m]."""
+    return float(ConvexHull(section).area)  # in two dimensions the "area" is the perimeter
+
+
+def _best(trunk: Callable[[float], F64], low: float, high: float, *, widest: bool) -> float:
+    heights = np.arange(low, max(high, low + STEP), STEP)
+    girths = [_girth(trunk(float(y))) for y in heights]
+    return float(heights[int(np.argmax(girths) if widest else np.argmin(girths))])
+
+
+def _section(points: F64) -> Section:
+    low, high = points.min(axis=0), points.max(axis=0)
+    return Section((high[0] - low[0]) / 2, (high[1] - low[1]) / 2, (high[1] + low[1]) / 2)
