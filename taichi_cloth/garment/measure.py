@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import median_filter
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull
@@ -26,8 +27,8 @@ def figure_of(body: Body) -> Figure:
     joints = dict(zip(body.skeleton.names, body.skeleton.joints, strict=True))
     shoulders = [joints[f"upper_arm_{side}"] for side in "lr"]
     top = float(np.mean([s[1] for s in shoulders]))
-    crotch = skin.split(0.35 * tall, 0.56 * tall, 2, "legs")
-    underarm = skin.split(top - 0.16 * tall, top + 0.02, 3, "arms")
+    crotch = skin.split(0.35 * tall, 0.56 * tall, 2, 0.12 * tall, "legs")
+    underarm = skin.split(top - 0.16 * tall, top + 0.02, 3, tall, "arms")
 
     def trunk(y: float) -> F64:
         """(n, 2) x and z of the section through the trunk at a height."""
@@ -37,7 +38,7 @@ def figure_of(body: Body) -> Figure:
     hip = _best(trunk, crotch + 0.01, waist - 0.02 * tall, widest=True)
     chest = _best(trunk, waist + 0.05 * tall, underarm - 0.01, widest=True)
     neck_joint = joints["neck"]
-    neck = _best(trunk, neck_joint[1], joints["head"][1] + 0.02 * tall, widest=False)
+    neck = _best(trunk, neck_joint[1], joints["head"][1], widest=False)
     girth = _girth(trunk(neck))
     tips = float(np.mean([abs(s[0]) for s in shoulders]))
     arms = tuple(Limb(joints[f"upper_arm_{side}"], joints[f"forearm_{side}"]) for side in "lr")
@@ -91,8 +92,11 @@ class _Skin:
         return self.loops(np.array([0.0, y, 0.0]), np.array([0.0, 1.0, 0.0]))
 
     def middle(self, y: float) -> F64:
-        """(n, 2) x and z of the piece nearest the middle plane at a height."""
-        return min(self.level(y), key=lambda p: abs(p[:, 0].mean()))[:, [0, 2]]
+        """(n, 2) x and z of the largest piece on the middle plane at a height."""
+        across = [p[:, [0, 2]] for p in self.level(y) if p[:, 0].min() < 0 < p[:, 0].max()]
+        if not across:
+            raise InputError(f"body: no trunk {y:.2f} m above the ground; allowed: a standing body")
+        return max(across, key=_girth)
 
     def tape(self, point: F64, axis: F64) -> float:
         """Girth [m] of the limb round a point, square to its axis."""
@@ -100,10 +104,13 @@ class _Skin:
         across = np.linalg.svd(axis[None])[2][1:]
         return _girth(piece @ across.T)
 
-    def split(self, low: float, high: float, pieces: int, what: str) -> float:
-        """The greatest height up to which the section has that many pieces, found from `low` upwards."""
-        heights = np.arange(low, high, STEP)
-        found = [y for y in heights if len(self.level(float(y))) >= pieces]
+    def split(self, low: float, high: float, pieces: int, reach: float, what: str) -> float:
+        """The greatest height with that many pieces within `reach` of the middle plane [m]."""
+
+        def count(y: float) -> int:
+            return sum(abs(p[:, 0].mean()) < reach for p in self.level(y))
+
+        found = [y for y in np.arange(low, high, STEP) if count(float(y)) >= pieces]
         if not found:
             raise InputError(f"body: no {what} apart from the trunk; allowed: a standing body, its {what} apart")
         return float(found[-1])
@@ -121,7 +128,8 @@ def _girth(section: F64) -> float:
 
 def _best(trunk: Callable[[float], F64], low: float, high: float, *, widest: bool) -> float:
     heights = np.arange(low, max(high, low + STEP), STEP)
-    girths = [_girth(trunk(float(y))) for y in heights]
+    # A section that only grazes the mesh's own rows of vertices loses pieces: one odd girth is no extreme.
+    girths = median_filter([_girth(trunk(float(y))) for y in heights], 3, mode="nearest")
     return float(heights[int(np.argmax(girths) if widest else np.argmin(girths))])
 
 
