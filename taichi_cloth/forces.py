@@ -101,15 +101,21 @@ class Plane:
 
 @dataclass(frozen=True, kw_only=True)
 class Forces:
-    """Everything that acts on a sheet beside its own springs. gravity [m/s²]; y is up."""
+    """Everything that acts on a sheet beside its own springs. gravity [m/s²]; y is up.
+
+    strain_limit: threads that are longer by more than this share are shortened each substep (Provot 1995); None: none.
+    """
 
     gravity: Vector = (0.0, -9.81, 0.0)
     wind: Wind | None = None
     sphere: Sphere | None = None
     plane: Plane | None = None
+    strain_limit: float | None = None
 
     def __post_init__(self) -> None:
         _check_vector("forces.gravity", self.gravity)
+        if self.strain_limit is not None:
+            _check("forces.strain_limit", self.strain_limit, positive=True)
 
     def during(self, start: float, end: float) -> "FrameForces":
         """What a solver needs for a frame from `start` to `end` [s]."""

@@ -30,6 +30,7 @@ class Features:
     wind: bool
     sphere: bool
     plane: bool
+    limit: bool = False
 
 
 NUMBERS = (
@@ -41,7 +42,11 @@ NUMBERS = (
     *("wind_drag", "wind_lift", "rate"),  # ½ ρ C h² [kg s²/m³], the last 1/h [1/s]
     *("sphere_x", "sphere_y", "sphere_z", "sphere_radius", "sphere_friction"),  # [m], gap included
     *("plane_x", "plane_y", "plane_z", "plane_height", "plane_friction"),
+    *("longest_x", "longest_y"),  # [m] that a thread between two key points may be, for the strain limit
 )
+
+RELAXATION = 0.75
+"""Share of an excess that a pass of the strain limit takes away; all springs at once converge below 1."""
 
 if TYPE_CHECKING:
     Numbers: TypeAlias = Any
@@ -234,3 +239,37 @@ class Stencil:
         store(self.step[b][0], p, dx)
         store(self.step[b][1], p, dy)
         store(self.step[b][2], p, dz)
+
+    @ti.func
+    def excess(self, b: Template, p, offset: Template, weight, longest, inverse):
+        """Correction [m] of the lanes at p for the thread to the key point at p + offset."""
+        x, y, z = self.away(b, p, offset)
+        length = ti.sqrt(ti.max(x * x + y * y + z * z, 1e-20))
+        other = load(self.inverse_mass, p + offset)
+        share = inverse / ti.max(inverse + other, 1e-30)
+        present = ti.min(weight * 1e30, 1.0)
+        factor = RELAXATION * present * share * ti.max(1.0 - longest / length, 0.0)
+        return factor * x, factor * y, factor * z
+
+    @ti.func
+    def shorten(self, b: Template, p, n: Template):
+        """Strain limit (Provot 1995, section 4) for the lanes at p, from buffer b to the other.
+
+        Threads longer than they may be are shortened, both ends by the share of their inverse mass, so that momentum
+        is kept and pinned key points stay. Provot goes from spring to spring; here all move at once from the same
+        positions (Jacobi), which is symmetric and needs no order. What a key point is moved by belongs to its step:
+        the speed at which a thread grew is taken from it as well.
+        """
+        a = ti.static(1 - b)
+        row = ti.static(self.width)
+        inverse = load(self.inverse_mass, p)
+        x, y, z = self.excess(b, p, 1, load(self.east, p), n.longest_x, inverse)
+        u, v, t = self.excess(b, p, -1, load(self.east, p - 1), n.longest_x, inverse)
+        x, y, z = x + u, y + v, z + t
+        u, v, t = self.excess(b, p, row, load(self.north, p), n.longest_y, inverse)
+        x, y, z = x + u, y + v, z + t
+        u, v, t = self.excess(b, p, -row, load(self.north, p - row), n.longest_y, inverse)
+        x, y, z = x + u, y + v, z + t
+        for axis, move in ti.static(enumerate((x, y, z))):
+            store(self.position[a][axis], p, load(self.position[b][axis], p) + move)
+            store(self.step[a][axis], p, load(self.step[b][axis], p) + move)

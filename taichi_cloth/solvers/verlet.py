@@ -23,6 +23,7 @@ from taichi_cloth.errors import InputError
 from taichi_cloth.forces import Forces, FrameForces
 from taichi_cloth.sheet import LANES, PAD, Sheet, SheetState
 from taichi_cloth.solvers.base import Solver
+from taichi_cloth.solvers.passes import Pass, strips_allowed
 from taichi_cloth.solvers.stability import highest_frequency, longest_step
 from taichi_cloth.solvers.stencil import Features, Numbers, Stencil
 
@@ -41,7 +42,8 @@ class Verlet(Solver):
     """The paper's method for one sheet.
 
     frame_rate: frames a second [1/s]. step: asked for [s]; None takes the longest that is safe. safety: share of the
-    stable limit. threads: strips; None takes 1, or all of the runtime's where the sheet is large enough.
+    stable limit. threads: strips; None takes 1, or all of the runtime's where the sheet is large enough. passes: what
+    acts after the stencil of each substep, in that order.
     Raises InputError on a step that is not stable, with the one that is.
     """
 
@@ -54,6 +56,7 @@ class Verlet(Solver):
         step: float | None = None,
         safety: float = 0.9,
         threads: int | None = None,
+        passes: tuple[Pass, ...] = (),
     ) -> None:
         if not (np.isfinite(frame_rate) and frame_rate > 0):
             raise InputError(f"solver.frame_rate: {frame_rate!r}; allowed: above 0")
@@ -74,7 +77,10 @@ class Verlet(Solver):
         self.step = 1 / frame_rate / self.substeps
         rows = sheet.shape[0]
         count = threads or (runtime.threads() if sheet.present.sum() >= WORTH_THREADS else 1)
+        self.passes = passes
         self.strips = max(1, min(count, rows // (4 * MEETING))) if threads is None else max(1, min(count, rows))
+        if not strips_allowed(self.passes):
+            self.strips = 1
         cuts = np.linspace(PAD, PAD + rows, self.strips + 1).round().astype(np.int32)
         self._rows = np.stack([cuts[:-1], cuts[1:]], axis=1)
         self._features = Features(
@@ -83,11 +89,12 @@ class Verlet(Solver):
             wind=forces.wind is not None,
             sphere=forces.sphere is not None,
             plane=forces.plane is not None,
+            limit=forces.strain_limit is not None,
         )
         self._numbers = Numbers(**_numbers(sheet, forces, self.step))
 
     def advance(self, state: SheetState, forces: FrameForces) -> None:
-        work = _workspace(runtime.generation(), self.sheet.padded_shape, self.strips)
+        work = _workspace(runtime.generation(), self.sheet.padded_shape, self.strips, self.passes)
         if work.holder is not self:
             sheet = self.sheet
             model = np.stack([sheet.padded(v) for v in (*sheet.weights, sheet.inverse_mass)])
@@ -96,6 +103,8 @@ class Verlet(Solver):
             work.holder = self
         first, last = np.asarray(forces.wind_start), np.asarray(forces.wind_end)
         meeting = self.substeps if self.strips == 1 else MEETING
+        for one in self.passes:
+            one.begin(state, forces)
         source, target = work.states
         source.from_numpy(state.values)
         for done in range(0, self.substeps, meeting):
@@ -103,10 +112,12 @@ class Verlet(Solver):
             wind = (first + (last - first) * (done / self.substeps)).tolist()
             change = ((last - first) / self.substeps).tolist()
             kernel = work.serial if self.strips == 1 else work.parallel
-            kernel(source, work.cuts, self._numbers, *wind, *change, count, self._features, target)
+            kernel(source, work.cuts, self._numbers, *wind, *change, done, count, self._features, target)
             source, target = target, source
         rows = slice(PAD, -PAD)
         state.values[:, rows] = source.to_numpy()[:, rows]
+        for one in self.passes:
+            one.end(state)
 
 
 def _numbers(sheet: Sheet, forces: Forces, step: float) -> dict[str, float]:
@@ -123,6 +134,8 @@ def _numbers(sheet: Sheet, forces: Forces, step: float) -> dict[str, float]:
     out["sphere_friction"] = ball.friction if ball else 0.0
     out["plane_height"] = plane.height + plane.gap if plane else 0.0
     out["plane_friction"] = plane.friction if plane else 0.0
+    out["longest_x"] = s.spacing_x * (1 + (forces.strain_limit or 0.0))
+    out["longest_y"] = s.spacing_y * (1 + (forces.strain_limit or 0.0))
     for k, axis in enumerate("xyz"):
         out[f"gravity_{axis}"] = forces.gravity[k] * h2
         out[f"sphere_{axis}"] = ball.centre[k] if ball else 0.0
@@ -131,22 +144,22 @@ def _numbers(sheet: Sheet, forces: Forces, step: float) -> dict[str, float]:
 
 
 @lru_cache(maxsize=16)
-def _workspace(generation: int, padded_shape: tuple[int, int], strips: int) -> "_Workspace":
+def _workspace(generation: int, padded_shape: tuple[int, int], strips: int, passes: tuple[Pass, ...]) -> "_Workspace":
     """Fields and kernels for grids of that shape: sheets of one shape share them, and compile once.
 
     generation: of the Taichi runtime; a new start throws all fields away.
     """
-    return _Workspace(padded_shape, strips)
+    return _Workspace(padded_shape, strips, passes)
 
 
 @ti.data_oriented
 class _Workspace(Stencil):
     """The kernels of a frame, for `strips` copies of a padded grid one after the other."""
 
-    def __init__(self, padded_shape: tuple[int, int], strips: int) -> None:
+    def __init__(self, padded_shape: tuple[int, int], strips: int, passes: tuple[Pass, ...]) -> None:
         rows, width = padded_shape
         super().__init__(strips * rows * width, width)
-        self.rows, self.strips = rows, strips
+        self.rows, self.strips, self.passes = rows, strips, passes
         self.states = [ti.ndarray(ti.f32, (6, rows, width)) for _ in range(2)]
         self.cuts = ti.ndarray(ti.i32, (strips, 2))
         self.holder: Verlet | None = None
@@ -183,14 +196,19 @@ class _Workspace(Stencil):
         n: Template,
         wind,
         change,
+        begun,
         count,
         features: Template,
         target: Template,
     ):
-        """`count` substeps of the rows `first` to `last` of a strip; count is even."""
+        """`count` substeps, from number `begun` of the frame, of the rows `first` to `last` of a strip; count is even.
+
+        Without the strain limit the buffers take turns; with it the stencil goes from 0 to 1, the limit back to 0.
+        """
         lowest, highest = PAD, self.rows - PAD
+        reach = ti.static(3 if features.limit else 2)
         base = strip * self.rows
-        for i in range(ti.max(first - 2 * count, lowest), ti.min(last + 2 * count, highest)):
+        for i in range(ti.max(first - reach * count, lowest), ti.min(last + reach * count, highest)):
             for j in range(self.width):
                 p = (base + i) * self.width + j
                 for c in ti.static(range(3)):
@@ -198,13 +216,21 @@ class _Workspace(Stencil):
                     self.step[0][c][p] = source[3 + c, i, j]
         for q in range(count // 2):
             for half in ti.static(range(2)):
+                a = ti.static(0 if features.limit else half)
                 done = 2 * q + half
-                halo = 2 * (count - 1 - done)
+                halo = reach * (count - 1 - done) + reach - 2
                 air = wind + done * change
                 b0 = self.blocks(strip, ti.max(first - halo, lowest))
                 b1 = self.blocks(strip, ti.min(last + halo, highest))
                 for b in range(b0, b1):
-                    self.substep(half, features, b * LANES, air, n)
+                    self.substep(a, features, b * LANES, air, n)
+                if ti.static(features.limit):
+                    b0 = self.blocks(strip, ti.max(first - halo + 1, lowest))
+                    b1 = self.blocks(strip, ti.min(last + halo - 1, highest))
+                    for b in range(b0, b1):
+                        self.shorten(1, b * LANES, n)
+                for one in ti.static(self.passes):
+                    one.after(self, 0 if features.limit else 1 - half, b0, b1, -base * self.width, begun + done, n)
         for i in range(first, last):
             for j in range(self.width):
                 p = (base + i) * self.width + j
@@ -225,6 +251,7 @@ class _Workspace(Stencil):
         change_x: Float,
         change_y: Float,
         change_z: Float,
+        begun: Int,
         count: Int,
         features: Template,
         # out
@@ -234,7 +261,7 @@ class _Workspace(Stencil):
         for strip in range(1):
             wind = ti.Vector([wind_x, wind_y, wind_z])
             change = ti.Vector([change_x, change_y, change_z])
-            self.frame(strip, source, rows[0, 0], rows[0, 1], n, wind, change, count, features, target)
+            self.frame(strip, source, rows[0, 0], rows[0, 1], n, wind, change, begun, count, features, target)
 
     @ti.kernel
     def parallel(
@@ -249,6 +276,7 @@ class _Workspace(Stencil):
         change_x: Float,
         change_y: Float,
         change_z: Float,
+        begun: Int,
         count: Int,
         features: Template,
         # out
@@ -259,4 +287,6 @@ class _Workspace(Stencil):
                 strip = t // _CHUNK
                 wind = ti.Vector([wind_x, wind_y, wind_z])
                 change = ti.Vector([change_x, change_y, change_z])
-                self.frame(strip, source, rows[strip, 0], rows[strip, 1], n, wind, change, count, features, target)
+                self.frame(
+                    strip, source, rows[strip, 0], rows[strip, 1], n, wind, change, begun, count, features, target
+                )

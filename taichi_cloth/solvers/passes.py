@@ -1,0 +1,47 @@
+"""What acts on key points after the stencil of a substep: a list of optional passes, inside the frame's kernel.
+
+The stencil knows neighbours at fixed offsets only. Whatever is irregular (a body, cloth against cloth, seams) is a
+`Pass`: an object with fields of its own and a Taichi function that changes positions and steps in place. A solver that
+is given none compiles none.
+"""
+
+from typing import Any
+
+import taichi as ti
+
+from taichi_cloth.arrays import Template
+from taichi_cloth.forces import FrameForces
+from taichi_cloth.sheet import SheetState
+
+__all__ = ["Pass"]
+
+
+@ti.data_oriented
+class Pass:
+    """Base of all passes; a subclass is `@ti.data_oriented` too. Each object that is made compiles a kernel of its own.
+
+    local: a key point is changed from its own values alone, so that strips on several threads may call it. A pass that
+    reads or writes other key points says False; the sheet is then one strip, all calls come from one thread, in
+    order, and lists may be worked through one after the other.
+    """
+
+    local = False
+
+    def begin(self, state: SheetState, forces: FrameForces) -> None:
+        """On the host, before each frame. What it leaves must follow from its arguments: a resumed run is the same run."""
+
+    def end(self, state: SheetState) -> None:
+        """On the host, after each frame: the place to report that a capacity was too small."""
+
+    @ti.func
+    def after(self, work: Template, at: Template, first, last, shift, done, n: Template):
+        """After the stencil of substep number `done` of the frame, from 0.
+
+        work: the `Stencil`; its position[at][axis] and step[at][axis] [m] are what to change, element by element, and
+        inverse_mass [1/kg] is 0 where nothing may move. Elements first × LANES up to last × LANES are to be done.
+        shift: element p is element p + shift of the sheet's padded grid; 0 with one strip. n: `Numbers`.
+        """
+
+
+def strips_allowed(passes: tuple[Any, ...]) -> bool:
+    return all(one.local for one in passes)
