@@ -13,6 +13,7 @@ from math import isfinite, pi
 
 import numpy as np
 
+from taichi_cloth.body.colliders import BoneFrame, Colliders
 from taichi_cloth.errors import InputError
 
 __all__ = ["Forces", "FrameForces", "Plane", "Sphere", "Wind"]
@@ -110,6 +111,7 @@ class Forces:
     wind: Wind | None = None
     sphere: Sphere | None = None
     plane: Plane | None = None
+    body: Colliders | None = None
     strain_limit: float | None = None
 
     def __post_init__(self) -> None:
@@ -123,12 +125,14 @@ class Forces:
         return FrameForces(
             wind_start=wind.at(start) if wind else _STILL,
             wind_end=wind.at(end) if wind else _STILL,
+            body=self.body.during(start, end) if self.body else None,
         )
 
 
 @dataclass(frozen=True, kw_only=True)
 class FrameForces:
-    """What changes from frame to frame. wind_start, wind_end: [m/s] at its ends, linear between."""
+    """What changes from frame to frame. wind_start, wind_end: [m/s] at its ends, linear between. body: its bones."""
 
     wind_start: Vector = _STILL
     wind_end: Vector = _STILL
+    body: BoneFrame | None = None

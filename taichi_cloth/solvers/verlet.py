@@ -19,6 +19,7 @@ import taichi as ti
 
 from taichi_cloth import runtime
 from taichi_cloth.arrays import F32x3, Float, I32x2, Int, Template
+from taichi_cloth.contact import Contact
 from taichi_cloth.errors import InputError
 from taichi_cloth.forces import Forces, FrameForces
 from taichi_cloth.sheet import LANES, PAD, Sheet, SheetState
@@ -81,6 +82,10 @@ class Verlet(Solver):
         self.strips = max(1, min(count, rows // (4 * MEETING))) if threads is None else max(1, min(count, rows))
         if not strips_allowed(self.passes):
             self.strips = 1
+        if forces.body is not None:
+            size = int(np.prod(sheet.padded_shape))
+            touch = Contact(forces.body, size=size, substeps=self.substeps, step=self.step, strips=self.strips)
+            self.passes = (*passes, touch)
         cuts = np.linspace(PAD, PAD + rows, self.strips + 1).round().astype(np.int32)
         self._rows = np.stack([cuts[:-1], cuts[1:]], axis=1)
         self._features = Features(

@@ -1,0 +1,66 @@
+"""What of a body cloth can touch: its primitives or distance grids, how its bones move, gap and friction."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_cloth.body.primitives import Primitive
+from taichi_cloth.errors import InputError
+
+__all__ = ["BoneFrame", "Colliders", "Motion"]
+
+F64 = NDArray[np.float64]
+Motion = Callable[[float], F64]
+
+
+@dataclass(frozen=True, eq=False)
+class BoneFrame:
+    """start, end: (bones, 4, 4), from the world at rest to the world at the two ends of a frame; rigid."""
+
+    start: F64
+    end: F64
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Colliders:
+    """A body that cloth can touch. Raises InputError on one that cannot be.
+
+    primitives: at rest. motion: time [s] → (bones, 4, 4), where rest positions go, rigid; None: the body stands still.
+    friction: Coulomb's µ. gap: kept between the body and the key points [m], the thickness of the cloth and what hair
+    and skin need. recovery: the fastest that key points which start inside are let out [m/s].
+    """
+
+    primitives: tuple[Primitive, ...]
+    motion: Motion | None = field(default=None, repr=False)
+    friction: float = 0.3
+    gap: float = 0.0
+    recovery: float = 0.5
+
+    def __post_init__(self) -> None:
+        if not self.primitives:
+            raise InputError("body: nothing to touch; allowed: one primitive or more")
+        for name in ("friction", "gap", "recovery"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value >= 0):
+                raise InputError(f"body.{name}: {value!r}; allowed: a finite number, 0 or more")
+        if self.motion is not None:
+            self.during(0.0, 0.0)
+
+    def at(self, time: float) -> F64:
+        """(bones, 4, 4) at a time [s]. Raises InputError where the motion gives something that is not rigid."""
+        bones = 1 + max(p.bone for p in self.primitives)
+        if self.motion is None:
+            return np.broadcast_to(np.eye(4), (bones, 4, 4))
+        out = np.asarray(self.motion(time), np.float64)
+        if out.ndim != 3 or out.shape[1:] != (4, 4) or len(out) < bones or not np.isfinite(out).all():
+            raise InputError(f"body.motion: {out.shape} at {time:g} s; allowed: ({bones} or more, 4, 4), finite")
+        turn = out[:, :3, :3]
+        if np.abs(turn @ turn.transpose(0, 2, 1) - np.eye(3)).max() > 1e-4 or (np.linalg.det(turn) < 0).any():
+            raise InputError(f"body.motion: a bone that is not rigid at {time:g} s; allowed: turns and shifts")
+        return out
+
+    def during(self, start: float, end: float) -> BoneFrame:
+        """The bones at the ends of a frame [s]."""
+        return BoneFrame(self.at(start), self.at(end))
