@@ -1,0 +1,122 @@
+"""The built-in body: a figure whose girths are fitted to the measures, meshed, smoothed and bound to its skeleton."""
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.spatial import ConvexHull
+
+from taichi_cloth.body.anthropometry import Gender, Measures, measures_of, tape
+from taichi_cloth.body.figure import FACTORS, Figure, Girths, Section, draw
+from taichi_cloth.body.implicit import Part, field, gradient
+from taichi_cloth.body.skeleton import Skeleton
+from taichi_cloth.body.skinning import Body, heat_weights
+from taichi_cloth.body.surface_nets import surface_nets
+
+__all__ = ["built_in_body", "girths_of", "girth_sections"]
+
+F64 = NDArray[np.float64]
+I32 = NDArray[np.int32]
+
+RAYS, STEPS, REACH = 72, 56, 0.16
+"""Rays of a section, steps along each, and how far they go in shares of the stature."""
+
+
+@lru_cache(maxsize=8)
+def built_in_body(measures: Measures | None = None, *, gender: Gender = "female", spacing: float = 0.0063) -> Body:
+    """A watertight body in an A pose. spacing: of the grid it is meshed on, as a share of the stature.
+
+    measures: default the standard ones of the gender, which also picks the shape of the figure.
+    """
+    measures = measures or measures_of(gender)
+    figure = fitted(gender, measures)
+    vertices, faces = _meshed(figure.parts, spacing)
+    low, high = vertices[:, 1].min(), vertices[:, 1].max()
+    scale = measures.stature / (high - low)
+    move = np.array([0, -low, 0])
+    vertices = (vertices + move) * scale
+    skeleton = Skeleton((figure.skeleton.joints + move) * scale, (figure.skeleton.tips + move) * scale)
+    weights = heat_weights(vertices, faces, skeleton)
+    return Body(
+        name=f"built-in {gender}",
+        vertices=vertices,
+        faces=faces,
+        skeleton=skeleton,
+        weights=weights,
+        measures={"stature": measures.stature, **girths_of(vertices, faces, girth_sections(gender, measures))},
+    )
+
+
+def girth_sections(gender: Gender, measures: Measures) -> dict[str, Section]:
+    """Where a tape reads each girth on the built-in body [m]."""
+    drawn = draw(gender, measures, Girths()).sections
+    return {k: Section(s.point * measures.stature, s.normal) for k, s in drawn.items()}
+
+
+def girths_of(vertices: F64, faces: I32, sections: dict[str, Section]) -> dict[str, float]:
+    """What a tape reads on a mesh at each section [m]."""
+    return {name: tape(vertices, faces, s.point, s.normal) for name, s in sections.items()}
+
+
+def fitted(gender: Gender, measures: Measures, *, rounds: int = 9) -> Figure:
+    """The figure whose girths are the measures': each factor is corrected by its own girth, in turn all at once."""
+    girths = Girths()
+    for _ in range(rounds):
+        figure = draw(gender, measures, girths)
+        read = _field_girths(figure)
+        change = {}
+        for name in FACTORS:
+            ratio = getattr(measures, name) / measures.stature / read[name]
+            gain = 2.0 if name == "bust" and gender == "female" else 1.0
+            change[name] = float(np.clip(getattr(girths, name) * ratio**gain, 0.5, 2.5))
+        girths = replace(girths, **change)
+    return draw(gender, measures, girths)
+
+
+def _field_girths(figure: Figure) -> dict[str, float]:
+    """Tape round each section of the field: the hull of where rays from its middle leave the solid."""
+    turn = 2 * np.pi * np.arange(RAYS) / RAYS
+    out = np.linspace(0, REACH, STEPS + 1)[1:]
+    rings, places = [], []
+    for section in figure.sections.values():
+        u, v = np.linalg.svd(section.normal[None])[2][1:]
+        ray = np.cos(turn)[:, None] * u + np.sin(turn)[:, None] * v
+        places.append(section.point + out[:, None, None] * ray)
+        rings.append((u, v, section.point))
+    values = field(figure.parts, np.concatenate([p.reshape(-1, 3) for p in places]))
+    girths = {}
+    for name, value in zip(figure.sections, values.reshape(len(rings), STEPS, RAYS), strict=True):
+        first = np.argmax(value > 0, axis=0)
+        first = np.where((value > 0).any(0), first, STEPS - 1)
+        first = np.maximum(first, 1)
+        a, b = np.take_along_axis(value, first[None] - 1, 0)[0], np.take_along_axis(value, first[None], 0)[0]
+        radius = out[first - 1] + (out[1] - out[0]) * np.clip(a / np.where(a == b, 1, a - b), 0, 1)
+        ring = radius[:, None] * np.stack([np.cos(turn), np.sin(turn)], 1)
+        girths[name] = float(ConvexHull(ring).area)
+    return girths
+
+
+def _meshed(parts: tuple[Part, ...], spacing: float) -> tuple[F64, I32]:
+    """Surface nets on a grid symmetric in x, then relaxed along the surface and pulled onto it."""
+    half = int(np.ceil(0.5 / spacing))
+    x = (np.arange(half) + 0.5) * spacing
+    y = np.arange(-0.015, 1.02, spacing)
+    z = np.arange(-0.13, 0.20, spacing)
+    points = np.stack(np.meshgrid(x, y, z, indexing="ij"), -1).reshape(-1, 3)
+    values = field(parts, points).reshape(len(x), len(y), len(z))
+    both = np.concatenate([values[::-1], values])
+    vertices, faces = surface_nets(both, np.array([-x[-1], y[0], z[0]]), spacing)
+    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    n = len(vertices)
+    near = sparse.csr_matrix((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(n, n))
+    near = near.maximum(near.T)
+    near = sparse.diags(1 / np.asarray(near.sum(1)).ravel()) @ near
+    for relax in (0.6, 0.6, 0.6, 0.5, 0.3, 0.0):
+        vertices = vertices + relax * (near @ vertices - vertices)
+        slope = gradient(parts, vertices)
+        value = field(parts, vertices)
+        step = value[:, None] * slope / np.maximum((slope**2).sum(1), 0.1)[:, None]
+        vertices = vertices - np.clip(step, -spacing, spacing)
+    return vertices, faces

@@ -1,0 +1,382 @@
+"""The figure a body is cut from: sections of trunk, limbs and head, and what is laid on them, as shares of stature.
+
+The outlines are drawn by eye in the proportions of the artists' canon (head a seventh and a half of the height) and
+checked against slices of the MakeHuman base mesh (CC0); how thick each part is comes from the girths, through `Girths`.
+Rows of a column: (height, middle x, half width, front z, back z, power of the superellipse).
+"""
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import PchipInterpolator
+
+from taichi_cloth.body.anthropometry import Gender, Measures
+from taichi_cloth.body.implicit import Ellipsoid, Part, RoundCone, Tube
+from taichi_cloth.body.skeleton import JOINTS, Skeleton
+
+__all__ = ["Figure", "Girths", "Section", "draw"]
+
+F64 = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Girths:
+    """Factors on the thickness of the figure's parts, one for each girth that a tape reads."""
+
+    bust: float = 1.0
+    underbust: float = 1.0
+    waist: float = 1.0
+    hip: float = 1.0
+    neck: float = 1.0
+    upper_arm: float = 1.0
+    forearm: float = 1.0
+    wrist: float = 1.0
+    thigh: float = 1.0
+    knee: float = 1.0
+    calf: float = 1.0
+    ankle: float = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Section:
+    """Where a tape goes: a point within the part and the normal of the plane."""
+
+    point: F64
+    normal: F64
+
+
+@dataclass(frozen=True, eq=False)
+class Figure:
+    """Parts, sections and joints in shares of the stature."""
+
+    parts: tuple[Part, ...]
+    sections: dict[str, Section]
+    skeleton: Skeleton
+
+
+TRUNK = {
+    "female": [
+        (0.455, 0, 0.052, 0.030, -0.036, 2.0),
+        (0.475, 0, 0.088, 0.042, -0.052, 2.1),
+        (0.500, 0, 0.1010, 0.0480, -0.0640, 2.2),
+        (0.520, 0, 0.1010, 0.0515, -0.0680, 2.2),
+        (0.550, 0, 0.0960, 0.0560, -0.0610, 2.2),
+        (0.580, 0, 0.0880, 0.0575, -0.0490, 2.2),
+        (0.610, 0, 0.0785, 0.0565, -0.0405, 2.2),
+        (0.638, 0, 0.0720, 0.0560, -0.0385, 2.2),
+        (0.670, 0, 0.0740, 0.0575, -0.0410, 2.2),
+        (0.700, 0, 0.0795, 0.0575, -0.0465, 2.25),
+        (0.730, 0, 0.0845, 0.0560, -0.0530, 2.3),
+        (0.760, 0, 0.0900, 0.0490, -0.0580, 2.3),
+        (0.790, 0, 0.0880, 0.0370, -0.0600, 2.3),
+        (0.812, 0, 0.0680, 0.0250, -0.0560, 2.2),
+        (0.832, 0, 0.0430, 0.0150, -0.0470, 2.1),
+        (0.850, 0, 0.0300, 0.0100, -0.0400, 2.0),
+    ],
+    "male": [
+        (0.460, 0, 0.050, 0.034, -0.040, 2.0),
+        (0.480, 0, 0.082, 0.042, -0.054, 2.1),
+        (0.505, 0, 0.0935, 0.0490, -0.0640, 2.2),
+        (0.530, 0, 0.0935, 0.0535, -0.0680, 2.25),
+        (0.560, 0, 0.0885, 0.0565, -0.0630, 2.3),
+        (0.590, 0, 0.0830, 0.0580, -0.0530, 2.3),
+        (0.620, 0, 0.0795, 0.0580, -0.0475, 2.3),
+        (0.650, 0, 0.0800, 0.0590, -0.0490, 2.3),
+        (0.680, 0, 0.0840, 0.0605, -0.0540, 2.35),
+        (0.710, 0, 0.0900, 0.0605, -0.0590, 2.4),
+        (0.740, 0, 0.0960, 0.0590, -0.0625, 2.4),
+        (0.770, 0, 0.1000, 0.0540, -0.0645, 2.4),
+        (0.800, 0, 0.0960, 0.0420, -0.0640, 2.4),
+        (0.822, 0, 0.0740, 0.0290, -0.0600, 2.2),
+        (0.842, 0, 0.0480, 0.0170, -0.0510, 2.1),
+        (0.858, 0, 0.0340, 0.0120, -0.0430, 2.0),
+    ],
+}
+LEG = [
+    (0.500, 0.0560, 0.0480, 0.0440, -0.0560, 2.0),
+    (0.470, 0.0595, 0.0520, 0.0510, -0.0560, 2.0),
+    (0.440, 0.0625, 0.0520, 0.0550, -0.0480, 2.05),
+    (0.410, 0.0645, 0.0498, 0.0560, -0.0420, 2.05),
+    (0.370, 0.0670, 0.0445, 0.0530, -0.0370, 2.05),
+    (0.330, 0.0690, 0.0385, 0.0465, -0.0310, 2.1),
+    (0.305, 0.0698, 0.0352, 0.0415, -0.0275, 2.1),
+    (0.283, 0.0702, 0.0335, 0.0370, -0.0275, 2.2),
+    (0.260, 0.0705, 0.0325, 0.0300, -0.0310, 2.2),
+    (0.235, 0.0710, 0.0330, 0.0240, -0.0385, 2.1),
+    (0.210, 0.0718, 0.0338, 0.0205, -0.0445, 2.0),
+    (0.185, 0.0725, 0.0332, 0.0190, -0.0460, 2.0),
+    (0.155, 0.0728, 0.0285, 0.0165, -0.0420, 2.0),
+    (0.120, 0.0730, 0.0225, 0.0120, -0.0350, 2.0),
+    (0.085, 0.0732, 0.0185, 0.0095, -0.0305, 2.0),
+    (0.060, 0.0732, 0.0180, 0.0110, -0.0290, 2.0),
+    (0.035, 0.0732, 0.0195, 0.0170, -0.0310, 2.0),
+    (0.015, 0.0732, 0.0190, 0.0170, -0.0320, 2.0),
+]
+FOOT = [  # (length along the foot, shift, half width, top, sole, power)
+    (-0.0470, 0, 0.0090, 0.0290, 0.0060, 2.0),
+    (-0.0430, 0, 0.0150, 0.0370, 0.0010, 2.1),
+    (-0.0300, 0, 0.0195, 0.0460, -0.0030, 2.3),
+    (-0.0100, 0, 0.0190, 0.0520, -0.0030, 2.3),
+    (0.0150, 0.001, 0.0185, 0.0480, -0.0030, 2.3),
+    (0.0400, 0.002, 0.0215, 0.0365, -0.0030, 2.3),
+    (0.0620, 0.002, 0.0255, 0.0270, -0.0030, 2.4),
+    (0.0800, 0.001, 0.0265, 0.0205, -0.0030, 2.5),
+    (0.0940, -0.001, 0.0235, 0.0160, -0.0020, 2.5),
+    (0.1030, -0.003, 0.0170, 0.0130, 0.0000, 2.3),
+    (0.1080, -0.005, 0.0080, 0.0100, 0.0030, 2.0),
+]
+UPPER_ARM = [  # (share of its length, shift up, half width in the arm's plane, front, back, power)
+    (-0.08, 0.000, 0.0270, 0.0290, -0.0290, 2.0),
+    (0.10, 0.001, 0.0285, 0.0290, -0.0300, 2.0),
+    (0.30, 0.001, 0.0272, 0.0275, -0.0285, 2.0),
+    (0.50, 0.000, 0.0250, 0.0258, -0.0258, 2.0),
+    (0.75, 0.000, 0.0222, 0.0235, -0.0232, 2.0),
+    (1.00, 0.000, 0.0210, 0.0215, -0.0225, 2.0),
+    (1.08, 0.000, 0.0200, 0.0200, -0.0215, 2.0),
+]
+FOREARM = [
+    (-0.08, 0.000, 0.0195, 0.0205, -0.0215, 2.0),
+    (0.00, 0.000, 0.0210, 0.0220, -0.0220, 2.0),
+    (0.20, 0.001, 0.0222, 0.0240, -0.0222, 2.0),
+    (0.40, 0.001, 0.0205, 0.0225, -0.0208, 2.0),
+    (0.65, 0.000, 0.0160, 0.0185, -0.0182, 2.05),
+    (0.88, 0.000, 0.0127, 0.0160, -0.0160, 2.1),
+    (1.00, 0.000, 0.0122, 0.0158, -0.0158, 2.1),
+    (1.06, 0.000, 0.0122, 0.0160, -0.0160, 2.1),
+]
+HAND = [  # (length from the wrist, shift, half thickness, thumb side, little finger side, power)
+    (-0.010, 0.000, 0.0118, 0.0155, -0.0155, 2.1),
+    (0.015, 0.000, 0.0118, 0.0190, -0.0185, 2.2),
+    (0.040, -0.001, 0.0110, 0.0225, -0.0215, 2.4),
+    (0.055, -0.002, 0.0095, 0.0225, -0.0220, 2.5),
+    (0.075, -0.004, 0.0078, 0.0200, -0.0205, 2.5),
+    (0.092, -0.007, 0.0066, 0.0160, -0.0165, 2.4),
+    (0.104, -0.010, 0.0050, 0.0100, -0.0100, 2.2),
+    (0.108, -0.011, 0.0030, 0.0050, -0.0050, 2.0),
+]
+FACE = [
+    (0.8680, 0, 0.0130, 0.0560, 0.0220, 2.0),
+    (0.8740, 0, 0.0205, 0.0610, 0.0080, 2.1),
+    (0.8860, 0, 0.0275, 0.0620, -0.0060, 2.2),
+    (0.9050, 0, 0.0335, 0.0625, -0.0200, 2.2),
+    (0.9250, 0, 0.0375, 0.0620, -0.0300, 2.2),
+    (0.9450, 0, 0.0395, 0.0610, -0.0350, 2.2),
+    (0.9650, 0, 0.0380, 0.0560, -0.0300, 2.1),
+]
+
+
+def draw(gender: Gender, measures: Measures, girths: Girths) -> Figure:
+    """The figure with its lengths from the measures and its thickness from the factors."""
+    return _Drawing(gender, measures, girths).figure()
+
+
+class _Drawing:
+    def __init__(self, gender: Gender, measures: Measures, girths: Girths) -> None:
+        self.gender: Gender = gender
+        self.male = gender == "male"
+        self.g = girths
+        tall = measures.stature
+        self.trunk_crotch = 0.466 if self.male else 0.462
+        self.height_of = PchipInterpolator(
+            [0, 0.04, self.trunk_crotch, 0.82, 1.0], [0, 0.04, measures.crotch_height / tall, 0.82, 1.0]
+        )
+        self.shoulder = np.array([0.45 * measures.shoulder_breadth / tall, 0.797 if self.male else 0.790, -0.012])
+        arm = measures.arm_length / tall
+        upper, fore = 0.545 * arm, 0.455 * arm
+        down = np.array([np.sin(np.radians(45)), -np.cos(np.radians(45)), 0.03])
+        self.arm_axis = down / np.linalg.norm(down)
+        bent = np.array([np.sin(np.radians(39)), -np.cos(np.radians(39)), 0.16])
+        self.fore_axis = bent / np.linalg.norm(bent)
+        self.elbow = self.shoulder + upper * self.arm_axis
+        self.wrist = self.elbow + fore * self.fore_axis
+        self.hand_axis = self.fore_axis + [-0.05, -0.05, 0.06]
+        self.hand_axis /= np.linalg.norm(self.hand_axis)
+        self.upper, self.fore = upper, fore
+
+    def at(self, x: float, y: float, z: float) -> F64:
+        """A place of the figure, at the height its legs' length gives it."""
+        return np.array([x, float(self.height_of(y)), z])
+
+    def column(self, rows: ArrayLike, factors: ArrayLike | None = None, middle: float = 0.45) -> Tube:
+        """Horizontal sections, thickened about their middles by factors given as rows (height, factor)."""
+        rows = np.array(sorted(np.asarray(rows, np.float64).tolist()))
+        if factors is not None:
+            rows = thickened(rows, np.asarray(factors, np.float64), middle)
+        rows[:, 0] = self.height_of(rows[:, 0])
+        return Tube(np.zeros(3), np.array([0.0, 1, 0]), np.array([1.0, 0, 0]), _facing_front(rows), 1 - middle)
+
+    def figure(self) -> Figure:
+        parts = [*self._trunk(), *self._legs(), *self._arms(), *self._head()]
+        return Figure(tuple(parts), self._sections(), self._skeleton())
+
+    def _trunk(self) -> list[Part]:
+        g, male = self.g, self.male
+        chest = g.bust if male else g.underbust
+        up = 0.006 if male else 0.0
+        factors = [
+            (0.45, g.hip), (0.52, g.hip), (0.58, 0.5 * (g.hip + g.waist)), (0.638 + up, g.waist),
+            (0.69, chest if not male else 0.5 * (g.waist + chest)), (0.74, chest), (0.79, 0.5 * (1 + chest)), (0.83, 1),
+        ]  # fmt: skip
+        parts = [Part(self.column(TRUNK[self.gender], factors), 0.02)]
+        seat = g.hip
+        parts.append(
+            Part(Ellipsoid(self.at(0.043, 0.508, -0.036 * seat), np.array([0.047, 0.050, 0.047]) * seat), 0.022, True, 0.012)
+        )
+        if male:
+            flat = np.array([0.056, 0.043, 0.026]) * g.bust
+            parts.append(Part(Ellipsoid(self.at(0.048, 0.745, 0.042 * g.bust), flat), 0.03, True, 0.012))
+        else:
+            b = g.bust
+            parts.append(
+                Part(
+                    RoundCone(self.at(0.050, 0.775, 0.026), self.at(0.0475, 0.727, 0.040 * b), 0.016, 0.033 * b),
+                    0.026, True, 0.012,
+                )  # fmt: skip
+            )
+            ball = np.array([0.036, 0.036, 0.034]) * b
+            parts.append(Part(Ellipsoid(self.at(0.0475, 0.722, 0.043 * b), ball), 0.012, True, 0.010))
+        blade = np.array([0.036, 0.046, 0.020])
+        parts.append(Part(Ellipsoid(self.at(0.048, 0.768, -0.044 * chest), blade), 0.03, True, 0.02))
+        return parts
+
+    def _legs(self) -> list[Part]:
+        g = self.g
+        factors = [
+            (0.0, 1), (0.035, g.ankle), (0.08, g.ankle), (0.19, g.calf), (0.283, g.knee), (0.37, 0.5 * (g.knee + g.thigh)),
+            (0.44, g.thigh), (0.5, 0.5 * (g.thigh + g.hip)),
+        ]  # fmt: skip
+        leg = self.column(LEG, factors)
+        turn = np.radians(7)
+        along, across = np.array([np.sin(turn), 0, np.cos(turn)]), np.array([np.cos(turn), 0, -np.sin(turn)])
+        foot = Tube(np.array([0.0732, 0, -0.006]), along, -across, _facing_front(np.array(FOOT)), 0.62)
+        return [Part(leg, 0.024, True, 0.005), Part(foot, 0.014, True)]
+
+    def _arms(self) -> list[Part]:
+        g, wide = self.g, 1.08 if self.male else 1.0
+        upper = _limb(self.shoulder, self.arm_axis, self.upper, UPPER_ARM, [(0, g.upper_arm), (0.6, g.upper_arm), (1, g.forearm)])
+        fore = _limb(self.elbow, self.fore_axis, self.fore, FOREARM, [(0, g.forearm), (0.4, g.forearm), (1, g.wrist)])
+        hand = _limb(self.wrist, self.hand_axis, 1.0, HAND, [(0, g.wrist), (0.04, wide), (0.1, wide)])
+        u = fore.across
+        thumb = self.wrist + 0.022 * self.hand_axis + np.array([0, 0, 0.014])
+        tip = self.wrist + 0.066 * self.hand_axis + np.array([-0.004, -0.004, 0.033])
+        middle = 0.5 * (thumb + tip) + np.array([0, 0, 0.004])
+        point, drop = self.shoulder, 0.030 * g.upper_arm
+        top = 0.022 * (1.05 if self.male else 1.0)
+        neck_side = np.array([0.022, 0.846 + (0.006 if self.male else 0), -0.020])
+        cap = point + [0.000, 0.004, -0.002]
+        deltoid = point + 0.30 * self.upper * self.arm_axis + 0.004 * u
+        pit_back = self.at(0.083, 0.755, -0.040)
+        return [
+            Part(RoundCone(neck_side, cap, 0.020, top), 0.030, True, 0.01),
+            Part(RoundCone(point, deltoid, drop, 0.026 * g.upper_arm), 0.022, True),
+            Part(upper, 0.020, True),
+            Part(RoundCone(pit_back, point + [0.012, -0.022, -0.012], 0.016, 0.018), 0.024, True),
+            Part(fore, 0.010, True),
+            Part(hand, 0.008, True),
+            Part(RoundCone(thumb, middle, 0.0105 * wide, 0.0085 * wide), 0.010, True),
+            Part(RoundCone(middle, tip, 0.0085 * wide, 0.0062 * wide), 0.006, True),
+        ]
+
+    def _head(self) -> list[Part]:
+        male = self.male
+        neck_low, neck_high = np.array([0, 0.815, -0.018]), np.array([0, 0.905, 0.008])
+        along = (neck_high - neck_low) / np.linalg.norm(neck_high - neck_low)
+        thick = self.g.neck * (1.06 if male else 1.0)
+        length = float(np.linalg.norm(neck_high - neck_low))
+        rows = [
+            (0, 0, 0.037, 0.030, -0.033, 2), (0.35 * length, 0, 0.031, 0.029, -0.031, 2),
+            (0.65 * length, 0, 0.0295, 0.029, -0.0305, 2), (length, 0, 0.032, 0.030, -0.034, 2),
+        ]  # fmt: skip
+        table = np.array(rows, np.float64)
+        table[:, 2:5] *= thick
+        neck = Tube(neck_low, along, np.array([1.0, 0, 0]), _facing_front(table), 0.5)
+        jaw = np.array(FACE)
+        jaw[:, 2] *= 1.06 if male else 0.97
+        skull = Ellipsoid(np.array([0, 0.9420, 0.0015]), np.array([0.0445, 0.0580, 0.0580]))
+        return [
+            Part(neck, 0.022),
+            Part(skull, 0.010),
+            Part(self.column(jaw), 0.014),
+            Part(Ellipsoid(np.array([0.0195, 0.9275, 0.0700]), np.array([0.0130, 0.0075, 0.0100])), 0.010, True, carve=True),
+            Part(RoundCone(np.array([0, 0.9290, 0.0590]), np.array([0, 0.9080, 0.0665]), 0.0050, 0.0062), 0.008),
+            Part(Ellipsoid(np.array([0, 0.8870, 0.0585]), np.array([0.0130, 0.0060, 0.0075])), 0.010),
+            Part(Ellipsoid(np.array([0.0440, 0.9200, -0.0010]), np.array([0.0045, 0.0150, 0.0090])), 0.006, True),
+        ]
+
+    def _sections(self) -> dict[str, Section]:
+        up = np.array([0.0, 1, 0])
+        neck = np.array([0, 0.09, 0.026])
+        thigh = self.trunk_crotch - 0.020
+
+        def flat(x: float, y: float, z: float = -0.005) -> Section:
+            return Section(self.at(x, y, z), up)
+
+        return {
+            "bust": flat(0, 0.742 if self.male else 0.722),
+            "underbust": flat(0, 0.690 if self.male else 0.682),
+            "waist": flat(0, 0.642 if self.male else 0.638),
+            "hip": flat(0, 0.512, -0.01),
+            "neck": Section(np.array([0, 0.853 + (0.004 if self.male else 0), -0.007]), neck / np.linalg.norm(neck)),
+            "upper_arm": Section(self.shoulder + 0.55 * self.upper * self.arm_axis, self.arm_axis),
+            "forearm": Section(self.elbow + 0.22 * self.fore * self.fore_axis, self.fore_axis),
+            "wrist": Section(self.elbow + 0.96 * self.fore * self.fore_axis, self.fore_axis),
+            "thigh": flat(0.0625, thigh, 0.0),
+            "knee": flat(0.0702, 0.283, 0.005),
+            "calf": flat(0.0722, 0.195, -0.012),
+            "ankle": flat(0.0732, 0.075, -0.010),
+        }
+
+    def _skeleton(self) -> Skeleton:
+        at = self.at
+        hip = at(0.056, 0.512, -0.006)
+        knee, ankle = at(0.0702, 0.283, 0.004), np.array([0.0732, 0.042, -0.010])
+        toes = np.array([0.084, 0.008, 0.085])
+        low, mid, high, neck = at(0, 0.575, -0.012), at(0, 0.635, -0.006), at(0, 0.705, -0.010), np.array([0, 0.835, -0.014])
+        skull, crown = np.array([0, 0.895, 0.004]), np.array([0, 0.985, 0.008])
+        clavicle = np.array([0.016, 0.812, -0.004])
+        fingers = self.wrist + 0.10 * self.hand_axis
+        ends = {
+            "pelvis": (at(0, 0.530, -0.010), low), "spine1": (low, mid), "spine2": (mid, high), "spine3": (high, neck),
+            "neck": (neck, skull), "head": (skull, crown),
+            "clavicle": (clavicle, self.shoulder), "upper_arm": (self.shoulder, self.elbow),
+            "forearm": (self.elbow, self.wrist), "hand": (self.wrist, fingers),
+            "thigh": (hip, knee), "shin": (knee, ankle), "foot": (ankle, toes),
+        }  # fmt: skip
+        joints, tips = np.zeros((len(JOINTS), 3)), np.zeros((len(JOINTS), 3))
+        for j, name in enumerate(JOINTS):
+            stem = name[:-2] if name[-2:] in ("_l", "_r") else name
+            side = np.array([-1.0 if name.endswith("_r") else 1.0, 1, 1])
+            joints[j], tips[j] = ends[stem][0] * side, ends[stem][1] * side
+        return Skeleton(joints, tips)
+
+
+def thickened(rows: F64, factors: F64, middle: float) -> F64:
+    """Rows with width, front and back scaled about the middle of each section."""
+    rows = rows.copy()
+    factor = PchipInterpolator(factors[:, 0], factors[:, 1])(np.clip(rows[:, 0], factors[0, 0], factors[-1, 0]))
+    centre = rows[:, 4] + middle * (rows[:, 3] - rows[:, 4])
+    rows[:, 2] *= factor
+    rows[:, 3] = centre + factor * (rows[:, 3] - centre)
+    rows[:, 4] = centre + factor * (rows[:, 4] - centre)
+    return rows
+
+
+def _facing_front(rows: F64) -> F64:
+    """Rows for a tube whose v axis (axis × across) points to the back: front and back change places."""
+    turned = rows.copy()
+    turned[:, 3], turned[:, 4] = -rows[:, 4], -rows[:, 3]
+    return turned
+
+
+def _limb(start: F64, axis: F64, length: float, rows: ArrayLike, factors: ArrayLike) -> Tube:
+    """Rows along an arm: `across` lies in the plane of the arm, v points forward."""
+    forward = np.array([0.0, 0, 1])
+    across = np.cross(forward, axis)
+    across /= np.linalg.norm(across)
+    table = thickened(np.array(rows, np.float64), np.asarray(factors, np.float64), 0.5)
+    table[:, 0] *= length
+    return Tube(start, axis, across, table, 0.5)
+
+
+FACTORS = tuple(f.name for f in fields(Girths))
