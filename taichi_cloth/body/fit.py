@@ -1,0 +1,247 @@
+"""Primitives wrapped round the parts of a body (paper 4.1): as few as a bound on the error asks for, or as many as allowed.
+
+Least squares of the signed distance between the skin and the primitives' union. A point of the skin is answered for
+by one primitive, the nearest, so that the normal matrix is one small block a primitive, and all turn at once by
+Levenberg and Marquardt's method. The error that counts is the union's, so primitives may overlap, and one that sticks
+out through the skin is pulled back. Part by part first; then the worst is split and all are turned again.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_cloth.body.distance import signed_distance
+from taichi_cloth.body.primitives import Primitive
+from taichi_cloth.body.solids import Solid, starts
+from taichi_cloth.errors import InputError
+
+__all__ = ["fit", "skin_samples"]
+
+F64 = NDArray[np.float64]
+SAMPLES = 4000
+SCALE = 0.02
+"""Beyond this distance [m] an error counts linearly: soft L1, so that single fingers do not pull a hand."""
+SIMPLER = {"sphere": 1.0, "cylinder": 1.05, "elliptic": 1.15}
+"""A kind is taken when its cost, times this, is least: of two that fit alike, the one that contact answers sooner."""
+MERGED = (
+    ("lower arm", "hand"), ("head", "neck"), ("pelvis", "abdomen"), ("upper arm", "lower arm"), ("lower leg", "foot"),
+    ("upper leg", "lower leg"), ("chest", "pelvis"),
+)  # fmt: skip
+"""For fewer primitives than parts: which part takes in which, in this order, left and right together."""
+
+
+def skin_samples(vertices: NDArray, faces: NDArray, count: int, *, seed: int = 0) -> tuple[F64, NDArray[np.int64]]:
+    """Points spread over a mesh by area (count, 3), stratified, by Philox, and the face of each (count,)."""
+    corner = np.asarray(vertices, np.float64)[np.asarray(faces)]
+    area = np.linalg.norm(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1)
+    chance = np.random.Generator(np.random.Philox(key=seed)).random((count, 3))
+    total = np.cumsum(area)
+    face = np.searchsorted(total, (np.arange(count) + chance[:, 0]) / count * total[-1]).clip(0, len(area) - 1)
+    u, v = np.sqrt(chance[:, 1]), chance[:, 2]
+    share = np.stack([1 - u, u * (1 - v), u * v], axis=-1)
+    return (corner[face] * share[..., None]).sum(axis=1), face
+
+
+@dataclass(frozen=True, eq=False)
+class _Piece:
+    """A solid, the part it is of, and the samples that were given to it when it was made."""
+
+    solid: Solid
+    part: str
+    mine: NDArray[np.int64]
+
+
+def fit(
+    vertices: NDArray,
+    faces: NDArray,
+    labels: NDArray,
+    names: Sequence[str],
+    *,
+    count: int = 32,
+    error_mm: float | None = None,
+    bones: Mapping[str, int] | None = None,
+    seed: int = 0,
+) -> list[Primitive]:
+    """Primitives for a mesh, vertices (v, 3) [m], faces (f, 3), with the part of each face, labels (f,), into names.
+
+    count: at most so many, 4 to 256. error_mm: stop sooner, when the mean distance between skin and union [mm] is no
+    more. bones: the joint each part moves with; 0 for parts it does not name. The same input gives the same output.
+    Raises InputError for values outside these, or labels that do not fit the mesh.
+    """
+    labels = np.asarray(labels)
+    if not 4 <= count <= 256:
+        raise InputError(f"count: {count}; allowed: 4 to 256 primitives")
+    if error_mm is not None and not error_mm > 0:
+        raise InputError(f"error_mm: {error_mm}; allowed: above 0")
+    if labels.shape != (len(faces),) or labels.min() < 0 or labels.max() >= len(names):
+        raise InputError(f"labels: shape {labels.shape}; allowed: ({len(faces)},), numbers of the {len(names)} names")
+    points, face = skin_samples(vertices, faces, SAMPLES, seed=seed)
+    part = labels[face]
+    pieces = []
+    for group in _groups([n for k, n in enumerate(names) if (part == k).any()], count):
+        mine = np.flatnonzero(np.isin(part, [k for k, n in enumerate(names) if n in group]))
+        if len(mine) >= 8:
+            pieces.append(_Piece(_best(points[mine]), group[0], mine))
+    pieces = _turn(pieces, points, 8)
+    while len(pieces) < count:
+        distance, whose = _nearest([p.solid for p in pieces], points)
+        if error_mm is not None and np.abs(distance).mean() * 1000 <= error_mm:
+            break
+        grown = _split(pieces, points, distance, whose, count)
+        if len(grown) == len(pieces):
+            break
+        pieces = _turn(grown, points, 6)
+    pieces = _turn(pieces, points, 40)
+    made = []
+    for piece in pieces:
+        bone = (bones or {}).get(piece.part, 0)
+        primitive = piece.solid.primitive(piece.part, bone)
+        assert primitive is not None
+        made.append(primitive)
+    return made
+
+
+def _groups(names: list[str], count: int) -> list[list[str]]:
+    """Parts that share a primitive, the one it is named after first: one each where there are enough."""
+    groups = [[n] for n in names]
+
+    def where(name: str) -> list[str] | None:
+        return next((g for g in groups if name in g), None)
+
+    for into, what in MERGED:
+        if len(groups) <= count:
+            break
+        for side in ("", "left ", "right "):
+            a, b = where(side + into), where(side + what)
+            if a is not None and b is not None and a is not b:
+                a += b
+                groups.remove(b)
+    while len(groups) > count:  # names of no person: the last two together
+        groups[-2] += groups.pop()
+    return groups
+
+
+def _cost(distance: F64) -> F64:
+    return 2 * SCALE**2 * (np.sqrt(1 + (distance / SCALE) ** 2) - 1)
+
+
+def _best(points: F64) -> Solid:
+    """The kind and solid that fit points (n, 3) best by themselves."""
+    best, least = None, np.inf
+    for solid in starts(points):
+        (piece,) = _turn([_Piece(solid, "", np.arange(len(points)))], points, 12)
+        primitive = piece.solid.primitive()
+        if primitive is None:
+            continue
+        cost = float(_cost(signed_distance(primitive, points)[0]).sum()) * SIMPLER[solid.kind]
+        if cost < least:
+            best, least = piece.solid, cost
+    assert best is not None
+    return best
+
+
+def _nearest(solids: Sequence[Solid], points: F64) -> tuple[F64, NDArray[np.int64]]:
+    """The least signed distance (n,) over all, and whose it is (n,). Only those are asked whose ball may hold it."""
+    made = [s.primitive() for s in solids]
+    middle = np.stack([(p.start + p.end) / 2 if p else np.full(3, 1e9) for p in made])
+    half = [np.linalg.norm(p.end - p.start) / 2 if p else 0.0 for p in made]
+    reach = np.array([h + max(p.radii) if p else 0.0 for h, p in zip(half, made, strict=True)])
+    away = np.linalg.norm(points[:, None] - middle, axis=-1)
+    most = (away + [0.0 if p is None else -min(p.radii) * (p.kind != "elliptic") for p in made]).min(axis=1)
+    best, whose = np.full(len(points), np.inf), np.zeros(len(points), np.int64)
+    for k, primitive in enumerate(made):
+        if primitive is None:
+            continue
+        near = np.flatnonzero(away[:, k] - reach[k] <= most)
+        distance = signed_distance(primitive, points[near])[0]
+        closer = distance < best[near]
+        best[near[closer]], whose[near[closer]] = distance[closer], k
+    return best, whose
+
+
+def _turn(pieces: list[_Piece], points: F64, rounds: int) -> list[_Piece]:
+    """All solids towards the least soft-L1 sum of the union's distances, a damping each; the best state met."""
+    solids = [p.solid for p in pieces]
+    damping = np.full(len(solids), 1e-2)
+    distance, whose = _nearest(solids, points)
+    best, least = solids, float(_cost(distance).sum())
+    for _ in range(rounds):
+        trial = []
+        for k, solid in enumerate(solids):
+            mine = np.flatnonzero(whose == k)
+            if len(mine) < 4:
+                trial.append(solid)
+                continue
+            slope = solid.slopes(points[mine], distance[mine])
+            weight = 1 / np.sqrt(1 + (distance[mine] / SCALE) ** 2)
+            square = slope.T @ (weight[:, None] * slope)
+            ridge = damping[k] * np.diag(square) + 1e-9 * np.trace(square) + 1e-12
+            step = np.linalg.solve(square + np.diag(ridge), -slope.T @ (weight * distance[mine]))
+            moved = solid.moved(step)
+            trial.append(moved if moved.primitive() is not None else solid)
+        new_distance, new_whose = _nearest(trial, points)
+        before = np.bincount(whose, _cost(distance), len(solids))
+        after = np.bincount(whose, _cost(new_distance), len(solids))
+        better = after <= before
+        damping = np.clip(np.where(better, damping / 3, damping * 5), 1e-7, 1e7)
+        if not better.all():
+            trial = [t if b else s for t, s, b in zip(trial, solids, better, strict=True)]
+            new_distance, new_whose = _nearest(trial, points)
+        solids, distance, whose = trial, new_distance, new_whose
+        cost = float(_cost(distance).sum())
+        gain = least - cost
+        if gain > 0:
+            best, least = solids, cost
+        if 0 <= gain < 1e-6 * least and better.all():
+            break
+    return [replace(p, solid=s) for p, s in zip(pieces, best, strict=True)]
+
+
+def _split(
+    pieces: list[_Piece], points: F64, distance: F64, whose: NDArray[np.int64], count: int
+) -> list[_Piece]:
+    """Two for the worst, and for its mirror image: the one whose samples cost most for each primitive it would take."""
+    cost = np.bincount(whose, _cost(distance), len(pieces))
+    held = np.bincount(whose, minlength=len(pieces))
+    family: dict[str, list[int]] = {}
+    rank: dict[str, int] = {}
+    order = np.argsort(-cost, kind="stable").tolist()
+    for k in order:
+        part = pieces[k].part
+        rank[part] = rank.get(part, -1) + 1
+        family.setdefault(f"{part.removeprefix('left ').removeprefix('right ')} {rank[part]}", []).append(k)
+    possible = [
+        m for m in family.values() if len(m) <= count - len(pieces) and all(held[k] >= 24 for k in m)
+    ]
+    if not possible:
+        return pieces
+    chosen = max(possible, key=lambda m: sum(cost[k] for k in m) / len(m))
+    out = []
+    for k, piece in enumerate(pieces):
+        if k not in chosen:
+            out.append(piece)
+            continue
+        mine = np.flatnonzero(whose == k)
+        first = _halves(points[mine])
+        for half in (mine[first], mine[~first]):
+            out.append(_Piece(_best(points[half]), piece.part, half))
+    return out
+
+
+def _halves(points: F64) -> NDArray[np.bool_]:
+    """Two clusters of points (n, 3), from both sides of their longest axis."""
+    centred = points - points.mean(axis=0)
+    first = centred @ np.linalg.svd(centred, full_matrices=False)[2][0] > 0
+    for _ in range(10):
+        if not 8 <= first.sum() <= len(points) - 8:
+            break
+        a, b = points[first].mean(axis=0), points[~first].mean(axis=0)
+        new = ((points - a) ** 2).sum(axis=1) < ((points - b) ** 2).sum(axis=1)
+        if (new == first).all():
+            break
+        first = new
+    if not 8 <= first.sum() <= len(points) - 8:
+        return np.arange(len(points)) < len(points) // 2
+    return first

@@ -1,0 +1,115 @@
+"""A primitive as numbers that may move: what least squares turns, and where it starts from.
+
+Sphere: centre, log radius (4). Cylinder: start, end, two log radii (8). Elliptic: middle, axis from start to end, two
+log semi-axes, the turn of `across` about the axis from where it was, and the rounding's share of the most there may be
+as a logit (10).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_cloth.body.distance import signed_distance
+from taichi_cloth.body.primitives import Primitive, PrimitiveKind
+
+__all__ = ["Solid", "starts"]
+
+F64 = NDArray[np.float64]
+SHORTEST = 0.004
+"""An elliptic cylinder is no shorter than this [m], nor any radius smaller."""
+MOST_ROUND = 0.98
+"""Rounding, of the smaller of the semi-axes and half the length."""
+NUDGE_LENGTH, NUDGE_LOG = 1e-5, 1e-4
+"""Steps of the finite differences: metres, and of logs, angles and logits."""
+
+
+@dataclass(frozen=True, eq=False)
+class Solid:
+    """A kind and its numbers; `across` is where the turn is counted from."""
+
+    kind: PrimitiveKind
+    numbers: F64
+    across: F64 | None = None
+
+    def primitive(self, part: str = "", bone: int = 0) -> Primitive | None:
+        """None where the numbers make no solid."""
+        n = self.numbers
+        if not np.isfinite(n).all():
+            return None
+        if self.kind == "sphere":
+            r = float(np.exp(n[3]))
+            return Primitive(kind="sphere", start=n[:3], end=n[:3], radii=(r, r), part=part, bone=bone)
+        radii = np.exp(n[6:8])
+        if radii.min() < SHORTEST or radii.max() > 10:
+            return None
+        if self.kind == "cylinder":
+            return Primitive(
+                kind="cylinder", start=n[:3], end=n[3:6], radii=(float(radii[0]), float(radii[1])), part=part, bone=bone
+            )
+        length = float(np.linalg.norm(n[3:6]))
+        if length < 2 * SHORTEST:
+            return None
+        axis = n[3:6] / length
+        assert self.across is not None
+        x = self.across - (self.across @ axis) * axis
+        x /= np.linalg.norm(x)
+        y = np.cross(axis, x)
+        across = np.cos(n[8]) * x + np.sin(n[8]) * y
+        across -= (across @ axis) * axis
+        across /= np.linalg.norm(across)
+        rounding = MOST_ROUND * min(float(radii.min()), length / 2) / (1 + np.exp(-np.clip(n[9], -30, 30)))
+        return Primitive(
+            kind="elliptic",
+            start=n[:3] - n[3:6] / 2,
+            end=n[:3] + n[3:6] / 2,
+            radii=(float(radii[0]), float(radii[1])),
+            across=across,
+            rounding=float(rounding),
+            part=part,
+            bone=bone,
+        )
+
+    def moved(self, step: F64) -> "Solid":
+        return Solid(self.kind, self.numbers + step, self.across)
+
+    def slopes(self, points: F64, distance: F64) -> F64:
+        """Change of the signed distance of points (n, 3) by each number, by finite differences, shape (n, numbers)."""
+        out = np.zeros((len(points), len(self.numbers)))
+        places = 3 if self.kind == "sphere" else 6
+        for k in range(len(self.numbers)):
+            nudge = NUDGE_LENGTH if k < places else NUDGE_LOG
+            step = np.zeros(len(self.numbers))
+            step[k] = nudge
+            other = self.moved(step).primitive()
+            if other is not None:
+                out[:, k] = (signed_distance(other, points)[0] - distance) / nudge
+        return out
+
+
+def starts(points: F64) -> list[Solid]:
+    """Solids to begin a fit to points (n, 3) from: a sphere, cylinders and elliptic cylinders along their main axes."""
+    middle = points.mean(axis=0)
+    centred = points - middle
+    _, _, axes = np.linalg.svd(centred, full_matrices=False)
+    if np.linalg.det(axes) < 0:
+        axes[2] *= -1
+    at = centred @ axes.T
+    radius = max(float(np.linalg.norm(centred, axis=1).mean()), SHORTEST)
+    found = [Solid("sphere", np.array([*middle, np.log(radius)]))]
+    for k in (0, 1, 2):
+        i, j = (k + 1) % 3, (k + 2) % 3
+        low, high = np.quantile(at[:, k], [0.02, 0.98])
+        length = max(float(high - low), 4 * SHORTEST)
+        offset = middle + (at[:, i].min() + at[:, i].max()) / 2 * axes[i] + (at[:, j].min() + at[:, j].max()) / 2 * axes[j]
+        centre = offset + (low + high) / 2 * axes[k]
+        if k < 2:
+            radial = np.hypot(*(at[:, m] - (at[:, m].min() + at[:, m].max()) / 2 for m in (i, j)))
+            slope, mean = np.polyfit(at[:, k], radial, 1) if len(points) > 2 else (0.0, radial.mean())
+            ends = np.maximum(mean + slope * np.array([low, high]), 2 * SHORTEST)
+            inset = np.minimum(0.5 * ends, 0.3 * length)
+            start, end = offset + (low + inset[0]) * axes[k], offset + (high - inset[1]) * axes[k]
+            found.append(Solid("cylinder", np.array([*start, *end, *np.log(ends)])))
+        a, b = (max(float(np.ptp(np.quantile(at[:, m], [0.02, 0.98]))) / 2, 2 * SHORTEST) for m in (i, j))
+        found.append(Solid("elliptic", np.array([*centre, *(length * axes[k]), np.log(a), np.log(b), 0, 0.0]), axes[i]))
+    return found
