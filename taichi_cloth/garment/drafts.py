@@ -75,6 +75,14 @@ def _ring(section: Section, girth: float) -> tuple[float, float]:
     return a * scale, b * scale
 
 
+def _before(f: Figure, height: float, *, back: bool) -> Flat:
+    """A plane before or behind the trunk, clear of the arms too, the panel's y = 0 at a height [m]."""
+    chest = f.sections["chest"]
+    turn = np.diag([-1.0, 1.0, -1.0]) if back else np.eye(3)
+    reach = chest.depth + 2 * CLEAR
+    return Flat(turn, np.array([0.0, height, chest.middle + (-reach if back else reach)]))
+
+
 def _around(section: Section, girth: float, height: float, *, back: bool, taper: float = 0.0) -> Wrap:
     """Round the trunk, the panel's middle at the front or at the back, its y = 0 at a height [m]."""
     outward = -FRONT if back else FRONT
@@ -112,7 +120,7 @@ class _Top:
 
 def _tshirt(f: Figure, cut: Cut) -> Pattern:
     girth = f.chest * (1 + _set(cut.ease, 0.12))
-    long = _set(cut.length, f.neck_height - f.hip_height + 0.02)
+    long = _set(cut.length, f.neck_height - f.hip_height + 0.05)
     neck = f.neck / (2 * pi) + 0.022
     reach = f.neck_height - f.underarm_height + 0.035
     if long <= reach + 0.02:
@@ -125,7 +133,7 @@ def _tshirt(f: Figure, cut: Cut) -> Pattern:
         side = _line((w, -long), (w, -reach))
         edges = [_line((-w, -long), (w, -long)), side, *top.upper(), _mirrored(side)]
         holes += length(edges[2])
-        place = _around(f.sections["chest"], girth, f.neck_height + 0.02, back=name == "back")
+        place = _before(f, f.neck_height + 0.02, back=name == "back")
         panels.append(Panel(name, tuple(edges), place, hems=(0, 4)))
     width, short = f.upper_arm * 1.22 + 0.02, _set(cut.sleeve, 0.11)
     for which, name in enumerate(("left", "right")):
@@ -163,7 +171,7 @@ def _sleeve(f: Figure, which: int, name: str, width: float, below: float, cap: f
     arm = f.arms[which]
     outward = UP - arm.axis * arm.axis[1]
     outward /= np.linalg.norm(outward)
-    radius = width / (2 * pi)
+    radius = max(width / (2 * pi), arm.radius + CLEAR)
     place = Wrap(arm.top + 0.045 * arm.axis, arm.axis, outward, (radius, radius))
     return Panel(name, edges, place, hems=(0,))
 
@@ -209,7 +217,7 @@ def _dress(f: Figure, cut: Cut) -> Pattern:
         w, v = top.chest, waist / 4
         side = bezier([(v, -down), (v, -down + 0.3 * (down - reach)), (w, -reach - 0.4 * (down - reach)), (w, -reach)])
         edges = [_line((-v, -down), (v, -down)), side, *top.upper(), _mirrored(side)]
-        place = _around(f.sections["chest"], girth, f.neck_height + 0.02, back=name == "back")
+        place = _before(f, f.neck_height + 0.02, back=name == "back")
         panels.append(Panel(name, tuple(edges), place, hems=(2, 4, 6)))
     for name in ("front", "back"):
         height = f.waist_height + 0.005

@@ -21,10 +21,12 @@ class Section:
 
 @dataclass(frozen=True, eq=False)
 class Limb:
-    """An upper arm or a leg: top and bottom (3,) of its axis [m]."""
+    """An upper arm or a leg: top and bottom (3,) of its axis, the furthest that skin is from the axis below the top
+    fifth [m]."""
 
     top: F64
     bottom: F64
+    radius: float
 
     @property
     def axis(self) -> F64:

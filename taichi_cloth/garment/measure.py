@@ -41,8 +41,8 @@ def figure_of(body: Body) -> Figure:
     neck = _best(trunk, neck_joint[1], joints["head"][1], widest=False)
     girth = _girth(trunk(neck))
     tips = float(np.mean([abs(s[0]) for s in shoulders]))
-    arms = tuple(Limb(joints[f"upper_arm_{side}"], joints[f"forearm_{side}"]) for side in "lr")
-    legs = tuple(Limb(joints[f"thigh_{side}"], joints[f"foot_{side}"]) for side in "lr")
+    arms = [skin.limb(joints[f"upper_arm_{side}"], joints[f"forearm_{side}"]) for side in "lr"]
+    legs = [skin.limb(joints[f"thigh_{side}"], joints[f"foot_{side}"]) for side in "lr"]
     return Figure(
         stature=tall,
         neck=girth,
@@ -98,11 +98,23 @@ class _Skin:
             raise InputError(f"body: no trunk {y:.2f} m above the ground; allowed: a standing body")
         return max(across, key=_girth)
 
+    def limb(self, top: F64, bottom: F64) -> Limb:
+        axis = (top - bottom) / np.linalg.norm(top - bottom)
+        reach = 0.0
+        for share in np.arange(0.25, 0.85, 0.1):
+            point = top + share * (bottom - top)
+            off = self.round(point, axis) - point
+            reach = max(reach, float(np.linalg.norm(off - np.outer(off @ axis, axis), axis=1).max()))
+        return Limb(top, bottom, reach)
+
+    def round(self, point: F64, axis: F64) -> F64:
+        """(n, 3) of the section's piece round a point, square to an axis."""
+        return min(self.loops(point, axis), key=lambda p: float(np.linalg.norm(p.mean(axis=0) - point)))
+
     def tape(self, point: F64, axis: F64) -> float:
         """Girth [m] of the limb round a point, square to its axis."""
-        piece = min(self.loops(point, axis), key=lambda p: float(np.linalg.norm(p.mean(axis=0) - point)))
         across = np.linalg.svd(axis[None])[2][1:]
-        return _girth(piece @ across.T)
+        return _girth(self.round(point, axis) @ across.T)
 
     def split(self, low: float, high: float, pieces: int, reach: float, what: str) -> float:
         """The greatest height with that many pieces within `reach` of the middle plane [m]."""

@@ -11,11 +11,14 @@ did (Gauss–Seidel). What is allowed shrinks from frame to frame, so panels are
 
 # pyright: reportOptionalCall=false, reportOperatorIssue=false, reportGeneralTypeIssues=false
 
+from functools import lru_cache
+
 import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
 
-from taichi_cloth.arrays import Template
+from taichi_cloth import runtime
+from taichi_cloth.arrays import F32x2, Template
 from taichi_cloth.errors import InputError
 from taichi_cloth.forces import FrameForces
 from taichi_cloth.sheet import PAD, Sheet, SheetState
@@ -25,15 +28,20 @@ __all__ = ["Ties"]
 
 F64 = NDArray[np.float64]
 NODES = 8
+TARGET = 2 * NODES
+ALLOWED = TARGET + 6
+ROW = ALLOWED + 2
+"""Numbers of a tie: key points (whole below 2^24), weights, target at the start of the frame [m] and how far it moves,
+width allowed at the start [m] and how that changes."""
 
 
-@ti.data_oriented
 class Ties(Pass):
     """nodes: int (n, m ≤ 8, 2) rows and columns of key points. weights: (n, m); those of a tie sum to 0, or to 1 where
     it has a place. substeps: of a frame. frame_time: [s]. speed: at which gaps are closed [m/s].
-    places: (n, 3) [m] for a tie to a fixed place, NaN for one between two points; None: all of the latter.
+    places: (n, 3) [m] at rest for a tie to a place, NaN for one between two points; None: all of the latter.
+    bones: (n,) the bone that carries each place, −1 for none; None: none are carried.
 
-    Raises InputError on shapes that differ or a tie without key points.
+    Raises InputError on shapes that differ or no ties.
     """
 
     local = False
@@ -48,12 +56,12 @@ class Ties(Pass):
         frame_time: float,
         speed: float = 0.5,
         places: F64 | None = None,
+        bones: NDArray[np.int64] | None = None,
     ) -> None:
         n, m = weights.shape
         if nodes.shape != (n, m, 2) or m > NODES or n == 0:
-            raise InputError(
-                f"ties: nodes {nodes.shape}, weights {weights.shape}; allowed: (n, m, 2) and (n, m), m ≤ 8"
-            )
+            shapes = f"{nodes.shape} and {weights.shape}"
+            raise InputError(f"ties: nodes and weights of shapes {shapes}; allowed: (n, m, 2) and (n, m), m at most 8")
         self.count, self.substeps, self.reach = n, substeps, speed * frame_time
         self.index = np.zeros((n, NODES), np.int32)
         self.weight = np.zeros((n, NODES), np.float32)
@@ -61,56 +69,91 @@ class Ties(Pass):
         self.index[:, m:] = self.index[:, :1]
         self.weight[:, :m] = weights
         self.places = np.full((n, 3), np.nan) if places is None else np.asarray(places, np.float64)
+        self.bones = np.full(n, -1) if bones is None else np.asarray(bones)
         self.held = np.isfinite(self.places).all(axis=1)
-        self._nodes = ti.field(ti.i32, (n, NODES))
-        self._weights = ti.field(ti.f32, (n, NODES))
-        self._target = ti.field(ti.f32, (n, 6))  # at the start of the frame, and how far it moves in it
-        self._allowed = ti.field(ti.f32, (n, 2))  # at both ends of the frame
-        self._nodes.from_numpy(self.index)
-        self._weights.from_numpy(self.weight)
+        self.memory = _memory(runtime.generation(), -(-n // 256) * 256)
 
-    def targets(self, forces: FrameForces) -> tuple[F64, F64]:
-        """Places (n, 3) [m] at the start and the end of a frame; 0 for ties between two points."""
-        fixed = np.where(self.held[:, None], self.places, 0.0)
-        return fixed, fixed
+    # Ties that share their memory are one pass to the solver: they need no second kernel.
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Ties) and self.memory is other.memory
 
-    def gaps(self, state: SheetState, target: F64 | None = None) -> F64:
+    def __hash__(self) -> int:
+        return id(self.memory)
+
+    def targets(self, bones: F64 | None) -> F64:
+        """Places (n, 3) [m] with the bones there, (bones, 4, 4) or None for rest; 0 for ties between two points."""
+        out = np.where(self.held[:, None], self.places, 0.0)
+        carried = self.held & (self.bones >= 0)
+        if bones is not None and carried.any():
+            moved = bones[self.bones[carried]]
+            out[carried] = np.einsum("nij,nj->ni", moved[:, :3, :3], out[carried]) + moved[:, :3, 3]
+        return out
+
+    def gaps(self, state: SheetState, bones: F64 | None = None) -> F64:
         """Width of each gap (n,) [m]."""
         flat = state.values[:3].reshape(3, -1)
-        place = np.where(self.held[:, None], self.places, 0.0) if target is None else target
-        return np.linalg.norm(
-            np.einsum("cnk,nk->nc", flat[:, self.index], self.weight.astype(np.float64)) - place, axis=1
-        )
+        points = np.einsum("cnk,nk->nc", flat[:, self.index], self.weight.astype(np.float64))
+        return np.linalg.norm(points - self.targets(bones), axis=1)
 
     def begin(self, state: SheetState, forces: FrameForces) -> None:
-        start, end = self.targets(forces)
-        now = self.gaps(state, start)
-        self._target.from_numpy(np.concatenate([start, end - start], axis=1).astype(np.float32))
-        self._allowed.from_numpy(np.stack([now, np.maximum(now - self.reach, 0.0)], axis=1).astype(np.float32))
+        frame = forces.body
+        start = self.targets(frame.start if frame else None)
+        end = self.targets(frame.end if frame else None)
+        now = self.gaps(state, frame.start if frame else None)
+        rows = np.zeros((self.memory.capacity + 1, ROW), np.float32)
+        rows[: self.count] = np.column_stack(
+            [self.index, self.weight, start, end - start, now, np.maximum(now - self.reach, 0.0) - now]
+        )
+        rows[-1, :2] = self.count, 1.0 / self.substeps
+        self.memory.buffer.from_numpy(rows)
+        self.memory.take(self.memory.buffer)
 
     @ti.func
     def after(self, work: Template, at: Template, first, last, shift, done, n: Template):
+        self.memory.pull(work, at, done)
+
+
+@lru_cache(maxsize=8)
+def _memory(generation: int, capacity: int) -> "_Memory":
+    """Fields and functions for that many ties. generation: of the Taichi runtime."""
+    return _Memory(capacity)
+
+
+@ti.data_oriented
+class _Memory:
+    def __init__(self, capacity: int) -> None:
+        self.capacity = capacity
+        self.buffer = ti.ndarray(ti.f32, (capacity + 1, ROW))
+        self.row = ti.field(ti.f32, (capacity + 1, ROW))
+
+    @ti.kernel
+    def take(self, rows: F32x2):
+        for i, j in ti.ndrange(rows.shape[0], rows.shape[1]):
+            self.row[i, j] = rows[i, j]
+
+    @ti.func
+    def pull(self, work: Template, at: Template, done):
         x, y, z = ti.static(*work.position[at])
         u, v, w = ti.static(*work.step[at])
-        share = ti.cast(done + 1, ti.f32) / self.substeps
-        for k in range(self.count):
-            dx = -self._target[k, 0] - share * self._target[k, 3]
-            dy = -self._target[k, 1] - share * self._target[k, 4]
-            dz = -self._target[k, 2] - share * self._target[k, 5]
+        share = ti.cast(done + 1, ti.f32) * self.row[self.capacity, 1]
+        for k in range(ti.cast(self.row[self.capacity, 0], ti.i32)):
+            dx = -self.row[k, TARGET] - share * self.row[k, TARGET + 3]
+            dy = -self.row[k, TARGET + 1] - share * self.row[k, TARGET + 4]
+            dz = -self.row[k, TARGET + 2] - share * self.row[k, TARGET + 5]
             compliance = 0.0
             for c in range(NODES):
-                p, a = self._nodes[k, c], self._weights[k, c]
+                p, a = ti.cast(self.row[k, c], ti.i32), self.row[k, NODES + c]
                 dx += a * x[p]
                 dy += a * y[p]
                 dz += a * z[p]
                 compliance += a * a * work.inverse_mass[p]
             gap = ti.sqrt(dx * dx + dy * dy + dz * dz)
-            allowed = self._allowed[k, 0] + share * (self._allowed[k, 1] - self._allowed[k, 0])
+            allowed = self.row[k, ALLOWED] + share * self.row[k, ALLOWED + 1]
             if gap > allowed and compliance > 0.0:
                 pull = (gap - allowed) / (gap * compliance)
                 for c in range(NODES):
-                    p = self._nodes[k, c]
-                    f = -pull * self._weights[k, c] * work.inverse_mass[p]
+                    p = ti.cast(self.row[k, c], ti.i32)
+                    f = -pull * self.row[k, NODES + c] * work.inverse_mass[p]
                     x[p] += f * dx
                     y[p] += f * dy
                     z[p] += f * dz
