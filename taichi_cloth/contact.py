@@ -52,11 +52,12 @@ class Contact(Pass):
     """The pass for one body and one sheet's solver.
 
     size: elements of the padded grid. substeps: a frame. step: of each [s]. strips: of the solver.
+    even: the buffer in which the even substeps leave their result.
     """
 
     local = True
 
-    def __init__(self, body: Colliders, *, size: int, substeps: int, step: float, strips: int = 1) -> None:
+    def __init__(self, body: Colliders, *, size: int, substeps: int, step: float, strips: int = 1, even: int = 1) -> None:
         self.body, self.substeps = body, substeps
         primitives = body.primitives
         self._constant = _shapes(body)
@@ -64,9 +65,9 @@ class Contact(Pass):
         thinnest = min(_thickness(row) for row in self._constant)
         capacity = -(-len(primitives) // 16) * 16
         long_steps = step * FASTEST > thinnest / 2
-        self.memory = _memory(runtime.generation(), size * strips, strips, capacity, kinds, bool(long_steps))
+        self.memory = _memory(runtime.generation(), size * strips, strips, capacity, kinds, bool(long_steps), even)
         wait = 16
-        while wait > 1 and wait * step > LONGEST_WAIT:
+        while wait > 2 and wait * step > LONGEST_WAIT:
             wait //= 2
         self._settings = np.array([len(primitives), wait, SPARE * step * wait, body.gap, body.recovery * step, thinnest])
         self._points, self._radii = corners(primitives)
@@ -172,17 +173,17 @@ def _turns(start: F64, end: F64) -> F64:
 
 
 @lru_cache(maxsize=16)
-def _memory(generation: int, size: int, strips: int, capacity: int, kinds: tuple[int, ...], long_steps: bool):
+def _memory(generation: int, size: int, strips: int, capacity: int, kinds: tuple[int, ...], long_steps: bool, even: int):
     """Fields and functions for grids and bodies of that size. generation: of the Taichi runtime."""
-    return _Memory(size, strips, capacity, kinds, long_steps)
+    return _Memory(size, strips, capacity, kinds, long_steps, even)
 
 
 @ti.data_oriented
 class _Memory:
     """What the kernel works on. A strip has its own poses and its own lists."""
 
-    def __init__(self, size: int, strips: int, capacity: int, kinds: tuple[int, ...], long_steps: bool) -> None:
-        self.capacity, self.kinds, self.long_steps = capacity, kinds, long_steps
+    def __init__(self, size: int, strips: int, capacity: int, kinds: tuple[int, ...], long_steps: bool, even: int) -> None:
+        self.capacity, self.kinds, self.long_steps, self.even = capacity, kinds, long_steps, even
         self.strip_size = size // strips
         self.buffer = ti.ndarray(ti.f32, (3 * capacity + 1, ROW))
         self.row = ti.field(ti.f32, capacity * ROW)
@@ -267,22 +268,19 @@ class _Memory:
 
     @ti.func
     def walk(self, work: Template, at: Template, strip, b):
-        """The list of block b: what it can reach until the next walk."""
-        p = b * LANES
-        x, y, z = load(work.position[at][0], p), load(work.position[at][1], p), load(work.position[at][2], p)
-        u, v, w = load(work.step[at][0], p), load(work.step[at][1], p), load(work.step[at][2], p)
-        free = load(work.inverse_mass, p)
+        """The list of block b: what it can reach until the next walk. Numbers, not lanes: it is rare and long."""
         low, high = ti.Vector([1e30, 1e30, 1e30]), ti.Vector([-1e30, -1e30, -1e30])
         fastest = 0.0
-        for k in ti.static(range(LANES)):
-            if free[k] > 0.0:
-                here = ti.Vector([x[k], y[k], z[k]])
+        for k in range(b * LANES, (b + 1) * LANES):
+            if work.inverse_mass[k] > 0.0:
+                here = ti.Vector([work.position[at][0][k], work.position[at][1][k], work.position[at][2][k]])
+                step = ti.Vector([work.step[at][0][k], work.step[at][1][k], work.step[at][2][k]])
                 low, high = ti.min(low, here), ti.max(high, here)
-                fastest = ti.max(fastest, u[k] * u[k] + v[k] * v[k] + w[k] * w[k])
+                fastest = ti.max(fastest, step.norm_sqr())
         count = 0
-        if fastest >= 0.0 and low[0] < 1e29:
-            wait, gap = self.setting[1], self.setting[3]
-            margin = gap + self.setting[2] + 2.0 * wait * ti.sqrt(fastest)
+        if low[0] < 1e29:
+            wait = self.setting[1]
+            margin = self.setting[3] + self.setting[2] + 2.0 * wait * ti.sqrt(fastest)
             node, nodes = 0, int(self.setting[10])
             while node < nodes:
                 q = node * BOX
@@ -294,17 +292,33 @@ class _Memory:
                 else:
                     i = self.leaf[node]
                     if i >= 0:
-                        pose = strip * self.capacity + i
-                        c = self.posed(pose, 0)
-                        d, nx, ny, nz = self.distance(i, pose, x - c[0], y - c[1], z - c[2])
-                        least = 1e30
-                        for k in ti.static(range(LANES)):
-                            least = ti.min(least, ti.select(free[k] > 0.0, d[k], 1e30))
-                        if least < margin + wait * self.row[i * ROW + SHAPE + 15]:
+                        reach = margin + wait * self.row[i * ROW + SHAPE + 15]
+                        if self.within(work, at, strip, b, i, reach, 0.5 * (low + high), 0.5 * (high - low).norm()):
                             self.list[b * self.capacity + count] = i
                             count += 1
                     node += 1
         self.count[b] = count
+
+    @ti.func
+    def within(self, work: Template, at: Template, strip, b, i, reach, middle, radius):
+        """Whether a key point of block b, which lies in a ball, is no further than `reach` from primitive i."""
+        p = strip * self.capacity + i
+        out = 0
+        k = -1
+        while k < LANES and out == 0:
+            here, allowed = middle, reach + radius
+            if k >= 0:
+                q = b * LANES + k
+                here = ti.Vector([work.position[at][0][q], work.position[at][1][q], work.position[at][2][q]])
+                allowed = reach
+            here -= self.posed(p, 0)
+            d, _x, _y, _z = self.distance(i, p, here[0], here[1], here[2])
+            if k < 0:
+                k = LANES if d > allowed else 0
+            else:
+                out = int(d < allowed and work.inverse_mass[b * LANES + k] > 0.0)
+                k += 1
+        return out
 
     @ti.func
     def slip(self, i, x, y, z, u, v, w):
@@ -330,10 +344,7 @@ class _Memory:
     def crossed(self, i, p, x, y, z, u, v, w, free):
         """Where a long step meets the primitive on its way: the normal there, and the push that keeps it outside."""
         gap = self.setting[3]
-        longest = 0.0
-        length = ti.sqrt(u * u + v * v + w * w)
-        for k in ti.static(range(LANES)):
-            longest = ti.max(longest, free[k] * length[k])
+        longest = ti.sqrt((free * (u * u + v * v + w * w)).max())
         pieces = ti.min(int(longest / (0.25 * self.setting[5])), 64)
         nx, ny, nz, push = 0.0 * x, 0.0 * x, 0.0 * x, 0.0 * x
         for j in range(1, pieces):
@@ -350,9 +361,10 @@ class _Memory:
         """Response of the blocks `first` to `last` to the body at the end of substep `done`."""
         strip = -shift // self.strip_size
         self.follow(strip, done)
-        if done % int(self.setting[1]) == 0:
-            for b in range(first, last):
-                self.walk(work, at, strip, b)
+        if ti.static(at == self.even):
+            if done % int(self.setting[1]) == 0:
+                for b in range(first, last):
+                    self.walk(work, at, strip, b)
         for b in range(first, last):
             for c in range(self.count[b]):
                 self.respond(work, at, strip, b, self.list[b * self.capacity + c])
@@ -375,10 +387,7 @@ class _Memory:
             x, y, z = x + cx, y + cy, z + cz
         d, nx, ny, nz = self.distance(i, pose, x, y, z)
         depth = free * ti.max(self.setting[3] - d, 0.0)
-        deepest = 0.0
-        for k in ti.static(range(LANES)):
-            deepest = ti.max(deepest, depth[k])
-        if deepest > 0.0:
+        if depth.max() > 0.0:
             u, v, w = load(work.step[at][0], p), load(work.step[at][1], p), load(work.step[at][2], p)
             u, v, w = self.slip(i, x, y, z, u, v, w)
             push = ti.min(depth, ti.max(-(u * nx + v * ny + w * nz), 0.0) + self.setting[4])

@@ -41,6 +41,14 @@ def cone(x, y, z, axis, across, radius, sine, slope, length):
 
 
 @ti.func
+def _newton(u, rp, q, less):
+    a, b = 1.0 / (u + less), 1.0 / u
+    y0, y1 = rp * a, q * b
+    square = y0 * y0 + y1 * y1
+    return (ti.sqrt(square) - 1.0) * square / (y0 * y0 * a + y1 * y1 * b)
+
+
+@ti.func
 def elliptic(x, y, z, axis, across, other, long, short, half, rounding, steps: Template):
     """Elliptic cylinder with rounded edges. Anchor: its middle. axis, across, other: along it, its long and short axes.
 
@@ -58,11 +66,11 @@ def elliptic(x, y, z, axis, across, other, long, short, half, rounding, steps: T
     u = least
     if ti.static(steps == NEAR):
         u = ti.max(u, 1.0)
-    for _ in ti.static(range(steps)):
-        a, b = 1.0 / (u + less), 1.0 / u
-        y0, y1 = rp * a, q * b
-        square = y0 * y0 + y1 * y1
-        u = ti.max(u + (ti.sqrt(square) - 1.0) * square / (y0 * y0 * a + y1 * y1 * b), least)
+        for _ in ti.static(range(steps)):
+            u = ti.max(u + _newton(u, rp, q, less), least)
+    else:
+        for _ in range(steps):
+            u = ti.max(u + _newton(u, rp, q, less), least)
     y0, y1 = rp / (u + less), q / u
     scale = 1.0 / ti.sqrt(y0 * y0 + y1 * y1)
     y0, y1 = y0 * scale, y1 * scale

@@ -84,8 +84,9 @@ class Verlet(Solver):
             self.strips = 1
         if forces.body is not None:
             size = int(np.prod(sheet.padded_shape))
-            touch = Contact(forces.body, size=size, substeps=self.substeps, step=self.step, strips=self.strips)
-            self.passes = (*passes, touch)
+            even = 0 if forces.strain_limit else 1
+            one = {"substeps": self.substeps, "step": self.step, "strips": self.strips, "even": even}
+            self.passes = (*passes, Contact(forces.body, size=size, **one))
         cuts = np.linspace(PAD, PAD + rows, self.strips + 1).round().astype(np.int32)
         self._rows = np.stack([cuts[:-1], cuts[1:]], axis=1)
         self._features = Features(
