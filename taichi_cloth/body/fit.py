@@ -23,7 +23,7 @@ F64 = NDArray[np.float64]
 SAMPLES = 4000
 SCALE = 0.02
 """Beyond this distance [m] an error counts linearly: soft L1, so that single fingers do not pull a hand."""
-SIMPLER = {"sphere": 1.0, "cylinder": 1.05, "elliptic": 1.15}
+SIMPLER = {"sphere": 1.0, "cylinder": 1.6, "elliptic": 2.2}
 """A kind is taken when its cost, times this, is least: of two that fit alike, the one that contact answers sooner."""
 MERGED = (
     ("lower arm", "hand"), ("head", "neck"), ("pelvis", "abdomen"), ("upper arm", "lower arm"), ("lower leg", "foot"),
@@ -202,7 +202,8 @@ def _turn(pieces: list[_Piece], points: F64, rounds: int) -> list[_Piece]:
 def _split(
     pieces: list[_Piece], points: F64, distance: F64, whose: NDArray[np.int64], count: int
 ) -> list[_Piece]:
-    """Two for the worst, and for its mirror image: the one whose samples cost most for each primitive it would take."""
+    """Two for the worst, and for its mirror image: those whose samples cost most for each primitive they would take,
+    and with them what costs nearly as much."""
     cost = np.bincount(whose, _cost(distance), len(pieces))
     held = np.bincount(whose, minlength=len(pieces))
     family: dict[str, list[int]] = {}
@@ -212,12 +213,16 @@ def _split(
         part = pieces[k].part
         rank[part] = rank.get(part, -1) + 1
         family.setdefault(f"{part.removeprefix('left ').removeprefix('right ')} {rank[part]}", []).append(k)
-    possible = [
-        m for m in family.values() if len(m) <= count - len(pieces) and all(held[k] >= 24 for k in m)
-    ]
-    if not possible:
-        return pieces
-    chosen = max(possible, key=lambda m: sum(cost[k] for k in m) / len(m))
+    possible = [m for m in family.values() if all(held[k] >= 24 for k in m)]
+    possible.sort(key=lambda m: -sum(cost[k] for k in m) / len(m))
+    chosen: list[int] = []
+    worst = 0.0
+    for members in possible:
+        each = sum(cost[k] for k in members) / len(members)
+        worst = worst or each
+        room = count - len(pieces) - len(chosen)
+        if len(members) <= room and (each > 0.6 * worst or not chosen):
+            chosen += members
     out = []
     for k, piece in enumerate(pieces):
         if k not in chosen:
