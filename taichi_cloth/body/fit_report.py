@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from taichi_cloth.body.distance import nearest_distance, signed_distance
-from taichi_cloth.body.fit import skin_samples
 from taichi_cloth.body.primitives import Primitive
+from taichi_cloth.body.samples import mesh_distance, skin_samples
 
-__all__ = ["FitReport", "PartError", "exposed_samples", "mesh_distance", "report_fit"]
+__all__ = ["FitReport", "PartError", "exposed_samples", "report_fit"]
 
 F64 = NDArray[np.float64]
 SAMPLES = 20_000
@@ -147,33 +147,3 @@ def exposed_samples(primitives: Sequence[Primitive], *, each: int = 4000, seed: 
         found.append(on[free])
         area.append(np.full(int(free.sum()), volume / (2 * thin)))
     return np.concatenate(found), np.concatenate(area)
-
-
-def mesh_distance(points: F64, vertices: NDArray, faces: NDArray) -> F64:
-    """Distance (n,) [m] from points (n, 3) to a mesh: exact to the triangles that hold the nearest of many samples."""
-    vertices, faces = np.asarray(vertices, np.float64), np.asarray(faces)
-    corner = vertices[faces]
-    spread, face = skin_samples(vertices, faces, max(60_000, 2 * len(faces)), seed=3)
-    tree = cKDTree(np.concatenate([spread, corner.mean(axis=1)]))
-    owner = np.concatenate([face, np.arange(len(faces))])
-    _, near = tree.query(points, k=8)
-    best = np.full(len(points), np.inf)
-    for k in range(near.shape[1]):
-        a, b, c = corner[owner[near[:, k]]].transpose(1, 0, 2)
-        best = np.minimum(best, _triangle_distance(points, a, b, c))
-    return best
-
-
-def _triangle_distance(p: F64, a: F64, b: F64, c: F64) -> F64:
-    """Distance (n,) from each point to its triangle: the plane's where its foot is inside, else the nearest edge's."""
-    normal = np.cross(b - a, c - a)
-    square = np.maximum((normal**2).sum(axis=1), 1e-300)
-    inside = np.ones(len(p), bool)
-    nearest = np.full(len(p), np.inf)
-    for u, v in ((a, b), (b, c), (c, a)):
-        edge = v - u
-        inside &= (np.cross(edge, p - u) * normal).sum(axis=1) >= 0
-        along = ((p - u) * edge).sum(axis=1) / np.maximum((edge**2).sum(axis=1), 1e-300)
-        nearest = np.minimum(nearest, np.linalg.norm(p - u - np.clip(along, 0, 1)[:, None] * edge, axis=1))
-    plane = np.abs(((p - a) * normal).sum(axis=1)) / np.sqrt(square)
-    return np.where(inside, plane, nearest)
