@@ -14,17 +14,26 @@ from numpy.typing import NDArray
 
 from taichi_cloth.body.distance import signed_distance
 from taichi_cloth.body.primitives import Primitive
+from taichi_cloth.body.samples import SkinSpace, mirror_plane, skin_space
+from taichi_cloth.body.skin_field import SkinField
 from taichi_cloth.body.solids import Solid, starts
 from taichi_cloth.errors import InputError
 
-__all__ = ["fit", "skin_samples"]
+__all__ = ["fit"]
 
 F64 = NDArray[np.float64]
-SAMPLES = 4000
+SKIN, OUTSIDE, INSIDE = 3000, 2400, 700
+"""Points the fit is made from: on the skin; where no primitive is to reach; where one is to be."""
 SCALE = 0.02
 """Beyond this distance [m] an error counts linearly: soft L1, so that single fingers do not pull a hand."""
-SIMPLER = {"sphere": 1.0, "cylinder": 1.05, "elliptic": 1.15}
+SIMPLER = {"sphere": 1.0, "cylinder": 1.6, "elliptic": 2.2}
 """A kind is taken when its cost, times this, is least: of two that fit alike, the one that contact answers sooner."""
+OUT = 0.003
+"""A solid's farthest points may be this far outside the skin [m] at no cost."""
+_TURN = np.pi * (3 - np.sqrt(5)) * np.arange(60)
+_UP = 1 - (2 * np.arange(60) + 1) / 60
+DIRECTIONS = np.stack([np.sqrt(1 - _UP**2) * np.cos(_TURN), _UP, np.sqrt(1 - _UP**2) * np.sin(_TURN)], axis=-1)
+"""Sixty unit vectors spread over the ball: Fibonacci's spiral."""
 MERGED = (
     ("lower arm", "hand"), ("head", "neck"), ("pelvis", "abdomen"), ("upper arm", "lower arm"), ("lower leg", "foot"),
     ("upper leg", "lower leg"), ("chest", "pelvis"),
@@ -32,25 +41,12 @@ MERGED = (
 """For fewer primitives than parts: which part takes in which, in this order, left and right together."""
 
 
-def skin_samples(vertices: NDArray, faces: NDArray, count: int, *, seed: int = 0) -> tuple[F64, NDArray[np.int64]]:
-    """Points spread over a mesh by area (count, 3), stratified, by Philox, and the face of each (count,)."""
-    corner = np.asarray(vertices, np.float64)[np.asarray(faces)]
-    area = np.linalg.norm(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1)
-    chance = np.random.Generator(np.random.Philox(key=seed)).random((count, 3))
-    total = np.cumsum(area)
-    face = np.searchsorted(total, (np.arange(count) + chance[:, 0]) / count * total[-1]).clip(0, len(area) - 1)
-    u, v = np.sqrt(chance[:, 1]), chance[:, 2]
-    share = np.stack([1 - u, u * (1 - v), u * v], axis=-1)
-    return (corner[face] * share[..., None]).sum(axis=1), face
-
-
 @dataclass(frozen=True, eq=False)
 class _Piece:
-    """A solid, the part it is of, and the samples that were given to it when it was made."""
+    """A solid and the part it is of."""
 
     solid: Solid
     part: str
-    mine: NDArray[np.int64]
 
 
 def fit(
@@ -77,23 +73,25 @@ def fit(
         raise InputError(f"error_mm: {error_mm}; allowed: above 0")
     if labels.shape != (len(faces),) or labels.min() < 0 or labels.max() >= len(names):
         raise InputError(f"labels: shape {labels.shape}; allowed: ({len(faces)},), numbers of the {len(names)} names")
-    points, face = skin_samples(vertices, faces, SAMPLES, seed=seed)
-    part = labels[face]
+    mirror = mirror_plane(vertices, faces, labels, names)
+    space = skin_space(vertices, faces, SKIN, OUTSIDE, INSIDE, mirror=mirror, seed=seed)
+    skin = SkinField(vertices, faces)
+    part = labels[space.face]
     pieces = []
     for group in _groups([n for k, n in enumerate(names) if (part == k).any()], count):
         mine = np.flatnonzero(np.isin(part, [k for k, n in enumerate(names) if n in group]))
         if len(mine) >= 8:
-            pieces.append(_Piece(_best(points[mine]), group[0], mine))
-    pieces = _turn(pieces, points, 8)
+            pieces.append(_Piece(_best(space.part(mine), skin), group[0]))
+    pieces = _turn(pieces, space, skin, 8)
     while len(pieces) < count:
-        distance, whose = _nearest([p.solid for p in pieces], points)
-        if error_mm is not None and np.abs(distance).mean() * 1000 <= error_mm:
+        distance, whose = _nearest([p.solid for p in pieces], space.at)
+        if error_mm is not None and np.abs(distance[space.side == 0]).mean() * 1000 <= error_mm:
             break
-        grown = _split(pieces, points, distance, whose, count)
+        grown = _split(pieces, space, skin, distance, whose, count)
         if len(grown) == len(pieces):
             break
-        pieces = _turn(grown, points, 6)
-    pieces = _turn(pieces, points, 40)
+        pieces = _turn(grown, space, skin, 6)
+    pieces = _turn(pieces, space, skin, 40)
     made = []
     for piece in pieces:
         bone = (bones or {}).get(piece.part, 0)
@@ -127,16 +125,23 @@ def _cost(distance: F64) -> F64:
     return 2 * SCALE**2 * (np.sqrt(1 + (distance / SCALE) ** 2) - 1)
 
 
-def _best(points: F64) -> Solid:
-    """The kind and solid that fit points (n, 3) best by themselves."""
+def _beyond(solid: Solid, skin: SkinField) -> F64:
+    """How far a solid's farthest points in many directions are outside the skin [m], beyond what is allowed."""
+    return np.maximum(skin(solid.farthest(DIRECTIONS)) - OUT, 0)
+
+
+def _beyond_cost(solid: Solid, skin: SkinField) -> float:
+    return float(_cost(_beyond(solid, skin)).sum())
+
+
+def _best(space: SkinSpace, skin: SkinField) -> Solid:
+    """The kind and solid that fit best by themselves."""
     best, least = None, np.inf
-    for solid in starts(points):
-        (piece,) = _turn([_Piece(solid, "", np.arange(len(points)))], points, 12)
-        primitive = piece.solid.primitive()
-        if primitive is None:
-            continue
-        cost = float(_cost(signed_distance(primitive, points)[0]).sum()) * SIMPLER[solid.kind]
-        if cost < least:
+    for solid in starts(space.at[space.side == 0]):
+        (piece,) = _turn([_Piece(solid, "")], space, skin, 12)
+        cost = float(_cost(space.error(_nearest([piece.solid], space.at)[0])).sum())
+        cost = (cost + _beyond_cost(piece.solid, skin)) * SIMPLER[solid.kind]
+        if best is None or cost < least:
             best, least = piece.solid, cost
     assert best is not None
     return best
@@ -161,36 +166,43 @@ def _nearest(solids: Sequence[Solid], points: F64) -> tuple[F64, NDArray[np.int6
     return best, whose
 
 
-def _turn(pieces: list[_Piece], points: F64, rounds: int) -> list[_Piece]:
+def _turn(pieces: list[_Piece], space: SkinSpace, skin: SkinField, rounds: int) -> list[_Piece]:
     """All solids towards the least soft-L1 sum of the union's distances, a damping each; the best state met."""
     solids = [p.solid for p in pieces]
     damping = np.full(len(solids), 1e-2)
+    points = space.at
     distance, whose = _nearest(solids, points)
-    best, least = solids, float(_cost(distance).sum())
+    error = space.error(distance)
+    beyond = np.array([_beyond_cost(s, skin) for s in solids])
+    best, least = solids, float(_cost(error).sum() + beyond.sum())
     for _ in range(rounds):
         trial = []
         for k, solid in enumerate(solids):
-            mine = np.flatnonzero(whose == k)
+            mine = np.flatnonzero((whose == k) & (error != 0))
             if len(mine) < 4:
                 trial.append(solid)
                 continue
-            slope = solid.slopes(points[mine], distance[mine])
-            weight = 1 / np.sqrt(1 + (distance[mine] / SCALE) ** 2)
+            slope = solid.slopes(points[mine], distance[mine], lambda s: _beyond(s, skin))
+            wrong = np.concatenate([error[mine], _beyond(solid, skin)])
+            weight = 1 / np.sqrt(1 + (wrong / SCALE) ** 2)
             square = slope.T @ (weight[:, None] * slope)
             ridge = damping[k] * np.diag(square) + 1e-9 * np.trace(square) + 1e-12
-            step = np.linalg.solve(square + np.diag(ridge), -slope.T @ (weight * distance[mine]))
+            step = np.linalg.solve(square + np.diag(ridge), -slope.T @ (weight * wrong))
             moved = solid.moved(step)
             trial.append(moved if moved.primitive() is not None else solid)
         new_distance, new_whose = _nearest(trial, points)
-        before = np.bincount(whose, _cost(distance), len(solids))
-        after = np.bincount(whose, _cost(new_distance), len(solids))
+        new_beyond = np.array([_beyond_cost(s, skin) for s in trial])
+        before = np.bincount(whose, _cost(error), len(solids)) + beyond
+        after = np.bincount(whose, _cost(space.error(new_distance)), len(solids)) + new_beyond
         better = after <= before
         damping = np.clip(np.where(better, damping / 3, damping * 5), 1e-7, 1e7)
         if not better.all():
             trial = [t if b else s for t, s, b in zip(trial, solids, better, strict=True)]
             new_distance, new_whose = _nearest(trial, points)
         solids, distance, whose = trial, new_distance, new_whose
-        cost = float(_cost(distance).sum())
+        error = space.error(distance)
+        beyond = np.where(better, new_beyond, beyond)
+        cost = float(_cost(error).sum() + beyond.sum())
         gain = least - cost
         if gain > 0:
             best, least = solids, cost
@@ -200,11 +212,13 @@ def _turn(pieces: list[_Piece], points: F64, rounds: int) -> list[_Piece]:
 
 
 def _split(
-    pieces: list[_Piece], points: F64, distance: F64, whose: NDArray[np.int64], count: int
+    pieces: list[_Piece], space: SkinSpace, skin: SkinField, distance: F64, whose: NDArray[np.int64], count: int
 ) -> list[_Piece]:
-    """Two for the worst, and for its mirror image: the one whose samples cost most for each primitive it would take."""
-    cost = np.bincount(whose, _cost(distance), len(pieces))
-    held = np.bincount(whose, minlength=len(pieces))
+    """Two for the worst, and for its mirror image: those whose samples cost most for each primitive they would take,
+    and with them what costs nearly as much."""
+    cost = np.bincount(whose, _cost(space.error(distance)), len(pieces))
+    on = whose[space.side == 0]
+    held = np.bincount(on, minlength=len(pieces))
     family: dict[str, list[int]] = {}
     rank: dict[str, int] = {}
     order = np.argsort(-cost, kind="stable").tolist()
@@ -212,21 +226,24 @@ def _split(
         part = pieces[k].part
         rank[part] = rank.get(part, -1) + 1
         family.setdefault(f"{part.removeprefix('left ').removeprefix('right ')} {rank[part]}", []).append(k)
-    possible = [
-        m for m in family.values() if len(m) <= count - len(pieces) and all(held[k] >= 24 for k in m)
-    ]
-    if not possible:
-        return pieces
-    chosen = max(possible, key=lambda m: sum(cost[k] for k in m) / len(m))
+    possible = [m for m in family.values() if all(held[k] >= 24 for k in m)]
+    possible.sort(key=lambda m: -sum(cost[k] for k in m) / len(m))
+    chosen: list[int] = []
+    worst = 0.0
+    for members in possible:
+        each = sum(cost[k] for k in members) / len(members)
+        worst = worst or each
+        room = count - len(pieces) - len(chosen)
+        if len(members) <= room and (each > 0.6 * worst or not chosen):
+            chosen += members
     out = []
     for k, piece in enumerate(pieces):
         if k not in chosen:
             out.append(piece)
             continue
-        mine = np.flatnonzero(whose == k)
-        first = _halves(points[mine])
-        for half in (mine[first], mine[~first]):
-            out.append(_Piece(_best(points[half]), piece.part, half))
+        mine = np.flatnonzero(on == k)
+        first = _halves(space.at[mine])
+        out += [_Piece(_best(space.part(half), skin), piece.part) for half in (mine[first], mine[~first])]
     return out
 
 

@@ -17,13 +17,21 @@ from scipy.ndimage import gaussian_filter1d
 from taichi_cloth.body.laplacian import Surface
 from taichi_cloth.errors import InputError
 
-__all__ = ["PARTS", "cut", "ends"]
+__all__ = ["JOINTS", "PARTS", "cut", "ends"]
 
 F64 = NDArray[np.float64]
 TRUNK = ("head", "neck", "chest", "abdomen", "pelvis")
 ARM = ("upper arm", "lower arm", "hand")
 LEG = ("upper leg", "lower leg", "foot")
 PARTS = (*TRUNK, *(f"{side} {part}" for side in ("left", "right") for part in (*ARM, *LEG)))
+
+JOINTS = {
+    "head": "head", "neck": "neck", "chest": "spine3", "abdomen": "spine2", "pelvis": "pelvis",
+    **{f"{side} {part}": f"{bone}_{side[0]}" for side in ("left", "right") for part, bone in (
+        ("upper arm", "upper_arm"), ("lower arm", "forearm"), ("hand", "hand"),
+        ("upper leg", "thigh"), ("lower leg", "shin"), ("foot", "foot"))},
+}  # fmt: skip
+"""The joint of `skeleton.JOINTS` that each part moves with."""
 
 LEVELS = 96
 """Level curves along a limb."""
@@ -40,6 +48,8 @@ WAIST, BUST = 0.32, 0.62
 """Shares of the way from the crotch to the base of the neck where the abdomen starts and ends."""
 JAW, NAPE = 1.18, 1.30
 """The neck ends where its girth is this many times its least, upward and downward."""
+SHORTEST_NECK = 0.5
+"""Its length, in diameters at its narrowest, is at least this."""
 HIP_TILT = np.radians(30.0)
 """The groin's crease rises outward by this angle."""
 
@@ -266,8 +276,11 @@ def _neck(
     k = int(np.abs(levels - neck).argmin())
     rise = np.flatnonzero((girth > JAW * girth[k]) & (levels > neck))
     fall = np.flatnonzero((girth > NAPE * girth[k]) & (levels < neck))
-    high = int(rise[0]) if len(rise) else k + 4
-    low = int(fall[-1]) if len(fall) else max(k - 8, 0)
+    high = int(rise[0]) if len(rise) else k
+    low = int(fall[-1]) if len(fall) else k
+    short = SHORTEST_NECK * girth[k] / np.pi / 2  # half of it, each way from the narrowest place
+    low = min(low, int(np.searchsorted(levels, neck - short)))
+    high = min(max(high, int(np.searchsorted(levels, neck + short))), len(levels) - 1)
     return within, middle[low], middle[high], axis
 
 

@@ -5,6 +5,7 @@ log semi-axes, the turn of `across` about the axis from where it was, and the ro
 as a logit (10).
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -73,9 +74,29 @@ class Solid:
     def moved(self, step: F64) -> "Solid":
         return Solid(self.kind, self.numbers + step, self.across)
 
-    def slopes(self, points: F64, distance: F64) -> F64:
-        """Change of the signed distance of points (n, 3) by each number, by finite differences, shape (n, numbers)."""
-        out = np.zeros((len(points), len(self.numbers)))
+    def farthest(self, directions: F64) -> F64:
+        """The surface's farthest point in each unit direction (n, 3), shape (n, 3)."""
+        p = self.primitive()
+        if p is None:
+            return np.full(directions.shape, 1e3)
+        ends = np.stack([p.start, p.end])
+        if p.kind != "elliptic":
+            pick = (directions @ ends.T + np.array(p.radii)).argmax(axis=1)
+            return ends[pick] + np.array(p.radii)[pick, None] * directions
+        assert p.across is not None
+        axis = (p.end - p.start) / np.linalg.norm(p.end - p.start)
+        other, r = np.cross(axis, p.across), p.rounding
+        x, y = directions @ p.across * (p.radii[0] - r), directions @ other * (p.radii[1] - r)
+        size = np.maximum(np.hypot(x, y), 1e-12)
+        inner = (x / size * (p.radii[0] - r))[:, None] * p.across + (y / size * (p.radii[1] - r))[:, None] * other
+        end = np.where((directions @ axis > 0)[:, None], p.end - r * axis, p.start + r * axis)
+        return end + inner + r * directions
+
+    def slopes(self, points: F64, distance: F64, reach: Callable[["Solid"], F64] | None = None) -> F64:
+        """Change, by each number, of the signed distance of points (n, 3), and below it of what `reach` says (m,), by
+        finite differences, shape (n + m, numbers)."""
+        now = np.zeros(0) if reach is None else reach(self)
+        out = np.zeros((len(points) + len(now), len(self.numbers)))
         places = 3 if self.kind == "sphere" else 6
         for k in range(len(self.numbers)):
             nudge = NUDGE_LENGTH if k < places else NUDGE_LOG
@@ -83,7 +104,9 @@ class Solid:
             step[k] = nudge
             other = self.moved(step).primitive()
             if other is not None:
-                out[:, k] = (signed_distance(other, points)[0] - distance) / nudge
+                out[: len(points), k] = (signed_distance(other, points)[0] - distance) / nudge
+                if reach is not None:
+                    out[len(points) :, k] = (reach(self.moved(step)) - now) / nudge
         return out
 
 
@@ -101,7 +124,9 @@ def starts(points: F64) -> list[Solid]:
         i, j = (k + 1) % 3, (k + 2) % 3
         low, high = np.quantile(at[:, k], [0.02, 0.98])
         length = max(float(high - low), 4 * SHORTEST)
-        offset = middle + (at[:, i].min() + at[:, i].max()) / 2 * axes[i] + (at[:, j].min() + at[:, j].max()) / 2 * axes[j]
+        offset = (
+            middle + (at[:, i].min() + at[:, i].max()) / 2 * axes[i] + (at[:, j].min() + at[:, j].max()) / 2 * axes[j]
+        )
         centre = offset + (low + high) / 2 * axes[k]
         if k < 2:
             radial = np.hypot(*(at[:, m] - (at[:, m].min() + at[:, m].max()) / 2 for m in (i, j)))
