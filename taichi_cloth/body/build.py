@@ -23,7 +23,7 @@ I32 = NDArray[np.int32]
 RAYS, STEPS, REACH = 40, 36, 0.14
 """Rays of a section, steps along each, and how far they go in shares of the stature."""
 
-SWELL = 0.0025
+SWELL = 0.0015
 """How far outside the skin it is meshed first, in shares of the stature: so the grid resolves what is thin."""
 
 BAND = 5.0
@@ -31,7 +31,7 @@ BAND = 5.0
 
 
 @lru_cache(maxsize=8)
-def built_in_body(measures: Measures | None = None, *, gender: Gender = "female", spacing: float = 0.0080) -> Body:
+def built_in_body(measures: Measures | None = None, *, gender: Gender = "female", spacing: float = 0.0092) -> Body:
     """A watertight body in an A pose. spacing: of the grid it is meshed on, as a share of the stature.
 
     measures: default the standard ones of the gender, which also picks the shape of the figure.
