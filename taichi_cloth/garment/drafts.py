@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from taichi_cloth.errors import InputError, did_you_mean
 from taichi_cloth.garment.curves import bezier, length
 from taichi_cloth.garment.figure import Figure, Section
-from taichi_cloth.garment.pattern import Flat, Panel, Pattern, Seam, Side, Wrap
+from taichi_cloth.garment.pattern import Flat, Hold, Panel, Pattern, Seam, Side, Wrap
 
 __all__ = ["DRAFTS", "Cut", "draft"]
 
@@ -24,6 +24,7 @@ F64 = NDArray[np.float64]
 UP = np.array([0.0, 1.0, 0.0])
 FRONT = np.array([0.0, 0.0, 1.0])
 CLEAR = 0.012  # between the body and a panel where it starts [m]
+SNUG = 0.006  # between the body and a waistband [m]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,13 +67,17 @@ def _mirrored(edge: F64) -> F64:
     return edge[::-1] * np.array([-1.0, 1.0])
 
 
-def _ring(section: Section, girth: float) -> tuple[float, float]:
-    """(outward, sideways) semi-axes of a ring of that girth in the section's proportions, clear of the body [m]."""
-    a, b = section.depth + CLEAR, section.breadth + CLEAR
+def _perimeter(section: Section, clear: float) -> float:
+    """Of an ellipse round the section at a distance (Ramanujan 1914) [m]."""
+    a, b = section.depth + clear, section.breadth + clear
     h = ((a - b) / (a + b)) ** 2
-    perimeter = pi * (a + b) * (1 + 3 * h / (10 + sqrt(4 - 3 * h)))  # Ramanujan 1914
-    scale = max(1.0, girth / perimeter)
-    return a * scale, b * scale
+    return pi * (a + b) * (1 + 3 * h / (10 + sqrt(4 - 3 * h)))
+
+
+def _ring(section: Section, girth: float, clear: float) -> tuple[float, float]:
+    """(outward, sideways) semi-axes of a ring of that girth in the section's proportions, clear of the body [m]."""
+    scale = max(1.0, girth / _perimeter(section, clear))
+    return (section.depth + clear) * scale, (section.breadth + clear) * scale
 
 
 def _before(f: Figure, height: float, *, back: bool) -> Flat:
@@ -83,10 +88,11 @@ def _before(f: Figure, height: float, *, back: bool) -> Flat:
     return Flat(turn, np.array([0.0, height, chest.middle + (-reach if back else reach)]))
 
 
-def _around(section: Section, girth: float, height: float, *, back: bool, taper: float = 0.0) -> Wrap:
-    """Round the trunk, the panel's middle at the front or at the back, its y = 0 at a height [m]."""
+def _around(section: Section, girth: float, height: float, *, back: bool, taper: float) -> Wrap:
+    """Round the trunk as a cone, the panel's middle at the front or at the back, its y = 0 at a height [m]."""
     outward = -FRONT if back else FRONT
-    return Wrap(np.array([0.0, height, section.middle]), UP, outward, _ring(section, girth), taper=taper)
+    origin = np.array([0.0, height, section.middle])
+    return Wrap(origin, UP, outward, _ring(section, girth, SNUG), taper=taper)
 
 
 @dataclass(frozen=True)
@@ -135,7 +141,7 @@ def _tshirt(f: Figure, cut: Cut) -> Pattern:
         holes += length(edges[2])
         place = _before(f, f.neck_height + 0.02, back=name == "back")
         panels.append(Panel(name, tuple(edges), place, hems=(0, 4)))
-    width, short = f.upper_arm * 1.22 + 0.02, _set(cut.sleeve, 0.11)
+    width, short = f.upper_arm * 1.4 + 0.02, _set(cut.sleeve, 0.11)
     for which, name in enumerate(("left", "right")):
         panels.append(_sleeve(f, which, f"{name}_sleeve", width, short, holes * 1.015))
     seams = [
@@ -147,7 +153,12 @@ def _tshirt(f: Figure, cut: Cut) -> Pattern:
         *_sides("right_sleeve", "front", ((2, 6),)),
         *_sides("right_sleeve", "back", ((3, 2),)),
     ]
-    return Pattern("tshirt", tuple(panels), tuple(seams))
+    return Pattern("tshirt", tuple(panels), tuple(seams), _shoulders("front"))
+
+
+def _shoulders(panel: str) -> tuple[Hold, ...]:
+    """The shoulder seams of a top, carried by the shoulder blades' bones."""
+    return Hold(Side(panel, 3), "clavicle_l"), Hold(Side(panel, 5), "clavicle_r")
 
 
 def _sides(a: str, b: str, edges: tuple[tuple[int, int], ...]) -> list[Seam]:
@@ -192,14 +203,15 @@ def _sector(name: str, waist: float, hem: float, long: float, f: Figure, *, back
 
 
 def _skirt(f: Figure, cut: Cut) -> Pattern:
-    waist = f.waist * 1.02
+    waist = _perimeter(f.sections["waist"], SNUG)
     hem = f.hip * _set(cut.flare, 1.75) * (1 + _set(cut.ease, 0.0))
     long = _set(cut.length, 0.26 * f.stature)
     panels = [
         _sector(name, waist / 2, hem / 2, long, f, back=name == "back", height=f.waist_height)
         for name in ("front", "back")
     ]
-    return Pattern("skirt", tuple(panels), tuple(_sides("front", "back", ((1, 3), (3, 1)))))
+    band = tuple(Hold(Side(name, 2), "pelvis", early=True) for name in ("front", "back"))
+    return Pattern("skirt", tuple(panels), tuple(_sides("front", "back", ((1, 3), (3, 1)))), band)
 
 
 def _dress(f: Figure, cut: Cut) -> Pattern:
@@ -228,7 +240,7 @@ def _dress(f: Figure, cut: Cut) -> Pattern:
         *_sides("front", "skirt_front", ((0, 2),)),
         *_sides("back", "skirt_back", ((0, 2),)),
     ]
-    return Pattern("dress", tuple(panels), tuple(seams))
+    return Pattern("dress", tuple(panels), tuple(seams), _shoulders("front"))
 
 
 def _trousers(f: Figure, cut: Cut) -> Pattern:

@@ -51,7 +51,7 @@ def figure_of(body: Body) -> Figure:
         hip=_girth(trunk(hip)),
         upper_arm=skin.tape((arms[0].top + 2 * arms[0].bottom) / 3, arms[0].axis),
         thigh=skin.tape(np.array([legs[0].top[0], crotch - 0.03, legs[0].top[2]]), np.array([0.0, 1.0, 0.0])),
-        shoulder=2 * tips,
+        shoulder=2 * tips + 0.04,  # the bone's tip lies outside the joint's middle
         neck_height=skin.top(girth / (2 * np.pi) + 0.012, neck_joint[1] + 0.03),
         shoulder_height=skin.top(tips, top + 0.12),
         underarm_height=underarm,

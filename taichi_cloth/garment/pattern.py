@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from taichi_cloth.errors import InputError, did_you_mean
 from taichi_cloth.garment.curves import along, length
 
-__all__ = ["Flat", "Panel", "Pattern", "Seam", "Side", "Wrap"]
+__all__ = ["Flat", "Hold", "Panel", "Pattern", "Seam", "Side", "Wrap"]
 
 F64 = NDArray[np.float64]
 
@@ -109,6 +109,18 @@ class Seam:
     alike: bool | None = None
 
 
+@dataclass(frozen=True)
+class Hold:
+    """An edge that the body carries (paper 4.1: the shoulders): attached rigidly to a bone, by name.
+
+    early: from the start and where it starts, as a waistband; otherwise where it comes to rest.
+    """
+
+    side: Side
+    bone: str
+    early: bool = False
+
+
 @dataclass(frozen=True, eq=False)
 class Pattern:
     """Raises InputError on what is none: panels that are open, tiny or cross themselves, seams without an edge."""
@@ -116,6 +128,7 @@ class Pattern:
     name: str
     panels: tuple[Panel, ...]
     seams: tuple[Seam, ...]
+    holds: tuple[Hold, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.panels:
@@ -136,7 +149,7 @@ class Pattern:
                     where = f"pattern {self.name}: stitch {number}"
                     raise InputError(f"{where}: edge {side.edge} of {side.panel}; allowed: 0 to {count - 1}")
             if seam.first == seam.second:
-                raise InputError(f"pattern {self.name}: stitch {number}: joins {seam.first.panel} edge to itself")
+                raise InputError(f"pattern {self.name}: stitch {number}: joins an edge of {seam.first.panel} to itself")
 
     def panel(self, name: str) -> Panel:
         return next(panel for panel in self.panels if panel.name == name)

@@ -1,0 +1,227 @@
+"""Sewing (paper 4): panels stand round the body, seams draw them together, gravity lets the garment settle.
+
+1. Closing: no gravity, thick air; the gaps of all seams shrink at a set speed, the body keeps the cloth out.
+2. Settling: gravity and friction, until the cloth is at rest or the time is up.
+What comes out is where the key points rest. Seams then stay as ties for as long as the garment is worn.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_cloth.body.colliders import Colliders
+from taichi_cloth.body.distance import nearest_distance
+from taichi_cloth.errors import InputError
+from taichi_cloth.forces import Forces
+from taichi_cloth.garment.curves import along, length
+from taichi_cloth.garment.cut import Atlas, turned
+from taichi_cloth.garment.pattern import Pattern, Side
+from taichi_cloth.garment.ties import Ties
+from taichi_cloth.materials import Material
+from taichi_cloth.sheet import Sheet
+from taichi_cloth.simulation import Simulation, Unstable
+from taichi_cloth.solvers.verlet import Verlet
+from taichi_cloth.springs import calibrate
+
+__all__ = ["OPEN", "Garment", "Worn", "sew"]
+
+F32 = NDArray[np.float32]
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+
+OPEN = 2e-3
+"""A seam is closed when its gap is no wider than this [m]."""
+
+CLOSING = 240  # frames at most
+SETTLING = 300
+STILL = 0.015  # [m/s] root mean square at which cloth is at rest
+THICK, THIN = 6.0, 2.0  # [1/s] damping by the air while closing and while settling
+
+
+@dataclass(frozen=True, eq=False)
+class Garment:
+    """A pattern cut from a material. Raises InputError as `cut` and `calibrate` do."""
+
+    pattern: Pattern
+    atlas: Atlas
+    material: Material
+
+    def sheet(self, material: Material | None = None) -> Sheet:
+        """Key points and springs of all panels."""
+        m, (a, b) = material or self.material, self.atlas.spacing
+        return Sheet.of_cells(self.atlas.cells, material=m, springs=calibrate(m, spacing_x=a, spacing_y=b))
+
+    def seams(self) -> tuple[I64, F64]:
+        """Points along all seams, a key point's distance apart: blends (n, 8, 2) and (n, 8) that are 0 when closed."""
+        nodes, weights = [], []
+        for seam in self.pattern.seams:
+            count = max(2, int(np.ceil(self.pattern.seam_length(seam) / max(self.atlas.spacing))) + 1)
+            sides = zip((seam.first, seam.second), self.pattern.pairs(seam, count), strict=True)
+            (n0, w0), (n1, w1) = (self._embedded(side, points) for side, points in sides)
+            nodes.append(np.concatenate([n0, n1], axis=1))
+            weights.append(np.concatenate([w0, -w1], axis=1))
+        if not nodes:
+            return np.zeros((0, 8, 2), np.int64), np.zeros((0, 8))
+        return np.concatenate(nodes), np.concatenate(weights)
+
+    def holds(self) -> tuple[I64, F64, F64, list[str], NDArray[np.bool_]]:
+        """Points of the edges that the body carries: blends (n, 4, 2) and (n, 4), where they start (n, 3) [m], the name
+        of the bone of each, and whether it is held from the start or only once the garment rests."""
+        nodes, weights, places, bones, early = [], [], [], [], []
+        for hold in self.pattern.holds:
+            edge = self.pattern.edge(hold.side)
+            count = max(2, int(np.ceil(length(edge) / max(self.atlas.spacing))) + 1)
+            points = along(edge, np.linspace(0.0, 1.0, count))
+            n, w = self._embedded(hold.side, points)
+            nodes.append(n)
+            weights.append(w)
+            places.append(self.pattern.panel(hold.side.panel).place.points(points))
+            bones += [hold.bone] * count
+            early += [hold.early] * count
+        if not nodes:
+            return np.zeros((0, 4, 2), np.int64), np.zeros((0, 4)), np.zeros((0, 3)), [], np.zeros(0, bool)
+        return np.concatenate(nodes), np.concatenate(weights), np.concatenate(places), bones, np.array(early)
+
+    def _embedded(self, side: Side, points: F64) -> tuple[I64, F64]:
+        piece = self.atlas.panel(side.panel)
+        return piece.embed(turned(points, piece.panel.grain))
+
+    def ties(
+        self, solver: Verlet, *, places: F64, held: NDArray[np.bool_], bones: NDArray, speed: float
+    ) -> Ties | None:
+        """Seams, and those holds that are `held`, at `places` (n, 3) [m], carried by `bones` (n,)."""
+        seams, seam_weights = self.seams()
+        nodes, weights = self.holds()[:2]
+        count = len(seams)
+        if count + int(held.sum()) == 0:
+            return None
+        return Ties(
+            solver.sheet,
+            np.concatenate([seams, np.pad(nodes[held], ((0, 0), (0, 4), (0, 0)))]),
+            np.concatenate([seam_weights, np.pad(weights[held], ((0, 0), (0, 4)))]),
+            substeps=solver.substeps,
+            frame_time=solver.step * solver.substeps,
+            speed=speed,
+            places=np.concatenate([np.full((count, 3), np.nan), places[held]]),
+            bones=np.concatenate([np.full(count, -1), bones[held]]),
+        )
+
+    def simulation(
+        self,
+        forces: Forces,
+        positions: F64 | F32,
+        *,
+        places: F64,
+        held: NDArray[np.bool_],
+        bones: NDArray,
+        frame_rate: float = 60.0,
+        safety: float = 0.9,
+        air_damping: float | None = None,
+        speed: float = 0.5,
+    ) -> Simulation:
+        """The garment in motion from `positions`, seams and holds tied."""
+        material = self.material if air_damping is None else replace(self.material, air_damping=air_damping)
+        sheet = self.sheet(material)
+        plain = Verlet(sheet, replace(forces, body=None), frame_rate=frame_rate, safety=safety)
+        ties = self.ties(plain, places, held, bones, speed)
+        passes = () if ties is None else (ties,)
+        solver = Verlet(sheet, forces, frame_rate=frame_rate, safety=safety, passes=passes)
+        return Simulation(sheet, solver, forces=forces, positions=positions)
+
+
+@dataclass(frozen=True, eq=False)
+class Worn:
+    """A garment at rest on a body.
+
+    positions: key points (rows, cols, 3) [m]. places: (n, 3) of the pattern's holds [m]. gap: of the widest seam [m].
+    depth: of the deepest key point in the body [m]. stretch: largest strain of a thread. speed: root mean square at
+    the end [m/s]. frames: that sewing took.
+    """
+
+    positions: F32
+    places: F64
+    gap: float
+    depth: float
+    stretch: float
+    speed: float
+    frames: int
+
+
+def sew(
+    garment: Garment,
+    body: Colliders,
+    *,
+    each: Callable[[str, int, int], None] | None = None,
+    closing: int = CLOSING,
+    settling: int = SETTLING,
+) -> Worn:
+    """Sews a garment on a body at rest. each: told the stage, the frame and the most there may be, after each frame.
+
+    Raises InputError when the cloth does not hold together, with what to change.
+    """
+    _, _, places, names, early = garment.holds()
+    bones = np.full(len(names), -1)
+    start = garment.atlas.start()
+    smooth = replace(body, friction=0.05, motion=None)
+    still = replace(body, motion=None)
+    frames = 0
+    try:
+        simulation = garment.simulation(
+            Forces(gravity=(0.0, 0.0, 0.0), body=smooth),
+            start,
+            places=places,
+            held=early,
+            bones=bones,
+            air_damping=THICK,
+        )
+        for frame in range(closing):
+            simulation.step()
+            frames += 1
+            if each:
+                each("sewing", frame + 1, closing)
+            if _gap(simulation) < OPEN:
+                break
+        simulation = garment.simulation(
+            Forces(body=still), simulation.positions, places=places, held=early, bones=bones, air_damping=THIN
+        )
+        for frame in range(settling):
+            simulation.step()
+            frames += 1
+            if each:
+                each("settling", frame + 1, settling)
+            if frame >= 60 and _speed(simulation) < STILL:
+                break
+    except Unstable as error:
+        raise InputError(
+            f"garment {garment.pattern.name}: torn while it was sewn ({error}); it does not fit this body: "
+            "allowed: a pattern whose panels start clear of the body and whose seams can close round it"
+        ) from None
+    positions = simulation.positions
+    present = simulation.sheet.present
+    distance = nearest_distance(body.primitives, positions[present].astype(np.float64))[0]
+    depth = float(max(0.0, -distance.min()))
+    nodes, weights = garment.holds()[:2]
+    rested = np.einsum("nkc,nk->nc", positions[nodes[..., 0], nodes[..., 1]], weights)
+    return Worn(
+        positions=positions,
+        places=np.where(early[:, None], places, rested),
+        gap=_gap(simulation),
+        depth=depth,
+        stretch=float(max(s.max() for s in simulation.sheet.stretch(positions))),
+        speed=_speed(simulation),
+        frames=frames,
+    )
+
+
+def _gap(simulation: Simulation) -> float:
+    solver = simulation.solver
+    assert isinstance(solver, Verlet)
+    ties = [one for one in solver.passes if isinstance(one, Ties)]
+    return max((float(one.gaps(simulation.state).max()) for one in ties), default=0.0)
+
+
+def _speed(simulation: Simulation) -> float:
+    steps = simulation.sheet.steps(simulation.state)[simulation.sheet.present]
+    return float(np.sqrt((steps.astype(np.float64) ** 2).sum(axis=1).mean())) / simulation.solver.step
