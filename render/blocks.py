@@ -4,7 +4,7 @@ With 16 neighbours of one property side by side, a load fills a vector register 
 16 particles at a time.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ from .arrays import LANES
 from .errors import RenderError
 from .particles import Particles
 
-__all__ = ["COLOUR", "NORMAL", "POSITION", "RADIUS", "TANGENT", "Layout", "pack"]
+__all__ = ["COLOUR", "NORMAL", "POSITION", "RADIUS", "TANGENT", "Layout", "ParticleBlocks", "pack"]
 
 POSITION, RADIUS, COLOUR, TANGENT, NORMAL = 0, 3, 4, 7, 10
 """First row of each property that every layout has."""
@@ -59,6 +59,41 @@ class Layout:
     def splat_size(self) -> int:
         """Numbers that the raster reads for one splat (see `project`)."""
         return 16 if self.elliptic else 8
+
+
+@dataclass(frozen=True, eq=False)
+class ParticleBlocks:
+    """Particles that lie in blocks already, and are drawn without a copy: whoever moves them moves the picture.
+
+    blocks: (n / 16, layout.rows, 16) float32; opacity is 1 where the layout has none, and whatever must not be drawn
+    has a radius of 0 and a place among the others. yarn, part: as of Particles, (n,) with the places not drawn.
+    """
+
+    blocks: NDArray[np.float32]
+    layout: Layout = field(default_factory=lambda: Layout(elliptic=True, openness=True))
+    yarn: NDArray[np.int32] | None = None
+    part: NDArray[np.int32] | None = None
+
+    def __len__(self) -> int:
+        return len(self.blocks) * LANES
+
+    def _rows(self, first: int, count: int) -> NDArray[np.float32]:
+        return self.blocks[:, first : first + count].transpose(0, 2, 1).reshape(-1, count)
+
+    @property
+    def position(self) -> NDArray[np.float32]:
+        """(n, 3) [m], a copy."""
+        return self._rows(POSITION, 3)
+
+    @property
+    def radius(self) -> NDArray[np.float32]:
+        """(n,) [m], a copy."""
+        return self._rows(RADIUS, 1)[:, 0]
+
+    @property
+    def half_length(self) -> NDArray[np.float32] | None:
+        """(n,) [m], a copy, where the layout has it."""
+        return self._rows(self.layout.half_length_row, 1)[:, 0] if self.layout.elliptic else None
 
 
 def pack(particles: Particles, *, textured: bool) -> tuple[Layout, NDArray[np.float32], NDArray[np.float64]]:

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from .arrays import LANES, TILE, Float, Floats1, Floats2, Floats3, Int, Ints1, Ints2, Switch, Vec16
 from .backdrop import Backdrop
-from .blocks import NORMAL, RADIUS
+from .blocks import NORMAL, RADIUS, ParticleBlocks
 from .camera import Camera
 from .errors import RenderError, did_you_mean
 from .mesh import Mesh
@@ -58,7 +58,7 @@ class Passes:
 def render_passes(
     splatter: Splatter,
     camera: Camera,
-    particles: Particles,
+    particles: Particles | ParticleBlocks,
     which: tuple[str, ...] = PASSES,
     *,
     backdrop: Backdrop | None = None,

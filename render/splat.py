@@ -17,7 +17,7 @@ from . import project as projection
 from . import shade as rows
 from .arrays import LANES, TILE
 from .backdrop import NO_COLOUR, NO_WALL, Backdrop
-from .blocks import Layout, pack
+from .blocks import Layout, ParticleBlocks, pack
 from .camera import Camera, check_size
 from .constants import set_constants
 from .errors import RenderError
@@ -123,11 +123,14 @@ class Splatter:
         self._options: dict[str, Any] = {}
         self._reserve(0)
 
-    def load(self, particles: Particles) -> "Splatter":
-        """Pack particles for `render`; the arrays are copied. Returns the splatter itself.
+    def load(self, particles: Particles | ParticleBlocks) -> "Splatter":
+        """Pack particles for `render`; the arrays are copied, or taken as they are where they lie in blocks.
 
-        Raises RenderError for too many particles or a sprite number that the sheet does not have.
+        Returns the splatter itself. Raises RenderError for too many particles or a sprite number that the sheet does
+        not have.
         """
+        if isinstance(particles, ParticleBlocks):
+            return self.load_blocks(particles.layout, particles.blocks, len(particles))
         if self.sprites is not None and particles.sprite is not None and len(particles):
             low, high = int(particles.sprite.min()), int(particles.sprite.max())
             if low < 0 or high >= len(self.sprites):

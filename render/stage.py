@@ -18,6 +18,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from .blocks import ParticleBlocks
 from .camera import Camera
 from .light import Lighting
 from .mesh import Mesh
@@ -110,16 +111,17 @@ class Stage:
         return (1 - fade[..., None] * (1 - lit / np.maximum(key + sky, 1e-12))).astype(np.float32)
 
 
-def stage_under(particles: Particles, mesh: Mesh | None = None) -> Stage | None:
+def stage_under(particles: Particles | ParticleBlocks, mesh: Mesh | None = None) -> Stage | None:
     """The floor under particles and a mesh, level with their lowest points; None when there is nothing.
 
     The lowest five thousandths of the particles may reach through it: single hairs do not lift a cloth.
     """
-    drawn = np.isfinite(particles.position).all(axis=1) & (particles.radius > 0) & np.isfinite(particles.radius)
-    place, radius = particles.position[drawn].astype(np.float64), particles.radius[drawn].astype(np.float64)
+    place, radius, half_length = particles.position, particles.radius, particles.half_length
+    drawn = np.isfinite(place).all(axis=1) & (radius > 0) & np.isfinite(radius)
+    place, radius = place[drawn].astype(np.float64), radius[drawn].astype(np.float64)
     area = np.pi * radius**2
-    if particles.half_length is not None:
-        area = 2 * radius * np.maximum(particles.half_length[drawn], radius) / 1.5  # chains overlap
+    if half_length is not None:
+        area = 2 * radius * np.maximum(half_length[drawn], radius) / 1.5  # chains overlap
     low = float(np.quantile(place[:, 1] - radius, 0.005)) if len(place) else np.inf
     if mesh is not None:
         points, share = _on_mesh(mesh)

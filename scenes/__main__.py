@@ -92,7 +92,7 @@ def animate(
     arch: Arch = "cpu",
     threads: Threads = None,
 ) -> None:
-    """Show a scene that moves (twist): a PNG a frame, an MP4 and a contact sheet."""
+    """Show a scene that moves (twist, drape, flag, hanging, stretch): a PNG a frame, an MP4 and a contact sheet."""
     from .run import run
 
     changed = _changed(overrides, "frames", frames, webp)
@@ -199,11 +199,13 @@ def _terminate(number: int, frame: object) -> NoReturn:
 def _status(arguments: list[str]) -> int:
     from typer.exceptions import TyperException
 
+    from taichi_cloth.simulation import Unstable
+
     from ..render.errors import RenderError
 
     try:
         result: Any = app(args=arguments, standalone_mode=False, prog_name="taichi-cloth")
-    except (InputError, RenderError) as error:
+    except (InputError, RenderError, Unstable) as error:
         _say(str(error))
         return 2
     except typer.Exit as end:

@@ -1,7 +1,7 @@
 """What a scene builds: one class a subject, all with the same few verbs.
 
 model = build(scene)      everything constant, made once
-model.step(frame)         move to a frame; only a twisting yarn moves
+model.step(frame)         move to a frame; only a twisting yarn and a cloth move
 model.panels()            what is to be drawn now, side by side
 model.facts()             what can be said of it, beside the textbook
 """
@@ -23,13 +23,14 @@ from taichi_cloth.sphere_surface import sphere_surface_points
 from taichi_cloth.spin import Period, Strands, hairs, spin
 from taichi_cloth.twisting import TwistingYarn
 
+from ..render.blocks import ParticleBlocks
 from ..render.mesh import Mesh
 from ..render.particles import Particles
 from .facts import Fact, fabric_facts, yarn_facts
 from .prepare import Prepared, fibre_kind, prepare_fabric, yarn_of
 from .schema import FabricSection, Scene
 
-__all__ = ["FabricModel", "FibreModel", "Model", "Panel", "TwistModel", "YarnModel", "build"]
+__all__ = ["FabricModel", "FibreModel", "Model", "Panel", "TwistModel", "YarnModel", "build", "shown_frame"]
 
 OPACITY = 1.0
 SURFACE_POINTS = 400_000
@@ -50,7 +51,7 @@ class Panel:
     """One picture of a frame: its particles, the points that must be in it, the words under it, labels at
     points of the world [m], and the particles' numbers, which are made only when asked for."""
 
-    particles: Particles
+    particles: Particles | ParticleBlocks
     bounds: NDArray[np.float32]
     caption: str = ""
     labels: tuple[tuple[str, tuple[float, float, float]], ...] = ()
@@ -74,9 +75,18 @@ class Model(Protocol):
 
 def build(scene: Scene, prepared: Prepared | None = None) -> Model:
     """Build a scene. `prepared` saves laying a fabric out again when that was done for `plan`."""
+    if scene.subject == "cloth":
+        from .cloth import ClothModel
+
+        return ClothModel(scene, prepared)
     if scene.subject == "fabric":
         return FabricModel(scene, prepared or prepare_fabric(scene))
     return {"fibre": FibreModel, "yarn": YarnModel, "twist": TwistModel}[scene.subject](scene)
+
+
+def shown_frame(scene: Scene, model: Model) -> int:
+    """The frame that a single picture shows: the one that the scene names, or the last."""
+    return model.frames - 1 if scene.output.frame is None else scene.output.frame
 
 
 class FabricModel:

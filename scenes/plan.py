@@ -8,6 +8,7 @@ from taichi_cloth.memory import memory_limit
 from taichi_cloth.sphere_set import sphere_set_from_rows
 from taichi_cloth.yarn import Yarn
 
+from .moving import woven_scene
 from .prepare import DRAW_BYTES, Prepared, fibre_kind, has_floor, prepare_fabric, yarn_of
 from .schema import Scene
 
@@ -49,7 +50,17 @@ def plan(scene: Scene) -> Plan:
     about = False
     notes: tuple[str, ...] = ()
     prepared = None
-    if subject == "fibre":
+    if scene.cloth:
+        from .plan_cloth import sheet_stages
+
+        sheet_built, sheet_left = sheet_stages(scene)
+        built |= sheet_built
+        left |= sheet_left
+        key_points = scene.cloth.rows * scene.cloth.columns
+    if subject == "cloth" and not scene.yarn:
+        left["fibre lattice"] = "only a scene of one fibre needs it"
+        left["yarn"] = "the scene has no [yarn]"
+    elif subject == "fibre":
         rows = scene.fibre.spheres
         spheres = (
             sphere_set_from_rows(rows)
@@ -71,23 +82,27 @@ def plan(scene: Scene) -> Plan:
         particles = int(length / (yarn.diameter / 5)) * yarn.plies * min(scene.yarn.fibres, yarn.fibres_in_section)
         about = True
         built["twist"] = f"zones of {s.zone_a_mm:g} and {s.zone_b_mm:g} mm, {scene.output.frames} frames"
-    elif subject != "fibre":
+    elif subject not in ("fibre", "cloth"):
         left["twist"] = "the scene has no [twist]"
     if subject == "yarn" and scene.yarn:
         yarn = yarn_of(scene.yarn, fibre)
         steps = 10 * max(4, round(scene.yarn.length_mm * 1e-3 / (yarn.diameter * 1.2)))
         particles, about = steps * yarn.plies * min(scene.yarn.fibres, yarn.fibres_in_section), True
-    if subject == "fabric":
-        prepared = prepare_fabric(scene)
+    fibres = subject == "fabric" or (scene.cloth is not None and scene.cloth.representation == "fibre")
+    if fibres:
+        prepared = prepare_fabric(woven_scene(scene) if scene.cloth else scene)
         layout = prepared.layout
         built["yarn"] = _yarn_line(layout.warp.yarn, layout.detail.fibres)
-        key_points, blocks, particles = layout.key_points, len(layout.blocks.kind), prepared.particles
+        blocks, particles = len(layout.blocks.kind), prepared.particles
+        key_points = key_points or layout.key_points
         notes = prepared.notes
         picks, ends = layout.cloth.warp_up.shape
         built["weave"] = f"{prepared.draft.name or 'draft'}: {ends} ends × {picks} picks"
         built["fibre blocks"] = f"{len(layout.kinds.section)} kinds of path, {layout.detail.variants} variants"
         if not (layout.warp.yarn.hairiness.ends_per_m or layout.warp.yarn.hairiness.loops_per_m):
             left["hairs"] = "yarn.hairiness is 0"
+    elif scene.cloth:
+        left["fibre blocks"] = 'cloth.representation is "mesh"'
     else:
         left["weave"] = "the scene has no [weave]"
         left["fibre blocks"] = "the scene has no [weave]"
@@ -106,11 +121,14 @@ def plan(scene: Scene) -> Plan:
     if has_floor(scene):
         built["floor"] = "six layers of shadow under the subject"
     else:
-        left["floor"] = "stage.ground is false" if subject == "fabric" else "only fabrics lie on one"
-    left["meshes"] = "the scene has none"
+        lies = subject == "fabric"
+        left["floor"] = "stage.ground is false" if lies else "only fabrics lie on one, and cloth with [forces.plane]"
+    if "meshes" not in built:
+        left["meshes"] = "the scene has none"
     left["passes"] = "no depth, normal or id buffers; `still --passes` asks for them"
     order = (
         *("fibre lattice", "yarn", "hairs", "twist", "weave", "fibre blocks"),
+        *("sheet", "solver", "pins", "wind", "contact"),
         *("light pass", "occlusion", "floor", "meshes", "splatter", "passes"),
     )
     stages = tuple(

@@ -100,8 +100,11 @@ def draft_of(weave: Weave) -> Draft:
 
 
 def has_floor(scene: Scene) -> bool:
-    """Whether the subject lies on a floor that shows its shadow: fabrics do unless the scene says otherwise."""
-    return scene.subject == "fabric" if scene.stage.ground is None else scene.stage.ground
+    """Whether the subject lies on a floor that shows its shadow: fabrics do unless the scene says otherwise, a moving
+    cloth where there is one to fall on."""
+    if scene.stage.ground is not None:
+        return scene.stage.ground
+    return scene.subject == "fabric" or (scene.forces is not None and scene.forces.plane is not None)
 
 
 def prepare_fabric(scene: Scene) -> Prepared:

@@ -13,8 +13,9 @@ from taichi_cloth.errors import InputError
 from ..render.image import contact_sheet, write_png
 from ..render.video import write_mp4
 from ..render.webp import write_webp
+from .cloth import ClothModel
 from .load import load_scene
-from .models import build
+from .models import build, shown_frame
 from .plan import plan
 from .report import fact_lines, plan_lines
 from .sequence import Sequence, fingerprint
@@ -39,8 +40,8 @@ def run(
 ) -> None:
     """One command from scene to files. Raises InputError before anything is written when the input is bad."""
     scene = load_scene(name, overrides + ([f"output.size={list(image_size(size))}"] if size is not None else []))
-    if command == "animate" and scene.subject != "twist":
-        raise InputError(f"animate: {name} stands still; use turntable, or animate twist")
+    if command == "animate" and scene.subject not in ("twist", "cloth"):
+        raise InputError(f"animate: {name} stands still; use turntable, or animate twist, drape, flag or hanging")
     if command == "zoom" and scene.subject != "fabric":
         raise InputError(f"zoom: {name} has no [weave]; use a woven scene, such as swatch")
     planned = plan(scene)
@@ -55,8 +56,10 @@ def run(
         print(line)
 
     todo = sequence.missing()
+    if isinstance(model, ClothModel) and command == "animate":
+        model.keep(folder, todo[0] if todo else count)
     if command == "turntable":
-        model.step(model.frames - 1)
+        model.step(shown_frame(scene, model))
         frames = view.turntable(count, todo)
     elif command == "zoom":
         frames = zoom(view, count, todo)

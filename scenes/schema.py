@@ -1,17 +1,20 @@
 """What a scene is: every section, key, unit and allowed value. A scene that validates can be built.
 
 A scene builds the last thing it names: `[fibre]` alone gives one fibre, with `[yarn]` a length of yarn, with
-`[twist]` a yarn being twisted, with `[weave]` a fabric. What it does not name is not built.
+`[twist]` a yarn being twisted, with `[weave]` a fabric, with `[cloth]` one that moves. What it does not name is not
+built.
 """
 
-from typing import Annotated, Literal
+from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from taichi_cloth.fabric import Pose
 from taichi_cloth.yarn import Direction
 
 from ..render.tone import Tone
+from .cloth_schema import ClothSection, ForcesSection, SolverSection
+from .section import Positive, Section, Share
 
 __all__ = [
     "Camera",
@@ -28,15 +31,7 @@ __all__ = [
     "YarnSection",
 ]
 
-Subject = Literal["fibre", "yarn", "twist", "fabric"]
-
-
-class Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-Positive = Annotated[float, Field(gt=0)]
-Share = Annotated[float, Field(ge=0, le=1)]
+Subject = Literal["fibre", "yarn", "twist", "fabric", "cloth"]
 
 
 class Fibre(Section):
@@ -143,6 +138,9 @@ class Camera(Section):
     elevation_deg: float = Field(default=45.0, ge=-90, le=90, description="height of the camera above the horizon")
     azimuth_deg: float = Field(default=25.0, ge=-3600, le=3600, description="where the first view stands")
     fov_deg: float = Field(default=24.0, ge=1, le=120, description="vertical field of view")
+    box_m: tuple[tuple[float, float, float], tuple[float, float, float]] | None = Field(
+        default=None, description="two corners of what a picture of a moving cloth frames [m]; default: where it starts"
+    )
     margin: float = Field(default=0.03, ge=0, le=0.45, description="empty share of the frame on each side")
     zoom: float = Field(
         default=1.0, gt=0, le=1e4, description="how much nearer than the framing distance; above 1 crops"
@@ -184,6 +182,9 @@ class StageSection(Section):
 
 class Output(Section):
     views: int = Field(default=36, ge=1, le=10_000, description="views of a turntable")
+    frame: int | None = Field(
+        default=None, ge=0, le=100_000, description="of a scene that moves, the one a still shows; default: the last"
+    )
     frames: int = Field(default=72, ge=1, le=100_000, description="frames of an animation")
     size: tuple[int, int] = Field(default=(1080, 720), description="width and height [px]")
     fps: int = Field(default=18, ge=1, le=240, description="frames per second of the video")
@@ -193,6 +194,8 @@ class Output(Section):
     def size_fits(self) -> "Output":
         if not all(1 <= n <= 16384 for n in self.size):
             raise ValueError(f"size: {self.size[0]}x{self.size[1]}; allowed: 1x1 to 16384x16384")
+        if self.frame is not None and self.frame >= self.frames:
+            raise ValueError(f"frame: {self.frame}; allowed: 0 to {self.frames - 1}, for output.frames = {self.frames}")
         return self
 
 
@@ -207,6 +210,9 @@ class Scene(Section):
     twist: Twist | None = None
     weave: Weave | None = None
     fabric: FabricSection | None = None
+    cloth: ClothSection | None = None
+    forces: ForcesSection | None = None
+    solver: SolverSection | None = None
     camera: Camera = Camera()
     light: Light = Light()
     stage: StageSection = StageSection()
@@ -222,8 +228,27 @@ class Scene(Section):
             raise ValueError("[twist] and [weave] are made of [yarn]; add it, for instance yarn.count_tex = 20")
         return self
 
+    @model_validator(mode="after")
+    def cloth_is_whole(self) -> "Scene":
+        if (self.forces or self.solver) and not self.cloth:
+            raise ValueError("[forces] and [solver] move a [cloth]; add it, for instance cloth.width_m = 1")
+        if self.cloth and self.twist:
+            raise ValueError("a scene shows either [cloth] or [twist], not both; leave one of them out")
+        if self.cloth and self.cloth.representation == "fibre" and not self.weave:
+            raise ValueError('cloth.representation "fibre" needs [yarn] and [weave]; add them, or take "mesh"')
+        if self.cloth and self.weave and (self.weave.ends or self.weave.picks):
+            raise ValueError(
+                "weave.ends, weave.picks: a [cloth] has as many as its columns, rows and threads_per_key_point make; "
+                "leave them out"
+            )
+        if self.cloth and self.fabric and (self.fabric.ends_per_cm or self.fabric.picks_per_cm):
+            raise ValueError("fabric.ends_per_cm, fabric.picks_per_cm: follow from the size of [cloth]; leave them out")
+        return self
+
     @property
     def subject(self) -> Subject:
+        if self.cloth:
+            return "cloth"
         if self.weave:
             return "fabric"
         if self.twist:

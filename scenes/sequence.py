@@ -23,7 +23,7 @@ from .schema import Scene
 __all__ = ["Sequence", "fingerprint"]
 
 MANIFEST = "sequence.json"
-PRODUCTS = (*(f"{c}.{e}" for c in ("turntable", "animate", "zoom") for e in ("mp4", "webp")), "sheet.png")
+PRODUCTS = (*(f"{c}.{e}" for c in ("turntable", "animate", "zoom") for e in ("mp4", "webp")), "sheet.png", "state.npz")
 LARGEST_COUNT = 100_000
 Image = NDArray[np.uint8]
 

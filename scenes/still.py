@@ -23,7 +23,7 @@ from ..render.image import linear_to_srgb, write_bytes, write_png
 from ..render.passes import PASSES, Passes, render_passes
 from ..render.tone import Tone, tone_curve
 from .load import load_scene
-from .models import Model, Numbers, build
+from .models import Model, Numbers, build, shown_frame
 from .plan import plan
 from .run import image_size
 from .schema import Scene
@@ -68,7 +68,7 @@ def still(
     planned = plan(scene)
     runtime.start(arch, threads=threads)
     model = build(scene, planned.prepared)
-    model.step(model.frames - 1)
+    model.step(shown_frame(scene, model))
     files = shoot(model, scene, width_height, wanted, form, supersample)  # everything is made before any is written
     for file, (_, write) in files.items():
         write(folder / file)

@@ -32,6 +32,7 @@ from taichi_cloth import runtime
 from taichi_cloth.arrays import F32x3, I32x2, Int, Template
 from taichi_cloth.blocks import Fabric, FibreCloud
 from taichi_cloth.errors import InputError, did_you_mean
+from taichi_cloth.normals import frame_of_point
 
 __all__ = ["ROWS", "FibreFollower", "FollowRule"]
 
@@ -297,11 +298,6 @@ def _triple(field: Template, p):
 
 
 @ti.func
-def _unit(v):
-    return v / ti.sqrt(ti.max(v.dot(v), 1e-30))
-
-
-@ti.func
 def _blended(a0, a1, n0, n1, w):
     """The cloth's frame at the shares w of a block, 8 lanes: along the yarn and normal, orthonormal."""
     d, n = a1 - a0, n1 - n0
@@ -317,28 +313,7 @@ def _blended(a0, a1, n0, n1, w):
 
 @ti.func
 def _key_frame(point: F32x3, present: I32x2, k, frames_out: Template):
-    """Frame of key point k by central differences, one-sided where a neighbour is not present."""
-    picks, ends = point.shape[0], point.shape[1]
-    i, j = k // ends, k % ends
-    weft, warp = ti.Vector([0.0, 0.0, 0.0]), ti.Vector([0.0, 0.0, 0.0])
-    here = ti.Vector([point[i, j, 0], point[i, j, 1], point[i, j, 2]])
-    if present[i, j] != 0:
-        ahead, behind = ti.min(j + 1, ends - 1), ti.max(j - 1, 0)
-        ahead = ahead if present[i, ahead] != 0 else j
-        behind = behind if present[i, behind] != 0 else j
-        above, below = ti.min(i + 1, picks - 1), ti.max(i - 1, 0)
-        above = above if present[above, j] != 0 else i
-        below = below if present[below, j] != 0 else i
-        for c in ti.static(range(3)):
-            weft[c] = point[i, ahead, c] - point[i, behind, c]
-            warp[c] = point[above, j, c] - point[below, j, c]
-    upright = ti.Vector([0.0, 1.0, 0.0])  # where a direction has one thread only, it is taken square to the other
-    if weft.dot(weft) == 0.0:
-        weft = warp.cross(upright) if warp.dot(warp) > 0.0 else ti.Vector([1.0, 0.0, 0.0])
-    if warp.dot(warp) == 0.0:
-        warp = upright.cross(weft)
-    weft, warp = _unit(weft), _unit(warp)
-    normal = _unit(weft.cross(warp))
+    here, weft, warp, normal = frame_of_point(point, present, k)
     for c in ti.static(range(3)):
         frames_out[k * FRAME + c] = here[c]
         frames_out[k * FRAME + 3 + c] = weft[c]

@@ -1,0 +1,116 @@
+"""The sections of a scene whose cloth moves: the sheet, what holds it, what acts on it, and how it is solved."""
+
+from typing import Literal
+
+from pydantic import Field, model_validator
+
+from taichi_cloth.follow import FollowRule
+from taichi_cloth.springs import BendingLaw
+
+from .section import Positive, Section, Share
+
+__all__ = ["ClothSection", "ForcesSection", "PinsSection", "SolverSection"]
+
+Edge = Literal["left", "right", "top", "bottom"]
+Corner = Literal["top-left", "top-right", "bottom-left", "bottom-right"]
+Vector = tuple[float, float, float]
+
+
+class PropertiesSection(Section):
+    """Of the fabric as a sheet, instead of the preset's."""
+
+    tensile_warp_n_per_m: Positive | None = Field(default=None, description="force per width and strain [N/m]")
+    tensile_weft_n_per_m: Positive | None = None
+    shear_n_per_m: float | None = Field(default=None, ge=0, description="force per width and radian [N/m]")
+    bending_warp_un_m: float | None = Field(default=None, ge=0, description="bending rigidity [µN·m]")
+    bending_weft_un_m: float | None = Field(default=None, ge=0)
+    density_g_per_m2: Positive | None = None
+    air_damping_per_s: float | None = Field(default=None, ge=0, description="share of the velocity lost [1/s]")
+    fibre_damping_ms: float | None = Field(default=None, ge=0, description="lag of the stress in the threads [ms]")
+
+
+class PinsSection(Section):
+    """Key points that are held. `pull_mm` moves the right edge away from the left one, half of it on each side."""
+
+    edges: list[Edge] = []
+    corners: list[Corner] = []
+    pull_mm: float = Field(default=0.0, ge=0, le=1e5, description="how far left and right edge are pulled apart [mm]")
+    pull_s: Positive = Field(default=1.0, description="how long that takes [s]")
+
+    @model_validator(mode="after")
+    def pull_needs_hands(self) -> "PinsSection":
+        if self.pull_mm and not {"left", "right"} <= set(self.edges):
+            raise ValueError('pull_mm pulls edges "left" and "right" apart; name both in edges')
+        return self
+
+
+class ClothSection(Section):
+    """A rectangular sheet on a grid of key points: columns along the weft, rows along the warp."""
+
+    width_m: float = Field(default=1.0, gt=0, le=100, description="along the weft [m]")
+    length_m: float = Field(default=1.0, gt=0, le=100, description="along the warp [m]")
+    columns: int = Field(default=79, ge=3, le=4000, description="key points along the weft")
+    rows: int = Field(default=79, ge=3, le=4000, description="key points along the warp")
+    threads_per_key_point: int = Field(
+        default=1, ge=1, le=1000, description="threads woven for each key point; the crossings between are smooth"
+    )
+    material: str = Field(default="cotton-shirting", description="a preset, such as silk-habotai, wool-suiting, denim")
+    properties: PropertiesSection = PropertiesSection()
+    bending: BendingLaw = Field(default="hinge", description='"spring" is the paper\'s')
+    follow: FollowRule = Field(default="smooth", description='how fibres follow key points; "paper": in world axes')
+    representation: Literal["fibre", "mesh"] = Field(default="fibre", description="what is drawn of the same sheet")
+    hang: Literal["flat", "upright"] = Field(default="flat", description="how the sheet starts: lying or standing")
+    height_m: float = Field(
+        default=0.0, ge=-100, le=100, description="of a flat sheet, or of the middle of one upright"
+    )
+    turn_deg: float = Field(default=0.0, ge=-360, le=360, description="turned about the vertical at the start")
+    pleats: int = Field(default=0, ge=0, le=100, description="an upright sheet starts in so many folds, as a curtain")
+    fullness: float = Field(default=2.0, gt=1, le=2.5, description="width of the sheet over that of its pleats")
+    roughness_mm: float = Field(
+        default=0.0, ge=0, le=100, description="seeded bumps at the start, root mean square [mm]"
+    )
+    pins: PinsSection = PinsSection()
+
+    @model_validator(mode="after")
+    def pleats_stand(self) -> "ClothSection":
+        if self.pleats and self.hang != "upright":
+            raise ValueError('pleats are of a sheet with hang = "upright"; leave them out, or hang it so')
+        return self
+
+
+class WindSection(Section):
+    velocity_m_per_s: Vector
+    gusts: float = Field(default=0.0, ge=0, le=10, description="root mean square of gusts over the mean speed")
+    period_s: Positive = Field(default=4.0, description="of the slowest gust [s]")
+    drag: float = Field(default=1.2, ge=0)
+    lift: float = Field(default=0.6, ge=0)
+    seed: int = Field(default=0, ge=0, lt=2**31)
+
+
+class SphereSection(Section):
+    centre_m: Vector = (0.0, 0.0, 0.0)
+    radius_m: Positive = 0.25
+    friction: float = Field(default=0.3, ge=0)
+    gap_mm: float = Field(default=3.0, ge=0, description="kept between its surface and the key points [mm]")
+    colour: str = Field(default="#b9b4aa", description="of the ball that is drawn")
+
+
+class PlaneSection(Section):
+    height_m: float = 0.0
+    friction: float = Field(default=0.3, ge=0)
+    gap_mm: float = Field(default=2.0, ge=0, description="kept between it and the key points [mm]")
+
+
+class ForcesSection(Section):
+    """What acts on the sheet from outside; what is left out is not in the kernels either."""
+
+    gravity_m_per_s2: float = Field(default=9.81, ge=0)
+    wind: WindSection | None = None
+    sphere: SphereSection | None = None
+    plane: PlaneSection | None = Field(default=None, description="a level floor")
+
+
+class SolverSection(Section):
+    name: Literal["verlet"] = "verlet"
+    step_ms: Positive | None = Field(default=None, description="longest substep; default: what the springs allow [ms]")
+    safety: Share = Field(default=0.9, gt=0, description="share of the longest stable step")

@@ -1,0 +1,183 @@
+"""From a scene's words to a sheet in motion: material, pins, forces, solver, and where it starts."""
+
+from dataclasses import replace
+from math import pi, radians
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+from scipy.special import j0
+
+from taichi_cloth.forces import Forces, Plane, Sphere, Wind
+from taichi_cloth.materials import Material, named_material
+from taichi_cloth.pins import Pins
+from taichi_cloth.sheet import Sheet
+from taichi_cloth.simulation import Simulation
+from taichi_cloth.solvers.base import Solver
+from taichi_cloth.solvers.verlet import Verlet
+from taichi_cloth.springs import calibrate
+
+from .cloth_schema import ClothSection, ForcesSection, PinsSection, SolverSection
+from .schema import FabricSection, Scene
+
+__all__ = ["forces_of", "material_of", "sheet_of", "simulation_of", "solver_of", "start_of", "woven_scene"]
+
+F64 = NDArray[np.float64]
+UNITS = {  # a key of cloth.properties: the field of Material, and its unit in SI
+    "tensile_warp_n_per_m": ("tensile_warp", 1.0),
+    "tensile_weft_n_per_m": ("tensile_weft", 1.0),
+    "shear_n_per_m": ("shear", 1.0),
+    "bending_warp_un_m": ("bending_warp", 1e-6),
+    "bending_weft_un_m": ("bending_weft", 1e-6),
+    "density_g_per_m2": ("density", 1e-3),
+    "air_damping_per_s": ("air_damping", 1.0),
+    "fibre_damping_ms": ("fibre_damping", 1e-3),
+}
+SOLVERS = {"verlet": Verlet}
+
+
+def woven_scene(scene: Scene) -> Scene:
+    """The fabric of a moving cloth as a scene of its own: as many threads as the sheet has, as far apart."""
+    cloth = scene.cloth
+    assert cloth is not None
+    assert scene.weave is not None
+    k = cloth.threads_per_key_point
+    ends, picks = ((n - 1) * k + 1 for n in (cloth.columns, cloth.rows))
+    per_cm = {"ends_per_cm": 0.01 * (ends - 1) / cloth.width_m, "picks_per_cm": 0.01 * (picks - 1) / cloth.length_m}
+    return scene.model_copy(
+        update={
+            "weave": scene.weave.model_copy(update={"ends": ends, "picks": picks}),
+            "fabric": (scene.fabric or FabricSection()).model_copy(update=per_cm),
+        }
+    )
+
+
+def material_of(cloth: ClothSection) -> Material:
+    """The preset with what the scene changes. Raises InputError."""
+    given = {key: value for key, value in cloth.properties.model_dump().items() if value is not None}
+    return replace(named_material(cloth.material), **{UNITS[k][0]: UNITS[k][1] * v for k, v in given.items()})
+
+
+def sheet_of(cloth: ClothSection) -> Sheet:
+    """The sheet with its springs and pins. Raises InputError where no springs make such a sheet."""
+    material = material_of(cloth)
+    springs = calibrate(
+        material,
+        spacing_x=cloth.width_m / (cloth.columns - 1),
+        spacing_y=cloth.length_m / (cloth.rows - 1),
+        bending=cloth.bending,
+    )
+    held = _held(cloth, {*cloth.pins.edges, *cloth.pins.corners})
+    return Sheet.rectangle(cloth.rows, cloth.columns, material=material, springs=springs, pinned=held)
+
+
+def forces_of(section: ForcesSection | None) -> Forces:
+    section = section or ForcesSection()
+    wind, ball, floor = section.wind, section.sphere, section.plane
+    return Forces(
+        gravity=(0.0, -section.gravity_m_per_s2, 0.0),
+        wind=wind
+        and Wind(
+            velocity=wind.velocity_m_per_s,
+            gusts=wind.gusts,
+            period=wind.period_s,
+            drag=wind.drag,
+            lift=wind.lift,
+            seed=wind.seed,
+        ),
+        sphere=ball
+        and Sphere(centre=ball.centre_m, radius=ball.radius_m, friction=ball.friction, gap=1e-3 * ball.gap_mm),
+        plane=floor and Plane(height=floor.height_m, friction=floor.friction, gap=1e-3 * floor.gap_mm),
+    )
+
+
+def solver_of(sheet: Sheet, forces: Forces, section: SolverSection | None, *, frame_rate: float) -> Solver:
+    """The solver that the scene names. Raises InputError on a step that is too long."""
+    section = section or SolverSection()
+    step = None if section.step_ms is None else 1e-3 * section.step_ms
+    return SOLVERS[section.name](sheet, forces, frame_rate=frame_rate, step=step, safety=section.safety)
+
+
+def simulation_of(scene: Scene) -> Simulation:
+    """The scene's sheet, ready to move by one frame of the video at a time."""
+    cloth = scene.cloth
+    assert cloth is not None
+    sheet, forces = sheet_of(cloth), forces_of(scene.forces)
+    positions = start_of(cloth, seed=scene.seed)
+    return Simulation(
+        sheet,
+        solver_of(sheet, forces, scene.solver, frame_rate=float(scene.output.fps)),
+        forces=forces,
+        positions=positions,
+        pins=_pins(cloth, positions),
+    )
+
+
+def start_of(cloth: ClothSection, *, seed: int) -> F64:
+    """Key points (rows, columns, 3) [m] at the start. Lying: the first row in front; upright: at the bottom."""
+    u = np.linspace(-0.5, 0.5, cloth.columns) * cloth.width_m
+    v = np.linspace(-0.5, 0.5, cloth.rows)[:, None] * cloth.length_m
+    out = np.zeros((cloth.rows, cloth.columns, 3))
+    bump = np.zeros((cloth.rows, cloth.columns))
+    if cloth.roughness_mm:
+        random = np.random.Generator(np.random.Philox(key=[seed, 21]))
+        bump = 1e-3 * cloth.roughness_mm * random.standard_normal(bump.shape)
+        bump[_held(cloth, {*cloth.pins.edges, *cloth.pins.corners})] = 0.0
+    if cloth.hang == "flat":
+        out[..., 0], out[..., 1], out[..., 2] = u, cloth.height_m + bump, -v
+    else:
+        x, z = _pleated(u, cloth)
+        out[..., 0], out[..., 1], out[..., 2] = x, cloth.height_m + v, z + bump
+    c, s = np.cos(radians(cloth.turn_deg)), np.sin(radians(cloth.turn_deg))
+    return np.stack([c * out[..., 0] + s * out[..., 2], out[..., 1], c * out[..., 2] - s * out[..., 0]], axis=-1)
+
+
+def _pleated(u: F64, cloth: ClothSection) -> tuple[F64, F64]:
+    """A curve of the sheet's length in even folds, seen from above: its direction swings as θ sin(2π n u / width).
+
+    The mean of its cosine is J₀(θ), which is 1 over the fullness.
+    """
+    if not cloth.pleats:
+        return u, np.zeros_like(u)
+    swing = float(brentq(lambda a: j0(a) - 1 / cloth.fullness, 0.0, 2.4))  # pyright: ignore[reportArgumentType]
+    fine = np.linspace(-0.5, 0.5, 16 * (len(u) - 1) + 1)
+    angle = swing * np.sin(2 * pi * cloth.pleats * fine)
+    step = cloth.width_m * np.diff(fine)
+    course = [np.concatenate([[0.0], np.cumsum(step * (f[1:] + f[:-1]) / 2)]) for f in (np.cos(angle), np.sin(angle))]
+    x, z = (c[::16] for c in course)
+    return x - x[-1] / 2, z - (z.max() + z.min()) / 2
+
+
+def _held(cloth: ClothSection, names: set[str]) -> NDArray[np.bool_]:
+    """Key points of edges and corners by name, (rows, columns)."""
+    out = np.zeros((cloth.rows, cloth.columns), bool)
+    every = slice(None)
+    at = {"left": (every, 0), "right": (every, -1), "bottom": (0, every), "top": (-1, every)}
+    for name in names:
+        if name in at:
+            out[at[name]] = True
+        else:
+            row, column = name.split("-")
+            out[at[row][0], at[column][1]] = True
+    return out
+
+
+def _pins(cloth: ClothSection, start: F64) -> tuple[Pins, ...]:
+    section: PinsSection = cloth.pins
+    held = _held(cloth, {*section.edges, *section.corners})
+    if not held.any():
+        return ()
+    if not section.pull_mm:
+        return (Pins(held),)
+    pulled = _held(cloth, {"left", "right"})
+    side = np.where(np.arange(cloth.columns) == 0, -0.5, 0.5) * np.ones((cloth.rows, 1))
+    turn = radians(cloth.turn_deg)
+    away = 1e-3 * section.pull_mm * side[pulled][:, None] * np.array([np.cos(turn), 0.0, -np.sin(turn)])
+    begin = start[pulled]
+
+    def path(time: float) -> F64:
+        share = min(time / section.pull_s, 1.0)
+        return begin + share * share * (3 - 2 * share) * away
+
+    rest = held & ~pulled
+    return (Pins(pulled, path), *((Pins(rest),) if rest.any() else ()))

@@ -1,0 +1,46 @@
+"""What a moving cloth will build, in words."""
+
+from .moving import forces_of, sheet_of, solver_of
+from .schema import Scene
+
+__all__ = ["sheet_stages"]
+
+
+def sheet_stages(scene: Scene) -> tuple[dict[str, str], dict[str, str]]:
+    """Stages that are built, with what of, and those left out, with why. Raises InputError as building would."""
+    cloth = scene.cloth
+    assert cloth is not None
+    sheet, forces = sheet_of(cloth), forces_of(scene.forces)
+    solver = solver_of(sheet, forces, scene.solver, frame_rate=float(scene.output.fps))
+    s, material = sheet.springs, sheet.material
+    law = "hinges" if s.law == "hinge" else "springs to second neighbours"
+    built = {
+        "sheet": (
+            f"{cloth.rows} × {cloth.columns} key points, {1e3 * s.spacing_x:.1f} × {1e3 * s.spacing_y:.1f} mm apart, "
+            f"{cloth.material}, {1e3 * material.density:.0f} g/m²; bending by {law}"
+        ),
+        "solver": f"{(scene.solver.name if scene.solver else 'verlet')}, {solver.substeps} substeps a frame of "
+        f"1/{scene.output.fps} s, {1e6 * solver.step:.1f} µs each; {scene.output.frames} frames",
+    }
+    left: dict[str, str] = {}
+    held = int(sheet.pinned.sum())
+    if held:
+        pull = f", pulled apart by {cloth.pins.pull_mm:g} mm" if cloth.pins.pull_mm else ""
+        built["pins"] = f"{held} key points at {', '.join((*cloth.pins.edges, *cloth.pins.corners))}{pull}"
+    else:
+        left["pins"] = "cloth.pins names none"
+    if forces.wind:
+        speed = sum(v * v for v in forces.wind.velocity) ** 0.5
+        built["wind"] = f"{speed:.1f} m/s, gusts of {100 * forces.wind.gusts:.0f} %"
+    else:
+        left["wind"] = "the scene has no [forces.wind]"
+    ball = f"a ball of {forces.sphere.radius:g} m" if forces.sphere else ""
+    floor = f"a floor at {forces.plane.height:g} m" if forces.plane else ""
+    if ball or floor:
+        built["contact"] = " and ".join(filter(None, (ball, floor)))
+    else:
+        left["contact"] = "the scene has neither [forces.sphere] nor [forces.plane]"
+    meshes = [*(["the sheet"] if cloth.representation == "mesh" else []), *(["the ball"] if ball else [])]
+    if meshes:
+        built["meshes"] = " and ".join(meshes)
+    return built, left
