@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from taichi_cloth.errors import InputError, did_you_mean
 from taichi_cloth.weave import MAX_CROSSINGS, Draft
 
-__all__ = ["Order", "colour", "coloured", "known_colours", "srgb_to_linear", "thread_colours"]
+__all__ = ["Order", "colour", "coloured", "known_colours", "srgb_to_linear", "thread_colours", "thread_repeat"]
 
 Order = str | Sequence[tuple[str, int]]
 
@@ -101,6 +101,11 @@ def thread_colours(order: Order, count: int) -> NDArray[np.float32]:
     table = np.array([colour(name) for name in palette], dtype=np.float32)
     repeat = np.repeat([palette[name] for name, _ in stripes], [number for _, number in stripes])
     return table[repeat[np.arange(count) % total]]
+
+
+def thread_repeat(order: Order) -> NDArray[np.float32]:
+    """One repeat of an order, (n, 3) linear. Raises InputError as `thread_colours` does."""
+    return thread_colours(order, sum(number for _, number in _stripes(order)))
 
 
 def coloured(draft: Draft, *, warp: Order | None = None, weft: Order | None = None) -> Draft:

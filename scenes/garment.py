@@ -1,0 +1,186 @@
+"""A garment worn by a body (paper 4): sewn once, then moved with it; drawn as a mesh or as its fibres."""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_cloth.blocks import build_fabric
+from taichi_cloth.colour_order import thread_repeat
+from taichi_cloth.follow import FibreFollower
+from taichi_cloth.garment.skin import beneath
+from taichi_cloth.garment.surface import Surface
+from taichi_cloth.garment.weaving import Colours, Weaving, crossings_shape
+from taichi_cloth.simulation import Simulation
+
+from ..render.blocks import ParticleBlocks
+from ..render.mesh import Mesh
+from .cloth import STATE, nothing
+from .dressing import Dressed, dress, motion_of, simulation_of
+from .facts import Fact, fabric_facts, yarn_facts
+from .models import Numbers, Panel
+from .prepare import Prepared, fibre_kind, prepare_fabric
+from .schema import FabricSection, Scene
+
+__all__ = ["GarmentModel", "woven_garment"]
+
+F32 = NDArray[np.float32]
+
+SKIN = (0.62, 0.47, 0.39)
+"""Albedo of a shop-window figure, linear."""
+
+
+class GarmentModel:
+    """A garment in motion on its body."""
+
+    def __init__(self, scene: Scene, prepared: Prepared | None = None, dressed: Dressed | None = None) -> None:
+        assert scene.garment is not None
+        self.scene, self.section, self.frames = scene, scene.garment, scene.output.frames
+        self.dressed = dressed or dress(scene)
+        self.motion = motion_of(scene, self.dressed.body)
+        self.simulation: Simulation = simulation_of(scene, self.dressed)
+        atlas = self.dressed.garment.atlas
+        self.prepared: Prepared | None = None
+        self.follower: FibreFollower | None = None
+        if self.section.representation == "fibre":
+            self.prepared = prepared or prepare_fabric(woven_garment(scene, self.dressed))
+            k = self.section.threads_per_key_point
+            self.weaving = Weaving(atlas, build_fabric(self.prepared.layout), k, colours_of(scene, self.dressed))
+            rest = None
+            if self.section.follow == "paper":
+                rest = self.weaving.crossings(atlas.start().astype(np.float32))
+            self.follower = FibreFollower(
+                self.weaving.fabric,
+                present=self.weaving.present,
+                spans=self.weaving.spans,
+                rule=self.section.follow,
+                rest=rest,
+            )
+        self.surface = Surface(atlas)
+        self.bounds = self._bounds()
+        self._kept: Path | None = None
+
+    def keep(self, folder: Path, first: int) -> None:
+        """Keep the state of every frame in a folder, and go on from the one there unless it is beyond frame `first`.
+
+        Raises InputError when what is there is not of this scene.
+        """
+        self._kept = folder / STATE
+        if self._kept.exists():
+            self.simulation.restore(self._kept)
+            if self.simulation.frame > first:
+                self.simulation = simulation_of(self.scene, self.dressed)
+        self._save()
+
+    def step(self, frame: int) -> None:
+        """On to a frame of the video; frame 0 is the rested garment. Raises Unstable."""
+        if frame < self.simulation.frame:
+            self.simulation = simulation_of(self.scene, self.dressed)
+        while self.simulation.frame < frame:
+            self.simulation.step()
+            self._save()
+
+    def _save(self) -> None:
+        if self._kept is not None:
+            self.simulation.save(self._kept)
+
+    def panels(self) -> list[Panel]:
+        positions = self.simulation.positions
+        figure = self.figure(positions)
+        if self.follower is not None:
+            drawn = ParticleBlocks(self.follower.follow(self.weaving.crossings(positions)))
+            return [Panel(drawn, self.bounds, numbers=self.numbers, meshes=(figure,))]
+        return [Panel(nothing(), self.bounds, meshes=(self.mesh(positions), figure))]
+
+    def figure(self, positions: F32) -> Mesh:
+        """The body now, its skin let in a little where cloth lies on it: primitives are not quite the skin."""
+        body = self.dressed.body
+        skin = body.posed(self.motion.pose(self.simulation.time))
+        points, normals = self.surface.points(positions)
+        return Mesh(beneath(skin, body.faces, points, normals), body.faces, np.asarray(SKIN, np.float32), part=1)
+
+    def mesh(self, positions: F32) -> Mesh:
+        """The garment as triangles with smooth normals, cut along its outlines."""
+        points, normals = self.surface.points(positions)
+        return Mesh(points, self.surface.faces, self.mesh_colours(), normals)
+
+    def mesh_colours(self) -> F32:
+        own = np.asarray(fibre_kind(self.scene).colour, np.float32)
+        colours = colours_of(self.scene, self.dressed)
+        shades = np.tile(own, (len(self.surface.panel), 1))
+        for number, piece in enumerate(self.dressed.garment.atlas.panels):
+            repeat = colours.get(piece.panel.name)
+            if repeat is not None:
+                shades[self.surface.panel == number] = (repeat.warp.mean(axis=0) + repeat.weft.mean(axis=0)) / 2
+        return shades
+
+    def numbers(self) -> Numbers:
+        """Yarn: by panel, its warp ends, then its weft picks. Part: number of the panel. -1 for places not drawn."""
+        assert self.follower is not None
+        yarn = np.full(self.follower.slots, -1, np.int32)
+        yarn[self.follower.particle_slots] = self.follower.threads
+        part = np.where(yarn < 0, -1, self.weaving.panel[yarn]).astype(np.int32)
+        names = [p.panel.name for p in self.dressed.garment.atlas.panels]
+        yarns: dict[int, dict[str, str | int]] = {
+            k: {"panel": names[p]} for k, p in enumerate(self.weaving.panel.tolist())
+        }
+        return Numbers(yarn, part, yarns, dict(enumerate(names)))
+
+    def facts(self) -> list[Fact]:
+        worn, garment = self.dressed.worn, self.dressed.garment
+        sheet, solver = self.simulation.sheet, self.simulation.solver
+        facts = [
+            Fact("garment", f"{garment.pattern.name}: {len(garment.pattern.panels)} panels"),
+            Fact("key points", f"{garment.atlas.key_points:,}"),
+            Fact("mass", f"{1e3 * float(sheet.mass.sum()):.0f} g", f"{1e3 * sheet.material.density:.0f} g/m²"),
+            Fact("widest seam", f"{1e3 * worn.gap:.2f} mm"),
+            Fact("deepest in the body", f"{1e3 * worn.depth:.2f} mm"),
+            Fact("largest stretch", f"{100 * worn.stretch:.1f} %"),
+            Fact("substeps a frame", f"{solver.substeps} of {1e6 * solver.step:.1f} µs"),
+        ]
+        if self.prepared is not None:
+            layout = self.prepared.layout
+            facts += yarn_facts(layout.warp.yarn, "warp yarn") + fabric_facts(layout)
+        return facts
+
+    def _bounds(self) -> F32:
+        """What every picture of the garment frames: itself at rest, with some room, and the head above a top."""
+        points = self.simulation.positions[self.simulation.sheet.present]
+        low, high = points.min(axis=0), points.max(axis=0)
+        room = 0.06 * (high - low).max()
+        return np.asarray([low - room, high + room], np.float32)
+
+
+def woven_garment(scene: Scene, dressed: Dressed) -> Scene:
+    """The cloth that a garment is cut from as a scene of its own."""
+    assert scene.garment is not None
+    assert scene.weave is not None
+    k = scene.garment.threads_per_key_point
+    picks, ends = crossings_shape(dressed.garment.atlas, k)
+    a, b = dressed.garment.atlas.spacing
+    per_cm = {"ends_per_cm": 0.01 * k / a, "picks_per_cm": 0.01 * k / b, "fringe": 0.0}
+    return scene.model_copy(
+        update={
+            "weave": scene.weave.model_copy(update={"ends": ends, "picks": picks}),
+            "fabric": (scene.fabric or FabricSection()).model_copy(update=per_cm),
+        }
+    )
+
+
+def colours_of(scene: Scene, dressed: Dressed) -> dict[str, Colours]:
+    """Thread orders of every panel: its own, or the weave's, or the fibre's colour."""
+    assert scene.garment is not None
+    plain = np.asarray(fibre_kind(scene).colour, np.float32)[None]
+    weave = scene.weave
+
+    def order(own: str | None, common: str | None) -> F32:
+        stated = own or common
+        return plain if stated is None else thread_repeat(stated)
+
+    out = {}
+    for piece in dressed.garment.atlas.panels:
+        own = scene.garment.colours.get(piece.panel.name)
+        out[piece.panel.name] = Colours(
+            order(own and own.warp, weave and weave.warp_colours), order(own and own.weft, weave and weave.weft_colours)
+        )
+    return out

@@ -1,0 +1,129 @@
+"""A garment's panels as triangles, cut along their outlines: what the mesh garment draws, and what covers the skin."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_cloth.garment.cut import Atlas, CutPanel
+
+__all__ = ["Surface"]
+
+F32 = NDArray[np.float32]
+F64 = NDArray[np.float64]
+I32 = NDArray[np.int32]
+
+
+class Surface:
+    """Triangles of all panels. faces: (m, 3). panel: (n,) number of the panel each point is of."""
+
+    def __init__(self, atlas: Atlas) -> None:
+        nodes, shares, faces, panel = [], [], [], []
+        count = 0
+        for number, piece in enumerate(atlas.panels):
+            points, triangles = _clipped(piece)
+            blend = piece.embed(points)
+            nodes.append(blend[0])
+            shares.append(blend[1])
+            faces.append(triangles + count)
+            panel.append(np.full(len(points), number, np.int32))
+            count += len(points)
+        self._nodes, self._shares = np.concatenate(nodes), np.concatenate(shares)[..., None].astype(np.float32)
+        self.faces: I32 = np.concatenate(faces).astype(np.int32)
+        self.panel: I32 = np.concatenate(panel)
+
+    def points(self, positions: NDArray) -> tuple[F32, F32]:
+        """(n, 3) points [m] and smooth unit normals of key points (rows, cols, 3) [m]."""
+        x = (np.asarray(positions, np.float32)[self._nodes[..., 0], self._nodes[..., 1]] * self._shares).sum(axis=1)
+        corner = x[self.faces]
+        square = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+        normal = np.zeros((len(x), 3))
+        for axis in range(3):
+            for k in range(3):
+                normal[:, axis] += np.bincount(self.faces[:, k], square[:, axis], len(x))
+        normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
+        return x, normal.astype(np.float32)
+
+
+def _clipped(piece: CutPanel) -> tuple[F64, NDArray[np.int64]]:
+    """Points (n, 2) in grain coordinates and triangles (m, 3): cells inside whole, those on the outline clipped."""
+    outline = piece.outline()
+    rows, cols = piece.shape
+    a, b = piece.spacing
+    cut = _crossed(outline, piece)
+    corner: dict[tuple[float, float], int] = {}
+    points: list[tuple[float, float]] = []
+    triangles: list[tuple[int, int, int]] = []
+
+    def number(x: float, y: float) -> int:
+        key = (round(x, 7), round(y, 7))
+        if key not in corner:
+            corner[key] = len(points)
+            points.append((x, y))
+        return corner[key]
+
+    ring = [(float(x), float(y)) for x, y in outline]
+    if _area(ring) < 0:
+        ring = ring[::-1]
+    inside = _inside(outline, piece)
+    for i in range(rows - 1):
+        for j in range(cols - 1):
+            x, y = piece.origin[0] + j * a, piece.origin[1] + i * b
+            if cut[i, j]:
+                shape = ring
+                for axis, limit, sign in ((0, x, 1), (0, x + a, -1), (1, y, 1), (1, y + b, -1)):
+                    shape = _half(shape, axis, float(limit), sign)
+                    if len(shape) < 3:
+                        break
+            elif inside[i, j]:
+                shape = [(x, y), (x + a, y), (x + a, y + b), (x, y + b)]
+            else:
+                continue
+            if len(shape) < 3 or abs(_area(shape)) < 1e-9 * a * b:
+                continue
+            index = [number(float(p), float(q)) for p, q in shape]
+            for k in range(1, len(index) - 1):
+                one = (index[0], index[k], index[k + 1])
+                if len(set(one)) == 3:
+                    triangles.append(one)
+    return np.asarray(points), np.asarray(triangles, np.int64)
+
+
+def _area(ring: list[tuple[float, float]]) -> float:
+    return sum(p[0] * q[1] - q[0] * p[1] for p, q in zip(ring, ring[1:] + ring[:1], strict=True)) / 2
+
+
+def _half(ring: list[tuple[float, float]], axis: int, limit: float, sign: int) -> list[tuple[float, float]]:
+    """A polygon clipped to sign · (coordinate − limit) ≥ 0 (Sutherland and Hodgman 1974)."""
+    out = []
+    for p, q in zip(ring, ring[1:] + ring[:1], strict=True):
+        s, t = sign * (p[axis] - limit), sign * (q[axis] - limit)
+        if s >= 0:
+            out.append(p)
+        if (s >= 0) != (t >= 0):
+            share = s / (s - t)
+            out.append((p[0] + share * (q[0] - p[0]), p[1] + share * (q[1] - p[1])))
+    return out
+
+
+def _crossed(outline: F64, piece: CutPanel) -> NDArray[np.bool_]:
+    """(rows − 1, cols − 1): cells that the outline runs through, by points a tenth of a cell apart along it."""
+    out = np.zeros(piece.share.shape, bool)
+    ends = np.roll(outline, -1, axis=0)
+    for p, q in zip(outline, ends, strict=True):
+        n = int(np.ceil(10 * np.abs((q - p) / piece.spacing).max())) + 1
+        at = (p + np.linspace(0, 1, n)[:, None] * (q - p) - piece.origin) / piece.spacing
+        for shift in (-1e-6, 1e-6):
+            cell = np.clip(np.floor(at + shift).astype(int), 0, np.array(out.shape[::-1]) - 1)
+            out[cell[:, 1], cell[:, 0]] = True
+    return out
+
+
+def _inside(outline: F64, piece: CutPanel) -> NDArray[np.bool_]:
+    """(rows − 1, cols − 1): cells whose middle is inside the outline."""
+    from taichi_cloth.garment.cut import intervals
+
+    out = np.zeros(piece.share.shape, bool)
+    middle = piece.origin[0] + (np.arange(out.shape[1]) + 0.5) * piece.spacing[0]
+    for i in range(out.shape[0]):
+        for left, right in intervals(outline, float(piece.origin[1] + (i + 0.5) * piece.spacing[1]), 1):
+            out[i] |= (middle > left) & (middle < right)
+    return out
