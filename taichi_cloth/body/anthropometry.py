@@ -53,11 +53,11 @@ class Measures:
 
 FEMALE = Measures(
     stature=1.68, bust=0.88, underbust=0.75, waist=0.72, hip=0.96, neck=0.325, upper_arm=0.265, forearm=0.24,
-    wrist=0.155, thigh=0.555, knee=0.36, calf=0.355, ankle=0.215, shoulder_breadth=0.375, arm_length=0.545,
+    wrist=0.155, thigh=0.555, knee=0.355, calf=0.355, ankle=0.21, shoulder_breadth=0.375, arm_length=0.545,
     crotch_height=0.785,
 )  # fmt: skip
 MALE = Measures(
-    stature=1.78, bust=0.98, underbust=0.92, waist=0.84, hip=0.98, neck=0.385, upper_arm=0.315, forearm=0.28,
+    stature=1.78, bust=0.98, underbust=0.90, waist=0.84, hip=0.98, neck=0.385, upper_arm=0.315, forearm=0.28,
     wrist=0.175, thigh=0.565, knee=0.385, calf=0.375, ankle=0.23, shoulder_breadth=0.42, arm_length=0.585,
     crotch_height=0.84,
 )  # fmt: skip

@@ -20,19 +20,25 @@ __all__ = ["built_in_body", "girths_of", "girth_sections"]
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
 
-RAYS, STEPS, REACH = 72, 56, 0.16
+RAYS, STEPS, REACH = 40, 36, 0.14
 """Rays of a section, steps along each, and how far they go in shares of the stature."""
+
+SWELL = 0.0015
+"""How far outside the skin it is meshed first, in shares of the stature: so the grid resolves what is thin."""
+
+BAND = 5.0
+"""Grid points are looked at closely where a coarse look found the skin nearer than this [spacings]."""
 
 
 @lru_cache(maxsize=8)
-def built_in_body(measures: Measures | None = None, *, gender: Gender = "female", spacing: float = 0.0063) -> Body:
+def built_in_body(measures: Measures | None = None, *, gender: Gender = "female", spacing: float = 0.0092) -> Body:
     """A watertight body in an A pose. spacing: of the grid it is meshed on, as a share of the stature.
 
     measures: default the standard ones of the gender, which also picks the shape of the figure.
     """
     measures = measures or measures_of(gender)
     figure = fitted(gender, measures)
-    vertices, faces = _meshed(figure.parts, spacing)
+    vertices, faces = _meshed(figure, spacing)
     low, high = vertices[:, 1].min(), vertices[:, 1].max()
     scale = measures.stature / (high - low)
     move = np.array([0, -low, 0])
@@ -60,7 +66,7 @@ def girths_of(vertices: F64, faces: I32, sections: dict[str, Section]) -> dict[s
     return {name: tape(vertices, faces, s.point, s.normal) for name, s in sections.items()}
 
 
-def fitted(gender: Gender, measures: Measures, *, rounds: int = 9) -> Figure:
+def fitted(gender: Gender, measures: Measures, *, rounds: int = 7) -> Figure:
     """The figure whose girths are the measures': each factor is corrected by its own girth, in turn all at once."""
     girths = Girths()
     for _ in range(rounds):
@@ -69,7 +75,7 @@ def fitted(gender: Gender, measures: Measures, *, rounds: int = 9) -> Figure:
         change = {}
         for name in FACTORS:
             ratio = getattr(measures, name) / measures.stature / read[name]
-            gain = 2.0 if name == "bust" and gender == "female" else 1.0
+            gain = 2.0 if name == "bust" else 1.0
             change[name] = float(np.clip(getattr(girths, name) * ratio**gain, 0.5, 2.5))
         girths = replace(girths, **change)
     return draw(gender, measures, girths)
@@ -98,25 +104,59 @@ def _field_girths(figure: Figure) -> dict[str, float]:
     return girths
 
 
-def _meshed(parts: tuple[Part, ...], spacing: float) -> tuple[F64, I32]:
+def _meshed(figure: Figure, spacing: float) -> tuple[F64, I32]:
     """Surface nets on a grid symmetric in x, then relaxed along the surface and pulled onto it."""
+    parts = figure.parts
     half = int(np.ceil(0.5 / spacing))
     x = (np.arange(half) + 0.5) * spacing
     y = np.arange(-0.015, 1.02, spacing)
     z = np.arange(-0.13, 0.20, spacing)
-    points = np.stack(np.meshgrid(x, y, z, indexing="ij"), -1).reshape(-1, 3)
-    values = field(parts, points).reshape(len(x), len(y), len(z))
+    points = np.stack(np.meshgrid(x, y, z, indexing="ij"), -1)
+    coarse = field(parts, points[::3, ::3, ::3].reshape(-1, 3)).reshape(points[::3, ::3, ::3].shape[:3])
+    values = coarse.repeat(3, 0).repeat(3, 1).repeat(3, 2)[: len(x), : len(y), : len(z)]
+    near_skin = np.abs(values) < BAND * spacing
+    values[near_skin] = field(parts, points[near_skin])
     both = np.concatenate([values[::-1], values])
-    vertices, faces = surface_nets(both, np.array([-x[-1], y[0], z[0]]), spacing)
-    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    vertices, faces = surface_nets(both - SWELL, np.array([-x[-1], y[0], z[0]]), spacing)
+    vertices = _relaxed(parts, vertices, faces, spacing, (0.6, 0.6, 0.6, 0.4, 0.0))
+    inside = np.zeros(len(vertices), bool)
+    for middle, radius in figure.fine:
+        inside |= ((vertices - middle) ** 2).sum(1) < radius**2
+    vertices, faces = refined(vertices, faces, inside)
+    return _relaxed(parts, vertices, faces, spacing / 2, (0.5, 0.5, 0.3, 0.0)), faces
+
+
+def _relaxed(parts: tuple[Part, ...], vertices: F64, faces: I32, reach: float, shares: tuple[float, ...]) -> F64:
+    """Each vertex drawn to the mean of its neighbours by a share, then pulled back onto the surface, in turns."""
     n = len(vertices)
+    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
     near = sparse.csr_matrix((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(n, n))
     near = near.maximum(near.T)
     near = sparse.diags(1 / np.asarray(near.sum(1)).ravel()) @ near
-    for relax in (0.6, 0.6, 0.6, 0.5, 0.3, 0.0):
-        vertices = vertices + relax * (near @ vertices - vertices)
+    for share in shares:
+        vertices = vertices + share * (near @ vertices - vertices)
         slope = gradient(parts, vertices)
-        value = field(parts, vertices)
-        step = value[:, None] * slope / np.maximum((slope**2).sum(1), 0.1)[:, None]
-        vertices = vertices - np.clip(step, -spacing, spacing)
-    return vertices, faces
+        step = field(parts, vertices)[:, None] * slope / np.maximum((slope**2).sum(1), 0.1)[:, None]
+        vertices = vertices - np.clip(step, -reach, reach)
+    return vertices
+
+
+def refined(vertices: F64, faces: I32, chosen: NDArray[np.bool_]) -> tuple[F64, I32]:
+    """Edges between two chosen vertices halved, and the triangles beside them cut to fit; stays watertight."""
+    sides = np.stack([faces[:, [1, 2]], faces[:, [2, 0]], faces[:, [0, 1]]], 1)
+    edges, number = np.unique(np.sort(sides.reshape(-1, 2), 1), axis=0, return_inverse=True)
+    halved = chosen[edges].all(1)
+    middle = np.where(halved, len(vertices) + np.cumsum(halved) - 1, -1)[number.ravel()].reshape(-1, 3)
+    vertices = np.concatenate([vertices, vertices[edges[halved]].mean(1)])
+    count = (middle >= 0).sum(1)
+    out = [faces[count == 0]]
+    f, m = faces[count == 3], middle[count == 3]
+    out += [np.stack(t, 1) for t in (
+        (f[:, 0], m[:, 2], m[:, 1]), (m[:, 2], f[:, 1], m[:, 0]), (m[:, 1], m[:, 0], f[:, 2]), (m[:, 0], m[:, 1], m[:, 2]),
+    )]  # fmt: skip
+    for k in range(3):  # one edge, the one across from corner k (two cannot be: then all three corners are chosen)
+        one = (count == 1) & (middle[:, k] >= 0)
+        f, m = faces[one], middle[one, k]
+        a, b, c = f[:, k], f[:, (k + 1) % 3], f[:, (k + 2) % 3]
+        out += [np.stack([a, b, m], 1), np.stack([a, m, c], 1)]
+    return vertices, np.concatenate(out).astype(np.int32)

@@ -53,52 +53,58 @@ class Figure:
     parts: tuple[Part, ...]
     sections: dict[str, Section]
     skeleton: Skeleton
+    fine: tuple[tuple[F64, float], ...]
+    """Balls (middle, radius) in which the mesh is twice as fine: head, hands, toes."""
 
 
 TRUNK = {
     "female": [
-        (0.455, 0, 0.052, 0.030, -0.036, 2.0),
-        (0.475, 0, 0.088, 0.042, -0.052, 2.1),
-        (0.500, 0, 0.1010, 0.0480, -0.0640, 2.2),
-        (0.520, 0, 0.1010, 0.0515, -0.0680, 2.2),
-        (0.550, 0, 0.0960, 0.0560, -0.0610, 2.2),
-        (0.580, 0, 0.0880, 0.0575, -0.0490, 2.2),
-        (0.610, 0, 0.0785, 0.0565, -0.0405, 2.2),
-        (0.638, 0, 0.0720, 0.0560, -0.0385, 2.2),
-        (0.670, 0, 0.0740, 0.0575, -0.0410, 2.2),
-        (0.700, 0, 0.0795, 0.0575, -0.0465, 2.25),
-        (0.730, 0, 0.0845, 0.0560, -0.0530, 2.3),
-        (0.760, 0, 0.0900, 0.0490, -0.0580, 2.3),
-        (0.790, 0, 0.0880, 0.0370, -0.0600, 2.3),
-        (0.812, 0, 0.0680, 0.0250, -0.0560, 2.2),
-        (0.832, 0, 0.0430, 0.0150, -0.0470, 2.1),
-        (0.850, 0, 0.0300, 0.0100, -0.0400, 2.0),
+        (0.450, 0, 0.022, 0.026, -0.024, 2.0),
+        (0.468, 0, 0.062, 0.040, -0.044, 2.0),
+        (0.485, 0, 0.0930, 0.0460, -0.0580, 2.1),
+        (0.503, 0, 0.1050, 0.0495, -0.0690, 2.2),
+        (0.525, 0, 0.1040, 0.0520, -0.0700, 2.2),
+        (0.550, 0, 0.0980, 0.0565, -0.0630, 2.2),
+        (0.580, 0, 0.0875, 0.0580, -0.0515, 2.2),
+        (0.610, 0, 0.0750, 0.0570, -0.0445, 2.15),
+        (0.638, 0, 0.0670, 0.0555, -0.0430, 2.1),
+        (0.670, 0, 0.0705, 0.0545, -0.0450, 2.15),
+        (0.700, 0, 0.0765, 0.0540, -0.0480, 2.2),
+        (0.730, 0, 0.0812, 0.0510, -0.0525, 2.2),
+        (0.760, 0, 0.0870, 0.0450, -0.0560, 2.25),
+        (0.785, 0, 0.0885, 0.0360, -0.0570, 2.25),
+        (0.805, 0, 0.0760, 0.0280, -0.0550, 2.2),
+        (0.825, 0, 0.0500, 0.0180, -0.0490, 2.1),
+        (0.842, 0, 0.0280, 0.0090, -0.0390, 2.0),
     ],
     "male": [
-        (0.460, 0, 0.050, 0.034, -0.040, 2.0),
-        (0.480, 0, 0.082, 0.042, -0.054, 2.1),
-        (0.505, 0, 0.0935, 0.0490, -0.0640, 2.2),
-        (0.530, 0, 0.0935, 0.0535, -0.0680, 2.25),
-        (0.560, 0, 0.0885, 0.0565, -0.0630, 2.3),
-        (0.590, 0, 0.0830, 0.0580, -0.0530, 2.3),
-        (0.620, 0, 0.0795, 0.0580, -0.0475, 2.3),
-        (0.650, 0, 0.0800, 0.0590, -0.0490, 2.3),
-        (0.680, 0, 0.0840, 0.0605, -0.0540, 2.35),
-        (0.710, 0, 0.0900, 0.0605, -0.0590, 2.4),
-        (0.740, 0, 0.0960, 0.0590, -0.0625, 2.4),
-        (0.770, 0, 0.1000, 0.0540, -0.0645, 2.4),
-        (0.800, 0, 0.0960, 0.0420, -0.0640, 2.4),
-        (0.822, 0, 0.0740, 0.0290, -0.0600, 2.2),
-        (0.842, 0, 0.0480, 0.0170, -0.0510, 2.1),
-        (0.858, 0, 0.0340, 0.0120, -0.0430, 2.0),
+        (0.455, 0, 0.022, 0.030, -0.026, 2.0),
+        (0.473, 0, 0.060, 0.042, -0.046, 2.0),
+        (0.490, 0, 0.0870, 0.0460, -0.0580, 2.1),
+        (0.510, 0, 0.0950, 0.0505, -0.0670, 2.2),
+        (0.535, 0, 0.0940, 0.0535, -0.0680, 2.25),
+        (0.560, 0, 0.0890, 0.0560, -0.0630, 2.3),
+        (0.590, 0, 0.0835, 0.0575, -0.0540, 2.3),
+        (0.620, 0, 0.0795, 0.0575, -0.0490, 2.3),
+        (0.650, 0, 0.0800, 0.0585, -0.0500, 2.3),
+        (0.680, 0, 0.0850, 0.0590, -0.0545, 2.35),
+        (0.710, 0, 0.0900, 0.0570, -0.0580, 2.3),
+        (0.740, 0, 0.0950, 0.0540, -0.0600, 2.3),
+        (0.770, 0, 0.0990, 0.0475, -0.0610, 2.3),
+        (0.795, 0, 0.0970, 0.0380, -0.0600, 2.3),
+        (0.815, 0, 0.0800, 0.0300, -0.0580, 2.2),
+        (0.835, 0, 0.0540, 0.0190, -0.0510, 2.1),
+        (0.850, 0, 0.0320, 0.0110, -0.0420, 2.0),
     ],
 }
 LEG = [
-    (0.500, 0.0560, 0.0480, 0.0440, -0.0560, 2.0),
-    (0.470, 0.0595, 0.0520, 0.0510, -0.0560, 2.0),
-    (0.440, 0.0625, 0.0520, 0.0550, -0.0480, 2.05),
-    (0.410, 0.0645, 0.0498, 0.0560, -0.0420, 2.05),
-    (0.370, 0.0670, 0.0445, 0.0530, -0.0370, 2.05),
+    (0.545, 0.0450, 0.0140, 0.0080, -0.0220, 2.0),
+    (0.515, 0.0510, 0.0330, 0.0260, -0.0400, 2.0),
+    (0.490, 0.0550, 0.0470, 0.0410, -0.0520, 2.0),
+    (0.465, 0.0580, 0.0535, 0.0500, -0.0560, 2.0),
+    (0.440, 0.0605, 0.0530, 0.0545, -0.0490, 2.05),
+    (0.410, 0.0630, 0.0500, 0.0560, -0.0420, 2.05),
+    (0.370, 0.0660, 0.0445, 0.0530, -0.0370, 2.05),
     (0.330, 0.0690, 0.0385, 0.0465, -0.0310, 2.1),
     (0.305, 0.0698, 0.0352, 0.0415, -0.0275, 2.1),
     (0.283, 0.0702, 0.0335, 0.0370, -0.0275, 2.2),
@@ -124,20 +130,24 @@ FOOT = [  # (length along the foot, shift, half width, top, sole, power)
     (0.0800, 0.001, 0.0265, 0.0205, -0.0030, 2.5),
     (0.0940, -0.001, 0.0235, 0.0160, -0.0020, 2.5),
     (0.1030, -0.003, 0.0170, 0.0130, 0.0000, 2.3),
-    (0.1080, -0.005, 0.0080, 0.0100, 0.0030, 2.0),
+    (0.1080, -0.004, 0.0130, 0.0115, 0.0005, 2.0),
 ]
 UPPER_ARM = [  # (share of its length, shift up, half width in the arm's plane, front, back, power)
-    (-0.08, 0.000, 0.0270, 0.0290, -0.0290, 2.0),
-    (0.10, 0.001, 0.0285, 0.0290, -0.0300, 2.0),
+    (-0.16, 0.000, 0.0120, 0.0120, -0.0120, 2.0),
+    (-0.08, 0.000, 0.0210, 0.0220, -0.0220, 2.0),
+    (0.05, 0.001, 0.0265, 0.0275, -0.0280, 2.0),
+    (0.16, 0.001, 0.0280, 0.0288, -0.0298, 2.0),
     (0.30, 0.001, 0.0272, 0.0275, -0.0285, 2.0),
     (0.50, 0.000, 0.0250, 0.0258, -0.0258, 2.0),
     (0.75, 0.000, 0.0222, 0.0235, -0.0232, 2.0),
-    (1.00, 0.000, 0.0210, 0.0215, -0.0225, 2.0),
-    (1.08, 0.000, 0.0200, 0.0200, -0.0215, 2.0),
+    (0.95, 0.000, 0.0210, 0.0218, -0.0222, 2.0),
+    (1.05, 0.000, 0.0165, 0.0170, -0.0180, 2.0),
+    (1.12, 0.000, 0.0080, 0.0080, -0.0090, 2.0),
 ]
 FOREARM = [
-    (-0.08, 0.000, 0.0195, 0.0205, -0.0215, 2.0),
-    (0.00, 0.000, 0.0210, 0.0220, -0.0220, 2.0),
+    (-0.13, 0.000, 0.0070, 0.0070, -0.0080, 2.0),
+    (-0.05, 0.000, 0.0165, 0.0165, -0.0185, 2.0),
+    (0.05, 0.000, 0.0208, 0.0218, -0.0218, 2.0),
     (0.20, 0.001, 0.0222, 0.0240, -0.0222, 2.0),
     (0.40, 0.001, 0.0205, 0.0225, -0.0208, 2.0),
     (0.65, 0.000, 0.0160, 0.0185, -0.0182, 2.05),
@@ -152,17 +162,19 @@ HAND = [  # (length from the wrist, shift, half thickness, thumb side, little fi
     (0.055, -0.002, 0.0095, 0.0225, -0.0220, 2.5),
     (0.075, -0.004, 0.0078, 0.0200, -0.0205, 2.5),
     (0.092, -0.007, 0.0066, 0.0160, -0.0165, 2.4),
-    (0.104, -0.010, 0.0050, 0.0100, -0.0100, 2.2),
-    (0.108, -0.011, 0.0030, 0.0050, -0.0050, 2.0),
+    (0.102, -0.009, 0.0060, 0.0130, -0.0130, 2.2),
+    (0.110, -0.011, 0.0050, 0.0095, -0.0095, 2.0),
 ]
 FACE = [
-    (0.8680, 0, 0.0130, 0.0560, 0.0220, 2.0),
-    (0.8740, 0, 0.0205, 0.0610, 0.0080, 2.1),
-    (0.8860, 0, 0.0275, 0.0620, -0.0060, 2.2),
-    (0.9050, 0, 0.0335, 0.0625, -0.0200, 2.2),
+    (0.8680, 0, 0.0130, 0.0545, 0.0220, 2.0),
+    (0.8740, 0, 0.0205, 0.0605, 0.0080, 2.1),
+    (0.8840, 0, 0.0270, 0.0612, -0.0060, 2.15),
+    (0.8940, 0, 0.0305, 0.0640, -0.0130, 2.1),
+    (0.9080, 0, 0.0340, 0.0630, -0.0210, 2.15),
     (0.9250, 0, 0.0375, 0.0620, -0.0300, 2.2),
-    (0.9450, 0, 0.0395, 0.0610, -0.0350, 2.2),
-    (0.9650, 0, 0.0380, 0.0560, -0.0300, 2.1),
+    (0.9450, 0, 0.0395, 0.0605, -0.0350, 2.2),
+    (0.9620, 0, 0.0370, 0.0565, -0.0300, 2.1),
+    (0.9780, 0, 0.0270, 0.0420, -0.0200, 2.0),
 ]
 
 
@@ -208,36 +220,31 @@ class _Drawing:
 
     def figure(self) -> Figure:
         parts = [*self._trunk(), *self._legs(), *self._arms(), *self._head()]
-        return Figure(tuple(parts), self._sections(), self._skeleton())
+        fine = [(np.array([0, 0.930, 0.008]), 0.080)]
+        for side in (-1, 1):
+            fine.append(((self.wrist + 0.060 * self.hand_axis) * [side, 1, 1], 0.072))
+            fine.append((np.array([side * 0.084, 0.012, 0.086]), 0.036))
+        return Figure(tuple(parts), self._sections(), self._skeleton(), tuple(fine))
 
     def _trunk(self) -> list[Part]:
         g, male = self.g, self.male
-        chest = g.bust if male else g.underbust
         up = 0.006 if male else 0.0
+        chest = 0.5 * (g.underbust + 1)
         factors = [
             (0.45, g.hip), (0.52, g.hip), (0.58, 0.5 * (g.hip + g.waist)), (0.638 + up, g.waist),
-            (0.69, chest if not male else 0.5 * (g.waist + chest)), (0.74, chest), (0.79, 0.5 * (1 + chest)), (0.83, 1),
+            (0.69, g.underbust), (0.73, 0.5 * (g.underbust + chest)), (0.775, chest), (0.84, 1),
         ]  # fmt: skip
         parts = [Part(self.column(TRUNK[self.gender], factors), 0.02)]
-        seat = g.hip
-        parts.append(
-            Part(Ellipsoid(self.at(0.043, 0.508, -0.036 * seat), np.array([0.047, 0.050, 0.047]) * seat), 0.022, True, 0.012)
-        )
+        seat = np.array([0.050, 0.056, 0.046]) * g.hip
+        parts.append(Part(Ellipsoid(self.at(0.045, 0.508, -0.030 * g.hip), seat), 0.030, True, 0.014))
+        b = g.bust
         if male:
-            flat = np.array([0.056, 0.043, 0.026]) * g.bust
-            parts.append(Part(Ellipsoid(self.at(0.048, 0.745, 0.042 * g.bust), flat), 0.03, True, 0.012))
+            breast = Ellipsoid(self.at(0.050, 0.748, 0.036 * b), np.array([0.056, 0.040, 0.022]) * b, _tilted(0.25, 0.25))
+            parts.append(Part(breast, 0.045, True, 0.020))
         else:
-            b = g.bust
-            parts.append(
-                Part(
-                    RoundCone(self.at(0.050, 0.775, 0.026), self.at(0.0475, 0.727, 0.040 * b), 0.016, 0.033 * b),
-                    0.026, True, 0.012,
-                )  # fmt: skip
-            )
-            ball = np.array([0.036, 0.036, 0.034]) * b
-            parts.append(Part(Ellipsoid(self.at(0.0475, 0.722, 0.043 * b), ball), 0.012, True, 0.010))
-        blade = np.array([0.036, 0.046, 0.020])
-        parts.append(Part(Ellipsoid(self.at(0.048, 0.768, -0.044 * chest), blade), 0.03, True, 0.02))
+            slope = RoundCone(self.at(0.050, 0.780, 0.022), self.at(0.0465, 0.727, 0.040 * b), 0.014, 0.032 * b)
+            ball = Ellipsoid(self.at(0.0465, 0.721, 0.043 * b), np.array([0.036, 0.036, 0.033]) * b)
+            parts += [Part(slope, 0.040, True, 0.016), Part(ball, 0.016, True, 0.012)]
         return parts
 
     def _legs(self) -> list[Part]:
@@ -250,7 +257,8 @@ class _Drawing:
         turn = np.radians(7)
         along, across = np.array([np.sin(turn), 0, np.cos(turn)]), np.array([np.cos(turn), 0, -np.sin(turn)])
         foot = Tube(np.array([0.0732, 0, -0.006]), along, -across, _facing_front(np.array(FOOT)), 0.62)
-        return [Part(leg, 0.024, True, 0.005), Part(foot, 0.014, True)]
+        kneecap = Ellipsoid(self.at(0.0705, 0.289, 0.026 * g.knee), np.array([0.019, 0.026, 0.013]))
+        return [Part(leg, 0.048, True, 0.010), Part(kneecap, 0.016, True), Part(foot, 0.016, True)]
 
     def _arms(self) -> list[Part]:
         g, wide = self.g, 1.08 if self.male else 1.0
@@ -261,21 +269,22 @@ class _Drawing:
         thumb = self.wrist + 0.022 * self.hand_axis + np.array([0, 0, 0.014])
         tip = self.wrist + 0.066 * self.hand_axis + np.array([-0.004, -0.004, 0.033])
         middle = 0.5 * (thumb + tip) + np.array([0, 0, 0.004])
-        point, drop = self.shoulder, 0.030 * g.upper_arm
+        point, drop = self.shoulder, 0.0275 * g.upper_arm
         top = 0.022 * (1.05 if self.male else 1.0)
-        neck_side = np.array([0.022, 0.846 + (0.006 if self.male else 0), -0.020])
-        cap = point + [0.000, 0.004, -0.002]
-        deltoid = point + 0.30 * self.upper * self.arm_axis + 0.004 * u
-        pit_back = self.at(0.083, 0.755, -0.040)
+        rise = 0.006 if self.male else 0.0
+        collar = np.array([0.026, 0.834 + rise, -0.022])
+        cap = point + [-0.006, 0.003, -0.004]
+        deltoid = point + 0.30 * self.upper * self.arm_axis + 0.003 * u
+        front = np.array([0.6 * point[0], point[1] - 0.008, 0.004])
         return [
-            Part(RoundCone(neck_side, cap, 0.020, top), 0.030, True, 0.01),
-            Part(RoundCone(point, deltoid, drop, 0.026 * g.upper_arm), 0.022, True),
-            Part(upper, 0.020, True),
-            Part(RoundCone(pit_back, point + [0.012, -0.022, -0.012], 0.016, 0.018), 0.024, True),
-            Part(fore, 0.010, True),
-            Part(hand, 0.008, True),
-            Part(RoundCone(thumb, middle, 0.0105 * wide, 0.0085 * wide), 0.010, True),
-            Part(RoundCone(middle, tip, 0.0085 * wide, 0.0062 * wide), 0.006, True),
+            Part(RoundCone(collar, cap, 0.0175, top), 0.034, True, 0.01),
+            Part(RoundCone(front, point + [0, -0.006, 0.004], 0.024, 0.027), 0.030, True, 0.02),
+            Part(upper, 0.030, True),
+            Part(RoundCone(point + 0.06 * self.upper * self.arm_axis, deltoid, drop, 0.0268 * g.upper_arm), 0.030, True),
+            Part(fore, 0.016, True),
+            Part(hand, 0.010, True),
+            Part(RoundCone(thumb, middle, 0.0115 * wide, 0.0095 * wide), 0.012, True),
+            Part(RoundCone(middle, tip, 0.0095 * wide, 0.0078 * wide), 0.006, True),
         ]
 
     def _head(self) -> list[Part]:
@@ -295,13 +304,12 @@ class _Drawing:
         jaw[:, 2] *= 1.06 if male else 0.97
         skull = Ellipsoid(np.array([0, 0.9420, 0.0015]), np.array([0.0445, 0.0580, 0.0580]))
         return [
-            Part(neck, 0.022),
+            Part(neck, 0.030),
             Part(skull, 0.010),
-            Part(self.column(jaw), 0.014),
-            Part(Ellipsoid(np.array([0.0195, 0.9275, 0.0700]), np.array([0.0130, 0.0075, 0.0100])), 0.010, True, carve=True),
-            Part(RoundCone(np.array([0, 0.9290, 0.0590]), np.array([0, 0.9080, 0.0665]), 0.0050, 0.0062), 0.008),
-            Part(Ellipsoid(np.array([0, 0.8870, 0.0585]), np.array([0.0130, 0.0060, 0.0075])), 0.010),
-            Part(Ellipsoid(np.array([0.0440, 0.9200, -0.0010]), np.array([0.0045, 0.0150, 0.0090])), 0.006, True),
+            Part(self.column(jaw), 0.024),
+            Part(Ellipsoid(np.array([0.0200, 0.9290, 0.0710]), np.array([0.0140, 0.0080, 0.0105])), 0.012, True, carve=True),
+            Part(RoundCone(np.array([0, 0.9320, 0.0570]), np.array([0, 0.9075, 0.0660]), 0.0055, 0.0068), 0.012),
+            Part(Ellipsoid(np.array([0.0425, 0.9220, 0.0000]), np.array([0.0065, 0.0165, 0.0095])), 0.009, True),
         ]
 
     def _sections(self) -> dict[str, Section]:
@@ -313,11 +321,11 @@ class _Drawing:
             return Section(self.at(x, y, z), up)
 
         return {
-            "bust": flat(0, 0.742 if self.male else 0.722),
+            "bust": flat(0, 0.728 if self.male else 0.722),
             "underbust": flat(0, 0.690 if self.male else 0.682),
             "waist": flat(0, 0.642 if self.male else 0.638),
             "hip": flat(0, 0.512, -0.01),
-            "neck": Section(np.array([0, 0.853 + (0.004 if self.male else 0), -0.007]), neck / np.linalg.norm(neck)),
+            "neck": Section(np.array([0, 0.862 + (0.002 if self.male else 0), -0.0045]), neck / np.linalg.norm(neck)),
             "upper_arm": Section(self.shoulder + 0.55 * self.upper * self.arm_axis, self.arm_axis),
             "forearm": Section(self.elbow + 0.22 * self.fore * self.fore_axis, self.fore_axis),
             "wrist": Section(self.elbow + 0.96 * self.fore * self.fore_axis, self.fore_axis),
@@ -349,6 +357,13 @@ class _Drawing:
             side = np.array([-1.0 if name.endswith("_r") else 1.0, 1, 1])
             joints[j], tips[j] = ends[stem][0] * side, ends[stem][1] * side
         return Skeleton(joints, tips)
+
+
+def _tilted(yaw: float, roll: float) -> F64:
+    """Axes turned by yaw about y, then by roll about z [rad]: what lies flat on the left half of a chest."""
+    a, b = np.cos(yaw), np.sin(yaw)
+    c, d = np.cos(roll), np.sin(roll)
+    return np.array([[c, d, 0], [-d, c, 0], [0, 0, 1]]) @ np.array([[a, 0, -b], [0, 1, 0], [b, 0, a]])
 
 
 def thickened(rows: F64, factors: F64, middle: float) -> F64:

@@ -6,6 +6,7 @@ minimum", 2013): twice differentiable, and no different from the plain minimum w
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,6 +18,9 @@ F64 = NDArray[np.float64]
 
 FAR = 0.08
 """Value given outside a part's box; larger than any blend, so that what is out of reach is not computed."""
+
+FINE = 512
+"""Places along a tube where its section is looked up."""
 
 
 def smooth_union(a: F64, b: F64, k: float) -> F64:
@@ -41,6 +45,12 @@ class Tube:
     middle: float = 0.45
     """Where between back and front the section is widest."""
 
+    @cached_property
+    def table(self) -> F64:
+        """The rows but s, smoothly interpolated at FINE places."""
+        places = np.linspace(self.rows[0, 0], self.rows[-1, 0], FINE)
+        return PchipInterpolator(self.rows[:, 0], self.rows[:, 1:])(places)
+
     def box(self) -> tuple[F64, F64]:
         w, u = self.axis, self.across
         v = np.cross(w, u)
@@ -56,18 +66,23 @@ class Tube:
         q = points - self.origin
         s = q @ self.axis
         low, high = self.rows[0, 0], self.rows[-1, 0]
-        shape = PchipInterpolator(self.rows[:, 0], self.rows[:, 1:])(np.clip(s, low, high))
-        shift, width, front, back, power = shape.T
+        step = np.clip((s - low) * ((FINE - 1) / (high - low)), 0, FINE - 1.001)
+        low_row = step.astype(np.int32)
+        share = (step - low_row)[:, None]
+        table = self.table
+        shift, width, front, back, power = (table[low_row] * (1 - share) + table[low_row + 1] * share).T
         centre = back + self.middle * (front - back)
         x = q @ self.across - shift
         y = q @ np.cross(self.axis, self.across) - centre
         depth = np.where(y > 0, front - centre, centre - back)
-        ratio = ((np.abs(x) / width) ** power + (np.abs(y) / depth) ** power) ** (1 / power)
+        if (self.rows[:, 5] == 2).all():
+            ratio = np.hypot(x / width, y / depth)
+        else:
+            ratio = ((np.abs(x) / width) ** power + (np.abs(y) / depth) ** power) ** (1 / power)
         radial = np.hypot(x, y) * (1 - 1 / np.maximum(ratio, 1e-6))
         radial = np.where(ratio < 1e-3, -np.minimum(width, depth), radial)
         beyond = np.maximum(low - s, s - high)
-        outside = np.hypot(np.maximum(radial, 0), np.maximum(beyond, 0))
-        return np.where(beyond > 0, outside, np.maximum(radial, beyond))
+        return -smooth_union(-radial, -beyond, 0.010)
 
 
 @dataclass(frozen=True, eq=False)
