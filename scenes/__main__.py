@@ -1,4 +1,4 @@
-"""The command line: `taichi-cloth scenes | plan | turntable | animate | zoom | still | profile`."""
+"""The command line: `taichi-cloth scenes | plan | turntable | animate | zoom | still | profile | body`."""
 
 import contextlib
 import os
@@ -12,6 +12,8 @@ import typer
 import taichi_cloth
 from taichi_cloth.errors import InputError
 
+from .body_command import body_app
+
 __all__ = ["app", "main"]
 
 STOPPED = "stopped; frames already written are whole: go on with --resume"
@@ -22,6 +24,8 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     help="Cloth modelled from its fibres up: fibres, yarns, woven fabric, and pictures of every fibre.",
 )
+
+app.add_typer(body_app, name="body")
 
 SceneName = Annotated[str, typer.Argument(help="A built-in scene (see: taichi-cloth scenes) or a .toml file.")]
 Overrides = Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a scene value.")]

@@ -102,7 +102,8 @@ def _base(path: Path) -> tuple[F64, NDArray[np.int64], dict[str, NDArray[np.int6
 
 def _target(path: Path, count: int) -> F64:
     """A morph target as displacements [dm], shape (count, 3)."""
-    rows = np.loadtxt(gzip.decompress(path.read_bytes()).decode().splitlines(), ndmin=2, comments="#")
+    lines = gzip.decompress(path.read_bytes()).decode().splitlines()
+    rows = np.array([line.split() for line in lines if line.strip() and not line.startswith("#")], np.float64)
     shift = np.zeros((count, 3))
     if rows.size:
         shift[rows[:, 0].astype(int)] = rows[:, 1:4]
