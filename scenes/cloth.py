@@ -21,7 +21,7 @@ from .moving import simulation_of, start_of, woven_scene
 from .prepare import Prepared, draft_of, fibre_kind, prepare_fabric
 from .schema import Scene
 
-__all__ = ["STATE", "ClothModel", "ball_mesh"]
+__all__ = ["STATE", "ClothModel", "ball_mesh", "nothing"]
 
 F32 = NDArray[np.float32]
 STATE = "state.npz"
@@ -87,7 +87,7 @@ class ClothModel:
         if self.follower is not None:
             drawn = ParticleBlocks(self.follower.follow(self.crossings()))
             return [Panel(drawn, self.bounds, numbers=self.numbers, meshes=balls)]
-        return [Panel(_nothing(), self.bounds, meshes=(self.mesh(), *balls))]
+        return [Panel(nothing(), self.bounds, meshes=(self.mesh(), *balls))]
 
     def mesh(self) -> Mesh:
         """The sheet as triangles with smooth normals."""
@@ -157,6 +157,6 @@ def _corners(box: tuple[tuple[float, float, float], tuple[float, float, float]])
     return np.stack(np.meshgrid(*zip(*box, strict=True), indexing="ij"), -1).reshape(-1, 3)
 
 
-def _nothing() -> Particles:
+def nothing() -> Particles:
     none = np.zeros((0, 3), np.float32)
     return Particles(position=none, radius=none[:, 0], colour=none, tangent=none, normal=none)

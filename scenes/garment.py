@@ -96,8 +96,8 @@ class GarmentModel:
         """The body now, its skin let in a little where cloth lies on it: primitives are not quite the skin."""
         body = self.dressed.body
         skin = body.posed(self.motion.pose(self.simulation.time))
-        points, normals = self.surface.points(positions)
-        return Mesh(beneath(skin, body.faces, points, normals), body.faces, np.asarray(SKIN, np.float32), part=1)
+        points, _ = self.surface.points(positions)
+        return Mesh(beneath(skin, body.faces, points), body.faces, np.asarray(SKIN, np.float32), part=1)
 
     def mesh(self, positions: F32) -> Mesh:
         """The garment as triangles with smooth normals, cut along its outlines."""

@@ -75,6 +75,10 @@ class Model(Protocol):
 
 def build(scene: Scene, prepared: Prepared | None = None) -> Model:
     """Build a scene. `prepared` saves laying a fabric out again when that was done for `plan`."""
+    if scene.subject == "garment":
+        from .garment import GarmentModel
+
+        return GarmentModel(scene, prepared)
     if scene.subject == "cloth":
         from .cloth import ClothModel
 

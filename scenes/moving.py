@@ -18,6 +18,7 @@ from taichi_cloth.solvers.verlet import Verlet
 from taichi_cloth.springs import calibrate
 
 from .cloth_schema import ClothSection, ForcesSection, PinsSection, SolverSection
+from .garment_schema import GarmentSection
 from .schema import FabricSection, Scene
 
 __all__ = ["forces_of", "material_of", "sheet_of", "simulation_of", "solver_of", "start_of", "woven_scene"]
@@ -52,7 +53,7 @@ def woven_scene(scene: Scene) -> Scene:
     )
 
 
-def material_of(cloth: ClothSection) -> Material:
+def material_of(cloth: ClothSection | GarmentSection) -> Material:
     """The preset with what the scene changes. Raises InputError."""
     given = {key: value for key, value in cloth.properties.model_dump().items() if value is not None}
     return replace(named_material(cloth.material), **{UNITS[k][0]: UNITS[k][1] * v for k, v in given.items()})

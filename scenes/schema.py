@@ -13,7 +13,9 @@ from taichi_cloth.fabric import Pose
 from taichi_cloth.yarn import Direction
 
 from ..render.tone import Tone
+from .body_section import BodySection
 from .cloth_schema import ClothSection, ForcesSection, SolverSection
+from .garment_schema import GarmentSection
 from .section import Positive, Section, Share
 
 __all__ = [
@@ -31,7 +33,7 @@ __all__ = [
     "YarnSection",
 ]
 
-Subject = Literal["fibre", "yarn", "twist", "fabric", "cloth"]
+Subject = Literal["fibre", "yarn", "twist", "fabric", "cloth", "garment"]
 
 
 class Fibre(Section):
@@ -211,6 +213,8 @@ class Scene(Section):
     weave: Weave | None = None
     fabric: FabricSection | None = None
     cloth: ClothSection | None = None
+    garment: GarmentSection | None = None
+    body: BodySection | None = None
     forces: ForcesSection | None = None
     solver: SolverSection | None = None
     camera: Camera = Camera()
@@ -230,7 +234,7 @@ class Scene(Section):
 
     @model_validator(mode="after")
     def cloth_is_whole(self) -> "Scene":
-        if (self.forces or self.solver) and not self.cloth:
+        if (self.forces or self.solver) and not (self.cloth or self.garment):
             raise ValueError("[forces] and [solver] move a [cloth]; add it, for instance cloth.width_m = 1")
         if self.cloth and self.twist:
             raise ValueError("a scene shows either [cloth] or [twist], not both; leave one of them out")
@@ -245,8 +249,27 @@ class Scene(Section):
             raise ValueError("fabric.ends_per_cm, fabric.picks_per_cm: follow from the size of [cloth]; leave them out")
         return self
 
+    @model_validator(mode="after")
+    def garment_is_whole(self) -> "Scene":
+        if not self.garment:
+            return self
+        if self.cloth or self.twist:
+            raise ValueError("a scene shows one of [garment], [cloth] and [twist]; leave the others out")
+        if self.garment.representation == "fibre" and not self.weave:
+            raise ValueError('garment.representation "fibre" needs [yarn] and [weave]; add them, or take "mesh"')
+        if self.weave and (self.weave.ends or self.weave.picks):
+            raise ValueError(
+                "weave.ends, weave.picks: a [garment] has as many as its pattern, key_points and threads_per_key_point "
+                "make; leave them out"
+            )
+        if self.fabric and (self.fabric.ends_per_cm or self.fabric.picks_per_cm):
+            raise ValueError("fabric.ends_per_cm, fabric.picks_per_cm: follow from the [garment]; leave them out")
+        return self
+
     @property
     def subject(self) -> Subject:
+        if self.garment:
+            return "garment"
         if self.cloth:
             return "cloth"
         if self.weave:

@@ -13,11 +13,11 @@ REACH = 0.03  # as far as skin is looked for cloth, and let in at most [m]
 NEAREST = 4
 
 
-def beneath(skin: NDArray, faces: NDArray, cloth: NDArray, normals: NDArray) -> F32:
+def beneath(skin: NDArray, faces: NDArray, cloth: NDArray) -> F32:
     """Skin (n, 3) [m], let in along its own normal so that it stays ROOM below the cloth points (m, 3) near it.
 
     Contact knows the body by its primitives, which are some millimetres off the skin; what it lets the cloth rest on
-    may lie under the skin that is drawn. faces: of the skin. normals: of the cloth, (m, 3).
+    may lie under the skin that is drawn. faces: of the skin.
     """
     corner = skin[faces]
     square = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])

@@ -1,0 +1,134 @@
+"""From a scene's words to a garment worn by a body: both are made once, and kept on disk by what made them."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from taichi_cloth.body.colliders import Colliders
+from taichi_cloth.body.fit import fit
+from taichi_cloth.body.motion import Motion, motion
+from taichi_cloth.body.primitives import Primitive
+from taichi_cloth.body.segment import segment
+from taichi_cloth.body.skinning import Body
+from taichi_cloth.body.worn import bones_of_parts, primitives_from, primitives_to
+from taichi_cloth.cache import digest, kept
+from taichi_cloth.errors import InputError
+from taichi_cloth.forces import Forces
+from taichi_cloth.garment.cut import cut, spacing_for
+from taichi_cloth.garment.drafts import DRAFTS, Cut, draft
+from taichi_cloth.garment.fitting import fitted
+from taichi_cloth.garment.garmentcode import read_garmentcode
+from taichi_cloth.garment.measure import figure_of
+from taichi_cloth.garment.pattern import Pattern
+from taichi_cloth.garment.sew import Garment, Worn, sew
+from taichi_cloth.simulation import Simulation
+
+from .body_section import body_of
+from .moving import forces_of, material_of
+from .schema import Scene
+
+__all__ = ["Dressed", "dress", "garment_of", "motion_of", "simulation_of"]
+
+VERSION = 1
+"""Of what is kept on disk: raised whenever the same scene would come to another rest."""
+
+Progress = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Dressed:
+    """A body, what stands for it in contact, a garment, and how it rests. from_disk: whether it was sewn before."""
+
+    body: Body
+    primitives: tuple[Primitive, ...]
+    garment: Garment
+    worn: Worn
+    from_disk: bool
+
+
+def dress(scene: Scene, each: Progress | None = None) -> Dressed:
+    """The scene's garment on its body, sewn unless it was before. Raises InputError; needs Taichi only to sew."""
+    assert scene.garment is not None
+    body = body_of(scene.body)
+    primitives = primitives_of(body)
+    garment = garment_of(scene, body)
+    colliders = _colliders(scene, primitives)
+    made_of = digest(VERSION, garment, colliders.gap, colliders.friction, list(primitives))
+
+    def make() -> dict[str, np.ndarray]:
+        worn = sew(garment, colliders, each=each)
+        return {name: np.asarray(getattr(worn, name)) for name in Worn.__dataclass_fields__}
+
+    arrays, found = kept("worn", made_of, make)
+    numbers = {name: arrays[name].item() for name in ("gap", "depth", "stretch", "speed", "frames")}
+    worn = Worn(positions=arrays["positions"], places=arrays["places"], **numbers)
+    return Dressed(body, primitives, garment, worn, found)
+
+
+def garment_of(scene: Scene, body: Body) -> Garment:
+    """The scene's pattern, fitted to the body and cut. Raises InputError."""
+    section = scene.garment
+    assert section is not None
+    figure = figure_of(body)
+    pattern: Pattern
+    if section.pattern.lower().endswith(".json"):
+        pattern = fitted(read_garmentcode(Path(section.pattern)), figure)
+    elif section.pattern in DRAFTS:
+        metres = {name: None if cm is None else 0.01 * cm for name, cm in
+                  (("length", section.length_cm), ("sleeve", section.sleeve_cm))}  # fmt: skip
+        pattern = draft(section.pattern, figure, Cut(ease=section.ease, flare=section.flare, **metres))
+    else:
+        raise InputError(
+            f"garment.pattern: {section.pattern!r}; known: {', '.join(DRAFTS)}, or the path of a .json file"
+        )
+    for name in section.colours:
+        if name not in [panel.name for panel in pattern.panels]:
+            known = ", ".join(panel.name for panel in pattern.panels)
+            raise InputError(f"garment.colours: no panel {name!r}; known: {known}")
+    return Garment(pattern, cut(pattern, spacing_for(pattern, section.key_points)), material_of(section))
+
+
+def primitives_of(body: Body) -> tuple[Primitive, ...]:
+    """The primitives of a body, each carried by its bone; kept on disk."""
+
+    def make() -> dict[str, np.ndarray]:
+        parts = segment(body.vertices, body.faces)
+        bones = bones_of_parts(parts.names, body.skeleton)
+        return primitives_to(fit(body.vertices, body.faces, parts.labels, parts.names, bones=bones))
+
+    return primitives_from(kept("primitives", digest(VERSION, body.vertices, body.faces), make)[0])
+
+
+def motion_of(scene: Scene, body: Body) -> Motion:
+    """How the body of a scene moves."""
+    return motion(scene.body.motion if scene.body else "rest", body.skeleton)
+
+
+def simulation_of(scene: Scene, dressed: Dressed) -> Simulation:
+    """The worn garment, ready to move with its body by one frame of the video at a time."""
+    moves = motion_of(scene, dressed.body)
+    still = moves.name == "rest"
+    colliders = _colliders(scene, dressed.primitives)
+    if not still:
+        colliders = replace(colliders, motion=lambda time: dressed.body.bone_transforms(moves.pose(time)))
+    forces: Forces = replace(forces_of(scene.forces), body=colliders)
+    garment = dressed.garment
+    names = garment.holds()[3]
+    bones = np.array([dressed.body.skeleton.index(name) for name in names], np.int64)
+    return garment.simulation(
+        forces,
+        dressed.worn.positions,
+        places=dressed.worn.places,
+        held=np.ones(len(names), bool),
+        bones=bones,
+        frame_rate=float(scene.output.fps),
+        safety=scene.solver.safety if scene.solver else 0.9,
+    )
+
+
+def _colliders(scene: Scene, primitives: tuple[Primitive, ...]) -> Colliders:
+    section = scene.garment
+    assert section is not None
+    return Colliders(primitives=primitives, friction=section.friction, gap=1e-3 * section.gap_mm)
