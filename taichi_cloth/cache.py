@@ -3,6 +3,7 @@
 A file that is damaged, or is not what its name says, is made again; where nothing can be written, nothing is kept.
 """
 
+import contextlib
 import hashlib
 import os
 from collections.abc import Callable, Mapping
@@ -48,10 +49,9 @@ def kept(kind: str, made_of: str, make: Callable[[], Mapping[str, NDArray]]) -> 
         with part.open("wb") as handle:
             np.savez_compressed(handle, allow_pickle=False, **arrays, **{SEAL: np.array(_seal(arrays))})
         part.replace(file)
-    except OSError:
-        pass  # a full or read-only disk costs the next run some time, and nothing else
-    finally:
-        part.unlink(missing_ok=True)
+    except OSError:  # a full or read-only disk costs the next run some time, and nothing else
+        with contextlib.suppress(OSError):
+            part.unlink()
     return arrays, False
 
 

@@ -128,7 +128,7 @@ def _tshirt(f: Figure, cut: Cut) -> Pattern:
     girth = f.chest * (1 + _set(cut.ease, 0.12))
     long = _set(cut.length, f.neck_height - f.hip_height + 0.05)
     neck = f.neck / (2 * pi) + 0.022
-    reach = f.neck_height - f.underarm_height + 0.035
+    reach = f.neck_height - f.underarm_height + 0.05
     if long <= reach + 0.02:
         raise InputError(f"garment.length: {long:g}; allowed: above {reach + 0.02:.3f} m, below the armhole")
     panels = []
@@ -141,7 +141,7 @@ def _tshirt(f: Figure, cut: Cut) -> Pattern:
         holes += length(edges[2])
         place = _before(f, f.neck_height + 0.02, back=name == "back")
         panels.append(Panel(name, tuple(edges), place, hems=(0, 4)))
-    width, short = f.upper_arm * 1.4 + 0.02, _set(cut.sleeve, 0.11)
+    width, short = min(f.upper_arm * 1.35 + 0.02, 0.86 * holes), _set(cut.sleeve, 0.11)
     for which, name in enumerate(("left", "right")):
         panels.append(_sleeve(f, which, f"{name}_sleeve", width, short, holes * 1.015))
     seams = [

@@ -88,9 +88,7 @@ class Garment:
         piece = self.atlas.panel(side.panel)
         return piece.embed(turned(points, piece.panel.grain))
 
-    def ties(
-        self, solver: Verlet, *, places: F64, held: NDArray[np.bool_], bones: NDArray, speed: float
-    ) -> Ties | None:
+    def ties(self, solver: Verlet, places: F64, held: NDArray[np.bool_], bones: NDArray, speed: float) -> Ties | None:
         """Seams, and those holds that are `held`, at `places` (n, 3) [m], carried by `bones` (n,)."""
         seams, seam_weights = self.seams()
         nodes, weights = self.holds()[:2]
