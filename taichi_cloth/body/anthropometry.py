@@ -73,7 +73,8 @@ ALLOWED = {
 def measures_of(gender: Gender = "female", given: Mapping[str, float] | None = None) -> Measures:
     """The standard person of a gender with some measures [m] replaced. Raises InputError.
 
-    What is not given follows what is: lengths the stature, girths of the arm the bust, of the leg the hip.
+    What is not given follows what is: lengths the stature, girths of the arm the bust, of the leg the hip; the
+    underbust stays as far below the bust as it was.
     """
     if gender not in get_args(Gender):
         raise InputError(f"body.gender: {gender!r}; known: female, male{did_you_mean(str(gender), get_args(Gender))}")
@@ -94,7 +95,9 @@ def measures_of(gender: Gender = "female", given: Mapping[str, float] | None = N
     ):
         follows |= dict.fromkeys(led, np.sqrt(tall * given.get(leader, getattr(standard, leader) * tall)
                                               / getattr(standard, leader)))  # fmt: skip
-    follows["underbust"] = given.get("bust", standard.bust * tall) / standard.bust
+    bust = given.get("bust", standard.bust * tall)
+    follows["underbust"] = (bust - tall * (standard.bust - standard.underbust)) / standard.underbust
+    follows["shoulder_breadth"] = tall + 0.35 * (bust / standard.bust - tall)
     return replace(standard, **{n: given.get(n, getattr(standard, n) * follows[n]) for n in known})
 
 

@@ -59,7 +59,7 @@ class Bvh:
             local = Rotation.identity(frames)
             for c, name in enumerate(channels):
                 if name.endswith("rotation"):
-                    local = local * Rotation.from_euler(name[0].lower(), block[:, c], degrees=True)
+                    local = local * Rotation.from_euler(name[0].lower(), block[:, c : c + 1], degrees=True)
                 elif j == 0:
                     root[:, "XYZ".index(name[0])] = block[:, c]
             parent = self.parents[j]

@@ -232,18 +232,18 @@ class _Drawing:
         chest = 0.5 * (g.underbust + 1)
         factors = [
             (0.45, g.hip), (0.52, g.hip), (0.58, 0.5 * (g.hip + g.waist)), (0.638 + up, g.waist),
-            (0.69, g.underbust), (0.73, 0.5 * (g.underbust + chest)), (0.775, chest), (0.84, 1),
+            (0.69, g.underbust), (0.73, 0.2 * chest + 0.8 * g.underbust), (0.785, chest), (0.84, 1),
         ]  # fmt: skip
         parts = [Part(self.column(TRUNK[self.gender], factors), 0.02)]
         seat = np.array([0.050, 0.056, 0.046]) * g.hip
         parts.append(Part(Ellipsoid(self.at(0.045, 0.508, -0.030 * g.hip), seat), 0.030, True, 0.014))
-        b = g.bust
+        b, root = g.bust, np.sqrt(g.bust)
         if male:
             breast = Ellipsoid(self.at(0.050, 0.748, 0.036 * b), np.array([0.056, 0.040, 0.022]) * b, _tilted(0.25, 0.25))
             parts.append(Part(breast, 0.045, True, 0.020))
         else:
-            slope = RoundCone(self.at(0.050, 0.780, 0.022), self.at(0.0465, 0.727, 0.040 * b), 0.014, 0.032 * b)
-            ball = Ellipsoid(self.at(0.0465, 0.721, 0.043 * b), np.array([0.036, 0.036, 0.033]) * b)
+            slope = RoundCone(self.at(0.050, 0.780, 0.022), self.at(0.0465, 0.727, 0.040 * b), 0.014, 0.032 * root)
+            ball = Ellipsoid(self.at(0.0465, 0.721, 0.043 * b), np.array([0.036 * root, 0.036 * root, 0.033 * b]))
             parts += [Part(slope, 0.040, True, 0.016), Part(ball, 0.016, True, 0.012)]
         return parts
 
@@ -253,7 +253,11 @@ class _Drawing:
             (0.0, 1), (0.035, g.ankle), (0.08, g.ankle), (0.19, g.calf), (0.283, g.knee), (0.37, 0.5 * (g.knee + g.thigh)),
             (0.44, g.thigh), (0.5, 0.5 * (g.thigh + g.hip)),
         ]  # fmt: skip
-        leg = self.column(LEG, factors)
+        thin = np.array(sorted(LEG))
+        rows = thickened(thin, np.array(factors), 0.45)
+        apart = rows[:, 0] > 0.3  # thicker thighs stand further apart
+        rows[apart, 1] += 0.8 * (rows[apart, 2] - thin[apart, 2]) * np.clip((rows[apart, 0] - 0.3) / 0.08, 0, 1)
+        leg = self.column(rows)
         turn = np.radians(7)
         along, across = np.array([np.sin(turn), 0, np.cos(turn)]), np.array([np.cos(turn), 0, -np.sin(turn)])
         foot = Tube(np.array([0.0732, 0, -0.006]), along, -across, _facing_front(np.array(FOOT)), 0.62)
@@ -315,14 +319,14 @@ class _Drawing:
     def _sections(self) -> dict[str, Section]:
         up = np.array([0.0, 1, 0])
         neck = np.array([0, 0.09, 0.026])
-        thigh = self.trunk_crotch - 0.020
+        thigh = self.trunk_crotch - 0.030
 
         def flat(x: float, y: float, z: float = -0.005) -> Section:
             return Section(self.at(x, y, z), up)
 
         return {
             "bust": flat(0, 0.728 if self.male else 0.722),
-            "underbust": flat(0, 0.690 if self.male else 0.682),
+            "underbust": flat(0, 0.690 if self.male else 0.674),
             "waist": flat(0, 0.642 if self.male else 0.638),
             "hip": flat(0, 0.512, -0.01),
             "neck": Section(np.array([0, 0.862 + (0.002 if self.male else 0), -0.0045]), neck / np.linalg.norm(neck)),

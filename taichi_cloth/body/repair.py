@@ -106,7 +106,7 @@ def _drop_loose_parts(mesh: Repaired) -> None:
 
 
 def _cut_crowded_edges(mesh: Repaired) -> None:
-    """Where more than two faces meet at an edge, the smallest of them go."""
+    """Where more than two faces meet at an edge, those go that end in the air, else the smallest."""
     dropped = 0
     for _ in range(20):
         edges = np.sort(_edges(mesh.faces), 1)
@@ -114,8 +114,9 @@ def _cut_crowded_edges(mesh: Repaired) -> None:
         crowded = (count[number.ravel()] > 2).reshape(3, -1).any(0)
         if not crowded.any():
             break
+        fins = crowded & (count[number.ravel()] == 1).reshape(3, -1).any(0)
         smallest = np.flatnonzero(crowded)[_areas(mesh)[crowded].argsort()]
-        gone = smallest[: max(1, len(smallest) // 4)]
+        gone = np.flatnonzero(fins) if fins.any() else smallest[: max(1, len(smallest) // 4)]
         dropped += len(gone)
         mesh.faces = np.delete(mesh.faces, gone, axis=0)
     else:
