@@ -30,10 +30,14 @@ class BodySection(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
-    source: str = Field(default="built-in", description='"built-in", "anny", or the path of an OBJ, PLY, GLB or STL file')
+    source: str = Field(
+        default="built-in", description='"built-in", "anny", or the path of an OBJ, PLY, GLB or STL file'
+    )
     gender: Gender = "female"
     stature_cm: Girth | None = Field(default=None, description="height [cm]; default: 168 female, 178 male")
-    bust_cm: Girth | None = Field(default=None, description="girth of the chest at its fullest [cm]; built-in only, as below")
+    bust_cm: Girth | None = Field(
+        default=None, description="girth of the chest at its fullest [cm]; built-in only, as below"
+    )
     underbust_cm: Girth | None = None
     waist_cm: Girth | None = None
     hip_cm: Girth | None = None

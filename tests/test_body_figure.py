@@ -36,7 +36,9 @@ def test_body_is_one_closed_surface_with_the_girths_asked_for(gender: str) -> No
     for name, girth in read.items():
         assert girth == pytest.approx(getattr(measures, name), rel=0.02), name
     mirrored, _ = cKDTree(body.vertices).query(body.vertices * [-1, 1, 1])
-    assert mirrored.max() < 0.004  # the two ways to cut a quad differ from side to side; a vertex is 12 mm from the next
+    assert (
+        mirrored.max() < 0.004
+    )  # the two ways to cut a quad differ from side to side; a vertex is 12 mm from the next
 
 
 def test_other_measures_are_met() -> None:

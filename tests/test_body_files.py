@@ -1,5 +1,6 @@
 """Bodies and motions from files: recognised, repaired with a word for each repair, or refused in one line."""
 
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -69,13 +70,14 @@ def test_repairs_are_made_and_named(body) -> None:
     soup, loose = vertices[corner], np.arange(len(corner)).reshape(-1, 3)  # each face its own vertices, as STL has it
     ball = trimesh.creation.icosphere(2, 0.02)
     wall = loose[5] * [1, 1, 0] + [0, 0, len(soup)]
-    points = np.concatenate([soup, [[0.1, 1.0, 0.4]], ball.vertices + [0, 1.7, 0.3], [[np.nan] * 3]])
+    points = np.concatenate([soup, [[0.1, 1.0, 0.4]], ball.vertices + np.array([0, 1.7, 0.3]), [[np.nan] * 3]])
     last = len(points) - 1
     soup_faces = np.concatenate([loose, [wall], ball.faces + len(soup) + 1, [[0, 1, last]], loose[:1]])
     mended = repaired(points, soup_faces)
     told = "; ".join(mended.notes)
     for words in (
-        "with a corner that is not a number", "merged", "twice", "1 loose part", "more than two met", "inverted", "closed 1 hole",
+        "with a corner that is not a number", "merged", "twice", "1 loose part", "more than two met", "inverted",
+        "closed 1 hole",
     ):  # fmt: skip
         assert words in told, told
     assert closed(mended.faces)
@@ -122,7 +124,9 @@ def test_what_is_no_body_is_refused_in_one_line(body, tmp_path: Path) -> None:
         assert "\n" not in str(error.value)
 
 
-def bvh_text(joints: np.ndarray, poses: list[Pose], names: dict[str, str], order: str = "ZXY", scale: float = 100) -> str:
+def bvh_text(
+    joints: np.ndarray, poses: list[Pose], names: dict[str, str], order: str = "ZXY", scale: float = 100
+) -> str:
     """Our skeleton as a BVH file: zero pose at `joints`, one frame a pose."""
     lines = ["HIERARCHY"]
 
@@ -163,7 +167,12 @@ def bvh_text(joints: np.ndarray, poses: list[Pose], names: dict[str, str], order
     return "\n".join(lines)
 
 
-MIXAMO = {"pelvis": "mixamorig:Hips", "spine1": "mixamorig:Spine", "spine2": "mixamorig:Spine1", "spine3": "mixamorig:Spine2"}
+MIXAMO = {
+    "pelvis": "mixamorig:Hips",
+    "spine1": "mixamorig:Spine",
+    "spine2": "mixamorig:Spine1",
+    "spine3": "mixamorig:Spine2",
+}
 MIXAMO |= {"neck": "mixamorig:Neck", "head": "mixamorig:Head"}
 for side, word in (("l", "Left"), ("r", "Right")):
     for ours, theirs in (
@@ -187,9 +196,13 @@ def test_bvh_of_our_own_skeleton_comes_back_the_same(body, tmp_path: Path) -> No
         # the feet's bone ends differ (their end site), so do their turns about themselves
         rest = [j for j in range(20) if j not in feet]
         np.testing.assert_allclose(mapped[rest, :3, :3], asked[rest, :3, :3], atol=1e-5)
-        between = (poses[k].translation - poses[0].translation) - (act.pose(0.05 * k).translation - act.cycle(0).translation)
+        between = (poses[k].translation - poses[0].translation) - (
+            act.pose(0.05 * k).translation - act.cycle(0).translation
+        )
         np.testing.assert_allclose(between, 0, atol=1e-5)
-    heights = [(body.bone_transforms(p)[feet] @ np.append(joints[feet[0]], 1))[:, 1] for p in map(act.cycle, (0, 0.05, 0.1))]
+    heights = [
+        (body.bone_transforms(p)[feet] @ np.append(joints[feet[0]], 1))[:, 1] for p in map(act.cycle, (0, 0.05, 0.1))
+    ]
     assert np.isfinite(heights).all()
 
 
@@ -197,7 +210,7 @@ def test_bvh_in_t_pose_and_other_axes_lifts_the_arms(body, tmp_path: Path) -> No
     joints = body.skeleton.joints.copy()
     for s, sign in (("l", 1), ("r", -1)):
         chain = [JOINTS.index(f"{n}_{s}") for n in ("upper_arm", "forearm", "hand")]
-        for a, b in zip(chain[:-1], chain[1:], strict=True):
+        for a, b in pairwise(chain):
             joints[b] = joints[a] + [sign * np.linalg.norm(body.skeleton.joints[b] - body.skeleton.joints[a]), 0, 0]
     path = tmp_path / "t.bvh"
     path.write_text(bvh_text(joints @ TO_Z_UP, [Pose.rest(), Pose.rest()], MIXAMO, scale=1))
@@ -223,7 +236,17 @@ def test_bvh_names_of_other_makers_are_known() -> None:
         matched(("a", "b"))
 
 
-GOOD = "HIERARCHY\nROOT Hips\n{\nOFFSET 0 0 0\nCHANNELS 3 Zrotation Xrotation Yrotation\n}\nMOTION\nFrames: 1\nFrame Time: 0.1\n1 2 3\n"
+GOOD = """HIERARCHY
+ROOT Hips
+{
+OFFSET 0 0 0
+CHANNELS 3 Zrotation Xrotation Yrotation
+}
+MOTION
+Frames: 1
+Frame Time: 0.1
+1 2 3
+"""
 
 
 @pytest.mark.parametrize(

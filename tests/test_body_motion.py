@@ -56,7 +56,9 @@ def test_weights_are_shares_and_stay_in_their_part(body) -> None:
     assert mirror_name("hand_l") == "hand_r"
 
 
-@pytest.mark.parametrize(("joint", "turn"), [("shin_l", (1.05, 0, 0)), ("forearm_l", (-1.05, 0, 0)), ("thigh_l", (-1.05, 0, 0))])
+@pytest.mark.parametrize(
+    ("joint", "turn"), [("shin_l", (1.05, 0, 0)), ("forearm_l", (-1.05, 0, 0)), ("thigh_l", (-1.05, 0, 0))]
+)
 def test_a_bend_of_60_degrees_keeps_the_limb_full(body, joint: str, turn: tuple) -> None:
     bent = body.posed(Pose.of({joint: turn}))
     before, after = volume(body.vertices, body.faces), volume(bent, body.faces)

@@ -16,7 +16,7 @@ from taichi_cloth.body.skeleton import Skeleton
 from taichi_cloth.body.skinning import Body, heat_weights
 from taichi_cloth.body.surface_nets import surface_nets
 
-__all__ = ["built_in_body", "girths_of", "girth_sections"]
+__all__ = ["built_in_body", "fitted", "girth_sections", "girths_of"]
 
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
@@ -177,7 +177,8 @@ def refined(vertices: F64, faces: I32, chosen: NDArray[np.bool_]) -> tuple[F64, 
     out = [faces[count == 0]]
     f, m = faces[count == 3], middle[count == 3]
     out += [np.stack(t, 1) for t in (
-        (f[:, 0], m[:, 2], m[:, 1]), (m[:, 2], f[:, 1], m[:, 0]), (m[:, 1], m[:, 0], f[:, 2]), (m[:, 0], m[:, 1], m[:, 2]),
+        (f[:, 0], m[:, 2], m[:, 1]), (m[:, 2], f[:, 1], m[:, 0]),
+        (m[:, 1], m[:, 0], f[:, 2]), (m[:, 0], m[:, 1], m[:, 2]),
     )]  # fmt: skip
     for k in range(3):  # one edge, the one across from corner k (two cannot be: then all three corners are chosen)
         one = (count == 1) & (middle[:, k] >= 0)

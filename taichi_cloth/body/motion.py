@@ -29,11 +29,14 @@ WALK_PERIOD = 1.15
 
 GAIT = {  # share of the stride from the heel's strike: flexion [degrees]
     "hip": [(0, 28), (0.10, 25), (0.25, 9), (0.40, -6), (0.52, -11), (0.62, -3), (0.75, 20), (0.87, 31), (0.95, 29)],
-    "knee": [(0, 5), (0.07, 11), (0.15, 18), (0.28, 10), (0.40, 5), (0.50, 12), (0.60, 34), (0.72, 60), (0.84, 38), (0.95, 5)],
+    "knee": [
+        (0, 5), (0.07, 11), (0.15, 18), (0.28, 10), (0.40, 5), (0.50, 12), (0.60, 34), (0.72, 60),
+        (0.84, 38), (0.95, 5),
+    ],
     "ankle": [(0, 0), (0.07, -5), (0.20, 3), (0.45, 10), (0.55, 0), (0.63, -17), (0.75, -4), (0.88, 1)],
 }  # fmt: skip
-"""Sagittal angles of level walking at a natural pace, read off the curves of Winter, "The biomechanics and motor control
-of human gait", 1991, chapter 2 (rounded to a degree). Ankle: toes up is positive."""
+"""Sagittal angles of level walking at a natural pace, after the mean curves of Winter, "The biomechanics and motor
+control of human gait", 1991 (key values, rounded). Ankle: toes up is positive."""
 
 
 @dataclass(frozen=True, eq=False)

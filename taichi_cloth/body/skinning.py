@@ -84,7 +84,7 @@ def cotangent_laplacian(vertices: F64, faces: I32) -> tuple[sparse.csr_matrix, F
         values += [half, half]
     edges = sparse.csr_matrix((np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))), shape=(n, n))
     laplacian = sparse.diags(np.asarray(edges.sum(1)).ravel()) - edges
-    mass = np.bincount(faces.ravel(), np.repeat(area / 3, 3), minlength=n)
+    mass = np.bincount(faces.ravel(), np.repeat(area / 3, 3), minlength=n).astype(np.float64)
     return sparse.csr_matrix(laplacian), mass
 
 
