@@ -79,7 +79,7 @@ def measures_of(gender: Gender = "female", given: Mapping[str, float] | None = N
     if gender not in get_args(Gender):
         raise InputError(f"body.gender: {gender!r}; known: female, male{did_you_mean(str(gender), get_args(Gender))}")
     standard = FEMALE if gender == "female" else MALE
-    given = dict(given or {})
+    given = {str(k): float(v) for k, v in (given or {}).items()}
     known = [f.name for f in fields(Measures)]
     for name, value in given.items():
         if name not in known:
@@ -93,8 +93,8 @@ def measures_of(gender: Gender = "female", given: Mapping[str, float] | None = N
         ("bust", ("underbust", "neck", "upper_arm", "forearm", "wrist")),
         ("hip", ("thigh", "knee", "calf", "ankle")),
     ):
-        follows |= dict.fromkeys(led, np.sqrt(tall * given.get(leader, getattr(standard, leader) * tall)
-                                              / getattr(standard, leader)))  # fmt: skip
+        wide = given.get(leader, getattr(standard, leader) * tall) / getattr(standard, leader)
+        follows |= dict.fromkeys(led, float(np.sqrt(tall * wide)))
     bust = given.get("bust", standard.bust * tall)
     follows["underbust"] = (bust - tall * (standard.bust - standard.underbust)) / standard.underbust
     follows["shoulder_breadth"] = tall + 0.35 * (bust / standard.bust - tall)

@@ -1,8 +1,8 @@
 """Outlines of the figure in shares of stature: sections up the trunk, the leg and the face, along foot, arm and hand.
 
 Drawn by eye in the artists' canon (seven and a half heads to the height) and checked against slices of the
-MakeHuman base mesh (CC0). They give shapes; sizes come from the girths. Rows, where not said otherwise: (height, middle x,
-half width, front z, back z, power of the superellipse).
+MakeHuman base mesh (CC0). They give shapes; sizes come from the girths. Rows, where not said otherwise:
+(height, middle x, half width, front z, back z, power of the superellipse).
 """
 
 __all__ = ["FACE", "FOOT", "FOREARM", "HAND", "LEG", "TRUNK", "UPPER_ARM"]

@@ -125,8 +125,13 @@ def _thick_bones(skeleton: Skeleton, stature: float) -> tuple[F64, F64, F64, NDA
                 shift = np.array([side * reach, 0, 0])
                 low = at[j] if name != "pelvis" else at[j] - [0, 0.01 * stature, 0]
                 rows.append((low + shift, tips[j] + shift * (0.8 if name == "spine3" else 1), 0.045 * stature, j))
+            if name == "pelvis":
+                rows.append((at[j], at[j] - [0, 0.045 * stature, 0], 0.04 * stature, j))
         else:
             thick = {"thigh": 0.040, "shin": 0.026, "foot": 0.02, "upper_arm": 0.022, "head": 0.05}
+            if name.startswith("foot"):
+                heel = at[j] * [1, 0, 1] - 0.4 * (tips[j] - at[j]) * [1, 0, 1] + [0, 0.015 * stature, 0]
+                rows.append((at[j] - [0, 0.012 * stature, 0], heel, 0.02 * stature, j))
             radius = next((r for k, r in thick.items() if name.startswith(k)), 0.018)
             rows.append((at[j], tips[j], radius * stature, j))
     starts, ends = np.array([r[0] for r in rows]), np.array([r[1] for r in rows])
