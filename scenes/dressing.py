@@ -8,7 +8,7 @@ import numpy as np
 
 from taichi_cloth.body.colliders import Colliders
 from taichi_cloth.body.fit import fit
-from taichi_cloth.body.motion import Motion, motion
+from taichi_cloth.body.motion import Motion
 from taichi_cloth.body.primitives import Primitive
 from taichi_cloth.body.segment import segment
 from taichi_cloth.body.skinning import Body
@@ -25,7 +25,7 @@ from taichi_cloth.garment.pattern import Pattern
 from taichi_cloth.garment.sew import Garment, Worn, sew
 from taichi_cloth.simulation import Simulation
 
-from .body_section import body_of
+from .body_section import BodySection, prepare_body, prepare_motion
 from .moving import forces_of, material_of
 from .schema import Scene
 
@@ -51,7 +51,7 @@ class Dressed:
 def dress(scene: Scene, each: Progress | None = None) -> Dressed:
     """The scene's garment on its body, sewn unless it was before. Raises InputError; needs Taichi only to sew."""
     assert scene.garment is not None
-    body = body_of(scene.body)
+    body = prepare_body(scene.body or BodySection())
     primitives = primitives_of(body)
     garment = garment_of(scene, body)
     colliders = _colliders(scene, primitives)
@@ -103,7 +103,7 @@ def primitives_of(body: Body) -> tuple[Primitive, ...]:
 
 def motion_of(scene: Scene, body: Body) -> Motion:
     """How the body of a scene moves."""
-    return motion(scene.body.motion if scene.body else "rest", body.skeleton)
+    return prepare_motion(scene.body or BodySection(), body)
 
 
 def simulation_of(scene: Scene, dressed: Dressed) -> Simulation:

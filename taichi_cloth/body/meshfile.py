@@ -1,6 +1,7 @@
 """A body from a mesh file: unit and axes recognised, the mesh repaired, a skeleton laid into it."""
 
 import logging
+from itertools import pairwise
 from pathlib import Path
 from typing import Literal, get_args
 
@@ -66,7 +67,11 @@ def body_from_mesh(
     facing: Facing | None = None,
 ) -> Body:
     """The same from arrays. Raises InputError for what cannot be made a standing body."""
-    for key, value, known in (("unit", unit, get_args(Unit)), ("up", up, get_args(Up)), ("facing", facing, get_args(Facing))):
+    for key, value, known in (
+        ("unit", unit, get_args(Unit)),
+        ("up", up, get_args(Up)),
+        ("facing", facing, get_args(Facing)),
+    ):
         if value is not None and value not in known:
             raise InputError(f"body.{key}: {value!r}; known: {', '.join(known)}{did_you_mean(str(value), known)}")
     if len(faces) > MOST_FACES:
@@ -109,7 +114,9 @@ def body_from_mesh(
     points = points - [middle[0], 0, 0.5 * (trunk[:, 2].min() + trunk[:, 2].max())]
     width, depth = np.ptp(points[:, 0]), np.ptp(points[:, 2])
     if max(width, depth) > 1.35 * height or height < 1.2 * depth:
-        raise InputError(f"mesh: {width:.2f} wide, {height:.2f} high, {depth:.2f} m deep is not standing; state body.up")
+        raise InputError(
+            f"mesh: {width:.2f} wide, {height:.2f} high, {depth:.2f} m deep is not standing; state body.up"
+        )
     faces32 = mesh.faces.astype(np.int32)
     skeleton = laid_skeleton(points, faces32)
     return Body(
@@ -127,7 +134,10 @@ def _seen_facing(points: F64) -> Facing:
     """Where the feet point: the lowest slice reaches further to the toes than the ankles above it."""
     height = float(points[:, 1].max())
     arms_off = points[points[:, 1] < 0.35 * height]
-    feet, shins = arms_off[arms_off[:, 1] < 0.035 * height], arms_off[(arms_off[:, 1] > 0.06 * height) & (arms_off[:, 1] < 0.2 * height)]
+    feet, shins = (
+        arms_off[arms_off[:, 1] < 0.035 * height],
+        arms_off[(arms_off[:, 1] > 0.06 * height) & (arms_off[:, 1] < 0.2 * height)],
+    )
     if len(feet) < 6 or len(shins) < 6:
         return "forward"
 
@@ -142,7 +152,7 @@ def _seen_facing(points: F64) -> Facing:
 
 
 def laid_skeleton(points: F64, faces: NDArray[np.int32]) -> Skeleton:
-    """Our skeleton in a standing body [m]: scaled to its height, crotch and fingertips, drawn to the middle of limbs."""
+    """Our skeleton in a standing body [m]: scaled to height, crotch and fingertips, drawn into the limbs."""
     tall = float(points[:, 1].max())
     edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
     edges = edges[points[edges[:, 0], 0] * points[edges[:, 1], 0] <= 0]
@@ -175,7 +185,7 @@ def laid_skeleton(points: F64, faces: NDArray[np.int32]) -> Skeleton:
         near = points[(np.abs(points[:, 1] - joints[j, 1]) < 0.02 * tall) & (np.abs(points[:, 0]) < 0.05 * tall)]
         if len(near) > 4:
             joints[j, 2] = 0.55 * near[:, 2].min() + 0.45 * near[:, 2].max()
-    for a, b in zip(JOINTS[:5], JOINTS[1:6], strict=True):
+    for a, b in pairwise(JOINTS[:6]):
         tips[index(a)] = joints[index(b)]
     tips[index("head"), 2] = joints[index("head"), 2]
     for side, sign in (("l", 1.0), ("r", -1.0)):

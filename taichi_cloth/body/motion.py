@@ -29,11 +29,14 @@ WALK_PERIOD = 1.15
 
 GAIT = {  # share of the stride from the heel's strike: flexion [degrees]
     "hip": [(0, 28), (0.10, 25), (0.25, 9), (0.40, -6), (0.52, -11), (0.62, -3), (0.75, 20), (0.87, 31), (0.95, 29)],
-    "knee": [(0, 5), (0.07, 11), (0.15, 18), (0.28, 10), (0.40, 5), (0.50, 12), (0.60, 34), (0.72, 60), (0.84, 38), (0.95, 5)],
+    "knee": [
+        (0, 5), (0.07, 11), (0.15, 18), (0.28, 10), (0.40, 5), (0.50, 12), (0.60, 34), (0.72, 60),
+        (0.84, 38), (0.95, 5),
+    ],
     "ankle": [(0, 0), (0.07, -5), (0.20, 3), (0.45, 10), (0.55, 0), (0.63, -17), (0.75, -4), (0.88, 1)],
 }  # fmt: skip
-"""Sagittal angles of level walking at a natural pace, read off the curves of Winter, "The biomechanics and motor control
-of human gait", 1991, chapter 2 (rounded to a degree). Ankle: toes up is positive."""
+"""Sagittal angles of level walking at a natural pace, after the mean curves of Winter, "The biomechanics and motor
+control of human gait", 1991 (key values, rounded). Ankle: toes up is positive."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,6 +87,34 @@ def _turns(*steps: tuple[str, float]) -> F64:
     return total.as_rotvec()
 
 
+A_POSE = {"upper_arm": (0.7071, -0.7071, 0.03), "forearm": (0.6293, -0.7771, 0.16)}
+"""Ways of the left arm's bones in the pose from which arms are turned, that of the built-in body."""
+
+
+def _alike(skeleton: Skeleton, turns: dict[str, F64]) -> dict[str, F64]:
+    """Turns of arms that start from another rest pose, such as bent elbows, so that they end at the same directions."""
+    turns = dict(turns)
+    for side, sign in (("l", 1.0), ("r", -1.0)):
+        before = Rotation.identity()
+        for part, way in A_POSE.items():
+            name = f"{part}_{side}"
+            j = JOINTS.index(name)
+            bone = skeleton.tips[j] - skeleton.joints[j]
+            fit = _least_turn(bone, np.array(way) * [sign, 1, 1])
+            own = Rotation.from_rotvec(turns.get(name, np.zeros(3)))
+            turns[name] = (before.inv() * own * fit).as_rotvec()
+            before = fit
+    return turns
+
+
+def _least_turn(bone: F64, way: F64) -> Rotation:
+    """The rotation by the least angle that takes one direction to another."""
+    a, b = bone / np.linalg.norm(bone), way / np.linalg.norm(way)
+    axis = np.cross(a, b)
+    sine = float(np.linalg.norm(axis))
+    return Rotation.from_rotvec(axis / max(sine, 1e-12) * np.arctan2(sine, float(a @ b)))
+
+
 def _arm(side: int, *, lowered: float, forward: float, bent: float, twist: float = 0.0) -> dict[str, F64]:
     """An arm of the A pose lowered, swung forward and bent at the elbow [degrees]. side: 1 left, −1 right."""
     name = "l" if side > 0 else "r"
@@ -108,14 +139,17 @@ def _idle(skeleton: Skeleton) -> Callable[[float], Pose]:
         pelvis = {"pelvis": _turns(("z", -1.2 * side), ("y", 2.0 * np.sin(a - 0.5)))}
         return planted_legs(
             skeleton,
-            pelvis
-            | {
-                "spine1": _turns(("z", 0.9 * side), ("x", 0.5 * breath)),
-                "spine3": _turns(("z", 0.8 * side), ("x", -0.8 * breath), ("y", -1.5 * np.sin(a - 0.8))),
-                "head": _turns(("y", 4 * np.sin(a - 1.0)), ("x", 1.0 * np.sin(2 * a))),
-            }
-            | _arm(1, lowered=30 + breath, forward=3 * np.sin(a - 0.6), bent=10)
-            | _arm(-1, lowered=30 + breath, forward=-3 * np.sin(a - 0.6), bent=10),
+            _alike(
+                skeleton,
+                pelvis
+                | {
+                    "spine1": _turns(("z", 0.9 * side), ("x", 0.5 * breath)),
+                    "spine3": _turns(("z", 0.8 * side), ("x", -0.8 * breath), ("y", -1.5 * np.sin(a - 0.8))),
+                    "head": _turns(("y", 4 * np.sin(a - 1.0)), ("x", 1.0 * np.sin(2 * a))),
+                }
+                | _arm(1, lowered=30 + breath, forward=3 * np.sin(a - 0.6), bent=10)
+                | _arm(-1, lowered=30 + breath, forward=-3 * np.sin(a - 0.6), bent=10),
+            ),
             shift,
         )
 
@@ -169,7 +203,7 @@ def _walk(skeleton: Skeleton) -> Callable[[float], Pose]:
         a = 2 * np.pi * phase
         up = float(rise[0].real + 2 * np.sum((rise[1:9] * np.exp(1j * a * np.arange(1, 9))).real))
         sway = 0.011 * tall * np.sin(a - 0.25)
-        return Pose.of(turns(phase), (sway, up, 0.0))
+        return Pose.of(_alike(skeleton, turns(phase)), (sway, up, 0.0))
 
     return cycle
 
@@ -182,7 +216,7 @@ def _arms_raised(skeleton: Skeleton) -> Callable[[float], Pose]:
             out[f"clavicle_{name}"] = _turns(("z", side * 24 * up))
             out[f"upper_arm_{name}"] = _turns(("z", side * 82 * up), ("x", -6 * up))
             out[f"forearm_{name}"] = _turns(("z", side * 10 * up))
-        return Pose.of(out | {"spine3": _turns(("x", -3 * up)), "head": _turns(("x", -4 * up))})
+        return Pose.of(_alike(skeleton, out) | {"spine3": _turns(("x", -3 * up)), "head": _turns(("x", -4 * up))})
 
     return cycle
 
@@ -202,7 +236,7 @@ def _sit(skeleton: Skeleton) -> Callable[[float], Pose]:
         }
         for side in (1, -1):
             turns |= _arm(side, lowered=26 * down, forward=26 * down + 8 * lean, bent=42 * down, twist=14 * down)
-        return planted_legs(skeleton, turns, shift)
+        return planted_legs(skeleton, _alike(skeleton, turns), shift)
 
     return cycle
 

@@ -58,7 +58,7 @@ def _few(count: int, one: str, more: str) -> str:
 def _drop_broken(mesh: Repaired) -> None:
     if len(mesh.faces) and (mesh.faces.min() < 0 or mesh.faces.max() >= len(mesh.vertices)):
         raise InputError("mesh: a face names a vertex that is not there; export it again")
-    good = np.isfinite(mesh.vertices).all(1)
+    good = np.asarray(np.isfinite(mesh.vertices).all(1))
     kept = good[mesh.faces].all(1) if len(mesh.faces) else np.zeros(0, bool)
     if (~kept).any():
         mesh.notes.append(f"dropped {_few(int((~kept).sum()), 'face', 'faces')} with a corner that is not a number")
@@ -98,7 +98,10 @@ def _drop_loose_parts(mesh: Repaired) -> None:
     area = np.bincount(at.ravel(), _areas(mesh))
     largest = int(area.argmax())
     kept = at.ravel() == largest
-    whole, mine = np.ptp(mesh.vertices[mesh.faces.ravel()], 0).max(), np.ptp(mesh.vertices[mesh.faces[kept].ravel()], 0).max()
+    whole, mine = (
+        np.ptp(mesh.vertices[mesh.faces.ravel()], 0).max(),
+        np.ptp(mesh.vertices[mesh.faces[kept].ravel()], 0).max(),
+    )
     if area[largest] < 0.5 * area.sum() or mine < 0.7 * whole:
         raise InputError(f"mesh: in {len(parts)} parts of which none is the body; join them into one surface first")
     mesh.notes.append(f"dropped {_few(len(parts) - 1, 'loose part', 'loose parts')} ({int((~kept).sum()):,} faces)")
@@ -106,7 +109,7 @@ def _drop_loose_parts(mesh: Repaired) -> None:
 
 
 def _cut_crowded_edges(mesh: Repaired) -> None:
-    """Where more than two faces meet at an edge, the smallest of them go."""
+    """Where more than two faces meet at an edge, those go that end in the air, else the smallest."""
     dropped = 0
     for _ in range(20):
         edges = np.sort(_edges(mesh.faces), 1)
@@ -114,8 +117,9 @@ def _cut_crowded_edges(mesh: Repaired) -> None:
         crowded = (count[number.ravel()] > 2).reshape(3, -1).any(0)
         if not crowded.any():
             break
+        fins = crowded & (count[number.ravel()] == 1).reshape(3, -1).any(0)
         smallest = np.flatnonzero(crowded)[_areas(mesh)[crowded].argsort()]
-        gone = smallest[: max(1, len(smallest) // 4)]
+        gone = np.flatnonzero(fins) if fins.any() else smallest[: max(1, len(smallest) // 4)]
         dropped += len(gone)
         mesh.faces = np.delete(mesh.faces, gone, axis=0)
     else:
@@ -162,7 +166,9 @@ def _orient(mesh: Repaired) -> None:
         return
     pair = np.stack([face[one], face[other]], 1)
     graph = csr_matrix((np.ones(2 * len(pair)), (pair.ravel(), pair[:, ::-1].ravel())), shape=(m, m))
-    weight = csr_matrix((np.tile(against + 1.0, 2), (np.r_[pair[:, 0], pair[:, 1]], np.r_[pair[:, 1], pair[:, 0]])), (m, m))
+    weight = csr_matrix(
+        (np.tile(against + 1.0, 2), (np.r_[pair[:, 0], pair[:, 1]], np.r_[pair[:, 1], pair[:, 0]])), (m, m)
+    )
     turned = np.zeros(m, bool)
     todo = np.ones(m, bool)
     while todo.any():
@@ -215,7 +221,7 @@ def _close_holes(mesh: Repaired) -> None:
         around = float(np.linalg.norm(ring - np.roll(ring, 1, 0), axis=1).sum())
         if around > LONGEST_HOLE * height:
             raise InputError(
-                f"mesh: a hole {around / height:.2f} body heights round; allowed: up to {LONGEST_HOLE:g}; close it first"
+                f"mesh: a hole {around / height:.2f} body heights round; allowed: {LONGEST_HOLE:g}; close it first"
             )
         following = np.roll(loop, -1)
         if len(loop) == 3:

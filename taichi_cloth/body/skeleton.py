@@ -54,7 +54,9 @@ class Pose:
         rotations = np.zeros((len(JOINTS), 3))
         for name, turn in turns.items():
             if name not in JOINTS:
-                raise InputError(f"pose: unknown joint {name!r}; known: {', '.join(JOINTS)}{did_you_mean(name, JOINTS)}")
+                raise InputError(
+                    f"pose: unknown joint {name!r}; known: {', '.join(JOINTS)}{did_you_mean(name, JOINTS)}"
+                )
             rotations[JOINTS.index(name)] = turn
         return Pose(rotations, np.asarray(translation, np.float64))
 
@@ -87,7 +89,9 @@ class Skeleton:
     def index(self, joint: str) -> int:
         """Number of a joint. Raises InputError for an unknown name."""
         if joint not in self.names:
-            raise InputError(f"joint: unknown {joint!r}; known: {', '.join(self.names)}{did_you_mean(joint, self.names)}")
+            raise InputError(
+                f"joint: unknown {joint!r}; known: {', '.join(self.names)}{did_you_mean(joint, self.names)}"
+            )
         return self.names.index(joint)
 
     def rest_transforms(self) -> F64:

@@ -84,7 +84,7 @@ def cotangent_laplacian(vertices: F64, faces: I32) -> tuple[sparse.csr_matrix, F
         values += [half, half]
     edges = sparse.csr_matrix((np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))), shape=(n, n))
     laplacian = sparse.diags(np.asarray(edges.sum(1)).ravel()) - edges
-    mass = np.bincount(faces.ravel(), np.repeat(area / 3, 3), minlength=n)
+    mass = np.bincount(faces.ravel(), np.repeat(area / 3, 3), minlength=n).astype(np.float64)
     return sparse.csr_matrix(laplacian), mass
 
 
@@ -125,8 +125,13 @@ def _thick_bones(skeleton: Skeleton, stature: float) -> tuple[F64, F64, F64, NDA
                 shift = np.array([side * reach, 0, 0])
                 low = at[j] if name != "pelvis" else at[j] - [0, 0.01 * stature, 0]
                 rows.append((low + shift, tips[j] + shift * (0.8 if name == "spine3" else 1), 0.045 * stature, j))
+            if name == "pelvis":
+                rows.append((at[j], at[j] - [0, 0.045 * stature, 0], 0.04 * stature, j))
         else:
             thick = {"thigh": 0.040, "shin": 0.026, "foot": 0.02, "upper_arm": 0.022, "head": 0.05}
+            if name.startswith("foot"):
+                heel = at[j] * [1, 0, 1] - 0.4 * (tips[j] - at[j]) * [1, 0, 1] + [0, 0.015 * stature, 0]
+                rows.append((at[j] - [0, 0.012 * stature, 0], heel, 0.02 * stature, j))
             radius = next((r for k, r in thick.items() if name.startswith(k)), 0.018)
             rows.append((at[j], tips[j], radius * stature, j))
     starts, ends = np.array([r[0] for r in rows]), np.array([r[1] for r in rows])

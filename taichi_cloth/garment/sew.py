@@ -38,6 +38,7 @@ CLOSING = 240  # frames at most
 SETTLING = 300
 STILL = 0.015  # [m/s] root mean square at which cloth is at rest
 THICK, THIN = 6.0, 2.0  # [1/s] damping by the air while closing and while settling
+LAG = 3e-5  # [s] least damping of the threads: what seams and skin strike dies out in a few milliseconds
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +121,9 @@ class Garment:
         speed: float = 0.5,
     ) -> Simulation:
         """The garment in motion from `positions`, seams and holds tied."""
-        material = self.material if air_damping is None else replace(self.material, air_damping=air_damping)
+        own = self.material
+        air = own.air_damping if air_damping is None else air_damping
+        material = replace(own, air_damping=air, fibre_damping=max(own.fibre_damping, LAG))
         sheet = self.sheet(material)
         plain = Verlet(sheet, replace(forces, body=None), frame_rate=frame_rate, safety=safety)
         ties = self.ties(plain, places, held, bones, speed)
