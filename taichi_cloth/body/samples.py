@@ -18,6 +18,8 @@ ROOM = 0.2
 """Points outside also fill the box round the body, and this much more on every side [m]."""
 CLEAR = 0.004
 """Points nearer to the skin than this [m] say nothing that the skin's own do not."""
+POCKET = 0.02
+"""Skin that faces other skin nearer than about this [m] is not fitted: inside a mouth, between fingers."""
 VOTES = 8
 """Nearest samples whose normals say which side of the skin a point is on; all of them must agree."""
 
@@ -115,6 +117,8 @@ def skin_space(
     normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
     chance = np.random.Generator(np.random.Philox(key=[seed, 1]))
+    open_ = mesh_distance(on + POCKET * normal[face], vertices, faces) > 0.4 * POCKET
+    on, face, skin = on[open_], face[open_], int(open_.sum())
 
     def along(count: int, ends: tuple[float, float], sign: float) -> F64:
         spread, where = skin_samples(vertices, faces, count, seed=seed + 1)

@@ -6,7 +6,7 @@ as a logit (10).
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +32,8 @@ class Solid:
     kind: PrimitiveKind
     numbers: F64
     across: F64 | None = None
+    free: F64 | None = None
+    """Which changes of the numbers there may be, a projection (numbers, numbers); None: all."""
 
     def primitive(self, part: str = "", bone: int = 0) -> Primitive | None:
         """None where the numbers make no solid."""
@@ -72,7 +74,36 @@ class Solid:
         )
 
     def moved(self, step: F64) -> "Solid":
-        return Solid(self.kind, self.numbers + step, self.across)
+        return replace(self, numbers=self.numbers + (step if self.free is None else self.free @ step))
+
+    def on_plane(self, across: F64, level: float) -> "Solid | None":
+        """The nearest solid that is its own image in the plane across·x = level, and stays so; None where a cylinder
+        lies square to it."""
+        flat = np.eye(3) - np.outer(across, across)
+        free = np.eye(len(self.numbers))
+        numbers = self.numbers.copy()
+        free[:3, :3] = flat
+        numbers[:3] += (level - numbers[:3] @ across) * across
+        if self.kind == "sphere":
+            return replace(self, numbers=numbers, free=free)
+        axis = numbers[3:6] if self.kind == "elliptic" else self.numbers[3:6] - self.numbers[:3]
+        if abs(axis @ across) > 0.7 * np.linalg.norm(axis):
+            if self.kind == "cylinder":
+                return None
+            free[3:6, 3:6] = np.outer(across, across)
+            numbers[3:6] = (axis @ across) * across
+            return replace(self, numbers=numbers, free=free)
+        free[3:6, 3:6] = flat
+        if self.kind == "cylinder":
+            numbers[3:6] += (level - numbers[3:6] @ across) * across
+            return replace(self, numbers=numbers, free=free)
+        numbers[3:6] = flat @ axis
+        assert self.across is not None
+        if abs(self.across @ across) < 0.7:  # the other semi-axis is the one across the plane
+            numbers[[6, 7]] = numbers[[7, 6]]
+        numbers[8] = 0
+        free[8, 8] = 0
+        return Solid("elliptic", numbers, across, free)
 
     def farthest(self, directions: F64) -> F64:
         """The surface's farthest point in each unit direction (n, 3), shape (n, 3)."""
@@ -95,6 +126,10 @@ class Solid:
     def slopes(self, points: F64, distance: F64, reach: Callable[["Solid"], F64] | None = None) -> F64:
         """Change, by each number, of the signed distance of points (n, 3), and below it of what `reach` says (m,), by
         finite differences, shape (n + m, numbers)."""
+        out = self._slopes(points, distance, reach)
+        return out if self.free is None else out @ self.free
+
+    def _slopes(self, points: F64, distance: F64, reach: Callable[["Solid"], F64] | None) -> F64:
         now = np.zeros(0) if reach is None else reach(self)
         out = np.zeros((len(points) + len(now), len(self.numbers)))
         places = 3 if self.kind == "sphere" else 6
@@ -102,11 +137,12 @@ class Solid:
             nudge = NUDGE_LENGTH if k < places else NUDGE_LOG
             step = np.zeros(len(self.numbers))
             step[k] = nudge
-            other = self.moved(step).primitive()
+            moved = replace(self, numbers=self.numbers + step)
+            other = moved.primitive()
             if other is not None:
                 out[: len(points), k] = (signed_distance(other, points)[0] - distance) / nudge
                 if reach is not None:
-                    out[len(points) :, k] = (reach(self.moved(step)) - now) / nudge
+                    out[len(points) :, k] = (reach(moved) - now) / nudge
         return out
 
 
