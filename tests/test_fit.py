@@ -90,16 +90,27 @@ def test_a_symmetric_body_gets_symmetric_primitives(wrapped):
         assert sorted(twin.radii) == sorted(p.radii)
 
 
-def test_fewer_primitives_than_parts_and_an_error_bound(wrapped):
+def test_fewer_primitives_than_parts(wrapped):
     vertices, faces, found, many = wrapped
     few = fit(vertices, faces, found.labels, found.names, count=9)
-    again = fit(vertices, faces, found.labels, found.names, count=9)
     assert len(few) <= 9
-    assert primitives_json(few) == primitives_json(again)
     one = report_fit(vertices, faces, found.labels, found.names, few).whole.mean_mm
     assert one > report_fit(vertices, faces, found.labels, found.names, many).whole.mean_mm
-    easy = fit(vertices, faces, found.labels, found.names, count=40, error_mm=30)
-    assert len(easy) == 17  # one a part is enough
+
+
+def test_an_error_bound_ends_the_splitting_and_the_same_comes_again():
+    bow = [
+        solid("cylinder", (0, 0, 0), (0, 0.3, 0), (0.05, 0.05)),
+        solid("cylinder", (0, 0.3, 0), (0.25, 0.4, 0), (0.05, 0.05)),
+    ]
+    vertices, faces = meshed(bow, 0.02, 1e-9)
+    labels = np.zeros(len(faces), int)
+    one = fit(vertices, faces, labels, ["limb"], count=3, error_mm=100)
+    two = fit(vertices, faces, labels, ["limb"], count=2)
+    assert (len(one), len(two)) == (1, 2)
+    assert primitives_json(two) == primitives_json(fit(vertices, faces, labels, ["limb"], count=2))
+    error = [report_fit(vertices, faces, labels, ["limb"], p).whole.mean_mm for p in (one, two)]
+    assert error[1] < 2 < error[0]
 
 
 def test_wrong_arguments(wrapped):

@@ -11,6 +11,7 @@ from taichi_cloth.body.clusters import grow, k_means
 from taichi_cloth.body.curvature import curvedness, principal_curvatures
 from taichi_cloth.body.laplacian import Surface
 from taichi_cloth.body.parts import PARTS
+from taichi_cloth.body.primitives import Primitive
 from taichi_cloth.body.segment import rand_index, segment
 from taichi_cloth.errors import InputError
 
@@ -136,21 +137,25 @@ def test_curvatures_of_a_torus():
 def test_curvedness_of_a_ball():
     ball = trimesh.creation.icosphere(3, 0.2)
     surface = Surface(ball.vertices, ball.faces)
-    np.testing.assert_allclose(curvedness(surface, smoothing=0), 5, rtol=0.01)
-    # two rings of 0.15 rad each tilt the operators that are averaged: less by up to a mean square of their angles
-    np.testing.assert_allclose(curvedness(surface), 5, rtol=0.045)
+    # at the twelve vertices of five triangles the normals, means by area, turn 6 % less than the ball does
+    np.testing.assert_allclose(curvedness(surface, smoothing=0), 5, rtol=0.07)
+    assert np.median(curvedness(surface, smoothing=0)) == pytest.approx(5, rel=0.01)
 
 
 def test_regions_part_a_can_from_its_round_ends():
-    can = trimesh.creation.capsule(height=0.4, radius=0.05, count=[48, 48])
-    can = can.subdivide_to_size(0.02)
-    surface = Surface(can.vertices, can.faces)
-    region = grow(surface, curvedness(surface, smoothing=1))
-    z = can.vertices[:, 2] - can.vertices[:, 2].mean()
-    ends, flank = region[np.abs(z) > 0.235], region[np.abs(z) < 0.12]
-    assert len(set(flank)) <= 3
-    assert not set(ends) & set(flank)
-    size = np.bincount(region, surface.vertex_areas)
+    solid = Primitive(
+        kind="cylinder", start=np.array([0, -0.15, 0.0]), end=np.array([0, 0.15, 0.0]), radii=(0.06, 0.06)
+    )
+    vertices, faces = meshed([solid], 0.012, 1e-9)
+    surface = Surface(vertices, faces)
+    # on the flank C is 1 / (√2 r), at the ends 1 / r; what lies between is the nets' unevenness
+    region = grow(surface, curvedness(surface))
+    y = np.abs(vertices[:, 1])
+    area = surface.vertex_areas
+    main = np.bincount(region[y < 0.12], area[y < 0.12]).argmax()
+    assert area[(region == main) & (y < 0.12)].sum() > 0.8 * area[y < 0.12].sum()
+    assert area[(region == main) & (y > 0.17)].sum() < 0.2 * area[y > 0.17].sum()
+    size = np.bincount(region, area)
     assert size.min() > 0.005 * size.sum()
 
 

@@ -23,7 +23,7 @@ from taichi_cloth.errors import InputError
 __all__ = ["fit"]
 
 F64 = NDArray[np.float64]
-SKIN, OUTSIDE, INSIDE = 3000, 2400, 700
+SKIN, OUTSIDE, INSIDE = 2600, 1800, 500
 """Points the fit is made from: on the skin; where no primitive is to reach; where one is to be."""
 SCALE = 0.02
 """Beyond this distance [m] an error counts linearly: soft L1, so that single fingers do not pull a hand."""
@@ -64,13 +64,13 @@ def fit(
 ) -> list[Primitive]:
     """Primitives for a mesh, vertices (v, 3) [m], faces (f, 3), with the part of each face, labels (f,), into names.
 
-    count: at most so many, 4 to 256. error_mm: stop sooner, when the mean distance between skin and union [mm] is no
+    count: at most so many, 1 to 256. error_mm: stop sooner, when the mean distance between skin and union [mm] is no
     more. bones: the joint each part moves with; 0 for parts it does not name. The same input gives the same output.
     Raises InputError for values outside these, or labels that do not fit the mesh.
     """
     labels = np.asarray(labels)
-    if not 4 <= count <= 256:
-        raise InputError(f"count: {count}; allowed: 4 to 256 primitives")
+    if not 1 <= count <= 256:
+        raise InputError(f"count: {count}; allowed: 1 to 256 primitives")
     if error_mm is not None and not error_mm > 0:
         raise InputError(f"error_mm: {error_mm}; allowed: above 0")
     if labels.shape != (len(faces),) or labels.min() < 0 or labels.max() >= len(names):
@@ -222,7 +222,7 @@ def _turn(pieces: list[_Piece], task: _Task, rounds: int) -> list[_Piece]:
             if len(mine) < 4:
                 trial.append(solid)
                 continue
-            slope = solid.slopes(points[mine], distance[mine], lambda s: _beyond(s, skin))
+            slope = solid.slopes(points[mine], distance[mine], DIRECTIONS, lambda far: np.maximum(skin(far) - OUT, 0))
             wrong = np.concatenate([error[mine], _beyond(solid, skin)])
             weight = 1 / np.sqrt(1 + (wrong / SCALE) ** 2)
             square = slope.T @ (weight[:, None] * slope)

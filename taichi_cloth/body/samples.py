@@ -154,7 +154,7 @@ def mesh_distance(points: F64, vertices: NDArray, faces: NDArray) -> F64:
     """Distance (n,) [m] from points (n, 3) to a mesh: exact to the triangles that hold the nearest of many samples."""
     vertices, faces = np.asarray(vertices, np.float64), np.asarray(faces)
     corner = vertices[faces]
-    spread, face = skin_samples(vertices, faces, max(60_000, 2 * len(faces)), seed=3)
+    spread, face = skin_samples(vertices, faces, max(40_000, 2 * len(faces)), seed=3)
     tree = cKDTree(np.concatenate([spread, corner.mean(axis=1)]))
     owner = np.concatenate([face, np.arange(len(faces))])
     _, near = tree.query(points, k=8)

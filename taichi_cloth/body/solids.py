@@ -57,7 +57,7 @@ class Solid:
         assert self.across is not None
         x = self.across - (self.across @ axis) * axis
         x /= np.linalg.norm(x)
-        y = np.cross(axis, x)
+        y = _cross(axis, x)
         across = np.cos(n[8]) * x + np.sin(n[8]) * y
         across -= (across @ axis) * axis
         across /= np.linalg.norm(across)
@@ -108,42 +108,50 @@ class Solid:
     def farthest(self, directions: F64) -> F64:
         """The surface's farthest point in each unit direction (n, 3), shape (n, 3)."""
         p = self.primitive()
-        if p is None:
-            return np.full(directions.shape, 1e3)
-        ends = np.stack([p.start, p.end])
-        if p.kind != "elliptic":
-            pick = (directions @ ends.T + np.array(p.radii)).argmax(axis=1)
-            return ends[pick] + np.array(p.radii)[pick, None] * directions
-        assert p.across is not None
-        axis = (p.end - p.start) / np.linalg.norm(p.end - p.start)
-        other, r = np.cross(axis, p.across), p.rounding
-        x, y = directions @ p.across * (p.radii[0] - r), directions @ other * (p.radii[1] - r)
-        size = np.maximum(np.hypot(x, y), 1e-12)
-        inner = (x / size * (p.radii[0] - r))[:, None] * p.across + (y / size * (p.radii[1] - r))[:, None] * other
-        end = np.where((directions @ axis > 0)[:, None], p.end - r * axis, p.start + r * axis)
-        return end + inner + r * directions
+        return np.full(directions.shape, 1e3) if p is None else _farthest(p, directions)
 
-    def slopes(self, points: F64, distance: F64, reach: Callable[["Solid"], F64] | None = None) -> F64:
-        """Change, by each number, of the signed distance of points (n, 3), and below it of what `reach` says (m,), by
-        finite differences, shape (n + m, numbers)."""
-        out = self._slopes(points, distance, reach)
-        return out if self.free is None else out @ self.free
-
-    def _slopes(self, points: F64, distance: F64, reach: Callable[["Solid"], F64] | None) -> F64:
-        now = np.zeros(0) if reach is None else reach(self)
-        out = np.zeros((len(points) + len(now), len(self.numbers)))
+    def slopes(self, points: F64, distance: F64, directions: F64, reach: Callable[[F64], F64]) -> F64:
+        """Change, by each number, of the signed distance of points (n, 3), and below it of what `reach` says of the
+        farthest points in the directions (m, 3), by finite differences, shape (n + m, numbers)."""
+        n, m = len(points), len(directions)
+        out = np.zeros((n + m, len(self.numbers)))
         places = 3 if self.kind == "sphere" else 6
+        far, nudges = [self.farthest(directions)], np.zeros(len(self.numbers))
         for k in range(len(self.numbers)):
             nudge = NUDGE_LENGTH if k < places else NUDGE_LOG
             step = np.zeros(len(self.numbers))
             step[k] = nudge
-            moved = replace(self, numbers=self.numbers + step)
-            other = moved.primitive()
+            other = replace(self, numbers=self.numbers + step).primitive()
+            far.append(far[0] if other is None else _farthest(other, directions))
             if other is not None:
-                out[: len(points), k] = (signed_distance(other, points)[0] - distance) / nudge
-                if reach is not None:
-                    out[len(points) :, k] = (reach(moved) - now) / nudge
-        return out
+                nudges[k] = nudge
+                out[:n, k] = (signed_distance(other, points)[0] - distance) / nudge
+        said = reach(np.concatenate(far)).reshape(-1, m)
+        moved = nudges > 0
+        out[n:, moved] = ((said[1:] - said[0])[moved] / nudges[moved, None]).T
+        return out if self.free is None else out @ self.free
+
+
+def _farthest(p: Primitive, directions: F64) -> F64:
+    if p.kind != "elliptic":
+        first = directions @ (p.start - p.end) + (p.radii[0] - p.radii[1]) > 0
+        return np.where(first[:, None], p.start + p.radii[0] * directions, p.end + p.radii[1] * directions)
+    assert p.across is not None
+    span = p.end - p.start
+    axis = span / np.sqrt(span @ span)
+    other, r = _cross(axis, p.across), p.rounding
+    a, b = p.radii[0] - r, p.radii[1] - r
+    x, y = directions @ p.across * a, directions @ other * b
+    size = np.maximum(np.hypot(x, y), 1e-12)
+    inner = (x / size * a)[:, None] * p.across + (y / size * b)[:, None] * other
+    end = np.where((directions @ axis > 0)[:, None], p.end - r * axis, p.start + r * axis)
+    return end + inner + r * directions
+
+
+def _cross(a: F64, b: F64) -> F64:
+    """Of two vectors (3,): NumPy's own is slow on so few numbers."""
+    (ax, ay, az), (bx, by, bz) = a.tolist(), b.tolist()
+    return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
 
 
 def starts(points: F64) -> list[Solid]:
