@@ -51,6 +51,9 @@ def test_a_solid_is_found_again(known):
     assert away.max() < 4e-3
     np.testing.assert_allclose(sorted(found.radii), sorted(known.radii), atol=1.5e-3)
     assert found.part == "limb"
+    if known.kind == "sphere":
+        again = fit(vertices, faces, np.zeros(len(faces), int), ["limb"], count=1)
+        assert primitives_json(again) == primitives_json([found])
 
 
 @pytest.fixture(scope="module")
@@ -90,6 +93,7 @@ def test_a_symmetric_body_gets_symmetric_primitives(wrapped):
         assert sorted(twin.radii) == sorted(p.radii)
 
 
+@pytest.mark.slow
 def test_fewer_primitives_than_parts(wrapped):
     vertices, faces, found, many = wrapped
     few = fit(vertices, faces, found.labels, found.names, count=9)
@@ -98,17 +102,16 @@ def test_fewer_primitives_than_parts(wrapped):
     assert one > report_fit(vertices, faces, found.labels, found.names, many).whole.mean_mm
 
 
-def test_an_error_bound_ends_the_splitting_and_the_same_comes_again():
+def test_an_error_bound_ends_the_splitting():
     bow = [
         solid("cylinder", (0, 0, 0), (0, 0.3, 0), (0.05, 0.05)),
         solid("cylinder", (0, 0.3, 0), (0.25, 0.4, 0), (0.05, 0.05)),
     ]
-    vertices, faces = meshed(bow, 0.02, 1e-9)
+    vertices, faces = meshed(bow, 0.025, 1e-9)
     labels = np.zeros(len(faces), int)
     one = fit(vertices, faces, labels, ["limb"], count=3, error_mm=100)
     two = fit(vertices, faces, labels, ["limb"], count=2)
     assert (len(one), len(two)) == (1, 2)
-    assert primitives_json(two) == primitives_json(fit(vertices, faces, labels, ["limb"], count=2))
     error = [report_fit(vertices, faces, labels, ["limb"], p).whole.mean_mm for p in (one, two)]
     assert error[1] < 2 < error[0]
 

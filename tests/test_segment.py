@@ -68,11 +68,11 @@ def test_turned_scaled_and_shuffled(standing):
 
 def test_meshed_anew(standing):
     solids, vertices, faces, found = standing
-    other, other_faces = meshed(solids, 0.0155)
-    fine = segment(other, other_faces)
+    other, other_faces = meshed(solids, 0.0245)
+    anew = segment(other, other_faces)
     near = cKDTree(vertices[faces].mean(axis=1)).query(other[other_faces].mean(axis=1))[1]
-    # coarse faces are 2 cm wide, and only those at a cut may differ
-    assert agreement(fine.labels, found.labels[near], areas(other, other_faces)) > 0.95
+    # faces are 2 cm wide, and only those at a cut may differ
+    assert agreement(anew.labels, found.labels[near], areas(other, other_faces)) > 0.95
 
 
 def test_bent_limbs_are_still_found():

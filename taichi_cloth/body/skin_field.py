@@ -54,7 +54,5 @@ class SkinField:
         row, plane = int(self._shape[2]), int(self._shape[1] * self._shape[2])
         first = base[:, 0] * plane + base[:, 1] * row + base[:, 2]
         value = self._value
-        lines = [
-            (1 - z) * value[first + step] + z * value[first + step + 1] for step in (0, row, plane, plane + row)
-        ]
+        lines = [(1 - z) * value[first + step] + z * value[first + step + 1] for step in (0, row, plane, plane + row)]
         return (1 - x) * ((1 - y) * lines[0] + y * lines[1]) + x * ((1 - y) * lines[2] + y * lines[3])
