@@ -20,7 +20,7 @@ I64 = NDArray[np.int64]
 RESTARTS = 3
 ROUNDS = 60
 EVEN = 0.05
-"""A region's standard deviation counts as no less than this share of its mean: a ring of equal values would not grow."""
+"""A region's standard deviation is at least this share of its mean: a ring of equal values would not grow."""
 
 
 def k_means(points: F64, weights: F64, count: int, *, seed: int = 0) -> I64:

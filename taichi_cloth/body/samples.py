@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 __all__ = ["SkinSpace", "mesh_distance", "mirror_plane", "skin_samples", "skin_space"]
 
@@ -89,6 +89,12 @@ def mirror_plane(
     return (across, level) if np.quantile(away, 0.95) < closely else None
 
 
+def _one_side_and_image(points: F64, mirror: tuple[F64, float]) -> F64:
+    across, level = mirror
+    half = points[points @ across > level]
+    return np.concatenate([half, half - 2 * (half @ across - level)[:, None] * across])
+
+
 def skin_space(
     vertices: NDArray,
     faces: NDArray,
@@ -106,7 +112,7 @@ def skin_space(
     vertices, faces = np.asarray(vertices, np.float64), np.asarray(faces)
     on, face = skin_samples(vertices, faces, skin, seed=seed)
     dense, dense_face = skin_samples(vertices, faces, 40_000, seed=seed + 2)
-    tree = cKDTree(dense)
+    tree = KDTree(dense)
     if mirror is not None:
         across, level = mirror
         on, face = on[on @ across > level][: skin // 2], face[on @ across > level][: skin // 2]
@@ -130,10 +136,7 @@ def skin_space(
     out = np.concatenate([along(outside // 2, OFFSETS, 1.0), box])
     deep = along(inside, DEPTHS, -1.0)
     if mirror is not None:
-        out, deep = (
-            np.concatenate([h, h - 2 * (h @ across - level)[:, None] * across])
-            for h in (p[p @ across > level] for p in (out, deep))
-        )
+        out, deep = _one_side_and_image(out, mirror), _one_side_and_image(deep, mirror)
     out_size, deep_size = mesh_distance(out, vertices, faces), mesh_distance(deep, vertices, faces)
 
     def sure(points: F64, size: F64, sign: float) -> NDArray[np.bool_]:
@@ -145,7 +148,7 @@ def skin_space(
     at = np.concatenate([on, out[out_kept], deep[deep_kept]])
     target = np.concatenate([np.zeros(skin), out_size[out_kept], np.zeros(int(deep_kept.sum()))])
     side = np.repeat([0, -1, 1], [skin, int(out_kept.sum()), int(deep_kept.sum())])
-    owner = cKDTree(on).query(at)[1]
+    owner = KDTree(on).query(at)[1]
     owner[:skin] = np.arange(skin)
     return SkinSpace(at, target, side, owner, face)
 
@@ -155,7 +158,7 @@ def mesh_distance(points: F64, vertices: NDArray, faces: NDArray) -> F64:
     vertices, faces = np.asarray(vertices, np.float64), np.asarray(faces)
     corner = vertices[faces]
     spread, face = skin_samples(vertices, faces, max(40_000, 2 * len(faces)), seed=3)
-    tree = cKDTree(np.concatenate([spread, corner.mean(axis=1)]))
+    tree = KDTree(np.concatenate([spread, corner.mean(axis=1)]))
     owner = np.concatenate([face, np.arange(len(faces))])
     _, near = tree.query(points, k=8)
     best = np.full(len(points), np.inf)

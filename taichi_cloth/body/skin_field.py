@@ -2,7 +2,7 @@
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from taichi_cloth.body.samples import skin_samples
 
@@ -33,9 +33,9 @@ class SkinField:
         corner = vertices[faces]
         normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
         normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
-        tree = cKDTree(on)
+        tree = KDTree(on)
         few = np.arange(0, len(on), 5)  # will do far from the skin
-        far, near = cKDTree(on[few]).query(nodes)
+        far, near = KDTree(on[few]).query(nodes)
         near = few[near]
         side = ((nodes - on[near]) * normal[face[near]]).sum(axis=1)
         self._value = np.where(side >= 0, far, -far)
