@@ -70,15 +70,20 @@ def mirror_plane(
 ) -> tuple[F64, float] | None:
     """The plane, (unit normal, level), that a body is its own image in; None where 95 % of the skin is not within
     `closely` [m] of its image, or where no parts are left and right."""
-    points, face = skin_samples(vertices, faces, 6000, seed=7)
-    part = np.asarray(labels)[face]
+    points, _ = skin_samples(vertices, faces, 6000, seed=7)
+    corner, labels = np.asarray(vertices, np.float64)[np.asarray(faces)], np.asarray(labels)
+    area = np.linalg.norm(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1)
+
+    def middle(name: str) -> F64:
+        mine = labels == list(names).index(name)
+        return np.average(corner[mine].mean(axis=1), axis=0, weights=area[mine])
+
+    present = {names[k] for k in np.unique(labels[area > 0])}
     middles = []
-    for k, name in enumerate(names):
+    for name in sorted(present):
         twin = "right" + name.removeprefix("left")
-        if name.startswith("left ") and twin in names:
-            one, two = points[part == k], points[part == list(names).index(twin)]
-            if len(one) and len(two):
-                middles.append((one.mean(axis=0), two.mean(axis=0)))
+        if name.startswith("left ") and twin in present:
+            middles.append((middle(name), middle(twin)))
     if not middles:
         return None
     across = np.sum([a - b for a, b in middles], axis=0)
