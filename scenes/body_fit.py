@@ -26,6 +26,7 @@ BONES = {part: JOINTS.index(joint) for part, joint in PART_JOINTS.items()}
 TALLEST_M, TALLEST_DM = 3.0, 30.0
 """Longest sides up to which a mesh is taken to be in metres, and then in decimetres; above, centimetres."""
 
+
 def fit_body(source: str, out: Path, *, count: int, error_mm: float | None, arch: runtime.Arch) -> None:
     """Everything `taichi-cloth body fit` does. Raises InputError."""
     if not out.parent.is_dir():
@@ -67,7 +68,9 @@ def read_body(source: str) -> tuple[F64, NDArray[np.int64]]:
         mesh = trimesh.load(source, force="mesh", process=True)
     except Exception as error:
         words = getattr(error, "strerror", None) or str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise InputError(f"{source}: not a mesh that can be read ({words}); give an OBJ, PLY, GLB or STL file") from None
+        raise InputError(
+            f"{source}: not a mesh that can be read ({words}); give an OBJ, PLY, GLB or STL file"
+        ) from None
     pieces = mesh.split(only_watertight=False) if isinstance(mesh, trimesh.Trimesh) and len(mesh.faces) else []
     if len(pieces) == 0:
         raise InputError(f"{source}: no triangles; give a file with a body's surface")

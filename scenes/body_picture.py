@@ -96,7 +96,7 @@ def draw_panels(
     bounds: tuple[F64, F64],
     path: Path,
     *,
-    size: tuple[int, int] = (480, 860),
+    size: tuple[int, int] = (560, 900),
     scale: int = 2,
 ) -> Image:
     """Draw meshes side by side, each (mesh, azimuth [degrees], caption), framed alike, to a PNG; returns the picture.
@@ -111,7 +111,7 @@ def draw_panels(
     images = []
     for mesh, azimuth, words in panels:
         corners = box_corners(*bounds)
-        camera = frame(corners, width=width, height=height, azimuth=azimuth, elevation=6.0, fov=22.0, margin=0.06)
+        camera = frame(corners, width=width, height=height, azimuth=azimuth, elevation=6.0, fov=22.0, margin=0.03)
         stage = stage_under(NOTHING, mesh)
         backdrop = paint(camera, mesh=mesh, stage=stage, lighting=lighting, background=background)
         image = splatter.render(camera, lighting=lighting, background=background, backdrop=backdrop)

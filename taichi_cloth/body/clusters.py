@@ -19,10 +19,12 @@ F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 RESTARTS = 3
 ROUNDS = 60
+EVEN = 0.05
+"""A region's standard deviation is at least this share of its mean: a ring of equal values would not grow."""
 
 
 def k_means(points: F64, weights: F64, count: int, *, seed: int = 0) -> I64:
-    """The cluster, 0 to count − 1, of each point (n, d), shape (n,): the least weighted sum of squares of several starts.
+    """The cluster, 0 to count − 1, of each point (n, d), shape (n,): of several starts, the least weighted squares.
 
     One start takes the farthest points in turn, which does not depend on the points' order; the others are drawn as
     k-means++ does (Arthur and Vassilvitskii 2007), by Philox. Raises InputError for fewer points than clusters.
@@ -94,7 +96,7 @@ def grow(surface: Surface, value: F64, *, reach: float = 1.5, smallest: float = 
                 for j in to[start[i] : start[i + 1]]:
                     if region[j] < 0:
                         middle = total / n
-                        if (at[j] - middle) ** 2 <= reach**2 * max(square / n - middle**2, 0.0):
+                        if (at[j] - middle) ** 2 <= reach**2 * max(square / n - middle**2, (EVEN * middle) ** 2):
                             region[j] = count
                             following.append(j)
                             n, total, square = n + 1, total + at[j], square + at[j] ** 2

@@ -1,9 +1,10 @@
-"""Primitives wrapped round the parts of a body (paper 4.1): as few as a bound on the error asks for, or as many as allowed.
+"""Primitives wrapped round the parts of a body (paper 4.1): as few as an error bound asks for, or as many as allowed.
 
 Least squares of the signed distance between the skin and the primitives' union. A point of the skin is answered for
 by one primitive, the nearest, so that the normal matrix is one small block a primitive, and all turn at once by
 Levenberg and Marquardt's method. The error that counts is the union's, so primitives may overlap, and one that sticks
-out through the skin is pulled back. Part by part first; then the worst is split and all are turned again.
+out through the skin is pulled back. Part by part first; then the worst is split and all are turned again. Of a body
+that is its own mirror image one half is fitted, and what stands in the middle stays symmetric.
 """
 
 from collections.abc import Mapping, Sequence
@@ -22,7 +23,7 @@ from taichi_cloth.errors import InputError
 __all__ = ["fit"]
 
 F64 = NDArray[np.float64]
-SKIN, OUTSIDE, INSIDE = 3000, 2400, 700
+SKIN, OUTSIDE, INSIDE = 2600, 1800, 500
 """Points the fit is made from: on the skin; where no primitive is to reach; where one is to be."""
 SCALE = 0.02
 """Beyond this distance [m] an error counts linearly: soft L1, so that single fingers do not pull a hand."""
@@ -43,10 +44,11 @@ MERGED = (
 
 @dataclass(frozen=True, eq=False)
 class _Piece:
-    """A solid and the part it is of."""
+    """A solid and the part it is of; twin: there is another, its image in the body's plane of symmetry."""
 
     solid: Solid
     part: str
+    twin: bool = False
 
 
 def fit(
@@ -62,13 +64,13 @@ def fit(
 ) -> list[Primitive]:
     """Primitives for a mesh, vertices (v, 3) [m], faces (f, 3), with the part of each face, labels (f,), into names.
 
-    count: at most so many, 4 to 256. error_mm: stop sooner, when the mean distance between skin and union [mm] is no
+    count: at most so many, 1 to 256. error_mm: stop sooner, when the mean distance between skin and union [mm] is no
     more. bones: the joint each part moves with; 0 for parts it does not name. The same input gives the same output.
     Raises InputError for values outside these, or labels that do not fit the mesh.
     """
     labels = np.asarray(labels)
-    if not 4 <= count <= 256:
-        raise InputError(f"count: {count}; allowed: 4 to 256 primitives")
+    if not 1 <= count <= 256:
+        raise InputError(f"count: {count}; allowed: 1 to 256 primitives")
     if error_mm is not None and not error_mm > 0:
         raise InputError(f"error_mm: {error_mm}; allowed: above 0")
     if labels.shape != (len(faces),) or labels.min() < 0 or labels.max() >= len(names):
@@ -77,28 +79,56 @@ def fit(
     space = skin_space(vertices, faces, SKIN, OUTSIDE, INSIDE, mirror=mirror, seed=seed)
     skin = SkinField(vertices, faces)
     part = labels[space.face]
+    groups = _groups([n for k, n in enumerate(names) if (part == k).any()], count)
+    if mirror is not None:  # the left half will do
+        half = np.flatnonzero(space.at[: len(part)] @ mirror[0] > mirror[1])
+        space, part = space.part(half), part[half]
+        groups = [g for g in groups if not g[0].startswith("right ")]
+    task = _Task(space, skin, mirror)
     pieces = []
-    for group in _groups([n for k, n in enumerate(names) if (part == k).any()], count):
+    for group in groups:
         mine = np.flatnonzero(np.isin(part, [k for k, n in enumerate(names) if n in group]))
         if len(mine) >= 8:
-            pieces.append(_Piece(_best(space.part(mine), skin), group[0]))
-    pieces = _turn(pieces, space, skin, 8)
-    while len(pieces) < count:
+            twin = mirror is not None and group[0].startswith("left ")
+            pieces.append(_Piece(_best(task, mine, twin), group[0], twin))
+    pieces = _turn(pieces, task, 8)
+    while (had := _count(pieces)) < count:
         distance, whose = _nearest([p.solid for p in pieces], space.at)
         if error_mm is not None and np.abs(distance[space.side == 0]).mean() * 1000 <= error_mm:
             break
-        grown = _split(pieces, space, skin, distance, whose, count)
+        grown = _split(pieces, task, distance, whose, count - had)
         if len(grown) == len(pieces):
             break
-        pieces = _turn(grown, space, skin, 6)
-    pieces = _turn(pieces, space, skin, 40)
+        pieces = _turn(grown, task, 6)
     made = []
-    for piece in pieces:
-        bone = (bones or {}).get(piece.part, 0)
-        primitive = piece.solid.primitive(piece.part, bone)
+    for piece in _turn(pieces, task, 40):
+        primitive = piece.solid.primitive(piece.part, (bones or {}).get(piece.part, 0))
         assert primitive is not None
         made.append(primitive)
+        if piece.twin and mirror is not None:
+            name = "right " + piece.part.removeprefix("left ") if piece.part.startswith("left ") else piece.part
+            made.append(_image(primitive, mirror, name, (bones or {}).get(name, 0)))
     return made
+
+
+@dataclass(frozen=True, eq=False)
+class _Task:
+    """What is fitted: the points, the field they are from, and the plane of symmetry of which they fill one side."""
+
+    space: SkinSpace
+    skin: SkinField
+    mirror: tuple[F64, float] | None
+
+
+def _count(pieces: Sequence[_Piece]) -> int:
+    return sum(1 + p.twin for p in pieces)
+
+
+def _image(primitive: Primitive, mirror: tuple[F64, float], part: str, bone: int) -> Primitive:
+    normal, level = mirror
+    start, end = (x - 2 * (x @ normal - level) * normal for x in (primitive.start, primitive.end))
+    across = None if primitive.across is None else primitive.across - 2 * (primitive.across @ normal) * normal
+    return replace(primitive, start=start, end=end, across=across, part=part, bone=bone)
 
 
 def _groups(names: list[str], count: int) -> list[list[str]]:
@@ -134,13 +164,22 @@ def _beyond_cost(solid: Solid, skin: SkinField) -> float:
     return float(_cost(_beyond(solid, skin)).sum())
 
 
-def _best(space: SkinSpace, skin: SkinField) -> Solid:
-    """The kind and solid that fit best by themselves."""
+def _best(task: _Task, mine: NDArray[np.int64], free: bool) -> Solid:
+    """The kind and solid that fit the skin's points `mine` best by themselves. free: it may leave the plane."""
+    space = task.space.part(mine)
+    points = space.at[space.side == 0]
+    if task.mirror is None or free:
+        first = starts(points)
+    else:
+        normal, level = task.mirror
+        image = points - 2 * (points @ normal - level)[:, None] * normal
+        first = [s for t in starts(np.concatenate([points, image])) if (s := t.on_plane(normal, level))]
     best, least = None, np.inf
-    for solid in starts(space.at[space.side == 0]):
-        (piece,) = _turn([_Piece(solid, "")], space, skin, 12)
+    part = _Task(space, task.skin, task.mirror)
+    for solid in first:
+        (piece,) = _turn([_Piece(solid, "")], part, 12)
         cost = float(_cost(space.error(_nearest([piece.solid], space.at)[0])).sum())
-        cost = (cost + _beyond_cost(piece.solid, skin)) * SIMPLER[solid.kind]
+        cost = (cost + _beyond_cost(piece.solid, task.skin)) * SIMPLER[solid.kind]
         if best is None or cost < least:
             best, least = piece.solid, cost
     assert best is not None
@@ -166,8 +205,9 @@ def _nearest(solids: Sequence[Solid], points: F64) -> tuple[F64, NDArray[np.int6
     return best, whose
 
 
-def _turn(pieces: list[_Piece], space: SkinSpace, skin: SkinField, rounds: int) -> list[_Piece]:
+def _turn(pieces: list[_Piece], task: _Task, rounds: int) -> list[_Piece]:
     """All solids towards the least soft-L1 sum of the union's distances, a damping each; the best state met."""
+    space, skin = task.space, task.skin
     solids = [p.solid for p in pieces]
     damping = np.full(len(solids), 1e-2)
     points = space.at
@@ -182,7 +222,7 @@ def _turn(pieces: list[_Piece], space: SkinSpace, skin: SkinField, rounds: int) 
             if len(mine) < 4:
                 trial.append(solid)
                 continue
-            slope = solid.slopes(points[mine], distance[mine], lambda s: _beyond(s, skin))
+            slope = solid.slopes(points[mine], distance[mine], DIRECTIONS, lambda far: np.maximum(skin(far) - OUT, 0))
             wrong = np.concatenate([error[mine], _beyond(solid, skin)])
             weight = 1 / np.sqrt(1 + (wrong / SCALE) ** 2)
             square = slope.T @ (weight[:, None] * slope)
@@ -211,39 +251,49 @@ def _turn(pieces: list[_Piece], space: SkinSpace, skin: SkinField, rounds: int) 
     return [replace(p, solid=s) for p, s in zip(pieces, best, strict=True)]
 
 
-def _split(
-    pieces: list[_Piece], space: SkinSpace, skin: SkinField, distance: F64, whose: NDArray[np.int64], count: int
-) -> list[_Piece]:
-    """Two for the worst, and for its mirror image: those whose samples cost most for each primitive they would take,
-    and with them what costs nearly as much."""
+def _split(pieces: list[_Piece], task: _Task, distance: F64, whose: NDArray[np.int64], room: int) -> list[_Piece]:
+    """Two for the worst, `room` more primitives at most: those whose points cost most for each primitive they would
+    take, and with them what costs nearly as much. Left and right of a body without symmetry go together."""
+    space = task.space
     cost = np.bincount(whose, _cost(space.error(distance)), len(pieces))
     on = whose[space.side == 0]
     held = np.bincount(on, minlength=len(pieces))
     family: dict[str, list[int]] = {}
     rank: dict[str, int] = {}
-    order = np.argsort(-cost, kind="stable").tolist()
-    for k in order:
+    for k in np.argsort(-cost, kind="stable").tolist():
         part = pieces[k].part
         rank[part] = rank.get(part, -1) + 1
-        family.setdefault(f"{part.removeprefix('left ').removeprefix('right ')} {rank[part]}", []).append(k)
-    possible = [m for m in family.values() if all(held[k] >= 24 for k in m)]
-    possible.sort(key=lambda m: -sum(cost[k] for k in m) / len(m))
+        name = part.removeprefix("left ").removeprefix("right ")
+        family.setdefault(f"{name} {rank[part]} {pieces[k].twin}", []).append(k)
+    possible = []
+    for members in family.values():
+        price = _count([pieces[k] for k in members])
+        whole = sum(cost[k] for k in members) * (1 if task.mirror is None else 2)
+        if all(held[k] >= 24 for k in members):
+            possible.append((whole / price, price, members))
+    possible.sort(key=lambda m: -m[0])
     chosen: list[int] = []
-    worst = 0.0
-    for members in possible:
-        each = sum(cost[k] for k in members) / len(members)
-        worst = worst or each
-        room = count - len(pieces) - len(chosen)
-        if len(members) <= room and (each > 0.6 * worst or not chosen):
+    for each, price, members in possible:
+        if price <= room and (each > 0.6 * possible[0][0] or not chosen):
             chosen += members
+            room -= price
     out = []
     for k, piece in enumerate(pieces):
         if k not in chosen:
             out.append(piece)
             continue
         mine = np.flatnonzero(on == k)
-        first = _halves(space.at[mine])
-        out += [_Piece(_best(space.part(half), skin), piece.part) for half in (mine[first], mine[~first])]
+        points = space.at[mine]
+        if task.mirror is not None and not piece.twin:
+            normal, level = task.mirror
+            aside = points @ normal - level
+            flat = points - aside[:, None] * normal
+            if (aside**2).mean() > np.linalg.eigvalsh(np.cov(flat.T))[-1]:
+                out.append(_Piece(_best(task, mine, True), piece.part, True))
+                continue
+            points = flat
+        first = _halves(points)
+        out += [replace(piece, solid=_best(task, half, piece.twin)) for half in (mine[first], mine[~first])]
     return out
 
 

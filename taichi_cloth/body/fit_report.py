@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from taichi_cloth.body.distance import nearest_distance, signed_distance
 from taichi_cloth.body.primitives import Primitive
@@ -117,7 +117,7 @@ def _union_distance(primitives: Sequence[Primitive], points: F64, surface: F64) 
     foot = points - distance[:, None] * gradient
     hidden = (distance < 0) & (nearest_distance(primitives, foot)[0] < -1e-6)
     if hidden.any():
-        deep = cKDTree(surface).query(points[hidden])[0]
+        deep = KDTree(surface).query(points[hidden])[0]
         distance[hidden] = np.minimum(distance[hidden], -deep)
     return distance
 

@@ -6,10 +6,11 @@ by heat: Crane, Weischedel and Wardetzky, "Geodesics in heat", ACM TOG 32(5), 20
 """
 
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix, csc_matrix, csr_matrix, diags
+from scipy.sparse import coo_matrix, diags
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import eigsh, splu
 
@@ -72,7 +73,7 @@ class Surface:
     @cached_property
     def vertex_areas(self) -> F64:
         """A third of the faces round each vertex [m²], shape (v,)."""
-        return np.bincount(self.faces.ravel(), np.repeat(self.areas / 3, 3), len(self.vertices))
+        return np.bincount(self.faces.ravel(), np.repeat(self.areas / 3, 3), len(self.vertices)).astype(np.float64)
 
     @cached_property
     def vertex_normals(self) -> F64:
@@ -92,8 +93,8 @@ class Surface:
         return np.stack([order[:-1][same] // 3, order[1:][same] // 3], axis=1)
 
     @cached_property
-    def adjacency(self) -> csr_matrix:
-        """Which vertices share an edge, shape (v, v), ones."""
+    def adjacency(self) -> Any:
+        """Which vertices share an edge: sparse rows, shape (v, v), ones."""
         f, n = self.faces, len(self.vertices)
         i, j = f[:, [0, 1, 2]].ravel(), f[:, [1, 2, 0]].ravel()
         both = coo_matrix((np.ones(2 * len(i)), (np.concatenate([i, j]), np.concatenate([j, i]))), (n, n)).tocsr()
@@ -101,8 +102,8 @@ class Surface:
         return both
 
     @cached_property
-    def laplacian(self) -> csc_matrix:
-        """Cotangent Laplacian, positive semi-definite, shape (v, v)."""
+    def laplacian(self) -> Any:
+        """Cotangent Laplacian, positive semi-definite: sparse columns, shape (v, v)."""
         v, f = self.vertices, self.faces
         rows, columns, values = [], [], []
         for k in range(3):

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 __all__ = ["SkinSpace", "mesh_distance", "mirror_plane", "skin_samples", "skin_space"]
 
@@ -18,6 +18,8 @@ ROOM = 0.2
 """Points outside also fill the box round the body, and this much more on every side [m]."""
 CLEAR = 0.004
 """Points nearer to the skin than this [m] say nothing that the skin's own do not."""
+POCKET = 0.02
+"""Skin that faces other skin nearer than about this [m] is not fitted: inside a mouth, between fingers."""
 VOTES = 8
 """Nearest samples whose normals say which side of the skin a point is on; all of them must agree."""
 
@@ -68,15 +70,20 @@ def mirror_plane(
 ) -> tuple[F64, float] | None:
     """The plane, (unit normal, level), that a body is its own image in; None where 95 % of the skin is not within
     `closely` [m] of its image, or where no parts are left and right."""
-    points, face = skin_samples(vertices, faces, 6000, seed=7)
-    part = np.asarray(labels)[face]
+    points, _ = skin_samples(vertices, faces, 6000, seed=7)
+    corner, labels = np.asarray(vertices, np.float64)[np.asarray(faces)], np.asarray(labels)
+    area = np.linalg.norm(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1)
+
+    def middle(name: str) -> F64:
+        mine = labels == list(names).index(name)
+        return np.average(corner[mine].mean(axis=1), axis=0, weights=area[mine])
+
+    present = {names[k] for k in np.unique(labels[area > 0])}
     middles = []
-    for k, name in enumerate(names):
+    for name in sorted(present):
         twin = "right" + name.removeprefix("left")
-        if name.startswith("left ") and twin in names:
-            one, two = points[part == k], points[part == list(names).index(twin)]
-            if len(one) and len(two):
-                middles.append((one.mean(axis=0), two.mean(axis=0)))
+        if name.startswith("left ") and twin in present:
+            middles.append((middle(name), middle(twin)))
     if not middles:
         return None
     across = np.sum([a - b for a, b in middles], axis=0)
@@ -85,6 +92,12 @@ def mirror_plane(
     image = points - 2 * (points @ across - level)[:, None] * across
     away = mesh_distance(image, vertices, faces)
     return (across, level) if np.quantile(away, 0.95) < closely else None
+
+
+def _one_side_and_image(points: F64, mirror: tuple[F64, float]) -> F64:
+    across, level = mirror
+    half = points[points @ across > level]
+    return np.concatenate([half, half - 2 * (half @ across - level)[:, None] * across])
 
 
 def skin_space(
@@ -104,7 +117,7 @@ def skin_space(
     vertices, faces = np.asarray(vertices, np.float64), np.asarray(faces)
     on, face = skin_samples(vertices, faces, skin, seed=seed)
     dense, dense_face = skin_samples(vertices, faces, 40_000, seed=seed + 2)
-    tree = cKDTree(dense)
+    tree = KDTree(dense)
     if mirror is not None:
         across, level = mirror
         on, face = on[on @ across > level][: skin // 2], face[on @ across > level][: skin // 2]
@@ -115,6 +128,8 @@ def skin_space(
     normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
     chance = np.random.Generator(np.random.Philox(key=[seed, 1]))
+    open_ = mesh_distance(on + POCKET * normal[face], vertices, faces) > 0.4 * POCKET
+    on, face, skin = on[open_], face[open_], int(open_.sum())
 
     def along(count: int, ends: tuple[float, float], sign: float) -> F64:
         spread, where = skin_samples(vertices, faces, count, seed=seed + 1)
@@ -126,10 +141,7 @@ def skin_space(
     out = np.concatenate([along(outside // 2, OFFSETS, 1.0), box])
     deep = along(inside, DEPTHS, -1.0)
     if mirror is not None:
-        out, deep = (
-            np.concatenate([h, h - 2 * (h @ across - level)[:, None] * across])
-            for h in (p[p @ across > level] for p in (out, deep))
-        )
+        out, deep = _one_side_and_image(out, mirror), _one_side_and_image(deep, mirror)
     out_size, deep_size = mesh_distance(out, vertices, faces), mesh_distance(deep, vertices, faces)
 
     def sure(points: F64, size: F64, sign: float) -> NDArray[np.bool_]:
@@ -141,7 +153,7 @@ def skin_space(
     at = np.concatenate([on, out[out_kept], deep[deep_kept]])
     target = np.concatenate([np.zeros(skin), out_size[out_kept], np.zeros(int(deep_kept.sum()))])
     side = np.repeat([0, -1, 1], [skin, int(out_kept.sum()), int(deep_kept.sum())])
-    owner = cKDTree(on).query(at)[1]
+    owner = KDTree(on).query(at)[1]
     owner[:skin] = np.arange(skin)
     return SkinSpace(at, target, side, owner, face)
 
@@ -150,8 +162,8 @@ def mesh_distance(points: F64, vertices: NDArray, faces: NDArray) -> F64:
     """Distance (n,) [m] from points (n, 3) to a mesh: exact to the triangles that hold the nearest of many samples."""
     vertices, faces = np.asarray(vertices, np.float64), np.asarray(faces)
     corner = vertices[faces]
-    spread, face = skin_samples(vertices, faces, max(60_000, 2 * len(faces)), seed=3)
-    tree = cKDTree(np.concatenate([spread, corner.mean(axis=1)]))
+    spread, face = skin_samples(vertices, faces, max(40_000, 2 * len(faces)), seed=3)
+    tree = KDTree(np.concatenate([spread, corner.mean(axis=1)]))
     owner = np.concatenate([face, np.arange(len(faces))])
     _, near = tree.query(points, k=8)
     best = np.full(len(points), np.inf)

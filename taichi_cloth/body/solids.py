@@ -6,7 +6,7 @@ as a logit (10).
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +32,8 @@ class Solid:
     kind: PrimitiveKind
     numbers: F64
     across: F64 | None = None
+    free: F64 | None = None
+    """Which changes of the numbers there may be, a projection (numbers, numbers); None: all."""
 
     def primitive(self, part: str = "", bone: int = 0) -> Primitive | None:
         """None where the numbers make no solid."""
@@ -55,7 +57,7 @@ class Solid:
         assert self.across is not None
         x = self.across - (self.across @ axis) * axis
         x /= np.linalg.norm(x)
-        y = np.cross(axis, x)
+        y = _cross(axis, x)
         across = np.cos(n[8]) * x + np.sin(n[8]) * y
         across -= (across @ axis) * axis
         across /= np.linalg.norm(across)
@@ -72,42 +74,84 @@ class Solid:
         )
 
     def moved(self, step: F64) -> "Solid":
-        return Solid(self.kind, self.numbers + step, self.across)
+        return replace(self, numbers=self.numbers + (step if self.free is None else self.free @ step))
+
+    def on_plane(self, across: F64, level: float) -> "Solid | None":
+        """The nearest solid that is its own image in the plane across·x = level, and stays so; None where a cylinder
+        lies square to it."""
+        flat = np.eye(3) - np.outer(across, across)
+        free = np.eye(len(self.numbers))
+        numbers = self.numbers.copy()
+        free[:3, :3] = flat
+        numbers[:3] += (level - numbers[:3] @ across) * across
+        if self.kind == "sphere":
+            return replace(self, numbers=numbers, free=free)
+        axis = numbers[3:6] if self.kind == "elliptic" else self.numbers[3:6] - self.numbers[:3]
+        if abs(axis @ across) > 0.7 * np.linalg.norm(axis):
+            if self.kind == "cylinder":
+                return None
+            free[3:6, 3:6] = np.outer(across, across)
+            numbers[3:6] = (axis @ across) * across
+            return replace(self, numbers=numbers, free=free)
+        free[3:6, 3:6] = flat
+        if self.kind == "cylinder":
+            numbers[3:6] += (level - numbers[3:6] @ across) * across
+            return replace(self, numbers=numbers, free=free)
+        numbers[3:6] = flat @ axis
+        assert self.across is not None
+        if abs(self.across @ across) < 0.7:  # the other semi-axis is the one across the plane
+            numbers[[6, 7]] = numbers[[7, 6]]
+        numbers[8] = 0
+        free[8, 8] = 0
+        return Solid("elliptic", numbers, across, free)
 
     def farthest(self, directions: F64) -> F64:
         """The surface's farthest point in each unit direction (n, 3), shape (n, 3)."""
         p = self.primitive()
-        if p is None:
-            return np.full(directions.shape, 1e3)
-        ends = np.stack([p.start, p.end])
-        if p.kind != "elliptic":
-            pick = (directions @ ends.T + np.array(p.radii)).argmax(axis=1)
-            return ends[pick] + np.array(p.radii)[pick, None] * directions
-        assert p.across is not None
-        axis = (p.end - p.start) / np.linalg.norm(p.end - p.start)
-        other, r = np.cross(axis, p.across), p.rounding
-        x, y = directions @ p.across * (p.radii[0] - r), directions @ other * (p.radii[1] - r)
-        size = np.maximum(np.hypot(x, y), 1e-12)
-        inner = (x / size * (p.radii[0] - r))[:, None] * p.across + (y / size * (p.radii[1] - r))[:, None] * other
-        end = np.where((directions @ axis > 0)[:, None], p.end - r * axis, p.start + r * axis)
-        return end + inner + r * directions
+        return np.full(directions.shape, 1e3) if p is None else _farthest(p, directions)
 
-    def slopes(self, points: F64, distance: F64, reach: Callable[["Solid"], F64] | None = None) -> F64:
-        """Change, by each number, of the signed distance of points (n, 3), and below it of what `reach` says (m,), by
-        finite differences, shape (n + m, numbers)."""
-        now = np.zeros(0) if reach is None else reach(self)
-        out = np.zeros((len(points) + len(now), len(self.numbers)))
+    def slopes(self, points: F64, distance: F64, directions: F64, reach: Callable[[F64], F64]) -> F64:
+        """Change, by each number, of the signed distance of points (n, 3), and below it of what `reach` says of the
+        farthest points in the directions (m, 3), by finite differences, shape (n + m, numbers)."""
+        n, m = len(points), len(directions)
+        out = np.zeros((n + m, len(self.numbers)))
         places = 3 if self.kind == "sphere" else 6
+        far, nudges = [self.farthest(directions)], np.zeros(len(self.numbers))
         for k in range(len(self.numbers)):
             nudge = NUDGE_LENGTH if k < places else NUDGE_LOG
             step = np.zeros(len(self.numbers))
             step[k] = nudge
-            other = self.moved(step).primitive()
+            other = replace(self, numbers=self.numbers + step).primitive()
+            far.append(far[0] if other is None else _farthest(other, directions))
             if other is not None:
-                out[: len(points), k] = (signed_distance(other, points)[0] - distance) / nudge
-                if reach is not None:
-                    out[len(points) :, k] = (reach(self.moved(step)) - now) / nudge
-        return out
+                nudges[k] = nudge
+                out[:n, k] = (signed_distance(other, points)[0] - distance) / nudge
+        said = reach(np.concatenate(far)).reshape(-1, m)
+        moved = nudges > 0
+        out[n:, moved] = ((said[1:] - said[0])[moved] / nudges[moved, None]).T
+        return out if self.free is None else out @ self.free
+
+
+def _farthest(p: Primitive, directions: F64) -> F64:
+    if p.kind != "elliptic":
+        first = directions @ (p.start - p.end) + (p.radii[0] - p.radii[1]) > 0
+        return np.where(first[:, None], p.start + p.radii[0] * directions, p.end + p.radii[1] * directions)
+    assert p.across is not None
+    span = p.end - p.start
+    axis = span / np.sqrt(span @ span)
+    other, r = _cross(axis, p.across), p.rounding
+    a, b = p.radii[0] - r, p.radii[1] - r
+    x, y = directions @ p.across * a, directions @ other * b
+    size = np.maximum(np.hypot(x, y), 1e-12)
+    inner = (x / size * a)[:, None] * p.across + (y / size * b)[:, None] * other
+    end = np.where((directions @ axis > 0)[:, None], p.end - r * axis, p.start + r * axis)
+    return end + inner + r * directions
+
+
+def _cross(a: F64, b: F64) -> F64:
+    """Of two vectors (3,): NumPy's own is slow on so few numbers."""
+    (ax, ay, az), (bx, by, bz) = a.tolist(), b.tolist()
+    return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
 
 
 def starts(points: F64) -> list[Solid]:
