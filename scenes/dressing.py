@@ -9,10 +9,11 @@ import numpy as np
 from taichi_cloth.body.colliders import Colliders
 from taichi_cloth.body.fit import fit
 from taichi_cloth.body.motion import Motion
+from taichi_cloth.body.parts import JOINTS
+from taichi_cloth.body.primitive_arrays import primitives_from, primitives_to
 from taichi_cloth.body.primitives import Primitive
 from taichi_cloth.body.segment import segment
 from taichi_cloth.body.skinning import Body
-from taichi_cloth.body.worn import bones_of_parts, primitives_from, primitives_to
 from taichi_cloth.cache import digest, kept
 from taichi_cloth.errors import InputError
 from taichi_cloth.forces import Forces
@@ -95,7 +96,7 @@ def primitives_of(body: Body) -> tuple[Primitive, ...]:
 
     def make() -> dict[str, np.ndarray]:
         parts = segment(body.vertices, body.faces)
-        bones = bones_of_parts(parts.names, body.skeleton)
+        bones = {name: body.skeleton.index(JOINTS[name]) for name in parts.names}
         return primitives_to(fit(body.vertices, body.faces, parts.labels, parts.names, bones=bones))
 
     return primitives_from(kept("primitives", digest(VERSION, body.vertices, body.faces), make)[0])

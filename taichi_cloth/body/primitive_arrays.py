@@ -1,4 +1,4 @@
-"""Which bone carries which part of a body, and primitives as plain arrays."""
+"""Primitives as plain arrays, to be kept on disk."""
 
 from collections.abc import Mapping, Sequence
 
@@ -6,29 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_cloth.body.primitives import Primitive
-from taichi_cloth.body.skeleton import Skeleton
-from taichi_cloth.errors import InputError
 
-__all__ = ["bones_of_parts", "primitives_from", "primitives_to"]
+__all__ = ["primitives_from", "primitives_to"]
 
-CARRIED = {
-    "head": "head", "neck": "neck", "chest": "spine3", "abdomen": "spine1", "pelvis": "pelvis",
-    "upper arm": "upper_arm", "lower arm": "forearm", "hand": "hand",
-    "upper leg": "thigh", "lower leg": "shin", "foot": "foot",
-}  # fmt: skip
 KINDS = ("sphere", "cylinder", "elliptic")
-
-
-def bones_of_parts(names: Sequence[str], skeleton: Skeleton) -> dict[str, int]:
-    """Number of the joint that each part moves with. Raises InputError for a part that no bone carries."""
-    out = {}
-    for name in names:
-        side, _, limb = name.partition(" ")
-        plain, ending = (limb, f"_{side[0]}") if side in ("left", "right") else (name, "")
-        if plain not in CARRIED:
-            raise InputError(f"body: no bone carries {name!r}; known parts: {', '.join(CARRIED)}, left and right")
-        out[name] = skeleton.index(CARRIED[plain] + ending)
-    return out
 
 
 def primitives_to(primitives: Sequence[Primitive]) -> dict[str, NDArray]:
