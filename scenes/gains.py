@@ -7,9 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_cloth.blocks import Fabric
+from taichi_cloth.fabric import Blocks, pose_points
 from taichi_cloth.pieces import SURFACE
 from taichi_cloth.refine import RefiningStream
-from taichi_cloth.streaming import UNCHANGED, FabricStream
+from taichi_cloth.streaming import TILTS, UNCHANGED, FabricStream
 
 from ..render.camera import Camera, frame
 from ..render.finish import Finish
@@ -21,50 +22,73 @@ __all__ = ["colours_at", "crossings", "fit_gains", "fit_surface", "seen_at"]
 
 SIZE = 320, 192
 LEVELS = 9
-ROUNDS = 7
-CLOSE = 0.002
+MEASURED = (1, 2, 4, 6, 8)
+"""Levels at which gains are measured; between them they are interpolated."""
+ROUNDS = 5
+CLOSE = 0.003
 CROSSINGS = 6
-MOST_PARTICLES = 4e6
-"""A larger fabric keeps its particles as they are: measuring it would take longer than the picture."""
+MOST_CROSSINGS = 26 * 26
+"""Gains are measured on no more than this of a fabric, in its middle."""
 PROBE = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 """Colours of warp and weft by which what comes from either is told apart; blue is what has no colour."""
 
 
 def fit_gains(
     fabric: Fabric,
-    points: NDArray,
+    points: NDArray | None = None,
     *,
     target: float = 0.5,
     lighting: Lighting | None = None,
     finish: Finish | None = None,
 ) -> NDArray[np.float64]:
-    """(LEVELS, 4) gains (see `FabricStream`) at λ = 1, 1/2, …, by which the cloth, seen from above at the distance
-    where that share is drawn, has the coverage and the brightness of all its particles, in any colours: warp is
-    red, weft green, and both are black in blue, so that one picture tells their parts and the sheen."""
-    gains = np.tile(UNCHANGED, (LEVELS, 1))
-    if fabric.particles > MOST_PARTICLES:
-        return gains
-    ends = len(fabric.layout.warp.colour)
-    family = (np.arange(len(fabric.thread_colour)) >= ends).astype(np.intp)
-    probe = replace(fabric, thread_colour=PROBE[family].astype(np.float32))
+    """(tilts, levels, 4) gains (see `FabricStream`) at λ = 1, 1/2, …, by which the cloth, at the distance where that
+    share is drawn, has the coverage and the brightness of all its particles, in any colours: warp is red, weft green,
+    and both are black in blue, so that one picture tells their parts and the sheen.
+
+    Measured on a patch that lies flat, from each of `TILTS`; a block takes what fits its own tilt. points: unused.
+    """
+    patch, flat = _patch(fabric)
     splatter = Splatter(*SIZE)
-    whole = FabricStream(probe, points, target=0.0)
-    for level in range(1, LEVELS):
-        camera = seen_at(fabric, points, target * 0.5 ** (level / 2))
-        want = _parts(splatter, camera, whole, lighting, finish)
-        gains[level] = gains[level - 1]
-        for _ in range(ROUNDS):
-            ladder = np.concatenate([gains[:level], np.tile(gains[level], (2, 1))])
-            thin = FabricStream(probe, points, target=target, gains=ladder)
-            got = _parts(splatter, camera, thin, lighting, finish)
-            if (np.abs(got - want) < CLOSE * want).all():
-                break
-            cover, warp, weft = np.clip(want[:3] / np.maximum(got[:3], 1e-9), 0.8, 1.25)
-            gains[level, :3] *= cover**1.5, warp / cover, weft / cover
-            sheen = float(np.clip(want[3] / max(got[3], 1e-9), 0.8, 1.25)) / cover
-            gains[level, 3] = np.clip(gains[level, 3] + 1.2 * (sheen - 1), -0.5, 0.9)
-        gains[level + 1 :] = gains[level]
+    whole, thin = FabricStream(patch, flat, target=0.0), FabricStream(patch, flat, target=target)
+    gains = np.tile(UNCHANGED, (len(TILTS), LEVELS, 1))
+    for a in range(len(TILTS) - 1, -1, -1):
+        elevation = float(np.degrees(np.arcsin(TILTS[a])))
+        for level in MEASURED:
+            camera = seen_at(patch, flat, target * 0.5 ** (level / 2), elevation=elevation)
+            want = _parts(splatter, camera, whole, lighting, finish)
+            now = gains[a, max(level - 1, 0)].copy() if a == len(TILTS) - 1 else gains[a + 1, level].copy()
+            for _ in range(ROUNDS):
+                thin.set_gains(np.tile(now, (2, 1)))
+                got = _parts(splatter, camera, thin, lighting, finish)
+                if (np.abs(got - want) < CLOSE * want).all():
+                    break
+                cover, warp, weft = np.clip(want[:3] / np.maximum(got[:3], 1e-9), 0.8, 1.25)
+                now[:3] *= cover**1.5, warp / cover, weft / cover
+                sheen = float(np.clip(want[3] / max(got[3], 1e-9), 0.8, 1.25)) / cover
+                now[3] = np.clip(now[3] + 1.2 * (sheen - 1), -0.5, 0.9)
+            gains[a, level:] = now
+        nodes = (0, *MEASURED)
+        for c in range(4):
+            gains[a, :, c] = np.interp(range(LEVELS), nodes, gains[a, nodes, c])
     return gains
+
+
+def _patch(fabric: Fabric) -> tuple[Fabric, NDArray]:
+    """The middle of a fabric, of which every thread has the colour of its family in `PROBE`; and flat key points."""
+    layout = fabric.layout
+    flat = pose_points(layout, "flat")
+    picks, ends = flat.shape[:2]
+    if picks * ends > MOST_CROSSINGS:
+        side = int(MOST_CROSSINGS**0.5)
+        row, column = np.divmod(layout.blocks.key0, ends)
+        inside = (np.abs(row - picks // 2) <= side // 2) & (np.abs(column - ends // 2) <= side // 2)
+        chosen = np.flatnonzero(inside)
+        blocks = Blocks(*(getattr(layout.blocks, name)[chosen] for name in Blocks.__dataclass_fields__))
+        layout = replace(layout, blocks=blocks)
+        bank = replace(fabric.bank, template=fabric.bank.template[chosen])
+        fabric = Fabric(layout, bank, fabric.thread_colour, bank.particle_start)
+    family = (np.arange(len(fabric.thread_colour)) >= ends).astype(np.intp)
+    return replace(fabric, thread_colour=PROBE[family].astype(np.float32)), flat
 
 
 def fit_surface(
