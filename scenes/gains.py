@@ -10,7 +10,7 @@ from taichi_cloth.blocks import Fabric
 from taichi_cloth.fabric import Blocks, pose_points
 from taichi_cloth.pieces import SURFACE
 from taichi_cloth.refine import RefiningStream
-from taichi_cloth.streaming import TILTS, UNCHANGED, FabricStream
+from taichi_cloth.streaming import UNCHANGED, FabricStream, Gains
 
 from ..render.camera import Camera, frame
 from ..render.finish import Finish
@@ -21,13 +21,14 @@ from ..render.stream import Source, stream
 __all__ = ["colours_at", "crossings", "fit_gains", "fit_surface", "seen_at"]
 
 SIZE = 320, 192
+ELEVATIONS = (90.0, 75.0, 60.0, 45.0, 30.0, 18.0)
 LEVELS = 9
-MEASURED = (1, 2, 4, 6, 8)
+MEASURED = (1, 2, 3, 4, 5, 6, 8)
 """Levels at which gains are measured; between them they are interpolated."""
-ROUNDS = 5
-CLOSE = 0.003
+ROUNDS = 4
+CLOSE = 0.004
 CROSSINGS = 6
-MOST_CROSSINGS = 26 * 26
+MOST_CROSSINGS = 22 * 22
 """Gains are measured on no more than this of a fabric, in its middle."""
 PROBE = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 """Colours of warp and weft by which what comes from either is told apart; blue is what has no colour."""
@@ -35,30 +36,30 @@ PROBE = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 
 def fit_gains(
     fabric: Fabric,
-    points: NDArray | None = None,
+    points: NDArray,
     *,
     target: float = 0.5,
     lighting: Lighting | None = None,
     finish: Finish | None = None,
-) -> NDArray[np.float64]:
-    """(tilts, levels, 4) gains (see `FabricStream`) at λ = 1, 1/2, …, by which the cloth, at the distance where that
-    share is drawn, has the coverage and the brightness of all its particles, in any colours: warp is red, weft green,
-    and both are black in blue, so that one picture tells their parts and the sheen.
-
-    Measured on a patch that lies flat, from each of `TILTS`; a block takes what fits its own tilt. points: unused.
+) -> Gains:
+    """Gains by which the cloth, at the distance where a share is drawn, has the coverage and the brightness of all its
+    particles, in any colours: warp is red, weft green, and both are black in blue, so that one picture tells their
+    parts and the sheen. Measured from `ELEVATIONS`, on key points (picks, ends, 3) [m] or, where the fabric is large,
+    on a patch of it that lies flat.
     """
-    patch, flat = _patch(fabric)
+    patch, points = _patch(fabric, points)
     splatter = Splatter(*SIZE)
-    whole, thin = FabricStream(patch, flat, target=0.0), FabricStream(patch, flat, target=target)
-    gains = np.tile(UNCHANGED, (len(TILTS), LEVELS, 1))
-    for a in range(len(TILTS) - 1, -1, -1):
-        elevation = float(np.degrees(np.arcsin(TILTS[a])))
+    whole, thin = FabricStream(patch, points, target=0.0), FabricStream(patch, points, target=target)
+    factor = np.tile(UNCHANGED, (len(ELEVATIONS), LEVELS, 1))
+    tilt = np.zeros(len(ELEVATIONS))
+    for a, elevation in enumerate(ELEVATIONS):
         for level in MEASURED:
-            camera = seen_at(patch, flat, target * 0.5 ** (level / 2), elevation=elevation)
+            camera = seen_at(patch, points, target * 0.5 ** (level / 2), elevation=elevation)
+            tilt[a] = whole.survey(camera).tilt
             want = _parts(splatter, camera, whole, lighting, finish)
-            now = gains[a, max(level - 1, 0)].copy() if a == len(TILTS) - 1 else gains[a + 1, level].copy()
+            now = factor[max(a - 1, 0), level if a else level - 1].copy()
             for _ in range(ROUNDS):
-                thin.set_gains(np.tile(now, (2, 1)))
+                thin.gains = Gains(np.ones(1), np.tile(now, (1, 2, 1)))
                 got = _parts(splatter, camera, thin, lighting, finish)
                 if (np.abs(got - want) < CLOSE * want).all():
                     break
@@ -66,18 +67,18 @@ def fit_gains(
                 now[:3] *= cover**1.5, warp / cover, weft / cover
                 sheen = float(np.clip(want[3] / max(got[3], 1e-9), 0.8, 1.25)) / cover
                 now[3] = np.clip(now[3] + 1.2 * (sheen - 1), -0.5, 0.9)
-            gains[a, level:] = now
+            factor[a, level:] = now
         nodes = (0, *MEASURED)
         for c in range(4):
-            gains[a, :, c] = np.interp(range(LEVELS), nodes, gains[a, nodes, c])
-    return gains
+            factor[a, :, c] = np.interp(range(LEVELS), nodes, factor[a, nodes, c])
+    order = np.argsort(tilt, kind="stable")
+    return Gains(tilt[order], factor[order])
 
 
-def _patch(fabric: Fabric) -> tuple[Fabric, NDArray]:
-    """The middle of a fabric, of which every thread has the colour of its family in `PROBE`; and flat key points."""
+def _patch(fabric: Fabric, points: NDArray) -> tuple[Fabric, NDArray]:
+    """A fabric, or the middle of a large one, laid flat; every thread has the colour of its family in `PROBE`."""
     layout = fabric.layout
-    flat = pose_points(layout, "flat")
-    picks, ends = flat.shape[:2]
+    picks, ends = points.shape[:2]
     if picks * ends > MOST_CROSSINGS:
         side = int(MOST_CROSSINGS**0.5)
         row, column = np.divmod(layout.blocks.key0, ends)
@@ -86,9 +87,10 @@ def _patch(fabric: Fabric) -> tuple[Fabric, NDArray]:
         blocks = Blocks(*(getattr(layout.blocks, name)[chosen] for name in Blocks.__dataclass_fields__))
         layout = replace(layout, blocks=blocks)
         bank = replace(fabric.bank, template=fabric.bank.template[chosen])
+        points = pose_points(layout, "flat")
         fabric = Fabric(layout, bank, fabric.thread_colour, bank.particle_start)
     family = (np.arange(len(fabric.thread_colour)) >= ends).astype(np.intp)
-    return replace(fabric, thread_colour=PROBE[family].astype(np.float32)), flat
+    return replace(fabric, thread_colour=PROBE[family].astype(np.float32)), points
 
 
 def fit_surface(

@@ -30,7 +30,7 @@ from taichi_cloth.blocks import Fabric
 from taichi_cloth.fabric import frames
 from taichi_cloth.laying import block_ends, frame_at, placed, row, turned
 
-__all__ = ["FULL", "LANES", "ROWS", "TILTS", "UNCHANGED", "FabricStream", "Pinhole", "Survey"]
+__all__ = ["FULL", "LANES", "ROWS", "UNCHANGED", "FabricStream", "Gains", "Pinhole", "Survey"]
 
 F32 = NDArray[np.float32]
 I32 = NDArray[np.int32]
@@ -47,8 +47,8 @@ ROOT_2 = 1779033703
 """The fraction of √2 in 32 bits: a block's multiple of it is where it begins on its template's ring."""
 LOG2 = log(2.0)
 UNCHANGED = (1.0, 1.0, 1.0, 0.0)
-TILTS = (0.26, 0.45, 0.64, 0.87, 1.0)
-"""Cosines between the cloth's normal and the view at which gains are stated: the cloth seen from 15° to 90°."""
+"""What `Gains` that change nothing have at every share: factors for the radius and for the colour of warp and weft,
+and how far openness is led towards 1 (towards 0 where negative)."""
 CHUNK_STEPS = 1024  # Taichi on a CPU gives a thread at least 512 iterations (see render/sort.py)
 TILE = 16
 
@@ -67,25 +67,42 @@ class Pinhole(Protocol):
 
 
 @dataclass(frozen=True)
+class Gains:
+    """What a thinned cloth's particles are changed by. tilt: (n,) rising, the mean cosine between the cloth's normal and
+    the view. factor: (n, levels, 4), at λ = 1, 1/2, 1/4, …, of what `UNCHANGED` names."""
+
+    tilt: NDArray[np.float64]
+    factor: NDArray[np.float64]
+
+    def at(self, tilt: float) -> F32:
+        """(levels, 4) for one view."""
+        right = int(np.clip(np.searchsorted(self.tilt, tilt), 1, max(1, len(self.tilt) - 1)))
+        left = min(right - 1, len(self.tilt) - 1)
+        right = min(right, len(self.tilt) - 1)
+        span = max(float(self.tilt[right] - self.tilt[left]), 1e-9)
+        part = float(np.clip((tilt - self.tilt[left]) / span, 0.0, 1.0))
+        return np.asarray(self.factor[left] + part * (self.factor[right] - self.factor[left]), np.float32)
+
+
+@dataclass(frozen=True)
 class Survey:
     """What a camera sees of each block. boxes: (blocks, 4) int16 first and last tile column and row, last < first
     where it is out of view. counts: (blocks,) int32 particles worth drawing, 0 out of view. depth: (blocks,)
-    float32 [m] of the middle. share: (blocks,) float32 λ, `FULL` for everything. tilt: (blocks,) float32 cosine between
-    the cloth's normal and the view."""
+    float32 [m] of the middle. share: (blocks,) float32 λ, `FULL` for everything. tilt: mean cosine between the cloth's
+    normal and the view."""
 
     boxes: NDArray[np.int16]
     counts: I32
     depth: F32
     share: F32
-    tilt: F32
+    tilt: float
 
 
 class FabricStream:
     """The blocks of a fabric on key points (picks, ends, 3) [m], to be made as they are needed.
 
     target: radius [px] that drawn particles are thinned to; 0 draws every particle whatever its size.
-    gains: (len(TILTS), levels, 4) factor for radius, factors for the colour of warp and weft, and how far openness is
-    led towards 1 (towards 0 where negative), at λ = 1, 1/2, 1/4, …; (levels, 4) for all tilts; None changes nothing.
+    gains: what puts right the coverage and the brightness of thinned blocks; None changes nothing.
     """
 
     def __init__(
@@ -94,12 +111,12 @@ class FabricStream:
         points: NDArray,
         *,
         target: float = 0.5,
-        gains: NDArray | None = None,
+        gains: Gains | None = None,
         chunks: int = 2,
     ) -> None:
         layout, bank = fabric.layout, fabric.bank
         self.fabric, self.target, self.chunks = fabric, float(target), int(chunks)
-        self.set_gains(np.tile(UNCHANGED, (2, 1)) if gains is None else gains)
+        self.gains = gains or Gains(np.ones(1), np.tile(UNCHANGED, (1, 2, 1)))
         self.points = np.ascontiguousarray(points, np.float32).reshape(-1, 3)
         frame = frames(points)
         self.frames = frame.weft.reshape(-1, 3), frame.warp.reshape(-1, 3), frame.normal.reshape(-1, 3)
@@ -120,11 +137,8 @@ class FabricStream:
         self.reach, self.radius = np.zeros(len(size), np.float32), np.zeros(len(size), np.float32)
         self.reach[filled] = np.maximum.reduceat(reach, starts[filled])
         self.radius[filled] = np.add.reduceat(bank.radius.astype(np.float64), starts[filled]) / size[filled]
+        self._every = max(1, len(self.points) // 4096)  # key points that tell how the cloth is tilted
         self._batch = np.zeros((0, ROWS, LANES), np.float32)
-
-    def set_gains(self, gains: NDArray) -> None:
-        """Take other gains."""
-        self.gains = np.ascontiguousarray(np.broadcast_to(gains, (len(TILTS), *gains.shape[-2:])), np.float32)
 
     @property
     def allocated(self) -> int:
@@ -135,15 +149,15 @@ class FabricStream:
         """Where every block is for a camera, and how much of it is worth drawing."""
         blocks = self.fabric.layout.blocks
         n = len(blocks.kind)
-        out = Survey(np.empty((n, 4), np.int16), np.empty(n, np.int32), *(np.empty(n, np.float32) for _ in range(3)))
-        view = np.zeros((7, 3), np.float32)
+        boxes, counts = np.empty((n, 4), np.int16), np.empty(n, np.int32)
+        depth, share = np.empty(n, np.float32), np.empty(n, np.float32)
+        view = np.zeros((6, 3), np.float32)
         view[:3], view[3] = camera.rotation, camera.translation
         view[4] = camera.focal, camera.cx, camera.cy
         view[5] = camera.width, camera.height, camera.near
-        view[6] = -np.asarray(camera.rotation).T @ np.asarray(camera.translation)
         _survey(
             self.points,
-            *self.frames,
+            *self.frames[:2],
             blocks.key0,
             blocks.key1,
             self.family,
@@ -154,13 +168,15 @@ class FabricStream:
             self.radius,
             view,
             self.target,
-            out.boxes,
-            out.counts,
-            out.depth,
-            out.share,
-            out.tilt,
+            boxes,
+            counts,
+            depth,
+            share,
         )
-        return out
+        eye = -np.asarray(camera.rotation).T @ np.asarray(camera.translation)
+        towards = eye - self.points[:: self._every]
+        cosine = np.einsum("ij,ij->i", towards, self.frames[2][:: self._every]) / np.linalg.norm(towards, axis=1)
+        return Survey(boxes, counts, depth, share, float(np.abs(cosine).mean()))
 
     def lay(self, survey: Survey, blocks: I32) -> tuple[F32, int]:
         """The particles of these blocks, as many as the survey says: (ceil(n / 16), ROWS, 16) and n.
@@ -182,7 +198,6 @@ class FabricStream:
             blocks.astype(np.int32, copy=False),
             starts.astype(np.int32),
             survey.share,
-            survey.tilt,
             self.points,
             *self.frames,
             b.key0,
@@ -195,8 +210,7 @@ class FabricStream:
             self.size,
             self.fabric.thread_colour,
             self.particles,
-            np.asarray(TILTS, np.float32),
-            self.gains,
+            self.gains.at(survey.tilt),
             out,
         )
         if total % LANES:  # places that fill up the last block: nothing, where something is
@@ -211,7 +225,6 @@ def _survey(
     point: F32x2,
     along_weft: F32x2,
     along_warp: F32x2,
-    upward: F32x2,
     # blocks
     key0: I32x1,
     key1: I32x1,
@@ -229,7 +242,6 @@ def _survey(
     counts_out: I32x1,
     depth_out: F32x1,
     share_out: F32x1,
-    tilt_out: F32x1,
 ):
     """The bounding sphere of centre (X, Y, Z) and radius r lies within f r √(1 + (X/Z)²)/(Z − r) of its centre's
     pixel, likewise down."""
@@ -291,8 +303,6 @@ def _survey(
         counts_out[b] = count
         depth_out[b] = z
         share_out[b] = share
-        facing = (row(upward, k0) + row(upward, k1)).normalized()
-        tilt_out[b] = ti.abs(facing.dot((row(view, 6) - middle).normalized()))
 
 
 @ti.kernel
@@ -301,7 +311,6 @@ def _lay(
     ids: I32x1,
     starts: I32x1,
     shares: F32x1,
-    tilts: F32x1,
     # key points
     point: F32x2,
     along_weft: F32x2,
@@ -319,8 +328,7 @@ def _lay(
     thread_colour: F32x2,
     # templates, columns in the order of COLUMNS
     particle: F32x2,
-    tilt_at: F32x1,
-    gains: F32x3,
+    gains: F32x2,
     # out
     blocks_out: F32x3,
 ):
@@ -343,30 +351,22 @@ def _lay(
             fading = ti.cast(count - whole, ti.f32)
             area = whole + fading * (drawn - 0.5 * (whole + count - 1)) / (FADE * drawn)
             level = ti.max(-ti.log(share) / LOG2, 0.0)
-            low = ti.min(ti.cast(level, ti.i32), gains.shape[1] - 2)
+            low = ti.min(ti.cast(level, ti.i32), gains.shape[0] - 2)
             part = ti.min(level - low, 1.0)
-            left = 0
-            while left < tilt_at.shape[0] - 2 and tilts[b] > tilt_at[left + 1]:
-                left += 1
-            turn = (tilts[b] - tilt_at[left]) / (tilt_at[left + 1] - tilt_at[left])
-            turn = ti.math.clamp(turn, 0.0, 1.0)
-            gain = ti.Vector([0.0, 0.0, 0.0, 0.0])
-            for c in ti.static(range(4)):
-                one = gains[left, low, c] + part * (gains[left, low + 1, c] - gains[left, low, c])
-                two = gains[left + 1, low, c] + part * (gains[left + 1, low + 1, c] - gains[left + 1, low, c])
-                gain[c] = one + turn * (two - one)
             larger = n / ti.max(area, 1e-6)
-            wider = gain[0]
-            brighter = gain[1] if family[b] == 0 else gain[2]
-            most = 1.0 if gain[3] > 0.0 else 0.0
-            opened = ti.abs(gain[3])
+            wider = gains[low, 0] + part * (gains[low + 1, 0] - gains[low, 0])
+            mine = 1 + family[b]
+            brighter = gains[low, mine] + part * (gains[low + 1, mine] - gains[low, mine])
+            opened = gains[low, 3] + part * (gains[low + 1, 3] - gains[low, 3])
+            most = 1.0 if opened > 0.0 else 0.0
+            opened = ti.abs(opened)
             red = thread_colour[yarn, 0] * brighter
             green = thread_colour[yarn, 1] * brighter
             blue = thread_colour[yarn, 2] * brighter
             q0 = starts[i]
             t0 = ti.cast(template_start[kind], ti.i32)
-            begins = ti.cast(b, ti.u32) * ti.cast(ROOT_2, ti.u32)
-            first = ti.cast(ti.cast(begins >> 8, ti.f32) * (n / 16777216.0), ti.i32)
+            turn = ti.cast(b, ti.u32) * ti.cast(ROOT_2, ti.u32)
+            first = ti.cast(ti.cast(turn >> 8, ti.f32) * (n / 16777216.0), ti.i32)
             for m in range(count):
                 t, q = first + m, q0 + m
                 t = t0 + (t if t < size[kind] else t - size[kind])
