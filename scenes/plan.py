@@ -38,8 +38,11 @@ class Plan:
     prepared: Prepared | None = None
 
 
-def plan(scene: Scene) -> Plan:
-    """Count a scene. Raises InputError as building it would, where that shows before a particle is made."""
+def plan(scene: Scene, *, streamed: bool = False) -> Plan:
+    """Count a scene. Raises InputError as building it would, where that shows before a particle is made.
+
+    streamed: for a command that draws a fabric in batches, such as `zoom`.
+    """
     subject = scene.subject
     fibre = fibre_kind(scene)
     source = "own sphere set" if scene.fibre.spheres is not None else fibre.name
@@ -78,7 +81,7 @@ def plan(scene: Scene) -> Plan:
         steps = 10 * max(4, round(scene.yarn.length_mm * 1e-3 / (yarn.diameter * 1.2)))
         particles, about = steps * yarn.plies * min(scene.yarn.fibres, yarn.fibres_in_section), True
     if subject == "fabric":
-        prepared = prepare_fabric(scene)
+        prepared = prepare_fabric(scene, streamed=streamed)
         layout = prepared.layout
         built["yarn"] = _yarn_line(layout.warp.yarn, layout.detail.fibres)
         key_points, blocks, particles = layout.key_points, len(layout.blocks.kind), prepared.particles
