@@ -1,7 +1,7 @@
 """How much wider and brighter the particles of a thinned block must be: measured on the fabric itself."""
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,10 +26,12 @@ LEVELS = 9
 MEASURED = (1, 2, 3, 4, 5, 6, 8)
 """Levels at which gains are measured; between them they are interpolated."""
 ROUNDS = 4
-CLOSE = 0.004
+CLOSE = 0.005
 CROSSINGS = 6
-MOST_CROSSINGS = 22 * 22
-"""Gains are measured on no more than this of a fabric, in its middle."""
+PATCH, MEASURED_SIDE = 24, 16
+"""Gains are measured on no more threads than this each way, of a larger fabric on those in the middle of them."""
+SAMPLES = 3
+"""Samples of a patch that are averaged: what chance does to one of a few threads is none of the fabric's."""
 PROBE = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 """Colours of warp and weft by which what comes from either is told apart; blue is what has no colour."""
 
@@ -47,20 +49,24 @@ def fit_gains(
     parts and the sheen. Measured from `ELEVATIONS`, on key points (picks, ends, 3) [m] or, where the fabric is large,
     on a patch of it that lies flat.
     """
-    patch, points = _patch(fabric, points)
-    splatter = Splatter(*SIZE)
+    patch, points, inner = _patch(fabric, points)
+    middle = None if inner is None else inner.mean(axis=0)
+    edges = min(1.0, PATCH / min(fabric.layout.cloth.warp_up.shape)) if inner is not None else 1.0
+    samples = 1 if inner is None else SAMPLES
+    eye = _Eye(Splatter(*SIZE), lighting, finish, edges)
     whole, thin = FabricStream(patch, points, target=0.0), FabricStream(patch, points, target=target)
     factor = np.tile(UNCHANGED, (len(ELEVATIONS), LEVELS, 1))
     tilt = np.zeros(len(ELEVATIONS))
     for a, elevation in enumerate(ELEVATIONS):
         for level in MEASURED:
-            camera = seen_at(patch, points, target * 0.5 ** (level / 2), elevation=elevation)
+            camera = seen_at(patch, points, target * 0.5 ** (level / 2), elevation=elevation, about=middle)
             tilt[a] = whole.survey(camera).tilt
-            want = _parts(splatter, camera, whole, lighting, finish)
+            window = _window(camera, inner)
+            want = eye.parts(camera, whole, window)
             now = factor[max(a - 1, 0), level if a else level - 1].copy()
             for _ in range(ROUNDS):
                 thin.gains = Gains(np.ones(1), np.tile(now, (1, 2, 1)))
-                got = _parts(splatter, camera, thin, lighting, finish)
+                got = eye.parts(camera, thin, window, samples if level > 2 else 1)
                 if (np.abs(got - want) < CLOSE * want).all():
                     break
                 cover, warp, weft = np.clip(want[:3] / np.maximum(got[:3], 1e-9), 0.8, 1.25)
@@ -75,22 +81,36 @@ def fit_gains(
     return Gains(tilt[order], factor[order])
 
 
-def _patch(fabric: Fabric, points: NDArray) -> tuple[Fabric, NDArray]:
-    """A fabric, or the middle of a large one, laid flat; every thread has the colour of its family in `PROBE`."""
+def _patch(fabric: Fabric, points: NDArray) -> tuple[Fabric, NDArray, NDArray | None]:
+    """A fabric, every thread of which has the colour of its family in `PROBE`; where it is large, its middle, laid
+    flat, and the corners of what is measured, as the cut edges of a patch are not those of the fabric."""
     layout = fabric.layout
     picks, ends = points.shape[:2]
-    if picks * ends > MOST_CROSSINGS:
-        side = int(MOST_CROSSINGS**0.5)
+    inner = None
+    if picks * ends > PATCH * PATCH:
         row, column = np.divmod(layout.blocks.key0, ends)
-        inside = (np.abs(row - picks // 2) <= side // 2) & (np.abs(column - ends // 2) <= side // 2)
+        inside = (np.abs(row - picks // 2) <= PATCH // 2) & (np.abs(column - ends // 2) <= PATCH // 2)
         chosen = np.flatnonzero(inside)
         blocks = Blocks(*(getattr(layout.blocks, name)[chosen] for name in Blocks.__dataclass_fields__))
         layout = replace(layout, blocks=blocks)
         bank = replace(fabric.bank, template=fabric.bank.template[chosen])
         points = pose_points(layout, "flat")
         fabric = Fabric(layout, bank, fabric.thread_colour, bank.particle_start)
+        corners = [(i, j) for i in (-1, 1) for j in (-1, 1)]
+        inner = np.array(
+            [points[picks // 2 + i * MEASURED_SIDE // 2, ends // 2 + j * MEASURED_SIDE // 2] for i, j in corners]
+        )
     family = (np.arange(len(fabric.thread_colour)) >= ends).astype(np.intp)
-    return replace(fabric, thread_colour=PROBE[family].astype(np.float32)), points
+    return replace(fabric, thread_colour=PROBE[family].astype(np.float32)), points, inner
+
+
+def _window(camera: Camera, inner: NDArray | None) -> tuple[slice, slice]:
+    """Rows and columns of the picture in which these points lie; all where there are none."""
+    if inner is None:
+        return slice(None), slice(None)
+    at = camera.project(inner)[:, :2]
+    (left, top), (right, bottom) = np.floor(at.min(axis=0)).astype(int), np.ceil(at.max(axis=0)).astype(int)
+    return slice(max(0, top), bottom), slice(max(0, left), right)
 
 
 def fit_surface(
@@ -155,9 +175,26 @@ def seen_at(
     return replace(camera, translation=-camera.rotation @ place, near=1e-4)
 
 
-def _parts(
-    splatter: Splatter, camera: Camera, source: FabricStream, lighting: Lighting | None, finish: Finish | None
-) -> NDArray[np.float64]:
-    """Coverage, light by the colour of warp and of weft, and light without colour, of the whole picture."""
-    red, green, blue, cover = colours_at(splatter, source, camera, lighting=lighting, finish=finish)
-    return np.array([cover, red - blue, green - blue, blue])
+@dataclass(frozen=True)
+class _Eye:
+    """How a cloth is measured: in which light, and of what window the picture tells how much of the whole."""
+
+    splatter: Splatter
+    lighting: Lighting | None
+    finish: Finish | None
+    edges: float
+
+    def parts(
+        self, camera: Camera, source: FabricStream, window: tuple[slice, slice], samples: int = 1
+    ) -> NDArray[np.float64]:
+        """Coverage, light by the colour of warp and of weft, and light without colour; of a patch as of a cloth of
+        which the edges are a share `edges` of those of the patch."""
+        total = np.zeros(4)
+        for source.turn in range(samples):
+            stream(self.splatter, camera, source, most=10**9, lighting=self.lighting, finish=self.finish)
+            picture = self.splatter.linear()
+            inside = picture[window].sum(axis=(0, 1), dtype=np.float64)
+            total += self.edges * picture.sum(axis=(0, 1), dtype=np.float64)
+            total += (1 - self.edges) * (PATCH / MEASURED_SIDE) ** 2 * inside
+        red, green, blue, cover = total / samples
+        return np.array([cover, red - blue, green - blue, blue])

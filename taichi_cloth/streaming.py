@@ -68,8 +68,8 @@ class Pinhole(Protocol):
 
 @dataclass(frozen=True)
 class Gains:
-    """What a thinned cloth's particles are changed by. tilt: (n,) rising, the mean cosine between the cloth's normal and
-    the view. factor: (n, levels, 4), at λ = 1, 1/2, 1/4, …, of what `UNCHANGED` names."""
+    """What a thinned cloth's particles are changed by. tilt: (n,) rising, the mean cosine between the cloth's normal
+    and the view. factor: (n, levels, 4), at λ = 1, 1/2, 1/4, …, of what `UNCHANGED` names."""
 
     tilt: NDArray[np.float64]
     factor: NDArray[np.float64]
@@ -138,6 +138,7 @@ class FabricStream:
         self.reach[filled] = np.maximum.reduceat(reach, starts[filled])
         self.radius[filled] = np.add.reduceat(bank.radius.astype(np.float64), starts[filled]) / size[filled]
         self._every = max(1, len(self.points) // 4096)  # key points that tell how the cloth is tilted
+        self.turn = 0  # another number is another sample of the same thinned cloth
         self._batch = np.zeros((0, ROWS, LANES), np.float32)
 
     @property
@@ -195,6 +196,7 @@ class FabricStream:
             return out, 0
         _lay(
             self.chunks,
+            self.turn,
             blocks.astype(np.int32, copy=False),
             starts.astype(np.int32),
             survey.share,
@@ -308,6 +310,7 @@ def _survey(
 @ti.kernel
 def _lay(
     chunks: Int,
+    sample: Int,
     ids: I32x1,
     starts: I32x1,
     shares: F32x1,
@@ -365,7 +368,7 @@ def _lay(
             blue = thread_colour[yarn, 2] * brighter
             q0 = starts[i]
             t0 = ti.cast(template_start[kind], ti.i32)
-            turn = ti.cast(b, ti.u32) * ti.cast(ROOT_2, ti.u32)
+            turn = ti.cast(b + 7919 * sample, ti.u32) * ti.cast(ROOT_2, ti.u32)
             first = ti.cast(ti.cast(turn >> 8, ti.f32) * (n / 16777216.0), ti.i32)
             for m in range(count):
                 t, q = first + m, q0 + m
