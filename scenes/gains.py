@@ -60,7 +60,7 @@ def fit_gains(
     for a, elevation in enumerate(ELEVATIONS):
         for level in MEASURED:
             camera = seen_at(patch, points, target * 0.5 ** (level / 2), elevation=elevation, about=middle)
-            tilt[a] = whole.survey(camera).tilt
+            tilt[a] = whole.survey(camera).tilt  # pyright: ignore[reportArgumentType]
             window = _window(camera, inner)
             want = eye.parts(camera, whole, window)
             now = factor[max(a - 1, 0), level if a else level - 1].copy()
