@@ -24,6 +24,7 @@ __all__ = [
     "Longs1",
     "Planes",
     "Switch",
+    "Vec8",
     "Vec16",
 ]
 
@@ -33,6 +34,7 @@ LANES = 16
 TILE = 16
 """Width and height of a tile of the image [px]."""
 
+Vec8: Any = ti.types.vector(LANES // 2, ti.f32)
 Vec16: Any = ti.types.vector(LANES, ti.f32)
 
 if TYPE_CHECKING:
@@ -64,4 +66,4 @@ else:
     Bytes1 = ti.types.ndarray(ti.u8, 1)
     Bytes3 = ti.types.ndarray(ti.u8, 3)
     Blocks = ti.types.ndarray(Vec16, 2)  # (blocks, rows): each element 16 neighbours
-    Planes = ti.template()  # a field of Vec16, (tiles, rows of a tile): see `planes`
+    Planes = ti.template()  # a field of Vec8, (tiles, half rows of a tile): see `planes`

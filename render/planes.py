@@ -1,4 +1,4 @@
-"""The picture in the making: four fields of rows of 16 pixels, lent to splatters and taken back.
+"""The picture in the making: four fields of half rows of 8 pixels, lent to splatters and taken back.
 
 They are fields because the raster is three times as fast on fields as on arrays: only there does LLVM know that
 the four planes do not overlap. But Taichi compiles a kernel anew for every field and never frees one. So a
@@ -12,7 +12,7 @@ from typing import Any
 import taichi as ti
 from taichi.lang import impl
 
-from .arrays import LANES, TILE
+from .arrays import TILE
 
 __all__ = ["borrow"]
 
@@ -23,7 +23,7 @@ _program: Any = None
 
 
 def borrow(owner: object, tiles: int) -> Planes:
-    """Four fields (T, red, green, blue), each (at least `tiles`, 16) of 16 float32, until `owner` is gone.
+    """Four fields (T, red, green, blue), each (at least `tiles`, 32) of 8 float32, until `owner` is gone.
 
     Only while the Taichi program lives that was started when they were made: `ti.init` throws fields away.
     """
@@ -40,7 +40,7 @@ def borrow(owner: object, tiles: int) -> Planes:
 
 
 def _make(capacity: int) -> Planes:
-    one, two, three, four = (ti.Vector.field(LANES, ti.f32, (capacity, TILE)) for _ in range(4))
+    one, two, three, four = (ti.Vector.field(TILE // 2, ti.f32, (capacity, 2 * TILE)) for _ in range(4))
     return one, two, three, four
 
 

@@ -4,7 +4,7 @@ Numbers of one splat, `splats[i]` float32 (see `Layout.splat_size`):
     round      x, y [px], alpha, red, green, blue, reach [px], 1 / reach^2, or the sprite's number if textured
     elliptic   x, y [px], alpha, red, green, blue, half height of its box [px],
                the rows s and t that turn an offset [px] into -1..1 across and along the fibre (2 each),
-               the slope of brightness across, the edge (see `sprites`), the sprite's number,
+               the slope of brightness across, the edge (see `sprites`), the sprite's number or half the box's width,
                and for crisp splats the roundness m and the edge along the fibre (see `_thread`)
 """
 
@@ -218,6 +218,8 @@ def project(
                         splats_out[i, 12] = edge[lane]
                         if ti.static(layout.textured):
                             splats_out[i, 13] = particles[b, layout.sprite_row][lane]
+                        else:
+                            splats_out[i, 13] = half_width[lane]
                         if ti.static(crisp):
                             splats_out[i, 14] = endwise[lane]
                             splats_out[i, 15] = edge_along[lane]

@@ -9,6 +9,7 @@ import time
 from dataclasses import dataclass
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from taichi.lang import impl
@@ -110,7 +111,9 @@ class Splatter:
         self._starts = np.zeros(self._tiles + 1, np.int32)
         self._lists = np.zeros(1, np.int32)
         self._planes = borrow(self, self._tiles)
-        self._tables: dict[Tone, NDArray[np.uint8]] = {}
+        self._room = np.zeros(self._tiles * TILE * TILE, np.int32)
+        self._canvas = self._room.reshape(self._tiles_y * TILE, self._tiles_x * TILE)
+        self._tables: dict[Tone, NDArray[np.int32]] = {}
         self.light = LightPass()
         self._constants = np.zeros((rows.CONSTANT_ROWS, 3), np.float32)
         if sprites is None:
@@ -173,6 +176,7 @@ class Splatter:
             )
         self.width, self.height = int(width), int(height)
         self._tiles_x, self._tiles_y, self._tiles = tiles_x, tiles_y, tiles_x * tiles_y
+        self._canvas = self._room[: self._tiles * TILE * TILE].reshape(tiles_y * TILE, tiles_x * TILE)
         return self
 
     def begin(self, camera: Camera, **options: Any) -> "Splatter":
@@ -226,8 +230,7 @@ class Splatter:
         """The image (height, width, 3), 8-bit sRGB, of the particles loaded.
 
         backdrop: ground and meshes from the same camera (see `paint`), instead of the background alone.
-        out: an array (height, width, 3) uint8 to write to; one whose width is a multiple of 16 is filled in
-        place, without a copy. Without it every call returns an array of its own.
+        out: an array (height, width, 3) uint8 to write to. Without it every call returns an array of its own.
         Raises RenderError when the camera's image has another size or the tile lists would be too long.
         """
         if (camera.width, camera.height) != (self.width, self.height):
@@ -277,7 +280,6 @@ class Splatter:
         fill_tiles(chunks, drawn, self._tiles_x, self._sorted, self._boxes, self._histogram, self._lists)
         clock.append(time.perf_counter())
 
-        image = self._canvas(out) if self._batch != "more" else np.empty((1, 1, 3), np.uint8)
         raster(
             layout,
             profile,
@@ -305,17 +307,12 @@ class Splatter:
             float(self._constants[rows.DEPTH, 0]),
             1.0 / float(self._constants[rows.DEPTH, 1]),
             *self._planes,
-            image,
+            self._canvas,
         )
+        image = self._pixels(out)
         clock.append(time.perf_counter())
         self.stats = RenderStats(self._count, drawn, entries, *(1e3 * np.diff(clock)).tolist())
-        if image is out or self._batch == "more":
-            return image
-        image = np.ascontiguousarray(image[:, : self.width])
-        if out is None:
-            return image
-        out[:] = image
-        return out
+        return image
 
     def linear(self) -> NDArray[np.float32]:
         """The last frame without its background: linear premultiplied RGBA (height, width, 4) float32.
@@ -352,18 +349,25 @@ class Splatter:
             1 if self.sprites is None else self.sprites.size,
         )
 
-    def _canvas(self, out: NDArray[np.uint8] | None) -> NDArray[np.uint8]:
-        """Where the raster may write whole tiles of columns: `out` itself where that fits."""
-        if out is not None:
-            if out.shape != (self.height, self.width, 3) or out.dtype != np.uint8:
-                raise RenderError(f"out: {out.dtype} {out.shape}; allowed: uint8 {(self.height, self.width, 3)}")
-            if self.width % TILE == 0 and out.flags.c_contiguous:
-                return out
-        return np.empty((self.height, self._tiles_x * TILE, 3), np.uint8)
+    def _pixels(self, out: NDArray[np.uint8] | None) -> NDArray[np.uint8]:
+        """The bytes of the canvas that are red, green and blue."""
+        if self._batch == "more":
+            return np.empty((0, 0, 3), np.uint8)
+        shape = self.height, self.width, 3
+        if out is None:
+            out = np.empty(shape, np.uint8)
+        if out.shape != shape or out.dtype != np.uint8:
+            raise RenderError(f"out: {out.dtype} {out.shape}; allowed: uint8 {shape}")
+        rgbx = self._canvas[: self.height].view(np.uint8).reshape(self.height, -1, 4)[:, : self.width]
+        if out.flags.c_contiguous:
+            cv2.cvtColor(rgbx, cv2.COLOR_BGRA2BGR, dst=out)
+        else:
+            out[:] = rgbx[..., :3]
+        return out
 
-    def _table(self, tone: Tone) -> NDArray[np.uint8]:
+    def _table(self, tone: Tone) -> NDArray[np.int32]:
         if tone not in self._tables:
-            self._tables[tone] = tone_table(tone, LUT_STEPS)
+            self._tables[tone] = tone_table(tone, LUT_STEPS).astype(np.int32)
         return self._tables[tone]
 
     def _reserve(self, blocks: int) -> None:

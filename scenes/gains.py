@@ -1,15 +1,16 @@
 """How much wider and brighter the particles of a thinned block must be: measured on the fabric itself."""
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taichi_cloth.blocks import Fabric
+from taichi_cloth.fabric import Blocks, pose_points
 from taichi_cloth.pieces import SURFACE
 from taichi_cloth.refine import RefiningStream
-from taichi_cloth.streaming import UNCHANGED, FabricStream
+from taichi_cloth.streaming import UNCHANGED, FabricStream, Gains
 
 from ..render.camera import Camera, frame
 from ..render.finish import Finish
@@ -20,12 +21,17 @@ from ..render.stream import Source, stream
 __all__ = ["colours_at", "crossings", "fit_gains", "fit_surface", "seen_at"]
 
 SIZE = 320, 192
+ELEVATIONS = (90.0, 75.0, 60.0, 45.0, 30.0, 18.0)
 LEVELS = 9
-ROUNDS = 7
-CLOSE = 0.002
+MEASURED = (1, 2, 3, 4, 5, 6, 8)
+"""Levels at which gains are measured; between them they are interpolated."""
+ROUNDS = 4
+CLOSE = 0.005
 CROSSINGS = 6
-MOST_PARTICLES = 4e6
-"""A larger fabric keeps its particles as they are: measuring it would take longer than the picture."""
+PATCH, MEASURED_SIDE = 24, 16
+"""Gains are measured on no more threads than this each way, of a larger fabric on those in the middle of them."""
+SAMPLES = 3
+"""Samples of a patch that are averaged: what chance does to one of a few threads is none of the fabric's."""
 PROBE = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 """Colours of warp and weft by which what comes from either is told apart; blue is what has no colour."""
 
@@ -37,34 +43,74 @@ def fit_gains(
     target: float = 0.5,
     lighting: Lighting | None = None,
     finish: Finish | None = None,
-) -> NDArray[np.float64]:
-    """(LEVELS, 4) gains (see `FabricStream`) at λ = 1, 1/2, …, by which the cloth, seen from above at the distance
-    where that share is drawn, has the coverage and the brightness of all its particles, in any colours: warp is
-    red, weft green, and both are black in blue, so that one picture tells their parts and the sheen."""
-    gains = np.tile(UNCHANGED, (LEVELS, 1))
-    if fabric.particles > MOST_PARTICLES:
-        return gains
-    ends = len(fabric.layout.warp.colour)
+) -> Gains:
+    """Gains by which the cloth, at the distance where a share is drawn, has the coverage and the brightness of all its
+    particles, in any colours: warp is red, weft green, and both are black in blue, so that one picture tells their
+    parts and the sheen. Measured from `ELEVATIONS`, on key points (picks, ends, 3) [m] or, where the fabric is large,
+    on a patch of it that lies flat.
+    """
+    patch, points, inner = _patch(fabric, points)
+    middle = None if inner is None else inner.mean(axis=0)
+    edges = min(1.0, PATCH / min(fabric.layout.cloth.warp_up.shape)) if inner is not None else 1.0
+    samples = 1 if inner is None else SAMPLES
+    eye = _Eye(Splatter(*SIZE), lighting, finish, edges)
+    whole, thin = FabricStream(patch, points, target=0.0), FabricStream(patch, points, target=target)
+    factor = np.tile(UNCHANGED, (len(ELEVATIONS), LEVELS, 1))
+    tilt = np.zeros(len(ELEVATIONS))
+    for a, elevation in enumerate(ELEVATIONS):
+        for level in MEASURED:
+            camera = seen_at(patch, points, target * 0.5 ** (level / 2), elevation=elevation, about=middle)
+            tilt[a] = whole.survey(camera).tilt  # pyright: ignore[reportArgumentType]
+            window = _window(camera, inner)
+            want = eye.parts(camera, whole, window)
+            now = factor[max(a - 1, 0), level if a else level - 1].copy()
+            for _ in range(ROUNDS):
+                thin.gains = Gains(np.ones(1), np.tile(now, (1, 2, 1)))
+                got = eye.parts(camera, thin, window, samples if level > 2 else 1)
+                if (np.abs(got - want) < CLOSE * want).all():
+                    break
+                cover, warp, weft = np.clip(want[:3] / np.maximum(got[:3], 1e-9), 0.8, 1.25)
+                now[:3] *= cover**1.5, warp / cover, weft / cover
+                sheen = float(np.clip(want[3] / max(got[3], 1e-9), 0.8, 1.25)) / cover
+                now[3] = np.clip(now[3] + 1.2 * (sheen - 1), -0.5, 0.9)
+            factor[a, level:] = now
+        nodes = (0, *MEASURED)
+        for c in range(4):
+            factor[a, :, c] = np.interp(range(LEVELS), nodes, factor[a, nodes, c])
+    order = np.argsort(tilt, kind="stable")
+    return Gains(tilt[order], factor[order])
+
+
+def _patch(fabric: Fabric, points: NDArray) -> tuple[Fabric, NDArray, NDArray | None]:
+    """A fabric, every thread of which has the colour of its family in `PROBE`; where it is large, its middle, laid
+    flat, and the corners of what is measured, as the cut edges of a patch are not those of the fabric."""
+    layout = fabric.layout
+    picks, ends = points.shape[:2]
+    inner = None
+    if picks * ends > PATCH * PATCH:
+        row, column = np.divmod(layout.blocks.key0, ends)
+        inside = (np.abs(row - picks // 2) <= PATCH // 2) & (np.abs(column - ends // 2) <= PATCH // 2)
+        chosen = np.flatnonzero(inside)
+        blocks = Blocks(*(getattr(layout.blocks, name)[chosen] for name in Blocks.__dataclass_fields__))
+        layout = replace(layout, blocks=blocks)
+        bank = replace(fabric.bank, template=fabric.bank.template[chosen])
+        points = pose_points(layout, "flat")
+        fabric = Fabric(layout, bank, fabric.thread_colour, bank.particle_start)
+        corners = [(i, j) for i in (-1, 1) for j in (-1, 1)]
+        inner = np.array(
+            [points[picks // 2 + i * MEASURED_SIDE // 2, ends // 2 + j * MEASURED_SIDE // 2] for i, j in corners]
+        )
     family = (np.arange(len(fabric.thread_colour)) >= ends).astype(np.intp)
-    probe = replace(fabric, thread_colour=PROBE[family].astype(np.float32))
-    splatter = Splatter(*SIZE)
-    whole = FabricStream(probe, points, target=0.0)
-    for level in range(1, LEVELS):
-        camera = seen_at(fabric, points, target * 0.5 ** (level / 2))
-        want = _parts(splatter, camera, whole, lighting, finish)
-        gains[level] = gains[level - 1]
-        for _ in range(ROUNDS):
-            ladder = np.concatenate([gains[:level], np.tile(gains[level], (2, 1))])
-            thin = FabricStream(probe, points, target=target, gains=ladder)
-            got = _parts(splatter, camera, thin, lighting, finish)
-            if (np.abs(got - want) < CLOSE * want).all():
-                break
-            cover, warp, weft = np.clip(want[:3] / np.maximum(got[:3], 1e-9), 0.8, 1.25)
-            gains[level, :3] *= cover**1.5, warp / cover, weft / cover
-            sheen = float(np.clip(want[3] / max(got[3], 1e-9), 0.8, 1.25)) / cover
-            gains[level, 3] = np.clip(gains[level, 3] + 1.2 * (sheen - 1), -0.5, 0.9)
-        gains[level + 1 :] = gains[level]
-    return gains
+    return replace(fabric, thread_colour=PROBE[family].astype(np.float32)), points, inner
+
+
+def _window(camera: Camera, inner: NDArray | None) -> tuple[slice, slice]:
+    """Rows and columns of the picture in which these points lie; all where there are none."""
+    if inner is None:
+        return slice(None), slice(None)
+    at = camera.project(inner)[:, :2]
+    (left, top), (right, bottom) = np.floor(at.min(axis=0)).astype(int), np.ceil(at.max(axis=0)).astype(int)
+    return slice(max(0, top), bottom), slice(max(0, left), right)
 
 
 def fit_surface(
@@ -129,9 +175,26 @@ def seen_at(
     return replace(camera, translation=-camera.rotation @ place, near=1e-4)
 
 
-def _parts(
-    splatter: Splatter, camera: Camera, source: FabricStream, lighting: Lighting | None, finish: Finish | None
-) -> NDArray[np.float64]:
-    """Coverage, light by the colour of warp and of weft, and light without colour, of the whole picture."""
-    red, green, blue, cover = colours_at(splatter, source, camera, lighting=lighting, finish=finish)
-    return np.array([cover, red - blue, green - blue, blue])
+@dataclass(frozen=True)
+class _Eye:
+    """How a cloth is measured: in which light, and of what window the picture tells how much of the whole."""
+
+    splatter: Splatter
+    lighting: Lighting | None
+    finish: Finish | None
+    edges: float
+
+    def parts(
+        self, camera: Camera, source: FabricStream, window: tuple[slice, slice], samples: int = 1
+    ) -> NDArray[np.float64]:
+        """Coverage, light by the colour of warp and of weft, and light without colour; of a patch as of a cloth of
+        which the edges are a share `edges` of those of the patch."""
+        total = np.zeros(4)
+        for source.turn in range(samples):
+            stream(self.splatter, camera, source, most=10**9, lighting=self.lighting, finish=self.finish)
+            picture = self.splatter.linear()
+            inside = picture[window].sum(axis=(0, 1), dtype=np.float64)
+            total += self.edges * picture.sum(axis=(0, 1), dtype=np.float64)
+            total += (1 - self.edges) * (PATCH / MEASURED_SIDE) ** 2 * inside
+        red, green, blue, cover = total / samples
+        return np.array([cover, red - blue, green - blue, blue])

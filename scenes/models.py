@@ -34,6 +34,8 @@ __all__ = ["FabricModel", "FibreModel", "Model", "Panel", "TwistModel", "YarnMod
 
 OPACITY = 1.0
 SURFACE_POINTS = 400_000
+SURFACE_COVER = 1.6
+"""Radius of a point on a surface over the side of the square that it stands for: π 1.6² = 8 lie over each other."""
 
 
 @dataclass(frozen=True)
@@ -244,16 +246,15 @@ class FibreModel:
     def panels(self) -> list[Panel]:
         surface = sphere_surface_points(self.spheres, SURFACE_POINTS, seed=self.scene.seed)
         points, normals = surface.positions, surface.normals
-        low, high = self.spheres.bounding_box()
-        area = float(np.prod(np.sort(high - low)[1:])) * 2.5
         n = len(points)
+        size = SURFACE_COVER * (surface.area_m2 / n) ** 0.5
         shell = FibreCloud(
             position=points.astype(np.float32),
             tangent=np.tile(np.array([1, 0, 0], np.float32), (n, 1)),
             normal=normals.astype(np.float32),
             colour=np.tile(np.array([[0.30, 0.42, 0.60]], np.float32), (n, 1)),
-            radius=np.full(n, 1.6 * (area / n) ** 0.5, np.float32),
-            half_length=np.full(n, 1.6 * (area / n) ** 0.5, np.float32),
+            radius=np.full(n, size, np.float32),
+            half_length=np.full(n, size, np.float32),
             openness=np.ones(n, np.float32),
         )
         f, size = self.filled, self.scene.fibre.particle_size * self.scene.fibre.spacing_um * 1e-6

@@ -39,8 +39,11 @@ class Plan:
     prepared: Prepared | None = None
 
 
-def plan(scene: Scene) -> Plan:
-    """Count a scene. Raises InputError as building it would, where that shows before a particle is made."""
+def plan(scene: Scene, *, streamed: bool = False) -> Plan:
+    """Count a scene. Raises InputError as building it would, where that shows before a particle is made.
+
+    streamed: for a command that draws a fabric in batches, such as `zoom`.
+    """
     subject = scene.subject
     fibre = fibre_kind(scene)
     source = "own sphere set" if scene.fibre.spheres is not None else fibre.name
@@ -90,7 +93,7 @@ def plan(scene: Scene) -> Plan:
         particles, about = steps * yarn.plies * min(scene.yarn.fibres, yarn.fibres_in_section), True
     fibres = subject == "fabric" or (scene.cloth is not None and scene.cloth.representation == "fibre")
     if fibres:
-        prepared = prepare_fabric(woven_scene(scene) if scene.cloth else scene)
+        prepared = prepare_fabric(woven_scene(scene) if scene.cloth else scene, streamed=streamed)
         layout = prepared.layout
         built["yarn"] = _yarn_line(layout.warp.yarn, layout.detail.fibres)
         blocks, particles = len(layout.blocks.kind), prepared.particles

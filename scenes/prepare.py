@@ -25,6 +25,7 @@ from .schema import FabricSection, Scene, Weave, YarnSection
 __all__ = ["DRAW_BYTES", "Prepared", "draft_of", "fibre_kind", "has_floor", "prepare_fabric", "yarn_of"]
 
 DRAW_BYTES = 130  # what the splatter keeps for a particle while it draws
+STREAM_BYTES = 400_000_000  # a batch of two million particles, its pieces and what the splatter keeps of them
 DEFAULT_THREADS = 40
 DEFAULT_COUNT_TEX = 20.0
 LARGEST_COUNT_TEX = 10_000.0
@@ -107,8 +108,11 @@ def has_floor(scene: Scene) -> bool:
     return scene.subject == "fabric" or (scene.forces is not None and scene.forces.plane is not None)
 
 
-def prepare_fabric(scene: Scene) -> Prepared:
-    """Lay out a scene's fabric. Raises InputError where it cannot be woven, or is too large for this machine."""
+def prepare_fabric(scene: Scene, *, streamed: bool = False) -> Prepared:
+    """Lay out a scene's fabric. Raises InputError where it cannot be woven, or is too large for this machine.
+
+    streamed: its particles are made a batch at a time, so that only its blocks must fit in memory.
+    """
     assert scene.weave is not None
     assert scene.yarn is not None
     section = scene.fabric or FabricSection()
@@ -127,6 +131,9 @@ def prepare_fabric(scene: Scene) -> Prepared:
     per_block = max(particles_per_body_block(y, fibres, section.steps) for y in (warp_yarn, weft_yarn))
     needed = required_bytes(draft.ends, draft.picks, per_block) + DRAW_BYTES * per_block * 2 * draft.warp_up.size
     remedy = "take fewer weave.ends and weave.picks, or lower yarn.fibres or fabric.steps"
+    if streamed:
+        needed = required_bytes(draft.ends, draft.picks, 0) + STREAM_BYTES
+        remedy = "take fewer weave.ends and weave.picks"
     require_memory(f"weave of {draft.ends:,} ends × {draft.picks:,} picks", needed, remedy)
 
     notes = list(draft.notes)
@@ -165,7 +172,9 @@ def prepare_fabric(scene: Scene) -> Prepared:
         ),
     )
     particles = particle_count(layout)
-    total = required_bytes(draft.ends, draft.picks, 0) + particles * (64 + DRAW_BYTES)
+    total = required_bytes(draft.ends, draft.picks, 0) + (
+        min(particles * (64 + DRAW_BYTES), STREAM_BYTES) if streamed else particles * (64 + DRAW_BYTES)
+    )
     require_memory(f"a fabric of {particles:,} particles", total, remedy)
     return Prepared(draft, layout, particles, total, tuple(notes))
 

@@ -96,26 +96,41 @@ def render_profile_lines(
             entries = s.tile_entries
         ms = np.median(rows, axis=0)
         yield f"{label:<16}{ms[0]:8.1f}{ms[1]:9.1f}{ms[2]:7.1f}{ms[3]:7.1f}{ms[4]:8.1f}{entries:14,}"
+    yield f"{'no particles':<16}{_empty(repeats):8.1f}"
     yield ""
     yield "streamed, every particle drawn: a woven square that fills the image"
-    yield f"{'particles':>13}{'ms':>9}{'ns each':>9}{'batches':>9}{'largest':>11}{'peak RSS MB':>13}{'thinned ms':>12}"
+    yield (
+        f"{'particles':>13}{'ms':>9}{'ns each':>9}{'CPU ns':>9}{'batches':>9}{'largest':>11}{'peak RSS MB':>13}"
+        f"{'thinned ms':>12}"
+    )
     n = 1e5
     while n <= largest * 1.01:
         source = scaling_source(n)
-        begin_ms, stats = _streamed(source, repeats if n < 5e6 else 1)
+        begin_ms, cpu_ms, stats = _streamed(source, repeats if n < 5e6 else 1)
         source.target = 0.5
-        thinned, _ = _streamed(source, 1)
+        thinned, _, _ = _streamed(source, 1)
         peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-        each = 1e6 * begin_ms / max(stats.particles, 1)
+        each, cpu = (1e6 * ms / max(stats.particles, 1) for ms in (begin_ms, cpu_ms))
         yield (
-            f"{stats.particles:13,}{begin_ms:9.0f}{each:9.1f}{stats.batches:9,}{stats.largest:11,}{peak:13,.0f}"
+            f"{stats.particles:13,}{begin_ms:9.0f}{each:9.1f}{cpu:9.1f}{stats.batches:9,}{stats.largest:11,}{peak:13,.0f}"
             f"{thinned:12.0f}"
         )
         n *= 10
 
 
-def _streamed(source: FabricStream, repeats: int) -> tuple[float, StreamStats]:
-    """Median milliseconds of a picture that the cloth fills, and what it took."""
+def _empty(repeats: int) -> float:
+    """Median milliseconds of a picture of nothing: what every frame costs whatever it shows."""
+    camera = frame(np.zeros((1, 3)), width=WIDTH, height=HEIGHT, radius=1.0)
+    splatter, took = Splatter(WIDTH, HEIGHT), []
+    for _ in range(repeats + 1):
+        begin = time.perf_counter()
+        splatter.render(camera)
+        took.append(1e3 * (time.perf_counter() - begin))
+    return float(np.median(took[1:]))
+
+
+def _streamed(source: FabricStream, repeats: int) -> tuple[float, float, StreamStats]:
+    """Median milliseconds of a picture that the cloth fills, by the clock and of all threads, and what it took."""
     points = source.points
     camera = frame(
         box_corners(points.min(axis=0), points.max(axis=0)), width=WIDTH, height=HEIGHT, elevation=60, margin=0.0
@@ -123,7 +138,8 @@ def _streamed(source: FabricStream, repeats: int) -> tuple[float, StreamStats]:
     splatter, took = Splatter(WIDTH, HEIGHT), []
     _, stats = stream(splatter, camera, source)
     for _ in range(repeats):
-        begin = time.perf_counter()
+        begin, busy = time.perf_counter(), time.process_time()
         _, stats = stream(splatter, camera, source)
-        took.append(1e3 * (time.perf_counter() - begin))
-    return float(np.median(took)), stats
+        took.append((1e3 * (time.perf_counter() - begin), 1e3 * (time.process_time() - busy)))
+    wall, cpu = np.median(took, axis=0)
+    return float(wall), float(cpu), stats

@@ -44,7 +44,7 @@ def run(
         raise InputError(f"animate: {name} stands still; use turntable, or animate twist, drape, flag or hanging")
     if command == "zoom" and scene.subject != "fabric":
         raise InputError(f"zoom: {name} has no [weave]; use a woven scene, such as swatch")
-    planned = plan(scene)
+    planned = plan(scene, streamed=command == "zoom")
     count = scene.output.views if command == "turntable" else scene.output.frames
     folder = out or Path("out") / (Path(name).stem + ("-zoom" if command == "zoom" else ""))
     sequence = Sequence.open(folder, fingerprint(scene, command), count, resume=resume)

@@ -30,7 +30,7 @@ from taichi_cloth.blocks import Fabric
 from taichi_cloth.fabric import frames
 from taichi_cloth.laying import block_ends, frame_at, placed, row, turned
 
-__all__ = ["FULL", "LANES", "ROWS", "UNCHANGED", "FabricStream", "Pinhole", "Survey"]
+__all__ = ["FULL", "LANES", "ROWS", "UNCHANGED", "FabricStream", "Gains", "Pinhole", "Survey"]
 
 F32 = NDArray[np.float32]
 I32 = NDArray[np.int32]
@@ -47,6 +47,8 @@ ROOT_2 = 1779033703
 """The fraction of √2 in 32 bits: a block's multiple of it is where it begins on its template's ring."""
 LOG2 = log(2.0)
 UNCHANGED = (1.0, 1.0, 1.0, 0.0)
+"""What `Gains` that change nothing have at every share: factors for the radius and for the colour of warp and weft,
+and how far openness is led towards 1 (towards 0 where negative)."""
 CHUNK_STEPS = 1024  # Taichi on a CPU gives a thread at least 512 iterations (see render/sort.py)
 TILE = 16
 
@@ -65,23 +67,42 @@ class Pinhole(Protocol):
 
 
 @dataclass(frozen=True)
+class Gains:
+    """What a thinned cloth's particles are changed by. tilt: (n,) rising, the mean cosine between the cloth's normal
+    and the view. factor: (n, levels, 4), at λ = 1, 1/2, 1/4, …, of what `UNCHANGED` names."""
+
+    tilt: NDArray[np.float64]
+    factor: NDArray[np.float64]
+
+    def at(self, tilt: float) -> F32:
+        """(levels, 4) for one view."""
+        right = int(np.clip(np.searchsorted(self.tilt, tilt), 1, max(1, len(self.tilt) - 1)))
+        left = min(right - 1, len(self.tilt) - 1)
+        right = min(right, len(self.tilt) - 1)
+        span = max(float(self.tilt[right] - self.tilt[left]), 1e-9)
+        part = float(np.clip((tilt - self.tilt[left]) / span, 0.0, 1.0))
+        return np.asarray(self.factor[left] + part * (self.factor[right] - self.factor[left]), np.float32)
+
+
+@dataclass(frozen=True)
 class Survey:
     """What a camera sees of each block. boxes: (blocks, 4) int16 first and last tile column and row, last < first
     where it is out of view. counts: (blocks,) int32 particles worth drawing, 0 out of view. depth: (blocks,)
-    float32 [m] of the middle. share: (blocks,) float32 λ, `FULL` for everything."""
+    float32 [m] of the middle. share: (blocks,) float32 λ, `FULL` for everything. tilt: mean cosine between the cloth's
+    normal and the view."""
 
     boxes: NDArray[np.int16]
     counts: I32
     depth: F32
     share: F32
+    tilt: float
 
 
 class FabricStream:
     """The blocks of a fabric on key points (picks, ends, 3) [m], to be made as they are needed.
 
     target: radius [px] that drawn particles are thinned to; 0 draws every particle whatever its size.
-    gains: (levels, 4) factor for radius, factors for the colour of warp and weft, and how far openness is led
-    towards 1 (towards 0 where negative), at λ = 1, 1/2, 1/4, …; None changes nothing.
+    gains: what puts right the coverage and the brightness of thinned blocks; None changes nothing.
     """
 
     def __init__(
@@ -90,12 +111,12 @@ class FabricStream:
         points: NDArray,
         *,
         target: float = 0.5,
-        gains: NDArray | None = None,
+        gains: Gains | None = None,
         chunks: int = 2,
     ) -> None:
         layout, bank = fabric.layout, fabric.bank
         self.fabric, self.target, self.chunks = fabric, float(target), int(chunks)
-        self.gains = np.ascontiguousarray(np.tile(UNCHANGED, (2, 1)) if gains is None else gains, np.float32)
+        self.gains = gains or Gains(np.ones(1), np.tile(UNCHANGED, (1, 2, 1)))
         self.points = np.ascontiguousarray(points, np.float32).reshape(-1, 3)
         frame = frames(points)
         self.frames = frame.weft.reshape(-1, 3), frame.warp.reshape(-1, 3), frame.normal.reshape(-1, 3)
@@ -116,6 +137,8 @@ class FabricStream:
         self.reach, self.radius = np.zeros(len(size), np.float32), np.zeros(len(size), np.float32)
         self.reach[filled] = np.maximum.reduceat(reach, starts[filled])
         self.radius[filled] = np.add.reduceat(bank.radius.astype(np.float64), starts[filled]) / size[filled]
+        self._every = max(1, len(self.points) // 4096)  # key points that tell how the cloth is tilted
+        self.turn = 0  # another number is another sample of the same thinned cloth
         self._batch = np.zeros((0, ROWS, LANES), np.float32)
 
     @property
@@ -127,9 +150,8 @@ class FabricStream:
         """Where every block is for a camera, and how much of it is worth drawing."""
         blocks = self.fabric.layout.blocks
         n = len(blocks.kind)
-        out = Survey(
-            np.empty((n, 4), np.int16), np.empty(n, np.int32), np.empty(n, np.float32), np.empty(n, np.float32)
-        )
+        boxes, counts = np.empty((n, 4), np.int16), np.empty(n, np.int32)
+        depth, share = np.empty(n, np.float32), np.empty(n, np.float32)
         view = np.zeros((6, 3), np.float32)
         view[:3], view[3] = camera.rotation, camera.translation
         view[4] = camera.focal, camera.cx, camera.cy
@@ -147,12 +169,15 @@ class FabricStream:
             self.radius,
             view,
             self.target,
-            out.boxes,
-            out.counts,
-            out.depth,
-            out.share,
+            boxes,
+            counts,
+            depth,
+            share,
         )
-        return out
+        eye = -np.asarray(camera.rotation).T @ np.asarray(camera.translation)
+        towards = eye - self.points[:: self._every]
+        cosine = np.einsum("ij,ij->i", towards, self.frames[2][:: self._every]) / np.linalg.norm(towards, axis=1)
+        return Survey(boxes, counts, depth, share, float(np.abs(cosine).mean()))
 
     def lay(self, survey: Survey, blocks: I32) -> tuple[F32, int]:
         """The particles of these blocks, as many as the survey says: (ceil(n / 16), ROWS, 16) and n.
@@ -171,6 +196,7 @@ class FabricStream:
             return out, 0
         _lay(
             self.chunks,
+            self.turn,
             blocks.astype(np.int32, copy=False),
             starts.astype(np.int32),
             survey.share,
@@ -186,7 +212,7 @@ class FabricStream:
             self.size,
             self.fabric.thread_colour,
             self.particles,
-            self.gains,
+            self.gains.at(survey.tilt),
             out,
         )
         if total % LANES:  # places that fill up the last block: nothing, where something is
@@ -284,6 +310,7 @@ def _survey(
 @ti.kernel
 def _lay(
     chunks: Int,
+    sample: Int,
     ids: I32x1,
     starts: I32x1,
     shares: F32x1,
@@ -341,7 +368,7 @@ def _lay(
             blue = thread_colour[yarn, 2] * brighter
             q0 = starts[i]
             t0 = ti.cast(template_start[kind], ti.i32)
-            turn = ti.cast(b, ti.u32) * ti.cast(ROOT_2, ti.u32)
+            turn = ti.cast(b + 7919 * sample, ti.u32) * ti.cast(ROOT_2, ti.u32)
             first = ti.cast(ti.cast(turn >> 8, ti.f32) * (n / 16777216.0), ti.i32)
             for m in range(count):
                 t, q = first + m, q0 + m
