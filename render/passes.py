@@ -26,7 +26,7 @@ from .backdrop import Backdrop
 from .blocks import NORMAL, RADIUS
 from .camera import Camera
 from .errors import RenderError, did_you_mean
-from .mesh import Mesh
+from .mesh import Mesh, normals_at
 from .particles import Particles
 from .raster import row_from_sprite
 from .splat import Splatter
@@ -126,7 +126,9 @@ def render_passes(
             made["part"][bare] = np.asarray(mesh.part)[face[bare]]
         if normals:
             row, column = np.nonzero(face >= 0)
-            normal[row, column] += through[row, column, None] * _mesh_normals(mesh, camera, backdrop, row, column)
+            normal[row, column] += through[row, column, None] * normals_at(
+                mesh, camera, face, backdrop.edges, row, column
+            )
     if normals:
         length = np.linalg.norm(normal, axis=-1, keepdims=True)
         there = (length > 0) & (made["mask"][..., None] >= LEAST)
@@ -148,20 +150,6 @@ def _numbers(of_particle: NDArray[np.int32] | None, hit: NDArray[np.int32]) -> N
     if of_particle is None or not len(of_particle):
         return np.full(hit.shape, -1, np.int32)
     return np.where(hit >= 0, of_particle[np.maximum(hit, 0)], -1).astype(np.int32)
-
-
-def _mesh_normals(mesh: Mesh, camera: Camera, backdrop: Backdrop, row: NDArray, column: NDArray) -> NDArray:
-    """Smooth normals (n, 3) of the mesh in these pixels, turned towards the camera."""
-    assert backdrop.face is not None
-    assert backdrop.edges is not None
-    seen = backdrop.face[row, column]
-    at = np.stack([column + 0.5, row + 0.5, np.ones(len(row))], -1)
-    share = np.einsum("nkj,nj->nk", backdrop.edges[seen, :9].reshape(-1, 3, 3), at)
-    share /= np.maximum(share.sum(axis=1, keepdims=True), 1e-30)
-    normal = np.einsum("nk,nkc->nc", share, np.asarray(mesh.normals)[mesh.faces[seen]])
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
-    ray = (at - (camera.cx, camera.cy, 0)) / (camera.focal, camera.focal, 1) @ camera.rotation
-    return np.where((normal * ray).sum(1, keepdims=True) > 0, -normal, normal)
 
 
 @ti.kernel

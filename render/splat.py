@@ -23,10 +23,12 @@ from .constants import set_constants
 from .errors import RenderError
 from .finish import Finish
 from .light import Background, Lighting
-from .lightpass import LightPass, shading_of
+from .lightpass import LightMaps, LightPass, shading_of
+from .mesh import Mesh
 from .particles import Particles
 from .planes import borrow
 from .raster import LUT_STEPS, clear, count_opaque, raster, resolve_linear
+from .shadow import MAP_SIZE
 from .sort import BINS, count_high, count_tiles, fill_tiles, scan, scan_tiles, scatter_high, scatter_low
 from .sprites import CRISP, Profile, SpriteSheet
 from .tone import WHITE, Tone, tone_table
@@ -123,9 +125,10 @@ class Splatter:
         self._options: dict[str, Any] = {}
         self._reserve(0)
 
-    def load(self, particles: Particles) -> "Splatter":
+    def load(self, particles: Particles, mesh: Mesh | None = None) -> "Splatter":
         """Pack particles for `render`; the arrays are copied. Returns the splatter itself.
 
+        mesh: stands among them (`paint` draws it), and takes light from them.
         Raises RenderError for too many particles or a sprite number that the sheet does not have.
         """
         if self.sprites is not None and particles.sprite is not None and len(particles):
@@ -135,7 +138,7 @@ class Splatter:
         self._layout, self._blocks, self._box = pack(particles, textured=self.sprites is not None)
         self._opacity = 1.0 if self._layout.opacity else float(np.float32(particles.opacity))
         self._count = len(particles)
-        self.light.forget()
+        self.light.forget(mesh)
         self._reserve(len(self._blocks))
         return self
 
@@ -238,12 +241,11 @@ class Splatter:
         profile = {0.0: "crisp", 1.0: "soft"}.get(edge, "sharp")
         clock = [time.perf_counter()]
         set_constants(self._constants, camera, lighting, finish, self._box, opacity=self._opacity, edge=edge)
-        if self._batch != "only":  # a batch knows nothing of the others that would shadow it
+        if self._batch != "only" and self.light.held is None:  # a batch knows nothing of what would shadow it
             lighting = lighting.without_passes()
         shading = shading_of(lighting, finish)
-        light = self.light.on_particles(
-            shading, lighting, camera, layout, self._blocks, self._box, opacity=self._opacity, chunks=chunks
-        )
+        maps = self.cast_light(camera, lighting) if shading.rows else None
+        light = self.light.on_particles(shading, layout, self._blocks, maps)
         clock.append(time.perf_counter())
         projection.project(
             layout,
@@ -313,6 +315,14 @@ class Splatter:
             return image
         out[:] = image
         return out
+
+    def cast_light(self, camera: Camera, lighting: Lighting, *, resolution: int = MAP_SIZE) -> LightMaps:
+        """The maps of light of what is loaded, as `render` makes them from this camera: for `paint`, and to `hold`
+        for batches. resolution: texels along a shadow map, at most."""
+        return self.light.cast(
+            shading_of(lighting, Finish()), lighting, camera, self._layout, self._blocks, self._box,
+            opacity=self._opacity, chunks=self.chunks, resolution=resolution,
+        )  # fmt: skip
 
     def linear(self) -> NDArray[np.float32]:
         """The last frame without its background: linear premultiplied RGBA (height, width, 4) float32.

@@ -1,0 +1,60 @@
+"""Fewer particles for light: every so many along a fibre, and what was found for those, for all between them.
+
+Neighbours in a block follow one another along a fibre and overlap, so that light hardly differs from one to the
+next. Where a fibre ends and another begins among the 16 of a block the distance says so: what lies between two
+samples takes theirs by 1 / distance^2.
+"""
+
+# In kernels a name stands for a Taichi expression, which type checkers cannot follow.
+# pyright: reportIndexIssue=false, reportArgumentType=false, reportOptionalCall=false, reportReturnType=false
+
+import taichi as ti
+
+from .arrays import LANES, Floats3, Int, Switch
+from .blocks import POSITION, RADIUS
+
+__all__ = ["spread", "thin"]
+
+
+@ti.kernel
+def thin(stride: Switch, rows: Int, particles: Floats3, thin_out: Floats3):
+    """Every stride-th particle, packed again: thin_out (ceil(blocks / stride), rows, 16); radius 0 at the end."""
+    for b in range(thin_out.shape[0]):
+        for lane in range(LANES):
+            i = (b * LANES + lane) * stride
+            source = i // LANES
+            if source < particles.shape[0]:
+                for row in range(rows):
+                    thin_out[b, row, lane] = particles[source, row, i % LANES]
+            else:
+                for row in range(rows):
+                    thin_out[b, row, lane] = 0.0
+
+
+@ti.kernel
+def spread(stride: Switch, particles: Floats3, found: Floats3, row: Int, light_out: Floats3):
+    """light_out[block, row, lane] of what was found (thin blocks, 1, 16) for every stride-th particle."""
+    count = particles.shape[0] * LANES
+    for b in range(particles.shape[0]):
+        for lane in range(LANES):
+            i = b * LANES + lane
+            one = i // stride
+            value = found[one // LANES, 0, one % LANES]
+            if i % stride != 0 and (one + 1) * stride < count:
+                two = one + 1
+                near = 0.0
+                far = 0.0
+                j = one * stride
+                k = two * stride
+                for c in ti.static(range(3)):
+                    here = particles[b, POSITION + c, lane]
+                    x = particles[j // LANES, POSITION + c, j % LANES] - here
+                    y = particles[k // LANES, POSITION + c, k % LANES] - here
+                    near += x * x
+                    far += y * y
+                if particles[k // LANES, RADIUS, k % LANES] > 0.0:
+                    if particles[j // LANES, RADIUS, j % LANES] <= 0.0:
+                        near = 1e20
+                    other = found[two // LANES, 0, two % LANES]
+                    value += near / (near + far + 1e-20) * (other - value)
+            light_out[b, row, lane] = value
