@@ -21,9 +21,10 @@ from .finish import Finish
 from .light import Lighting
 from .mesh import Mesh
 from .meshlight import stand_ins
-from .occlusion import READ, STRIDE, SkyMaps, occlude, spread_out, thinned
+from .occlusion import READ, STRIDE, SkyMaps, occlude
 from .shade import MOST_OTHERS, Shading
 from .shadow import MAP_SIZE, ShadowMap, cast
+from .thin import chained, spread, thin
 
 __all__ = ["NO_LIGHT", "LightMaps", "LightPass", "shading_of"]
 
@@ -79,11 +80,12 @@ class LightPass:
         self._sky: SkyMaps | None = None
         self._few: dict[int, NDArray[np.float32]] = {}
         self._mesh: Mesh | None = None
-        self._resolution = MAP_SIZE
+        self._chained: bool | None = None
 
     def forget(self, mesh: Mesh | None = None) -> None:
         """The particles have changed: what is known of them is void. mesh: stands among the new ones."""
-        self._known, self._maps, self._sky, self._few, self._mesh = {}, {}, None, {}, mesh
+        self._known, self._maps, self._sky, self._few = {}, {}, None, {}
+        self._mesh, self._chained = mesh, None
 
     def hold(self, maps: LightMaps | None) -> None:
         """From now on look up all particles in these maps, whatever is loaded; None makes maps of what is loaded."""
@@ -118,16 +120,15 @@ class LightPass:
             mark = (*np.round(light.towards(camera), 6).tolist(), light.size, resolution)
             marks.append(mark)
             if row >= 0 and mark not in self._maps:
-                stretch = KEY_STRIDE if layout.elliptic else 1
+                few, stretch = self._thinned(layout, blocks, KEY_STRIDE)
                 self._maps[mark] = cast(
-                    layout, self._thinned(layout, blocks, stretch), box, mark[:3], opacity=opacity,
+                    layout, few, box, mark[:3], opacity=opacity,
                     size_deg=light.size, chunks=chunks, stretch=stretch, mesh=self._mesh, resolution=resolution,
                 )  # fmt: skip
             lights.append(self._maps[mark] if row >= 0 else None)
         self._maps = {mark: one for mark, one in self._maps.items() if mark in marks}
         if shading.sky >= 0 and self._sky is None:
-            stretch = STRIDE if layout.elliptic else 1
-            few = self._thinned(layout, blocks, stretch)
+            few, stretch = self._thinned(layout, blocks, STRIDE)
             if self._mesh is not None:
                 spacing = float((box[1] - box[0]).max()) / 200
                 few = np.concatenate([few, stand_ins(self._mesh, layout, spacing, MOST_STAND_INS)])
@@ -150,13 +151,13 @@ class LightPass:
             if one is None:
                 raise RenderError("light: the maps that are held have none for this light; cast them with it")
             if self._known.get(row) is not one:
-                few = self._thinned(layout, blocks, stride)
-                if few is blocks:
+                few, stride = self._thinned(layout, blocks, stride)
+                if stride == 1:
                     one.on_particles(blocks, self._light, row)
                 else:
                     found = np.ones((len(few), 1, LANES), np.float32)
                     one.on_particles(few, found, 0)
-                    spread_out(found, blocks, stride, self._light, row)
+                    spread(stride, blocks, found, row, self._light)
                 self._known[row] = one
                 self.passes += 1
         return self._light
@@ -166,9 +167,14 @@ class LightPass:
         known = self._known.get(0)
         return known if isinstance(known, ShadowMap) else None
 
-    def _thinned(self, layout: Layout, blocks: NDArray[np.float32], stride: int) -> NDArray[np.float32]:
-        if not layout.elliptic:
-            return blocks
+    def _thinned(self, layout: Layout, blocks: NDArray[np.float32], stride: int) -> tuple[NDArray[np.float32], int]:
+        """Every stride-th particle and the stride; all of them and 1 where they are no chains."""
+        if self._chained is None:
+            self._chained = chained(layout, blocks)
+        if not self._chained:
+            return blocks, 1
         if stride not in self._few:
-            self._few[stride] = thinned(layout, blocks, stride)
-        return self._few[stride]
+            few = np.empty((-(-len(blocks) // stride), layout.rows, LANES), np.float32)
+            thin(stride, layout.rows, blocks, few)
+            self._few[stride] = few
+        return self._few[stride], stride

@@ -16,7 +16,6 @@ from .arrays import LANES
 from .blocks import Layout
 from .errors import RenderError
 from .fit import fit, typical_radius
-from .thin import spread, thin
 from .transmittance import LAYERS
 
 __all__ = ["SKY_DIRECTIONS", "STRIDE", "SkyMaps", "half_sphere", "occlude"]
@@ -127,19 +126,3 @@ def occlude(
         depth.reshape(-1, 1, LAYERS),
     )  # fmt: skip
     return SkyMaps(axes, table, first, last, depth, texel)
-
-
-def thinned(layout: Layout, blocks: NDArray[np.float32], stride: int) -> NDArray[np.float32]:
-    """Every stride-th of packed particles that follow one another along fibres, packed again; all that do not."""
-    if not layout.elliptic or stride == 1:
-        return blocks
-    few = np.empty((-(-len(blocks) // stride), layout.rows, LANES), np.float32)
-    thin(stride, layout.rows, blocks, few)
-    return few
-
-
-def spread_out(
-    found: NDArray[np.float32], blocks: NDArray[np.float32], stride: int, light_out: NDArray[np.float32], row: int
-) -> None:
-    """Write what thinned particles found, (thin blocks, 1, 16), to all of them: light_out (blocks, rows, 16)."""
-    spread(stride, blocks, found, row, light_out)

@@ -1,19 +1,31 @@
 """Fewer particles for light: every so many along a fibre, and what was found for those, for all between them.
 
-Neighbours in a block follow one another along a fibre and overlap, so that light hardly differs from one to the
-next. Where a fibre ends and another begins among the 16 of a block the distance says so: what lies between two
+Where neighbours in a block follow one another along a fibre and overlap (`chained`), light hardly differs from one
+to the next. Where a fibre ends and another begins among the 16 of a block the distance says so: what lies between two
 samples takes theirs by 1 / distance^2.
 """
 
 # In kernels a name stands for a Taichi expression, which type checkers cannot follow.
 # pyright: reportIndexIssue=false, reportArgumentType=false, reportOptionalCall=false, reportReturnType=false
 
+import numpy as np
 import taichi as ti
+from numpy.typing import NDArray
 
 from .arrays import LANES, Floats3, Int, Switch
-from .blocks import POSITION, RADIUS
+from .blocks import POSITION, RADIUS, Layout
 
-__all__ = ["spread", "thin"]
+__all__ = ["chained", "spread", "thin"]
+
+
+def chained(layout: Layout, blocks: NDArray[np.float32]) -> bool:
+    """Whether most neighbours of up to 64 blocks, spread evenly, are nearer than half their length."""
+    if not layout.elliptic or not len(blocks):
+        return False
+    sample = blocks[:: max(1, len(blocks) // 64)]
+    there = (sample[:, RADIUS, 1:] > 0) & (sample[:, RADIUS, :-1] > 0)
+    apart = np.linalg.norm(np.diff(sample[:, POSITION : POSITION + 3], axis=2), axis=1)
+    return bool(there.any() and np.mean((apart < sample[:, layout.half_length_row, 1:])[there]) > 0.5)
 
 
 @ti.kernel
