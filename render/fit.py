@@ -61,7 +61,7 @@ def fit(
     deep = step_up(max(float(high[2] - low[2]), 4.0 * radius))
     texel = step_up(max(float((high - low)[:2].max()) / resolution, texel_radii * radius))
     widest = 2.0 * np.tan(np.radians(size_deg) / 2) * deep / texel
-    count = min(levels, max(1, ceil(log2(max(widest, 4.0))) - 1)) if size_deg > 0 else 0
+    count = min(levels, max(1, ceil(log2(max(widest, 1.5) / 1.5)))) if size_deg > 0 else 0
     block = 1 << count
     margin = block * ceil((2.0 + 4.0 * radius / texel) / block)
     first = np.floor(low[:2] / (texel * block)) * block - margin

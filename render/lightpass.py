@@ -21,12 +21,15 @@ from .finish import Finish
 from .light import Lighting
 from .mesh import Mesh
 from .meshlight import stand_ins
-from .occlusion import READ, STRIDE, SkyMaps, occlude
+from .occlusion import MAP_SIZE as SKY_SIZE
+from .occlusion import READ, SKY_DIRECTIONS, STRIDE, SkyMaps, occlude
 from .shade import MOST_OTHERS, Shading
 from .shadow import MAP_SIZE, ShadowMap, cast
+from .sky import SCRATCH_ROWS
 from .thin import chained, spread, thin
+from .transmittance import LAYERS, STAMP_ROWS
 
-__all__ = ["NO_LIGHT", "LightMaps", "LightPass", "shading_of"]
+__all__ = ["NO_LIGHT", "LightMaps", "LightPass", "light_bytes", "shading_of"]
 
 NO_LIGHT = np.ones((1, 1, LANES), np.float32)
 """What `project` gets where no light pass is needed."""
@@ -65,7 +68,19 @@ def shading_of(lighting: Lighting, finish: Finish) -> Shading:
         shadows=tuple(rows),
         sky=row if lighting.occlusion and lighting.fill > 0 else -1,
         lobes=finish.model == "marschner",
+        dome=lighting.horizon is not None and lighting.fill > 0,
     )
+
+
+def light_bytes(particles: int, *, shadows: int, occlusion: bool, chunks: int = 2) -> int:
+    """About the most memory that the light pass of particles in chains takes: its maps, what it keeps of every
+    particle, and what it works with. shadows: lights that cast one."""
+    texels = 1.2 * MAP_SIZE**2 * 4 / 3
+    one = texels * (LAYERS + 1) * 4 + particles * 4
+    few = particles / KEY_STRIDE * (STAMP_ROWS + 15) * 4
+    dome = SKY_DIRECTIONS * 1.2 * SKY_SIZE**2 * (LAYERS + 2) * 4 + particles * 4
+    working = particles / STRIDE * (15 + chunks * SCRATCH_ROWS) * 4
+    return int(shadows * one + (few if shadows else 0) + (dome + working if occlusion else 0))
 
 
 class LightPass:

@@ -1,7 +1,8 @@
 """Paint what stands behind the particles: the background's gradient, the floor's shadows, then the meshes.
 
 Meshes are shaded like cloth without fibres: Lambert's law for every distant light and a fill that goes from the
-ground's colour to the sky's as the normal turns upward, on smooth normals turned towards the viewer.
+ground's colour to the sky's as the normal turns upward (see `Lighting.ambient`), on smooth normals turned towards the
+viewer.
 """
 
 # In kernels a name stands for a Taichi expression, which type checkers cannot follow.
@@ -18,13 +19,15 @@ from .camera import Camera
 from .light import Background, Lighting
 from .lightpass import LightMaps
 from .mesh import Mesh, normals_at, visible
+from .shade import rise
 from .stage import CELLS, Stage
 
 __all__ = ["paint"]
 
 # Rows of the argument `c`, three numbers each.
 ROTATION, EYE, LENS, SKY, GROUND, FLOOR = 0, 3, 4, 5, 6, 7
-CONSTANT_ROWS = 9  # FLOOR: height, centre x and z [m], then in the next row cells per metre
+DOME = 9
+CONSTANT_ROWS = 10  # FLOOR: height, centre x and z [m], then in the next row cells per metre
 
 
 def paint(
@@ -49,7 +52,7 @@ def paint(
     c = np.zeros((CONSTANT_ROWS, 3), np.float32)
     c[ROTATION : ROTATION + 3], c[EYE] = camera.rotation, camera.eye
     c[LENS] = camera.focal, camera.cx, camera.cy
-    _, c[SKY], c[GROUND] = lighting.radiances()
+    _, c[SKY], c[GROUND], c[DOME] = lighting.radiances()
     width = padded(camera.width)
     colour = np.empty((camera.height, width, 3), np.float32)
     _floor(stage is not None, width, *_floor_arguments(c, camera, lighting, stage), background.ends(), colour)
@@ -178,7 +181,10 @@ def _shade(
             seen = 0.0
             for j in ti.static(range(3)):
                 seen += b[j] * open_sky[faces[f, j]]
-            lit = ti.Vector([c[GROUND, k] + (c[SKY, k] - c[GROUND, k]) * upward for k in ti.static(range(3))]) * seen
+            lit = ti.Vector([c[GROUND, k] + (c[SKY, k] - c[GROUND, k]) * upward for k in ti.static(range(3))])
+            above = rise(n[1])
+            for k in ti.static(range(3)):
+                lit[k] = (lit[k] + c[DOME, k] * above) * seen
             for j in range(lamps.shape[0]):
                 share = ti.max(n[0] * lamps[j, 0, 0] + n[1] * lamps[j, 0, 1] + n[2] * lamps[j, 0, 2], 0.0)
                 if ti.static(shadowed):

@@ -101,7 +101,7 @@ class Stage:
     def darkening(self, camera: Camera, lighting: Lighting) -> NDArray[np.float32]:
         """Light on the floor relative to an open one, 0..1 a colour, shape (CELLS, CELLS, 3); 1 at the borders."""
         towards = lighting.towards_key(camera)
-        key, sky, _ = lighting.radiances()
+        key, sky = lighting.radiances()[0], lighting.ambient(1.0)
         key = key * max(float(towards[1]), 0.0)
         lit = key * self.key_passing(towards, lighting.size)[..., None] + sky * (1 - self.sky_blocked)[..., None]
         place = (np.arange(CELLS) + 0.5) / CELLS * 2 - 1

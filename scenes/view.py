@@ -172,7 +172,10 @@ def lighting_of(scene: Scene) -> Lighting:
         size=section.key_size_deg,
         casts_shadow=section.shadows,
     )
+    named = (("sky", section.zenith), ("horizon", section.horizon), ("ground", section.ground))
+    dome = {key: tuple(float(v) for v in colour(name)) for key, name in named if name is not None}
     return Lighting(
+        **dome,  # pyright: ignore[reportArgumentType]
         direction=direction(section.key_azimuth_deg, section.key_elevation_deg),
         key_follows_camera=follows,
         key=section.key_strength,
