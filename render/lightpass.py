@@ -22,7 +22,7 @@ from .light import Lighting
 from .mesh import Mesh
 from .meshlight import stand_ins
 from .occlusion import MAP_SIZE as SKY_SIZE
-from .occlusion import READ, SKY_DIRECTIONS, STRIDE, SkyMaps, occlude
+from .occlusion import SKY_DIRECTIONS, STRIDE, SkyMaps, occlude
 from .shade import MOST_OTHERS, Shading
 from .shadow import MAP_SIZE, ShadowMap, cast
 from .sky import SCRATCH_ROWS
@@ -161,7 +161,7 @@ class LightPass:
             self._known = {}
         rows = [(row, one, KEY_STRIDE) for row, one in zip(shading.shadows, maps.lights, strict=True) if row >= 0]
         if shading.sky >= 0:
-            rows.append((shading.sky, maps.sky, STRIDE * READ))
+            rows.append((shading.sky, maps.sky, STRIDE))
         for row, one, stride in rows:
             if one is None:
                 raise RenderError("light: the maps that are held have none for this light; cast them with it")
@@ -189,7 +189,9 @@ class LightPass:
         if not self._chained:
             return blocks, 1
         if stride not in self._few:
-            few = np.empty((-(-len(blocks) // stride), layout.rows, LANES), np.float32)
-            thin(stride, layout.rows, blocks, few)
+            known = max((k for k in self._few if stride % k == 0), default=1)
+            source = self._few.get(known, blocks)
+            few = np.empty((-(-len(source) * known // stride), layout.rows, LANES), np.float32)
+            thin(stride // known, layout.rows, source, few)
             self._few[stride] = few
         return self._few[stride], stride

@@ -23,11 +23,9 @@ __all__ = ["SKY_DIRECTIONS", "STRIDE", "SkyMaps", "half_sphere", "occlude"]
 SKY_DIRECTIONS = 10
 """Maps; each is read from both ends, and a surface sees one end of every one."""
 
-STRIDE = 4
-"""Of elongated particles, every so many along a fibre blocks the sky."""
-
-READ = 2
-"""Of those, every so many reads it."""
+STRIDE = 8
+"""Of particles in chains, every so many along a fibre blocks the sky and reads it: on the T-shirt of 377,508 as near
+to a fine map of all of them (0.07 rms of 0.83) as every fourth is."""
 
 MAP_SIZE, TEXEL = 384, 3.0
 """Texels along a map, and the smallest texel in radii: coarser than for a shadow, which has one direction."""

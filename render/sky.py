@@ -30,7 +30,7 @@ SCRATCH_ROWS = 8
 """Of a particle on a map: u, v [texels], depth [m], optical depth of a point, steps of u, v, depth, points."""
 
 MOST_POINTS = 12.0
-APART = 1.25
+APART = 2.0
 """Distance between the points of a fibre [texels]."""
 
 

@@ -32,15 +32,14 @@ def chained(layout: Layout, blocks: NDArray[np.float32]) -> bool:
 def thin(stride: Switch, rows: Int, particles: Floats3, thin_out: Floats3):
     """Every stride-th particle, packed again: thin_out (ceil(blocks / stride), rows, 16); radius 0 at the end."""
     for b in range(thin_out.shape[0]):
-        for lane in range(LANES):
-            i = (b * LANES + lane) * stride
-            source = i // LANES
-            if source < particles.shape[0]:
-                for row in range(rows):
-                    thin_out[b, row, lane] = particles[source, row, i % LANES]
-            else:
-                for row in range(rows):
-                    thin_out[b, row, lane] = 0.0
+        whole = (b + 1) * stride <= particles.shape[0]
+        for row in range(rows):
+            for lane in ti.static(range(LANES)):
+                source = b * stride + lane * stride // LANES
+                value = 0.0
+                if whole or source < particles.shape[0]:
+                    value = particles[source, row, ti.static(lane * stride % LANES)]
+                thin_out[b, row, lane] = value
 
 
 @ti.kernel

@@ -229,6 +229,39 @@ def test_batches_make_no_light_pass() -> None:
     assert splatter.light.passes == 0
 
 
+def test_batches_are_lit_by_maps_of_the_whole() -> None:
+    """Two halves drawn one behind the other, in the light maps of both, give the picture of both."""
+    near, far = cloth(), cloth(4)
+    near = replace(near, position=near.position + np.float32([0, 0.15, 0.15]))
+    splatter = Splatter(96, 96, opaque=0.0).load(concatenate([near, far]))
+    whole = splatter.render(camera(), lighting=FULL).astype(int)
+    bare = splatter.render(camera(), lighting=FULL.without_passes()).astype(int)
+    splatter.light.hold(splatter.cast_light(camera(), FULL))
+    drawn = splatter.begin(camera(), lighting=FULL).add(near).add(far).finish().astype(int)
+    # Depth keys have 22 bits of each batch's own depth: a pair of particles may change places.
+    assert np.percentile(np.abs(drawn - whole), 99) <= 2
+    assert np.abs(whole - bare).mean() > 4
+    splatter.light.hold(None)
+    assert splatter.load(near).cast_light(camera(), FULL).nbytes > 0
+
+
+@pytest.mark.parametrize("moved", [0.3, -0.4])
+def test_texels_stay_where_they_are_while_things_move(moved: float) -> None:
+    """A particle at the rim moves by less than a texel, and with it the box of all: the others' light stays."""
+    still = concatenate([cloth(), discs([[0.2, 0.0, 0.0]], 0.002)])
+    layout, blocks, box = pack(still, textured=False)
+    before = cast(layout, blocks, box, (0.3, 1, 0.2), size_deg=8)
+    place = still.position.copy()
+    place[-1] += np.float32([moved, 0.2 * moved, moved]) * before.texel
+    layout, blocks, box = pack(replace(still, position=place), textured=False)
+    after = cast(layout, blocks, box, (0.3, 1, 0.2), size_deg=8)
+    assert after.texel == before.texel
+    shift = (after.axes[3, :2] - before.axes[3, :2]) / before.texel
+    np.testing.assert_allclose(shift, np.round(shift), atol=1e-3)
+    points = still.position[:-1]
+    np.testing.assert_allclose(after.shadow_at(points), before.shadow_at(points), atol=2e-4)
+
+
 def test_shadow_falls_on_the_image() -> None:
     lid = sheet(0.04, half=0.02)
     lighting = Lighting(direction=(0, 1, 0), key_follows_camera=False, fill=0.05, shadows=True)
