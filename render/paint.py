@@ -43,7 +43,7 @@ def paint(
     """The backdrop for `Splatter.render`; None when there is neither a mesh nor a stage.
 
     maps: what particles and mesh leave of the lights and of the sky, from `splatter.cast_light`; without them nothing
-    casts a shadow on the mesh. The sky is looked up at its vertices.
+    casts a shadow on the mesh, and the floor's is a coarse one. The sky is looked up at its vertices.
     """
     if mesh is None and stage is None:
         return None
@@ -55,7 +55,7 @@ def paint(
     _, c[SKY], c[GROUND], c[DOME] = lighting.radiances()
     width = padded(camera.width)
     colour = np.empty((camera.height, width, 3), np.float32)
-    _floor(stage is not None, width, *_floor_arguments(c, camera, lighting, stage), background.ends(), colour)
+    _floor(stage is not None, width, *_floor_arguments(c, camera, lighting, stage, maps), background.ends(), colour)
     if mesh is None:
         return Backdrop(colour)
     depth, face, edges = visible(mesh, camera, chunks=chunks)
@@ -88,13 +88,13 @@ def unproject(camera: Camera, row: NDArray, column: NDArray, depth: NDArray) -> 
 
 
 def _floor_arguments(
-    c: NDArray[np.float32], camera: Camera, lighting: Lighting, stage: Stage | None
+    c: NDArray[np.float32], camera: Camera, lighting: Lighting, stage: Stage | None, maps: LightMaps | None
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     if stage is None:
         return c, np.ones((1, 1, 3), np.float32)
     c[FLOOR] = stage.ground, *stage.centre
     c[FLOOR + 1] = 1 / stage.cell
-    return c, stage.darkening(camera, lighting)
+    return c, stage.darkening(camera, lighting, None if maps is None else maps.lights[0])
 
 
 @ti.kernel

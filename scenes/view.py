@@ -147,8 +147,9 @@ class View:
         near = replace(camera, focal=camera.focal * self.scene.camera.zoom)
         light, ground = self.lighting, self.background
         mesh = self._meshes[k]
-        maps = None if mesh is None else splatter.cast_light(near, light)
-        backdrop = paint(near, mesh=mesh, stage=self._stages[k], lighting=light, background=ground, maps=maps)
+        floor = self._stages[k]
+        maps = splatter.cast_light(near, light) if mesh is not None or floor is not None else None
+        backdrop = paint(near, mesh=mesh, stage=floor, lighting=light, background=ground, maps=maps)
         image = splatter.render(near, lighting=light, finish=self.finish, background=ground, backdrop=backdrop)
         return Shot(self._panels[k], splatter, near, backdrop, self._meshes[k]), image
 

@@ -58,7 +58,9 @@ def zoom(view: View, count: int, numbers: list[int]) -> Iterator[tuple[int, Imag
             splatter.light.hold(None)
             splatter.load_blocks(STREAMED, whole, len(whole) * LANES)
             splatter.light.hold(splatter.cast_light(cameras[k], lighting, resolution=RESOLUTION))
-        backdrop = paint(cameras[k], stage=stage, lighting=lighting, background=view.background)
+        backdrop = paint(
+            cameras[k], stage=stage, lighting=lighting, background=view.background, maps=splatter.light.held
+        )
         image, _ = stream(
             splatter,
             cameras[k],
