@@ -1,8 +1,9 @@
 """Ambient occlusion: the share of the sky that each particle sees, between yarns and in folds.
 
 The transmittance of the particles along directions spread evenly (see `sky`), averaged with the cosine to the
-particle's normal: what L. Szirmay-Kalos and others call the obscurance of a surface. Maps are kept, so that other
-particles of the same scene, a mesh or the ground can be looked up in them too.
+particle's normal: ambient occlusion as L. Szirmay-Kalos, T. Umenhoffer, B. Toth, L. Szecsi, M. Sbert define it
+("Volumetric ambient occlusion for real-time rendering and games", 2010), without a bound on distance. Maps are
+kept, so that other particles of the same scene, a mesh or the ground can be looked up in them too.
 """
 
 from dataclasses import dataclass

@@ -6,8 +6,8 @@ picture is that of one batch. Pieces that reach into two windows are made twice,
 even a single tile has too much behind it, batches lie one behind the other, nearest first, until it is opaque.
 """
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, fields, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -18,9 +18,10 @@ from .backdrop import Backdrop
 from .blocks import Layout
 from .camera import Camera
 from .light import Background
+from .passes import PASSES, Passes, PassTaker, check_passes
 from .splat import Splatter
 
-__all__ = ["STREAMED", "Source", "StreamStats", "lay_all", "stream"]
+__all__ = ["STREAMED", "Source", "StreamStats", "lay_all", "stream", "stream_passes"]
 
 STREAMED = Layout(elliptic=True, openness=True)
 """The rows of the particles that a source lays."""
@@ -46,6 +47,11 @@ class Source(Protocol):
     def lay(self, survey: Any, blocks: Any, /) -> tuple[NDArray[np.float32], int]: ...
 
 
+Drawn = Callable[[Camera, tuple[int, int, int, int], Any, NDArray[np.int32]], None]
+"""Called after each batch with its window's camera, the window (top, bottom, left, right) [px], the survey and the
+pieces."""
+
+
 @dataclass(frozen=True)
 class StreamStats:
     """pieces: in view. particles: made, with those made twice. batches: drawn. largest: particles of a batch."""
@@ -65,6 +71,7 @@ def stream(
     background: Background | None = None,
     backdrop: Backdrop | None = None,
     out: NDArray[np.uint8] | None = None,
+    drawn: Drawn | None = None,
     **options: Any,
 ) -> tuple[NDArray[np.uint8], StreamStats]:
     """The image (height, width, 3) 8-bit sRGB of all that `source` shows, at most about `most` particles at a time.
@@ -97,13 +104,54 @@ def stream(
                 splatter.load_blocks(STREAMED, blocks, count)
                 if len(parts) == 1:
                     image[top:bottom, left:right] = splatter.render(near, **behind, **options)
-                elif splatter.add().opaque_everywhere():
+                else:
+                    splatter.add()
+                if drawn is not None:
+                    drawn(near, (top, bottom, left, right), seen, part)
+                if len(parts) > 1 and splatter.opaque_everywhere():
                     break
             if len(parts) > 1:
                 image[top:bottom, left:right] = splatter.finish()
     finally:
         splatter.resize(width, height)
     return image, StreamStats(len(ids), made, batches, largest)
+
+
+def stream_passes(
+    splatter: Splatter, camera: Camera, source: Source, which: tuple[str, ...] = PASSES, **options: Any
+) -> tuple[NDArray[np.uint8], Passes]:
+    """The image as `stream` makes it and its passes.
+
+    Yarn and part numbers come from `source.numbers(survey, pieces)`, two arrays for the particles that `lay` makes
+    of them; without that method there are none. Options are those of `stream`, without `backdrop`.
+    """
+    check_passes(which)
+    numbers = getattr(source, "numbers", None) if "id" in which else None
+    size = camera.height, camera.width
+    whole: dict[str, NDArray] = {}
+    open_window: list[tuple[tuple[int, int, int, int], PassTaker]] = []
+
+    def close() -> None:
+        for (top, bottom, left, right), taker in open_window:
+            passes = taker.finish()
+            for field in fields(Passes):
+                image = getattr(passes, field.name)
+                if image is not None:
+                    nothing = -1 if field.name in ("yarn", "part") else 0
+                    into = whole.setdefault(field.name, np.full((*size, *image.shape[2:]), nothing, image.dtype))
+                    into[top:bottom, left:right] = image
+        open_window.clear()
+
+    def drawn(near: Camera, window: tuple[int, int, int, int], seen: Any, pieces: NDArray[np.int32]) -> None:
+        if not open_window or open_window[0][0] != window:
+            close()
+            open_window.append((window, PassTaker(near, which)))
+        yarn, part = (None, None) if numbers is None else numbers(seen, pieces)
+        open_window[0][1].add(splatter, yarn, part)
+
+    image, _ = stream(splatter, camera, source, drawn=drawn, **options)
+    close()
+    return image, Passes(**whole)
 
 
 def lay_all(splatter: Splatter, camera: Camera, source: Source) -> NDArray[np.float32]:

@@ -100,18 +100,24 @@ def test_layers_dim_the_light_by_one_minus_alpha_each(alpha: float) -> None:
     depths = np.array([0.0, 0.03, 0.06, 0.09, 0.12])
     stack = discs([[0, -d, 0] for d in depths], 0.004, opacity=alpha)
     shadow_map, light = shadow(stack, texel_radii=0.05)
-    np.testing.assert_allclose(light, (1 - alpha) ** np.arange(5), atol=0.03)
-    assert shadow_map.shadow_at([[0, -0.2, 0]])[0] == pytest.approx((1 - alpha) ** 5, abs=1e-3)
+    np.testing.assert_allclose(light, (1 - alpha) ** np.arange(5), atol=1e-5)
+    assert shadow_map.shadow_at([[0, -0.2, 0]])[0] == pytest.approx((1 - alpha) ** 5, abs=1e-5)
     assert shadow_map.shadow_at([[0.05, -0.2, 0], [0, 0.1, 0]]) == pytest.approx([1, 1])
 
 
-@pytest.mark.parametrize("angle", [0, 30, 60, 70])
+@pytest.mark.parametrize("angle", [0, 30, 60, 70, 80, 85])
 def test_a_sheet_does_not_shadow_itself(angle: float) -> None:
+    """What it loses of the light that falls on it, times the cosine it would be lit with: nothing up to 70 degrees.
+
+    Beyond, a texel's depth varies by more than the four texels that are allowed for, since more would let light leak
+    under what lies on the sheet; a 30th of the full light is lost at the most.
+    """
     plane = sheet(0.0, half=0.05)
     _, light = shadow(plane, (sin(radians(angle)), sin(radians(90 - angle)), 0))
     inner = np.abs(plane.position[:, [0, 2]]).max(axis=1) < 0.045
-    assert light[inner].mean() > 0.97
-    assert np.percentile(light[inner], 1) > 0.85
+    lost = (1 - light[inner]) * sin(radians(90 - angle))
+    assert lost.mean() < (0.001 if angle <= 70 else 0.033)
+    assert np.percentile(lost, 99) < (0.005 if angle <= 70 else 0.08)
 
 
 def test_a_thread_does_not_shadow_itself_and_shadows_what_lies_under_it() -> None:
@@ -127,7 +133,7 @@ def test_sky_over_a_plane_and_in_a_slot() -> None:
     """A plane sees all of it; the middle of a slot's floor, w wide and h deep, sin(atan(w / 2h))."""
     floor = sheet(0.0, half=0.06)
     inner = np.abs(floor.position[:, [0, 2]]).max(axis=1) < 0.05
-    assert sky(floor)[inner].mean() > 0.96
+    assert sky(floor)[inner].mean() > 0.975
     width, depth, step = 0.04, 0.03, 0.002
     z, y = np.meshgrid(np.arange(-0.2, 0.2, step), np.arange(0, depth, step))
     walls = []
@@ -312,10 +318,16 @@ def test_a_fibre_sends_out_no_more_than_comes_in(name: str) -> None:
     for degrees in (0, 20, 40, 60, 80):
         r, tt, trt = scattered(finish, radians(degrees))
         diffuse = 1 - finish.reflect - finish.transmit - finish.internal
-        assert r + tt + trt + diffuse <= 1.05 if degrees < 70 else r + tt + trt <= 1
+        # R grows towards grazing light, and the diffuse share does not give that up: 1 % for the brightest R.
+        assert r + tt + trt + diffuse <= 1.011
+    # At normal incidence M is a Gaussian in the sine of th_r, whose width is known, over cos th_d.
+    th = np.linspace(-pi / 2, pi / 2, 20_001)
     normal = scattered(replace(finish, spread=6), 0.0)
-    assert normal[1] == pytest.approx(finish.transmit, rel=0.06)
-    assert normal[2] == pytest.approx(finish.internal, rel=0.1)
+    for got, weight, width in ((normal[1], finish.transmit, 1), (normal[2], finish.internal, 4)):
+        sigma = width * sin(radians(6))
+        m = np.exp(-0.5 * (np.sin(th) / sigma) ** 2) / (sigma * (2 * pi) ** 0.5)
+        share = (m * np.cos(th) ** 2 / np.sqrt(0.5 + 0.5 * np.cos(th))).sum() * (th[1] - th[0])
+        assert got == pytest.approx(weight * share, rel=0.01)
     assert normal[0] >= 0.95 * finish.reflect
 
 
