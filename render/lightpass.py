@@ -73,12 +73,12 @@ def shading_of(lighting: Lighting, finish: Finish) -> Shading:
 
 
 def light_bytes(particles: int, *, shadows: int, occlusion: bool, chunks: int = 2) -> int:
-    """About the most memory that the light pass of particles in chains takes: its maps, what it keeps of every
-    particle, and what it works with. shadows: lights that cast one."""
-    texels = 1.2 * MAP_SIZE**2 * 4 / 3
+    """About the memory that the light pass of particles in chains takes: its maps, what it keeps of every particle,
+    and what it works with. shadows: lights that cast one. A map has no more than four texels a particle."""
+    texels = 1.2 * min(MAP_SIZE**2, 4 * particles) * 4 / 3
     one = texels * (LAYERS + 1) * 4 + particles * 4
     few = particles / KEY_STRIDE * (STAMP_ROWS + 15) * 4
-    dome = SKY_DIRECTIONS * 1.2 * SKY_SIZE**2 * (LAYERS + 2) * 4 + particles * 4
+    dome = SKY_DIRECTIONS * 1.2 * min(SKY_SIZE**2, 4 * particles) * (LAYERS + 2) * 4 + particles * 4
     working = particles / STRIDE * (15 + chunks * SCRATCH_ROWS) * 4
     return int(shadows * one + (few if shadows else 0) + (dome + working if occlusion else 0))
 

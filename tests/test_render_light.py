@@ -14,7 +14,7 @@ from taichi_cloth.render.errors import RenderError
 from taichi_cloth.render.fibre import decay, lobes
 from taichi_cloth.render.finish import FINISHES, Finish
 from taichi_cloth.render.light import Background, KeyLight, Lighting
-from taichi_cloth.render.lightpass import NO_LIGHT, shading_of
+from taichi_cloth.render.lightpass import NO_LIGHT, light_bytes, shading_of
 from taichi_cloth.render.occlusion import half_sphere, occlude
 from taichi_cloth.render.particles import Particles, concatenate
 from taichi_cloth.render.shade import PLAIN
@@ -227,6 +227,14 @@ def test_a_pass_is_made_once_a_pose_and_light() -> None:
     key_map = splatter.light.key_map()
     assert key_map is not None
     assert key_map.shadow_at([[0, 1, 0]])[0] == 1
+
+
+def test_light_maps_are_counted() -> None:
+    """What `light_bytes` says is not less than what the maps take, and nothing without shadows and occlusion."""
+    assert light_bytes(10**6, shadows=0, occlusion=False) == 0
+    splatter = Splatter(64, 64).load(cloth())
+    maps = splatter.cast_light(camera(64), FULL)
+    assert maps.nbytes <= light_bytes(len(cloth()), shadows=2, occlusion=True) < 12 * maps.nbytes
 
 
 def test_batches_make_no_light_pass() -> None:
