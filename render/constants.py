@@ -27,7 +27,7 @@ def set_constants(
     edge: float,
 ) -> None:
     """Fill c (shade.CONSTANT_ROWS, 3). box: (2, 3) [m] that holds the particles. edge: of the sprite, 0 for crisp."""
-    key, sky, ground, rise = lighting.radiances()
+    key, sky, ground = lighting.radiances()
     corners = np.array([[box[i >> k & 1, k] for k in range(3)] for i in range(8)])
     depths = corners @ camera.rotation[2] + camera.translation[2]
     nearest = max(camera.near, float(depths.min()))
@@ -38,7 +38,7 @@ def set_constants(
     c[rows.LENS] = camera.focal, camera.cx, camera.cy
     c[rows.KEY_DIRECTION] = lighting.towards_key(camera)
     c[rows.KEY], c[rows.SKY], c[rows.GROUND] = key, sky, ground
-    c[rows.DOME] = rise
+    c[rows.DOME] = lighting.rise
     c[rows.FIBRE] = finish.fibre, finish.specular, finish.exponent / 16
     c[rows.SURFACE] = finish.tint, finish.sheen, SLOPE_GAIN * finish.roundness * key_share
     c[rows.IMAGE] = camera.width, camera.height, camera.near

@@ -122,13 +122,15 @@ class Lighting:
         return self.lights[0].towards(camera)
 
     def radiances(self) -> NDArray[np.float64]:
-        """Key, sky at the horizon and ground light, and how much the zenith differs from the horizon, with intensity
-        and exposure in them, rows of shape (4, 3)."""
-        horizon = self.sky if self.horizon is None else self.horizon
-        rise = np.subtract(self.sky, horizon)
+        """Key, sky (at the horizon) and ground light with intensity and exposure in them, rows of shape (3, 3)."""
         lights = [np.multiply(self.key, self.key_colour)]
-        lights += [np.multiply(self.fill, colour) for colour in (horizon, self.ground, rise)]
+        lights += [np.multiply(self.fill, colour) for colour in (self.horizon or self.sky, self.ground)]
         return np.stack(lights) * 2.0**self.exposure
+
+    @property
+    def rise(self) -> NDArray[np.float64]:
+        """How much more light comes from the zenith than from the horizon, shape (3,)."""
+        return np.subtract(self.sky, self.horizon or self.sky) * (self.fill * 2.0**self.exposure)
 
     def ambient(self, upward: ArrayLike) -> NDArray[np.float64]:
         """What a white surface sends on of the open sky and ground; upward: the y of its normal (…), shape (…, 3).
@@ -138,12 +140,12 @@ class Lighting:
         2 / (3 pi) (sin b + (pi - b) cos b) for sin(height): that of the product of two clamped cosines.
         """
         c = np.clip(np.asarray(upward, np.float64)[..., None], -1, 1)
-        _, horizon, ground, rise = self.radiances()
+        _, horizon, ground = self.radiances()
         b = np.arccos(c)
         return (
             horizon * (0.5 + 0.5 * c)
             + ground * (0.5 - 0.5 * c)
-            + rise * (2 / (3 * np.pi) * (np.sin(b) + (np.pi - b) * c))
+            + self.rise * (2 / (3 * np.pi) * (np.sin(b) + (np.pi - b) * c))
         )
 
 

@@ -159,7 +159,9 @@ class LightPass:
         if self._light is None or self._light.shape != (len(blocks), shading.rows, LANES):
             self._light = np.ones((len(blocks), shading.rows, LANES), np.float32)
             self._known = {}
-        rows = [(row, one, KEY_STRIDE) for row, one in zip(shading.shadows, maps.lights, strict=True) if row >= 0]
+        rows: list[tuple[int, ShadowMap | SkyMaps | None, int]] = [
+            (row, one, KEY_STRIDE) for row, one in zip(shading.shadows, maps.lights, strict=True) if row >= 0
+        ]
         if shading.sky >= 0:
             rows.append((shading.sky, maps.sky, STRIDE))
         for row, one, stride in rows:

@@ -52,7 +52,8 @@ def paint(
     c = np.zeros((CONSTANT_ROWS, 3), np.float32)
     c[ROTATION : ROTATION + 3], c[EYE] = camera.rotation, camera.eye
     c[LENS] = camera.focal, camera.cx, camera.cy
-    _, c[SKY], c[GROUND], c[DOME] = lighting.radiances()
+    _, c[SKY], c[GROUND] = lighting.radiances()
+    c[DOME] = lighting.rise
     width = padded(camera.width)
     colour = np.empty((camera.height, width, 3), np.float32)
     _floor(stage is not None, width, *_floor_arguments(c, camera, lighting, stage, maps), background.ends(), colour)

@@ -107,7 +107,7 @@ class Stage:
         points[..., 1] = self.ground
         points[..., 2] = place[:, None] + np.float32(self.centre[1])
         passing = key.shadow_at(points.reshape(-1, 3), lag=key.texel).reshape(CELLS, CELLS)
-        return cv2.GaussianBlur(passing, (0, 0), 0.6)
+        return cv2.GaussianBlur(passing, (0, 0), 0.6).astype(np.float32)
 
     def darkening(self, camera: Camera, lighting: Lighting, key_map: ShadowMap | None = None) -> NDArray[np.float32]:
         """Light on the floor relative to an open one, 0..1 a colour, shape (CELLS, CELLS, 3); 1 at the borders.
