@@ -38,6 +38,7 @@ def set_constants(
     c[rows.LENS] = camera.focal, camera.cx, camera.cy
     c[rows.KEY_DIRECTION] = lighting.towards_key(camera)
     c[rows.KEY], c[rows.SKY], c[rows.GROUND] = key, sky, ground
+    c[rows.DOME] = lighting.rise
     c[rows.FIBRE] = finish.fibre, finish.specular, finish.exponent / 16
     c[rows.SURFACE] = finish.tint, finish.sheen, SLOPE_GAIN * finish.roundness * key_share
     c[rows.IMAGE] = camera.width, camera.height, camera.near

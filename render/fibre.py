@@ -8,8 +8,8 @@ plane, phi the angle between l and v around the fibre, and cos^2 th_d = (1 + cos
     f = sum over R, TT, TRT of  w A M(s_i + s_r) N(phi) / cos th_d
     M(y)     = sqrt(q / pi) exp(-q y^2),  q = 1 / (2 (2 beta)^2)        widths beta, beta / 2, 2 beta
     N_R      = cos(phi / 2) / 4                                         (Marschner's own, integrates to 1)
-    N_TT     = exp(-k (1 + cos phi)) / (2 pi e^-k I0(k)),  k = 3.65     (the fit of B. Karis, SIGGRAPH 2016
-    N_TRT    = exp(-k (1 - cos phi)) / (2 pi e^-k I0(k)),  k = 2         course "Physically based shading")
+    N_TT     = exp(-k (1 + cos phi)) / (2 pi e^-k I0(k)),  k = 3.65     (k as in B. Karis, "Physically based
+    N_TRT    = exp(-k (1 - cos phi)) / (2 pi e^-k I0(k)),  k = 2         hair shading in Unreal", SIGGRAPH 2016)
 
 Departures: M is a Gaussian in the sum of the sines, which integrates to 1 over th_r exactly with its cosine, and
 needs no arcsine (Karis does the same); scales are left out, since the fibres of a yarn lie either way round; TRT

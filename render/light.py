@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from .camera import Camera
 from .errors import RenderError
@@ -63,7 +63,10 @@ class Lighting:
     fill: float = 0.34
     """Intensity of the fill light."""
     sky: Colour = (0.92, 0.97, 1.06)
-    """Colour of the fill from above."""
+    """Colour of the fill from above: of the whole upper half of the sky, or of its zenith where it has a horizon."""
+    horizon: Colour | None = None
+    """Colour of the sky at the horizon, from where it changes to that of the zenith as the sine of the height; None is
+    that of the zenith."""
     ground: Colour = (0.52, 0.49, 0.46)
     """Colour of the fill from below."""
     exposure: float = 0.0
@@ -80,8 +83,9 @@ class Lighting:
     """How light becomes brightness on the screen (see `tone`)."""
 
     def __post_init__(self) -> None:
-        for name in ("direction", "key_colour", "sky", "ground"):
-            check_colour(f"lighting.{name}", getattr(self, name), negative=name == "direction")
+        for name in ("direction", "key_colour", "sky", "ground", "horizon"):
+            if getattr(self, name) is not None:
+                check_colour(f"lighting.{name}", getattr(self, name), negative=name == "direction")
         if not np.linalg.norm(self.direction) > 0:
             raise RenderError("lighting.direction: has no length; give the direction towards the light")
         for name in ("key", "fill"):
@@ -118,10 +122,31 @@ class Lighting:
         return self.lights[0].towards(camera)
 
     def radiances(self) -> NDArray[np.float64]:
-        """Key, sky and ground light with intensity and exposure in them, rows of shape (3, 3)."""
+        """Key, sky (at the horizon) and ground light with intensity and exposure in them, rows of shape (3, 3)."""
         lights = [np.multiply(self.key, self.key_colour)]
-        lights += [np.multiply(self.fill, colour) for colour in (self.sky, self.ground)]
+        lights += [np.multiply(self.fill, colour) for colour in (self.horizon or self.sky, self.ground)]
         return np.stack(lights) * 2.0**self.exposure
+
+    @property
+    def rise(self) -> NDArray[np.float64]:
+        """How much more light comes from the zenith than from the horizon, shape (3,)."""
+        return np.subtract(self.sky, self.horizon or self.sky) * (self.fill * 2.0**self.exposure)
+
+    def ambient(self, upward: ArrayLike) -> NDArray[np.float64]:
+        """What a white surface sends on of the open sky and ground; upward: the y of its normal (…), shape (…, 3).
+
+        The sky's radiance is horizon + rise sin(height), the ground's is even. The integral of the clamped cosine to
+        a normal at the angle b from the vertical, over pi, is (1 + cos b) / 2 for an even upper half, and
+        2 / (3 pi) (sin b + (pi - b) cos b) for sin(height): that of the product of two clamped cosines.
+        """
+        c = np.clip(np.asarray(upward, np.float64)[..., None], -1, 1)
+        _, horizon, ground = self.radiances()
+        b = np.arccos(c)
+        return (
+            horizon * (0.5 + 0.5 * c)
+            + ground * (0.5 - 0.5 * c)
+            + self.rise * (2 / (3 * np.pi) * (np.sin(b) + (np.pi - b) * c))
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

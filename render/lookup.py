@@ -1,4 +1,4 @@
-"""Reading a deep opacity map (see `transmittance`): for particles, for the sky, for any points."""
+"""Reading a deep opacity map (see `transmittance`): for particles and for any points."""
 
 # In kernels a name stands for a Taichi expression, which type checkers cannot follow.
 # pyright: reportIndexIssue=false, reportArgumentType=false, reportOptionalCall=false, reportReturnType=false
@@ -9,7 +9,7 @@ from .arrays import LANES, Float, Floats1, Floats2, Floats3, Int, Ints2, Switch
 from .blocks import NORMAL, POSITION, RADIUS
 from .transmittance import AWAY, LAYERS, ORIGIN, RIGHT, SCALE, UP, layer_of
 
-__all__ = ["ambient", "gather", "look_up"]
+__all__ = ["gather", "look_up"]
 
 
 @ti.func
@@ -55,8 +55,9 @@ def _through(soft: Switch, levels: Ints2, u, v, depth, softness, span, root, nea
         far, behind = _bilinear(
             levels[top, 0], levels[top, 1], levels[top, 2], u * wide, v * wide, depth, span, root, nearest, through
         )
-        if behind * softness > 2.0:  # texels of half that width, read over two of them
-            level = ti.min(ti.log(behind * softness) * 1.4427 - 1.0, ti.cast(top, ti.f32))
+        # The mean of a texel read bilinearly blurs an edge over one to two texels, by where it falls in them.
+        if behind * softness > 1.5:
+            level = ti.min(ti.log(behind * softness / 1.5) * 1.4427, ti.cast(top, ti.f32))
             low = ti.min(ti.cast(level, ti.i32), top - 1)
             scale = 1.0 / ti.cast(1 << low, ti.f32)
             value, behind = _bilinear(
@@ -124,44 +125,6 @@ def gather(
             depth -= lag * _slope(cosine) + 0.5 * size
             value = _through(soft, levels, u, v, depth, softness, span, root, nearest, through)
         light_out[b, row, lane] = value
-
-
-@ti.kernel
-def ambient(
-    stride: Int,
-    particles: Floats3,
-    axes: Floats2,
-    offset: Float,
-    lag: Float,
-    levels: Ints2,
-    span: Float,
-    root: Float,
-    nearest: Floats1,
-    through: Floats2,
-    # in and out:
-    sums: Floats2,
-):
-    """Add one direction, for every stride-th particle, to sums (n / stride, 2): cosine times transmittance, cosine."""
-    for i in range(particles.shape[0] * LANES // stride):
-        b = i * stride // LANES
-        lane = i * stride % LANES
-        size = particles[b, RADIUS, lane]
-        nx = particles[b, NORMAL, lane]
-        ny = particles[b, NORMAL + 1, lane]
-        nz = particles[b, NORMAL + 2, lane]
-        cosine = -(nx * axes[AWAY, 0] + ny * axes[AWAY, 1] + nz * axes[AWAY, 2])
-        if size > 0.0 and cosine > 0.0:
-            out = offset + 0.5 * size
-            px = particles[b, POSITION, lane] + out * nx
-            py = particles[b, POSITION + 1, lane] + out * ny
-            pz = particles[b, POSITION + 2, lane] + out * nz
-            u = (px * axes[RIGHT, 0] + py * axes[RIGHT, 1] + pz * axes[RIGHT, 2] - axes[ORIGIN, 0]) * axes[SCALE, 0]
-            v = (px * axes[UP, 0] + py * axes[UP, 1] + pz * axes[UP, 2] - axes[ORIGIN, 1]) * axes[SCALE, 0]
-            depth = px * axes[AWAY, 0] + py * axes[AWAY, 1] + pz * axes[AWAY, 2] - axes[ORIGIN, 2]
-            depth -= lag * _slope(cosine) + 0.5 * size
-            value, _ = _bilinear(levels[0, 0], levels[0, 1], levels[0, 2], u, v, depth, span, root, nearest, through)
-            sums[i, 0] += cosine * value
-            sums[i, 1] += cosine
 
 
 @ti.kernel

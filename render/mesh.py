@@ -27,7 +27,7 @@ from .camera import Camera
 from .errors import RenderError
 from .sort import CHUNK_STEPS
 
-__all__ = ["Mesh", "join", "visible"]
+__all__ = ["Mesh", "join", "normals_at", "visible"]
 
 BAND = 16
 """Rows of the image [px] that one thread takes at a time."""
@@ -117,6 +117,21 @@ def visible(mesh: Mesh, camera: Camera, *, chunks: int) -> tuple[NDArray[np.floa
     face = np.full((camera.height, width), -1, np.int32)
     _raster(chunks, bands, camera.height, camera.near, starts, lists, edges, boxes, depth, face)
     return depth, face, edges
+
+
+def normals_at(
+    mesh: Mesh, camera: Camera, face: NDArray, edges: NDArray | None, row: NDArray, column: NDArray
+) -> NDArray[np.float64]:
+    """Smooth normals (n, 3) of what `visible` found in these pixels (n,), turned towards the camera."""
+    assert edges is not None
+    seen = face[row, column]
+    at = np.stack([column + 0.5, row + 0.5, np.ones(len(row))], -1)
+    share = np.einsum("nkj,nj->nk", edges[seen, :9].reshape(-1, 3, 3), at)
+    share /= np.maximum(share.sum(axis=1, keepdims=True), 1e-30)
+    normal = np.einsum("nk,nkc->nc", share, np.asarray(mesh.normals)[mesh.faces[seen]])
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
+    ray = (at - (camera.cx, camera.cy, 0)) / (camera.focal, camera.focal, 1) @ camera.rotation
+    return np.where((normal * ray).sum(1, keepdims=True) > 0, -normal, normal)
 
 
 def _vertex_normals(vertices: NDArray[np.float32], faces: NDArray[np.int32]) -> NDArray[np.float64]:

@@ -1,64 +1,127 @@
 """Ambient occlusion: the share of the sky that each particle sees, between yarns and in folds.
 
-The transmittance of the particles (see `transmittance`) from directions spread evenly over the sphere, averaged
-with the cosine to the particle's normal: what L. Szirmay-Kalos and others call the obscurance of a surface.
+The transmittance of the particles along directions spread evenly (see `sky`), averaged with the cosine to the
+particle's normal: ambient occlusion as L. Szirmay-Kalos, T. Umenhoffer, B. Toth, L. Szecsi, M. Sbert define it
+("Volumetric ambient occlusion for real-time rendering and games", 2010), without a bound on distance. Maps are
+kept, so that other particles of the same scene, a mesh or the ground can be looked up in them too.
 """
 
+from dataclasses import dataclass
 from math import pi, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from . import sky
 from .arrays import LANES
 from .blocks import Layout
-from .shadow import cast
+from .errors import RenderError
+from .fit import fit, typical_radius
+from .transmittance import LAYERS
 
-__all__ = ["SKY_DIRECTIONS", "occlude", "sphere_directions"]
+__all__ = ["SKY_DIRECTIONS", "STRIDE", "SkyMaps", "half_sphere", "occlude"]
 
-SKY_DIRECTIONS = 20
-"""Directions over the whole sphere; a surface sees half of them."""
+SKY_DIRECTIONS = 10
+"""Maps; each is read from both ends, and a surface sees one end of every one."""
 
-STRIDE = 4
-"""Of the particles along a fibre, every so many blocks the sky and reads it, for its neighbours too."""
+STRIDE = 8
+"""Of particles in chains, every so many along a fibre blocks the sky and reads it: on the T-shirt of 377,508 as near
+to a fine map of all of them (0.07 rms of 0.83) as every fourth is."""
 
-MAP_SIZE, TEXEL = 256, 2.0
+MAP_SIZE, TEXEL = 384, 3.0
 """Texels along a map, and the smallest texel in radii: coarser than for a shadow, which has one direction."""
 
+FINE = 6.0
+"""Depth [texels] in which the layers near either side of a texel are fine."""
 
-def sphere_directions(count: int) -> NDArray[np.float64]:
-    """`count` unit directions spread evenly over the sphere (a Fibonacci lattice), shape (count, 3)."""
+
+def half_sphere(count: int) -> NDArray[np.float64]:
+    """`count` unit directions which with their opposites are spread evenly over the sphere, shape (count, 3).
+
+    Ten are the axes through the corners of a dodecahedron, turned so that none lies along a world axis; other
+    numbers half of a Fibonacci lattice.
+    """
+    if count == 10:
+        golden = (1 + sqrt(5)) / 2
+        corners = [(x, y, 1.0) for x in (-1, 1) for y in (-1, 1)]
+        corners += [tuple(np.roll((0.0, s / golden, golden), k)) for s in (-1, 1) for k in range(3)]
+        tilt, turn = 0.4, 0.7
+        lean = np.array([[1, 0, 0], [0, np.cos(tilt), -np.sin(tilt)], [0, np.sin(tilt), np.cos(tilt)]])
+        spin = np.array([[np.cos(turn), 0, np.sin(turn)], [0, 1, 0], [-np.sin(turn), 0, np.cos(turn)]])
+        return np.array(corners) / sqrt(3) @ (spin @ lean)
     k = np.arange(count)
-    y = 1.0 - (2.0 * k + 1.0) / count
+    y = 1.0 - (k + 0.5) / count
     around = pi * (3.0 - sqrt(5.0)) * k
     ring = np.sqrt(1.0 - y * y)
     return np.stack([ring * np.cos(around), y, ring * np.sin(around)], axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class SkyMaps:
+    """How much of the sky is seen from anywhere. Made by `occlude`."""
+
+    axes: NDArray[np.float32]
+    """(maps, 5, 3), see `transmittance`."""
+    maps: NDArray[np.int32]
+    """First texel, width and height of each, shape (maps, 3)."""
+    first: NDArray[np.float32]
+    last: NDArray[np.float32]
+    """Depths [m] between which something stands, shape (texels,); 1e30 and -1e30 where nothing does."""
+    depth: NDArray[np.float32]
+    """Optical depth up to the end of each layer, shape (texels, 16); undefined where nothing stands."""
+    texel: float
+    """Width of the coarsest map's texel [m]."""
+
+    def on_particles(self, blocks: NDArray[np.float32], light_out: NDArray[np.float32], row: int) -> None:
+        """Write the share of the sky that packed particles see, 0..1, to light_out (blocks, rows, 16), at `row`."""
+        if len(blocks):
+            sky.look(
+                blocks, self.axes, self.maps, 0.5 * self.texel, FINE * self.texel, self.first, self.last, self.depth,
+                row, light_out,
+            )  # fmt: skip
+
+    def seen_from(self, points: ArrayLike, normals: ArrayLike) -> NDArray[np.float32]:
+        """The share of the sky, 0..1, that world points (n, 3) [m] with unit normals (n, 3) see, shape (n,)."""
+        points, normals = (np.ascontiguousarray(a, np.float32) for a in (points, normals))
+        if points.ndim != 2 or points.shape[1] != 3 or normals.shape != points.shape:
+            raise RenderError(f"seen_from: points {points.shape}, normals {normals.shape}; allowed: (n, 3) both")
+        light = np.ones(len(points), np.float32)
+        if len(points):
+            sky.look_at(
+                points, normals, self.axes, self.maps, 0.5 * self.texel, FINE * self.texel, self.first, self.last,
+                self.depth, light,
+            )  # fmt: skip
+        return light
+
+    @property
+    def nbytes(self) -> int:
+        return self.first.nbytes + self.last.nbytes + self.depth.nbytes
 
 
 def occlude(
     layout: Layout,
     blocks: NDArray[np.float32],
     box: NDArray[np.float64],
-    light_out: NDArray[np.float32],
-    row: int,
     *,
     opacity: float,
     chunks: int,
     directions: int = SKY_DIRECTIONS,
-) -> None:
-    """Write the share of the sky, 0..1, that packed particles see to light_out (blocks, rows, 16), at `row`."""
-    stride = STRIDE if layout.elliptic else 1
-    sums = np.zeros((len(blocks) * LANES // stride, 2), np.float32)
-    for direction in sphere_directions(directions):
-        cast(
-            layout,
-            blocks,
-            box,
-            direction,
-            opacity=opacity,
-            resolution=MAP_SIZE,
-            texel_radii=TEXEL,
-            chunks=chunks,
-            stride=stride,
-        ).add_sky(blocks, sums, stride=stride)
-    seen = np.where(sums[:, 1] > 0, sums[:, 0] / np.maximum(sums[:, 1], 1e-9), 1.0)
-    light_out[:, row] = np.repeat(seen, stride).reshape(-1, LANES)
+    stretch: float = 1.0,
+    resolution: int = MAP_SIZE,
+    texel_radii: float = TEXEL,
+) -> SkyMaps:
+    """The maps of packed particles in a box (2, 3) [m], of which each stands for `stretch` along its fibre."""
+    radius = typical_radius(blocks)
+    fits = [fit(d, box, radius, resolution=resolution, texel_radii=texel_radii)[0] for d in half_sphere(directions)]
+    sizes = np.array([f.width * f.height for f in fits])
+    table = np.array([(n, f.width, f.height) for n, f in zip(np.cumsum(sizes) - sizes, fits, strict=True)], np.int32)
+    axes = np.stack([f.axes(opacity) for f in fits])
+    texels, texel = int(sizes.sum()), max(f.texel for f in fits)
+    first, last = np.empty(texels, np.float32), np.empty(texels, np.float32)
+    depth = np.empty((texels, LAYERS), np.float32)
+    scratch = np.empty((max(1, chunks * len(blocks)), sky.SCRATCH_ROWS, LANES), np.float32)
+    sky.fill(
+        layout, chunks, stretch, blocks, len(blocks), axes, table, FINE * texel, scratch, scratch, first, last, depth,
+        depth.reshape(-1, 1, LAYERS),
+    )  # fmt: skip
+    return SkyMaps(axes, table, first, last, depth, texel)

@@ -1,13 +1,12 @@
 """Paint what stands behind the particles: the background's gradient, the floor's shadows, then the meshes.
 
 Meshes are shaded like cloth without fibres: Lambert's law for every distant light and a fill that goes from the
-ground's colour to the sky's as the normal turns upward, on smooth normals turned towards the viewer.
+ground's colour to the sky's as the normal turns upward (see `Lighting.ambient`), on smooth normals turned towards the
+viewer.
 """
 
 # In kernels a name stands for a Taichi expression, which type checkers cannot follow.
 # pyright: reportIndexIssue=false, reportArgumentType=false, reportOptionalCall=false, reportReturnType=false
-
-from collections.abc import Callable
 
 import numpy as np
 import taichi as ti
@@ -18,17 +17,17 @@ from .arrays import Floats1, Floats2, Floats3, Int, Ints2, Switch
 from .backdrop import Backdrop, padded, tiled
 from .camera import Camera
 from .light import Background, Lighting
-from .mesh import Mesh, visible
+from .lightpass import LightMaps
+from .mesh import Mesh, normals_at, visible
+from .shade import rise
 from .stage import CELLS, Stage
 
-__all__ = ["ShadowAt", "paint"]
-
-ShadowAt = Callable[[NDArray[np.float32]], NDArray[np.float32]]
-"""From points (n, 3) [m] to the share of the key light that reaches each, (n,)."""
+__all__ = ["paint"]
 
 # Rows of the argument `c`, three numbers each.
 ROTATION, EYE, LENS, SKY, GROUND, FLOOR = 0, 3, 4, 5, 6, 7
-CONSTANT_ROWS = 9  # FLOOR: height, centre x and z [m], then in the next row cells per metre
+DOME = 9
+CONSTANT_ROWS = 10  # FLOOR: height, centre x and z [m], then in the next row cells per metre
 
 
 def paint(
@@ -38,13 +37,13 @@ def paint(
     lighting: Lighting | None = None,
     mesh: Mesh | None = None,
     stage: Stage | None = None,
-    shadow_at: ShadowAt | None = None,
+    maps: LightMaps | None = None,
     chunks: int | None = None,
 ) -> Backdrop | None:
     """The backdrop for `Splatter.render`; None when there is neither a mesh nor a stage.
 
-    shadow_at: what the particles leave of the key light on the mesh, such as `splatter.light.key_map().shadow_at`;
-    without it they cast no shadow there.
+    maps: what particles and mesh leave of the lights and of the sky, from `splatter.cast_light`; without them nothing
+    casts a shadow on the mesh, and the floor's is a coarse one. The sky is looked up at its vertices.
     """
     if mesh is None and stage is None:
         return None
@@ -54,20 +53,31 @@ def paint(
     c[ROTATION : ROTATION + 3], c[EYE] = camera.rotation, camera.eye
     c[LENS] = camera.focal, camera.cx, camera.cy
     _, c[SKY], c[GROUND] = lighting.radiances()
+    c[DOME] = lighting.rise
     width = padded(camera.width)
     colour = np.empty((camera.height, width, 3), np.float32)
-    _floor(stage is not None, width, *_floor_arguments(c, camera, lighting, stage), background.ends(), colour)
+    _floor(stage is not None, width, *_floor_arguments(c, camera, lighting, stage, maps), background.ends(), colour)
     if mesh is None:
         return Backdrop(colour)
     depth, face, edges = visible(mesh, camera, chunks=chunks)
-    passing = np.ones((1, 1), np.float32)
-    if shadow_at is not None:
-        row, column = np.nonzero(face >= 0)
-        passing = np.ones(face.shape, np.float32)
-        passing[row, column] = shadow_at(unproject(camera, row, column, depth[row, column]))
     lamps = [(lamp.towards(camera), np.multiply(lamp.intensity, lamp.colour)) for lamp in lighting.lights]
     lamps = np.array(lamps, np.float32) * np.array([[1.0], [2.0**lighting.exposure]], np.float32)
-    _shade(width, shadow_at is not None, c, lamps, mesh.faces, mesh.colour, mesh.normals, edges, face, passing, colour)
+    lights = () if maps is None else maps.lights
+    passing = np.ones((1, 1, 1), np.float32)
+    if any(lights):
+        row, column = np.nonzero(face >= 0)
+        at = unproject(camera, row, column, depth[row, column])
+        normal = normals_at(mesh, camera, face, edges, row, column)
+        passing = np.ones((len(lamps), *face.shape), np.float32)
+        for j, one in enumerate(lights):
+            if one is not None:
+                passing[j, row, column] = one.shadow_on(at, normal)
+    open_sky = np.ones(len(mesh.vertices), np.float32)
+    if maps is not None and maps.sky is not None:
+        normals = np.asarray(mesh.normals)
+        toward = ((camera.eye - mesh.vertices) * normals).sum(axis=1, keepdims=True) > 0
+        open_sky = maps.sky.seen_from(mesh.vertices, np.where(toward, normals, -normals))
+    _shade(width, any(lights), c, lamps, mesh.faces, mesh.colour, mesh.normals, open_sky, edges, face, passing, colour)
     return Backdrop(colour, tiled(depth), face, edges)
 
 
@@ -79,13 +89,13 @@ def unproject(camera: Camera, row: NDArray, column: NDArray, depth: NDArray) -> 
 
 
 def _floor_arguments(
-    c: NDArray[np.float32], camera: Camera, lighting: Lighting, stage: Stage | None
+    c: NDArray[np.float32], camera: Camera, lighting: Lighting, stage: Stage | None, maps: LightMaps | None
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     if stage is None:
         return c, np.ones((1, 1, 3), np.float32)
     c[FLOOR] = stage.ground, *stage.centre
     c[FLOOR + 1] = 1 / stage.cell
-    return c, stage.darkening(camera, lighting)
+    return c, stage.darkening(camera, lighting, None if maps is None else maps.lights[0])
 
 
 @ti.kernel
@@ -148,10 +158,11 @@ def _shade(
     faces: Ints2,
     albedo: Floats2,
     normals: Floats2,
+    open_sky: Floats1,
     edges: Floats2,
     # pixels:
     face: Ints2,
-    passing: Floats2,
+    passing: Floats3,
     # out:
     colour_out: Floats3,
 ):
@@ -168,11 +179,17 @@ def _shade(
             if n.dot(ray) > 0.0:
                 n = -n
             upward = 0.5 + 0.5 * n[1]
+            seen = 0.0
+            for j in ti.static(range(3)):
+                seen += b[j] * open_sky[faces[f, j]]
             lit = ti.Vector([c[GROUND, k] + (c[SKY, k] - c[GROUND, k]) * upward for k in ti.static(range(3))])
+            above = rise(n[1])
+            for k in ti.static(range(3)):
+                lit[k] = (lit[k] + c[DOME, k] * above) * seen
             for j in range(lamps.shape[0]):
                 share = ti.max(n[0] * lamps[j, 0, 0] + n[1] * lamps[j, 0, 1] + n[2] * lamps[j, 0, 2], 0.0)
                 if ti.static(shadowed):
-                    share *= passing[y, x] if j == 0 else 1.0
+                    share *= passing[j, y, x]
                 for k in ti.static(range(3)):
                     lit[k] += share * lamps[j, 1, k]
             for k in ti.static(range(3)):

@@ -26,12 +26,12 @@ from .backdrop import Backdrop
 from .blocks import NORMAL, RADIUS, ParticleBlocks
 from .camera import Camera
 from .errors import RenderError, did_you_mean
-from .mesh import Mesh
+from .mesh import Mesh, normals_at
 from .particles import Particles
 from .raster import row_from_sprite
 from .splat import Splatter
 
-__all__ = ["PASSES", "Passes", "render_passes"]
+__all__ = ["PASSES", "PassTaker", "Passes", "check_passes", "render_passes"]
 
 PASSES = ("depth", "normal", "mask", "id")
 
@@ -55,6 +55,14 @@ class Passes:
     """Number of the part, shape (h, w); -1 where there is none."""
 
 
+def check_passes(which: tuple[str, ...]) -> None:
+    """Raises RenderError for a pass that is not known."""
+    for name in which:
+        if name not in PASSES:
+            known = ", ".join(PASSES)
+            raise RenderError(f"passes: unknown pass {name!r}; known: {known}{did_you_mean(name, PASSES)}")
+
+
 def render_passes(
     splatter: Splatter,
     camera: Camera,
@@ -69,70 +77,94 @@ def render_passes(
     particles: those that are loaded, for their yarn and part numbers. mesh: the one that `backdrop` shows.
     Raises RenderError for a pass that is not known, when something else is loaded, or when nothing is drawn yet.
     """
-    for name in which:
-        if name not in PASSES:
-            known = ", ".join(PASSES)
-            raise RenderError(f"passes: unknown pass {name!r}; known: {known}{did_you_mean(name, PASSES)}")
-    lists = splatter.lists()
+    check_passes(which)
+    splatter.lists()
     loaded = splatter.stats.particles if splatter.stats else 0
     if len(particles) != loaded:
         raise RenderError(f"passes: {len(particles)} particles; allowed: the {loaded} that are loaded")
-    hits, normals = "depth" in which or "id" in which, "normal" in which
-    rows = lists.tiles * TILE
-    through = np.ones((rows, TILE), np.float32)
-    depth = np.zeros((rows, TILE) if hits else (1, 1), np.float32)
-    hit = np.full((rows, TILE) if hits else (1, 1), -1, np.int32)
-    normal = np.zeros((rows, TILE, 3) if normals else (1, 1, 3), np.float32)
-    wall = None if backdrop is None or backdrop.wall is None else backdrop.wall.reshape(-1, TILE)
-    _passes(
-        lists.layout,
-        lists.profile,
-        hits,
-        normals,
-        wall is not None,
-        splatter.chunks,
-        lists.tiles_x,
-        lists.tiles,
-        camera.focal,
-        lists.starts,
-        lists.entries,
-        lists.splats,
-        lists.blocks,
-        lists.keys,
-        lists.nearest,
-        lists.key_depth,
-        lists.edge,
-        lists.sheet,
-        lists.levels,
-        lists.sprite_size,
-        np.zeros((1, 1), np.float32) if wall is None else wall,
-        through,
-        depth,
-        hit,
-        normal,
-    )
-    size = camera.height, camera.width
-    through, depth, hit, normal = (_whole(a, lists.tiles_x, size) for a in (through, depth, hit, normal))
-    face = None if backdrop is None or backdrop.face is None else backdrop.face[:, : camera.width]
-    made: dict[str, NDArray] = {"mask": 1 - through, "depth": depth, "normal": normal}
-    if "id" in which:
-        made |= {name: _numbers(getattr(particles, name), hit) for name in ("yarn", "part")}
-    if face is not None and mesh is not None and backdrop is not None and wall is not None:
-        bare = (face >= 0) & (through > 0.5)
-        made["mask"][face >= 0] = 1
-        if hits:
-            depth[bare] = _whole(wall, lists.tiles_x, size)[bare]
-        if "id" in which:
-            made["part"][bare] = np.asarray(mesh.part)[face[bare]]
-        if normals:
-            row, column = np.nonzero(face >= 0)
-            normal[row, column] += through[row, column, None] * _mesh_normals(mesh, camera, backdrop, row, column)
-    if normals:
-        length = np.linalg.norm(normal, axis=-1, keepdims=True)
-        there = (length > 0) & (made["mask"][..., None] >= LEAST)
-        made["normal"] = np.where(there, normal / np.where(there, length, 1), np.float32(0))
-    wanted = set(which) | ({"yarn", "part"} if "id" in which else set())
-    return Passes(**{name: image for name, image in made.items() if name in wanted})
+    taken = PassTaker(camera, which, backdrop=backdrop)
+    return taken.add(splatter, particles.yarn, particles.part).finish(mesh)
+
+
+class PassTaker:
+    """The passes of a picture that comes in batches: `add` after each `Splatter.add`, then `finish`."""
+
+    def __init__(self, camera: Camera, which: tuple[str, ...] = PASSES, *, backdrop: Backdrop | None = None) -> None:
+        check_passes(which)
+        self.camera, self.which, self.backdrop = camera, which, backdrop
+        self._tiles_x = -(-camera.width // TILE)
+        rows = self._tiles_x * -(-camera.height // TILE) * TILE
+        self._hits, self._normals, ids = "depth" in which or "id" in which, "normal" in which, "id" in which
+        self._through = np.ones((rows, TILE), np.float32)
+        self._depth = np.zeros((rows, TILE) if self._hits else (1, 1), np.float32)
+        self._normal = np.zeros((rows, TILE, 3) if self._normals else (1, 1, 3), np.float32)
+        self._number = {name: np.full((rows, TILE) if ids else (1, 1), -1, np.int32) for name in ("yarn", "part")}
+
+    def add(
+        self, splatter: Splatter, yarn: NDArray[np.int32] | None = None, part: NDArray[np.int32] | None = None
+    ) -> "PassTaker":
+        """Take what `splatter` has just drawn, behind what was taken before. yarn, part: numbers of its particles."""
+        lists = splatter.lists()
+        wall = None if self.backdrop is None or self.backdrop.wall is None else self.backdrop.wall.reshape(-1, TILE)
+        hit = np.full(self._depth.shape, -1, np.int32)
+        _passes(
+            lists.layout,
+            lists.profile,
+            self._hits,
+            self._normals,
+            wall is not None,
+            splatter.chunks,
+            lists.tiles_x,
+            lists.tiles,
+            self.camera.focal,
+            lists.starts,
+            lists.entries,
+            lists.splats,
+            lists.blocks,
+            lists.keys,
+            lists.nearest,
+            lists.key_depth,
+            lists.edge,
+            lists.sheet,
+            lists.levels,
+            lists.sprite_size,
+            np.zeros((1, 1), np.float32) if wall is None else wall,
+            self._through,
+            self._depth,
+            hit,
+            self._normal,
+        )
+        if "id" in self.which:
+            for name, numbers in (("yarn", yarn), ("part", part)):
+                if numbers is not None and len(numbers):
+                    self._number[name][hit >= 0] = numbers[hit[hit >= 0]]
+        return self
+
+    def finish(self, mesh: Mesh | None = None) -> Passes:
+        """The passes of all that was taken, and of the mesh that the backdrop shows."""
+        camera, which, backdrop = self.camera, self.which, self.backdrop
+        size = camera.height, camera.width
+        through, depth, normal = (_whole(a, self._tiles_x, size) for a in (self._through, self._depth, self._normal))
+        made: dict[str, NDArray] = {"mask": 1 - through, "depth": depth, "normal": normal}
+        made |= {name: _whole(image, self._tiles_x, size) for name, image in self._number.items()}
+        if mesh is not None and backdrop is not None and backdrop.face is not None and backdrop.wall is not None:
+            face = backdrop.face[:, : camera.width]
+            bare = (face >= 0) & (through > 0.5)
+            made["mask"][face >= 0] = 1
+            if self._hits:
+                depth[bare] = _whole(backdrop.wall.reshape(-1, TILE), self._tiles_x, size)[bare]
+            if "id" in which:
+                made["part"][bare] = np.asarray(mesh.part)[face[bare]]
+            if self._normals:
+                row, column = np.nonzero(face >= 0)
+                of_mesh = normals_at(mesh, camera, face, backdrop.edges, row, column)
+                normal[row, column] += through[row, column, None] * of_mesh
+        if self._normals:
+            length = np.linalg.norm(normal, axis=-1, keepdims=True)
+            there = (length > 0) & (made["mask"][..., None] >= LEAST)
+            made["normal"] = np.where(there, normal / np.where(there, length, 1), np.float32(0))
+        wanted = set(which) | ({"yarn", "part"} if "id" in which else set())
+        return Passes(**{name: image for name, image in made.items() if name in wanted})
 
 
 def _whole(tiles: NDArray, tiles_x: int, size: tuple[int, int]) -> NDArray:
@@ -142,26 +174,6 @@ def _whole(tiles: NDArray, tiles_x: int, size: tuple[int, int]) -> NDArray:
     extra = tiles.shape[2:]
     image = tiles.reshape(-1, tiles_x, TILE, TILE, *extra).swapaxes(1, 2).reshape(-1, tiles_x * TILE, *extra)
     return np.ascontiguousarray(image[: size[0], : size[1]])
-
-
-def _numbers(of_particle: NDArray[np.int32] | None, hit: NDArray[np.int32]) -> NDArray[np.int32]:
-    if of_particle is None or not len(of_particle):
-        return np.full(hit.shape, -1, np.int32)
-    return np.where(hit >= 0, of_particle[np.maximum(hit, 0)], -1).astype(np.int32)
-
-
-def _mesh_normals(mesh: Mesh, camera: Camera, backdrop: Backdrop, row: NDArray, column: NDArray) -> NDArray:
-    """Smooth normals (n, 3) of the mesh in these pixels, turned towards the camera."""
-    assert backdrop.face is not None
-    assert backdrop.edges is not None
-    seen = backdrop.face[row, column]
-    at = np.stack([column + 0.5, row + 0.5, np.ones(len(row))], -1)
-    share = np.einsum("nkj,nj->nk", backdrop.edges[seen, :9].reshape(-1, 3, 3), at)
-    share /= np.maximum(share.sum(axis=1, keepdims=True), 1e-30)
-    normal = np.einsum("nk,nkc->nc", share, np.asarray(mesh.normals)[mesh.faces[seen]])
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
-    ray = (at - (camera.cx, camera.cy, 0)) / (camera.focal, camera.focal, 1) @ camera.rotation
-    return np.where((normal * ray).sum(1, keepdims=True) > 0, -normal, normal)
 
 
 @ti.kernel

@@ -15,7 +15,7 @@ from .arrays import Blocks, Floats2, Switch, Vec16
 from .blocks import COLOUR, NORMAL, POSITION, TANGENT
 from .fibre import lobes
 
-__all__ = ["CONSTANT_ROWS", "PLAIN", "Shading", "shade"]
+__all__ = ["CONSTANT_ROWS", "PLAIN", "Shading", "rise", "shade"]
 
 # Rows of the argument `c` of `project`, three numbers each.
 ROTATION, TRANSLATION, EYE = 0, 3, 4
@@ -29,7 +29,8 @@ EDGE = 14  # edge of the sprite, 0 for crisp; share of the key light that openne
 LOBES = 15  # weights of R, TT, TRT
 OTHERS = 16  # further lights: direction and radiance, two rows a light
 MOST_OTHERS = 8
-CONSTANT_ROWS = OTHERS + 2 * MOST_OTHERS
+DOME = OTHERS + 2 * MOST_OTHERS  # how much the zenith differs from the horizon
+CONSTANT_ROWS = DOME + 1
 
 WRAP = 0.25
 """How far the light reaches round the terminator: fibre assemblies scatter light sideways."""
@@ -40,12 +41,14 @@ class Shading:
     """Which parts of the shading there are: a compile-time switch.
 
     shadows: the row of `light` that holds the transmittance of each light, the key first, or -1. sky: the row of
-    the share of the sky that is seen, or -1. lobes: the model of `fibre` instead of Kajiya's and Kay's.
+    the share of the sky that is seen, or -1. lobes: the model of `fibre` instead of Kajiya's and Kay's. dome: the
+    sky has a horizon of another colour than its zenith.
     """
 
     shadows: tuple[int, ...] = (-1,)
     sky: int = -1
     lobes: bool = False
+    dome: bool = False
 
     @property
     def others(self) -> int:
@@ -75,12 +78,20 @@ def lobe(cosine, sixteenth):
 def bounced(opening, albedo):
     """Occlusion with the light that neighbours of the same colour send on.
 
-    The fit of J. Jimenez et al., "Practical realtime strategies for accurate indirect occlusion", 2016, eq. 15.
+    The fit of J. Jimenez, X.-C. Wu, A. Pesce, A. Jarabo, "Practical real-time strategies for accurate indirect
+    occlusion", technical memo ATVI-TR-19-01 (SIGGRAPH 2016 course).
     """
     a = 2.0404 * albedo - 0.3324
     b = -4.7951 * albedo + 0.6417
     d = 2.7552 * albedo + 0.6903
     return ti.max(opening, ((opening * a + b) * opening + d) * opening)
+
+
+@ti.func
+def rise(c):
+    """2 / (3 pi) (sin b + (pi - b) cos b) of c = cos b (see `Lighting.ambient`), within 0.002."""
+    square = c * c
+    return c * (1.0 / 3.0) + (2.0 / (3.0 * pi)) * (1.0 + square * (0.5 + square * (0.5 * pi - 1.5)))
 
 
 @ti.func
@@ -116,6 +127,11 @@ def shade(layout: Switch, shading: Switch, particles: Blocks, light: Blocks, c: 
     fill_r = c[GROUND, 0] + (c[SKY, 0] - c[GROUND, 0]) * upward
     fill_g = c[GROUND, 1] + (c[SKY, 1] - c[GROUND, 1]) * upward
     fill_b = c[GROUND, 2] + (c[SKY, 2] - c[GROUND, 2]) * upward
+    if ti.static(shading.dome):
+        above = rise(ny)
+        fill_r += c[DOME, 0] * above
+        fill_g += c[DOME, 1] * above
+        fill_b += c[DOME, 2] * above
     if ti.static(shading.sky >= 0):
         seen = light[b, shading.sky] * opening
         fill_r *= bounced(seen, albedo_r)

@@ -7,16 +7,19 @@ map_.shadow_at(points)                             transmittance anywhere
 
 from dataclasses import dataclass
 from itertools import pairwise
-from math import ceil, log2, radians, tan
+from math import radians, tan
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import lookup, transmittance
 from .arrays import LANES
-from .blocks import RADIUS, Layout
+from .blocks import Layout
 from .errors import RenderError
-from .transmittance import EMPTY, LAYERS, STAMP_SIZE
+from .fit import fit, typical_radius
+from .mesh import Mesh
+from .meshlight import first_depths
+from .transmittance import EMPTY, LAYERS, STAMP_ROWS
 
 __all__ = ["MAP_SIZE", "ShadowMap", "cast"]
 
@@ -28,6 +31,9 @@ TEXEL = 1.5
 
 MOST_LEVELS = 6
 """Maps of halved resolution for soft light: penumbras up to 2^6 texels wide."""
+
+
+NO_WALL = np.zeros(1, np.float32)
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +58,10 @@ class ShadowMap:
     """Radius of a typical particle [m]."""
 
     @property
+    def nbytes(self) -> int:
+        return self.nearest.nbytes + self.through.nbytes
+
+    @property
     def texel(self) -> float:
         """Width of a texel of the finest map [m]."""
         return 1.0 / float(self.axes[transmittance.SCALE, 0])
@@ -62,14 +72,6 @@ class ShadowMap:
             lookup.gather(
                 self.softness > 0, blocks, self.axes, 0.5 * self.texel, 0.5 * self.texel, self.levels,
                 self.softness, self.span, self.root, self.nearest, self.through, row, light_out,
-            )  # fmt: skip
-
-    def add_sky(self, blocks: NDArray[np.float32], sums: NDArray[np.float32], *, stride: int = 1) -> None:
-        """Add this direction to sums (particles / stride, 2), weighted by the cosine to each particle's normal."""
-        if len(blocks):
-            lookup.ambient(
-                stride, blocks, self.axes, 0.5 * self.texel, 0.5 * self.texel, self.levels,
-                self.span, self.root, self.nearest, self.through, sums,
             )  # fmt: skip
 
     def shadow_at(self, points: ArrayLike, *, lag: float | None = None) -> NDArray[np.float32]:
@@ -88,6 +90,15 @@ class ShadowMap:
             )  # fmt: skip
         return light
 
+    def shadow_on(self, points: ArrayLike, normals: ArrayLike) -> NDArray[np.float32]:
+        """The light 0..1 that reaches points (n, 3) [m] of a surface with unit normals (n, 3), shape (n,).
+
+        A point reads a texel out along its normal and two towards the light: where the surface itself, which the
+        map knows only texel by texel, does not yet shadow it.
+        """
+        out = np.asarray(points, np.float32) + np.float32(self.texel) * np.asarray(normals, np.float32)
+        return self.shadow_at(out, lag=2 * self.texel)
+
 
 def cast(
     layout: Layout,
@@ -100,66 +111,47 @@ def cast(
     resolution: int = MAP_SIZE,
     texel_radii: float = TEXEL,
     chunks: int = 2,
-    stride: int = 1,
+    stretch: float = 1.0,
+    mesh: Mesh | None = None,
 ) -> ShadowMap:
-    """The shadow map of packed particles under a light from `direction` (towards it, world).
+    """The shadow map of packed particles, and of a mesh, under a light from `direction` (towards it, world).
 
-    box: (2, 3) [m] that holds the particles. size_deg: angle across the light, as seen from the cloth; the sun
-    has 0.5, a large soft box 20. resolution: texels along the longer side. texel_radii: a texel is at least so
-    many typical radii wide. stride: 1, 2, 4, 8 or 16; take every so many of elongated particles, each so much longer.
+    box: (2, 3) [m] that holds all. size_deg: angle across the light, as seen from the cloth; the sun has 0.5, a
+    large soft box 20. resolution: texels along the longer side. texel_radii: a texel is at least so many typical
+    radii wide. stretch: how many along its fibre each elongated particle stands for.
     """
-    away = -np.asarray(direction, np.float64)
-    away = away / np.linalg.norm(away)
-    helper = np.array([0.0, 1.0, 0.0]) if abs(away[1]) < 0.9 else np.array([1.0, 0.0, 0.0])
-    right = np.cross(helper, away)
-    right /= np.linalg.norm(right)
-    frame = np.stack([right, np.cross(away, right), away])
-    corners = np.array([[box[i >> k & 1, k] for k in range(3)] for i in range(8)]) @ frame.T
-    low, high = corners.min(axis=0), corners.max(axis=0)
-    radius = _typical_radius(blocks)
-    deep = max(float(high[2] - low[2]), 4.0 * radius)
-    texel = max(float((high - low)[:2].max()) / resolution, texel_radii * radius)
-    softness = 2.0 * tan(radians(size_deg) / 2) / texel
-    count = min(MOST_LEVELS, max(1, ceil(log2(max(softness * deep, 4.0))) - 1)) if size_deg > 0 else 0
-    block = 1 << count
-    margin = block * ceil((2.0 + 4.0 * radius / texel) / block)
-    origin = (np.floor(low[:2] / texel) - margin) * texel
-    width, height = (block * ceil((n / texel + 1 + margin) / block) for n in (high[:2] - origin).tolist())
+    radius = typical_radius(blocks)
+    at, count = fit(
+        direction, box, radius, resolution=resolution, texel_radii=texel_radii, size_deg=size_deg, levels=MOST_LEVELS
+    )
+    softness = 2.0 * tan(radians(size_deg) / 2) / at.texel
     levels, first = [], 0
     for k in range(count + 1):
-        levels.append((first, width >> k, height >> k))
-        first += (width >> k) * (height >> k)
-    axes = np.zeros((5, 3), np.float32)
-    axes[:3], axes[3] = frame, (*origin, low[2])
-    axes[4] = 1.0 / texel, opacity, 0.0
+        levels.append((first, at.width >> k, at.height >> k))
+        first += (at.width >> k) * (at.height >> k)
+    axes, deep = at.axes(opacity), at.deep
     root = _root(deep, max(0.5 * radius, 1e-4 * deep))
     span = ((LAYERS - 1 + root) ** 4 - root**4) / deep
 
-    n = len(blocks) * LANES
-    stamps = np.empty((n, STAMP_SIZE), np.float32)
-    rows = np.zeros((chunks, height), np.int32)
+    stamps = np.empty((max(1, len(blocks)), STAMP_ROWS, LANES), np.float32)
+    rows = np.zeros((chunks, at.height), np.int32)
     nearest = np.empty(first, np.float32)
     through = np.empty((first, LAYERS), np.float32)
-    table = np.array(levels, np.int32)
-    if n == 0:
+    wall = NO_WALL if mesh is None else first_depths(mesh, at)
+    if len(blocks) == 0 and mesh is None:
         nearest[:] = EMPTY
     else:
-        transmittance.stamp(layout, chunks, stride, blocks, len(blocks), height, axes, stamps, rows)
+        transmittance.stamp(layout, chunks, stretch, blocks, len(blocks), at.height, axes, stamps, rows)
         cuts = _cuts(rows.sum(axis=0), chunks)
         transmittance.deposit(
-            chunks, n, stamps, cuts, width, span, root, nearest, through, through.reshape(-1, 1, LAYERS)
-        )
+            chunks, mesh is not None, len(blocks), stamps, cuts, at.width, span, root, wall, nearest, through,
+            through.reshape(-1, 1, LAYERS),
+        )  # fmt: skip
         for fine, coarse in pairwise(levels):
-            first, wide, high = coarse
-            transmittance.coarsen(fine[0], fine[1], first, wide, high, span, root, nearest, through)
-    return ShadowMap(-away, axes, table, nearest, through, span, root, softness, radius)
-
-
-def _typical_radius(blocks: NDArray[np.float32]) -> float:
-    """Median radius [m] of up to 64 blocks spread evenly; 1e-4 without particles."""
-    sample = blocks[:: max(1, len(blocks) // 64), RADIUS]
-    sample = sample[sample > 0]
-    return float(np.median(sample)) if len(sample) else 1e-4
+            begin, wide, high = coarse
+            transmittance.coarsen(fine[0], fine[1], begin, wide, high, span, root, nearest, through)
+    table = np.array(levels, np.int32)
+    return ShadowMap(at.frame[2] * -1.0, axes, table, nearest, through, span, root, softness, radius)
 
 
 def _root(deep: float, first: float) -> float:
@@ -173,6 +165,6 @@ def _root(deep: float, first: float) -> float:
 
 def _cuts(rows: NDArray[np.int32], bands: int) -> NDArray[np.int32]:
     """Rows at which the map is cut into bands of about as many particles each, shape (bands + 1,)."""
-    cumulative = np.cumsum(rows)
+    cumulative = np.cumsum(rows) if rows.any() else np.arange(1, len(rows) + 1)
     inner = np.searchsorted(cumulative, cumulative[-1] * np.arange(1, bands) / bands) + 1
     return np.array([0, *np.minimum(inner, len(rows)), len(rows)], np.int32)

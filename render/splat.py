@@ -24,10 +24,12 @@ from .constants import set_constants
 from .errors import RenderError
 from .finish import Finish
 from .light import Background, Lighting
-from .lightpass import LightPass, shading_of
+from .lightpass import LightMaps, LightPass, shading_of
+from .mesh import Mesh
 from .particles import Particles
 from .planes import borrow
 from .raster import LUT_STEPS, clear, count_opaque, raster, resolve_linear
+from .shadow import MAP_SIZE
 from .sort import BINS, count_high, count_tiles, fill_tiles, scan, scan_tiles, scatter_high, scatter_low
 from .sprites import CRISP, Profile, SpriteSheet
 from .tone import WHITE, Tone, tone_table
@@ -126,14 +128,14 @@ class Splatter:
         self._options: dict[str, Any] = {}
         self._reserve(0)
 
-    def load(self, particles: Particles | ParticleBlocks) -> "Splatter":
+    def load(self, particles: Particles | ParticleBlocks, mesh: Mesh | None = None) -> "Splatter":
         """Pack particles for `render`; the arrays are copied, or taken as they are where they lie in blocks.
 
-        Returns the splatter itself. Raises RenderError for too many particles or a sprite number that the sheet does
-        not have.
+        mesh: stands among them (`paint` draws it), and takes light from them. Returns the splatter itself.
+        Raises RenderError for too many particles or a sprite number that the sheet does not have.
         """
         if isinstance(particles, ParticleBlocks):
-            return self.load_blocks(particles.layout, particles.blocks, len(particles))
+            return self.load_blocks(particles.layout, particles.blocks, len(particles), mesh)
         if self.sprites is not None and particles.sprite is not None and len(particles):
             low, high = int(particles.sprite.min()), int(particles.sprite.max())
             if low < 0 or high >= len(self.sprites):
@@ -141,12 +143,16 @@ class Splatter:
         self._layout, self._blocks, self._box = pack(particles, textured=self.sprites is not None)
         self._opacity = 1.0 if self._layout.opacity else float(np.float32(particles.opacity))
         self._count = len(particles)
-        self.light.forget()
+        self.light.forget(mesh)
         self._reserve(len(self._blocks))
         return self
 
-    def load_blocks(self, layout: Layout, blocks: NDArray[np.float32], count: int) -> "Splatter":
+    def load_blocks(
+        self, layout: Layout, blocks: NDArray[np.float32], count: int, mesh: Mesh | None = None
+    ) -> "Splatter":
         """Take particles that are in blocks already (see `blocks`), without a copy and unchecked.
+
+        mesh: as of `load`.
 
         blocks: (ceil(count / 16), layout.rows, 16) float32, C-contiguous; opacity 1 where the layout has none;
         whatever must not be drawn has a radius of 0 and a place among the others.
@@ -159,7 +165,7 @@ class Splatter:
         box = np.stack([places.min(axis=0).min(axis=1), places.max(axis=0).max(axis=1)]) if count else np.zeros((2, 3))
         self._layout, self._blocks, self._box, self._opacity = layout, blocks, box.astype(np.float64), 1.0
         self._count = count
-        self.light.forget()
+        self.light.forget(mesh)
         self._reserve(len(blocks))
         return self
 
@@ -244,12 +250,11 @@ class Splatter:
         profile = {0.0: "crisp", 1.0: "soft"}.get(edge, "sharp")
         clock = [time.perf_counter()]
         set_constants(self._constants, camera, lighting, finish, self._box, opacity=self._opacity, edge=edge)
-        if self._batch != "only":  # a batch knows nothing of the others that would shadow it
+        if self._batch != "only" and self.light.held is None:  # a batch knows nothing of what would shadow it
             lighting = lighting.without_passes()
         shading = shading_of(lighting, finish)
-        light = self.light.on_particles(
-            shading, lighting, camera, layout, self._blocks, self._box, opacity=self._opacity, chunks=chunks
-        )
+        maps = self.cast_light(camera, lighting) if shading.rows else None
+        light = self.light.on_particles(shading, layout, self._blocks, maps)
         clock.append(time.perf_counter())
         projection.project(
             layout,
@@ -313,6 +318,14 @@ class Splatter:
         clock.append(time.perf_counter())
         self.stats = RenderStats(self._count, drawn, entries, *(1e3 * np.diff(clock)).tolist())
         return image
+
+    def cast_light(self, camera: Camera, lighting: Lighting, *, resolution: int = MAP_SIZE) -> LightMaps:
+        """The maps of light of what is loaded, as `render` makes them from this camera: for `paint`, and to `hold`
+        for batches. resolution: texels along a shadow map, at most."""
+        return self.light.cast(
+            shading_of(lighting, Finish()), lighting, camera, self._layout, self._blocks, self._box,
+            opacity=self._opacity, chunks=self.chunks, resolution=resolution,
+        )  # fmt: skip
 
     def linear(self) -> NDArray[np.float32]:
         """The last frame without its background: linear premultiplied RGBA (height, width, 4) float32.

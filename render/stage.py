@@ -23,6 +23,7 @@ from .camera import Camera
 from .light import Lighting
 from .mesh import Mesh
 from .particles import Particles
+from .shadow import ShadowMap
 
 __all__ = ["Stage", "stage_under"]
 
@@ -99,12 +100,26 @@ class Stage:
             passing *= 1 - np.clip(cv2.GaussianBlur(moved, (0, 0), sigma), 0, 1)
         return passing
 
-    def darkening(self, camera: Camera, lighting: Lighting) -> NDArray[np.float32]:
-        """Light on the floor relative to an open one, 0..1 a colour, shape (CELLS, CELLS, 3); 1 at the borders."""
+    def key_mapped(self, key: ShadowMap) -> NDArray[np.float32]:
+        """The same from a shadow map of the subject, which knows single threads, (CELLS, CELLS)."""
+        place = (np.arange(CELLS, dtype=np.float32) + np.float32(0.5)) * np.float32(self.cell) - np.float32(self.half)
+        points = np.empty((CELLS, CELLS, 3), np.float32)
+        points[..., 0] = place + np.float32(self.centre[0])
+        points[..., 1] = self.ground
+        points[..., 2] = place[:, None] + np.float32(self.centre[1])
+        passing = key.shadow_at(points.reshape(-1, 3), lag=key.texel).reshape(CELLS, CELLS)
+        return cv2.GaussianBlur(passing, (0, 0), 0.6).astype(np.float32)
+
+    def darkening(self, camera: Camera, lighting: Lighting, key_map: ShadowMap | None = None) -> NDArray[np.float32]:
+        """Light on the floor relative to an open one, 0..1 a colour, shape (CELLS, CELLS, 3); 1 at the borders.
+
+        key_map: of the subject under the key light; without it the layers throw the shadow.
+        """
         towards = lighting.towards_key(camera)
-        key, sky, _ = lighting.radiances()
+        key, sky = lighting.radiances()[0], lighting.ambient(1.0)
         key = key * max(float(towards[1]), 0.0)
-        lit = key * self.key_passing(towards, lighting.size)[..., None] + sky * (1 - self.sky_blocked)[..., None]
+        passing = self.key_passing(towards, lighting.size) if key_map is None else self.key_mapped(key_map)
+        lit = key * passing[..., None] + sky * (1 - self.sky_blocked)[..., None]
         place = (np.arange(CELLS) + 0.5) / CELLS * 2 - 1
         far = np.clip((np.hypot(place[:, None], place) - FADE[0]) / (FADE[1] - FADE[0]), 0, 1)
         fade = 1 - far**2 * (3 - 2 * far)

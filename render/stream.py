@@ -6,20 +6,22 @@ picture is that of one batch. Pieces that reach into two windows are made twice,
 even a single tile has too much behind it, batches lie one behind the other, nearest first, until it is opaque.
 """
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, fields, replace
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .arrays import TILE
+from .backdrop import Backdrop
 from .blocks import Layout
 from .camera import Camera
 from .light import Background
+from .passes import PASSES, Passes, PassTaker, check_passes
 from .splat import Splatter
 
-__all__ = ["STREAMED", "Source", "StreamStats", "stream"]
+__all__ = ["STREAMED", "Source", "StreamStats", "lay_all", "stream", "stream_passes"]
 
 STREAMED = Layout(elliptic=True, openness=True)
 """The rows of the particles that a source lays."""
@@ -45,6 +47,11 @@ class Source(Protocol):
     def lay(self, survey: Any, blocks: Any, /) -> tuple[NDArray[np.float32], int]: ...
 
 
+Drawn = Callable[[Camera, tuple[int, int, int, int], Any, NDArray[np.int32]], None]
+"""Called after each batch with its window's camera, the window (top, bottom, left, right) [px], the survey and the
+pieces."""
+
+
 @dataclass(frozen=True)
 class StreamStats:
     """pieces: in view. particles: made, with those made twice. batches: drawn. largest: particles of a batch."""
@@ -62,16 +69,21 @@ def stream(
     *,
     most: int = 1_000_000,
     background: Background | None = None,
+    backdrop: Backdrop | None = None,
     out: NDArray[np.uint8] | None = None,
+    drawn: Drawn | None = None,
     **options: Any,
 ) -> tuple[NDArray[np.uint8], StreamStats]:
     """The image (height, width, 3) 8-bit sRGB of all that `source` shows, at most about `most` particles at a time.
 
-    The splatter must have the camera's size. Other options are those of `Splatter.render`, without `backdrop`.
+    The splatter must have the camera's size. Other options are those of `Splatter.render`. Batches know nothing of
+    one another: for shadows and occlusion the splatter has to hold the light maps of the whole (see `lay_all`).
     """
     width, height = splatter.width, splatter.height
     image = np.empty((height, width, 3), np.uint8) if out is None else out
     background = background or Background()
+    if splatter.light.held is None and "lighting" in options and options["lighting"] is not None:
+        options["lighting"] = options["lighting"].without_passes()
     seen = source.survey(camera)
     ids = np.flatnonzero(seen.counts).astype(np.int32)
     made = batches = largest = 0
@@ -80,23 +92,75 @@ def stream(
             left, top, right, bottom = x0 * TILE, y0 * TILE, min(x1 * TILE, width), min(y1 * TILE, height)
             splatter.resize(right - left, bottom - top)
             near = replace(camera, cx=camera.cx - left, cy=camera.cy - top, width=right - left, height=bottom - top)
-            behind = _part(background, top / height, bottom / height)
+            behind: dict[str, Any] = {"background": _part(background, top / height, bottom / height)}
+            if backdrop is not None:
+                behind["backdrop"] = _window(backdrop, x0, y0, x1, y1, bottom - top)
             parts = list(_batches(seen, inside, most))
             if len(parts) > 1:
-                splatter.begin(near, background=behind, **options)
+                splatter.begin(near, **behind, **options)
             for part in parts:
                 blocks, count = source.lay(seen, part)
                 made, batches, largest = made + count, batches + 1, max(largest, count)
                 splatter.load_blocks(STREAMED, blocks, count)
                 if len(parts) == 1:
-                    image[top:bottom, left:right] = splatter.render(near, background=behind, **options)
-                elif splatter.add().opaque_everywhere():
+                    image[top:bottom, left:right] = splatter.render(near, **behind, **options)
+                else:
+                    splatter.add()
+                if drawn is not None:
+                    drawn(near, (top, bottom, left, right), seen, part)
+                if len(parts) > 1 and splatter.opaque_everywhere():
                     break
             if len(parts) > 1:
                 image[top:bottom, left:right] = splatter.finish()
     finally:
         splatter.resize(width, height)
     return image, StreamStats(len(ids), made, batches, largest)
+
+
+def stream_passes(
+    splatter: Splatter, camera: Camera, source: Source, which: tuple[str, ...] = PASSES, **options: Any
+) -> tuple[NDArray[np.uint8], Passes]:
+    """The image as `stream` makes it and its passes.
+
+    Yarn and part numbers come from `source.numbers(survey, pieces)`, two arrays for the particles that `lay` makes
+    of them; without that method there are none. Options are those of `stream`, without `backdrop`.
+    """
+    check_passes(which)
+    numbers = getattr(source, "numbers", None) if "id" in which else None
+    size = camera.height, camera.width
+    whole: dict[str, NDArray] = {}
+    open_window: list[tuple[tuple[int, int, int, int], PassTaker]] = []
+
+    def close() -> None:
+        for (top, bottom, left, right), taker in open_window:
+            passes = taker.finish()
+            for field in fields(Passes):
+                image = getattr(passes, field.name)
+                if image is not None:
+                    nothing = -1 if field.name in ("yarn", "part") else 0
+                    into = whole.setdefault(field.name, np.full((*size, *image.shape[2:]), nothing, image.dtype))
+                    into[top:bottom, left:right] = image
+        open_window.clear()
+
+    def drawn(near: Camera, window: tuple[int, int, int, int], seen: Any, pieces: NDArray[np.int32]) -> None:
+        if not open_window or open_window[0][0] != window:
+            close()
+            open_window.append((window, PassTaker(near, which)))
+        yarn, part = (None, None) if numbers is None else numbers(seen, pieces)
+        open_window[0][1].add(splatter, yarn, part)
+
+    image, _ = stream(splatter, camera, source, drawn=drawn, **options)
+    close()
+    return image, Passes(**whole)
+
+
+def lay_all(splatter: Splatter, camera: Camera, source: Source) -> NDArray[np.float32]:
+    """Load all that `source` shows to a camera that sees the whole, as few and wide particles as that takes, and
+    return their blocks in the layout STREAMED: for light maps, `splatter.light.hold(splatter.cast_light(…))`."""
+    seen = source.survey(camera)
+    blocks, count = source.lay(seen, np.flatnonzero(seen.counts).astype(np.int32))
+    splatter.load_blocks(STREAMED, blocks, count)
+    return blocks
 
 
 def windows(
@@ -134,6 +198,15 @@ def _batches(seen: Seen, inside: NDArray[np.int32], most: int) -> Iterator[NDArr
     inside = inside[np.argsort(seen.depth[inside], kind="stable")]
     group = np.cumsum(seen.counts[inside], dtype=np.int64) // max(most, 1)
     yield from np.split(inside, np.flatnonzero(np.diff(group)) + 1)
+
+
+def _window(backdrop: Backdrop, x0: int, y0: int, x1: int, y1: int, height: int) -> Backdrop:
+    """What a window of tiles, `height` [px] high, sees of a backdrop."""
+    colour = np.ascontiguousarray(backdrop.colour[y0 * TILE : y0 * TILE + height, x0 * TILE : x1 * TILE])
+    if backdrop.wall is None:
+        return Backdrop(colour)
+    tiles = backdrop.wall.reshape(-1, backdrop.colour.shape[1] // TILE, TILE, TILE)
+    return Backdrop(colour, np.ascontiguousarray(tiles[y0:y1, x0:x1]).reshape(-1, TILE, TILE))
 
 
 def _part(background: Background, begin: float, end: float) -> Background:

@@ -1,10 +1,12 @@
 """From linear light to the screen: plain sRGB, or a curve that keeps bright highlights from clipping.
 
 srgb     light above 1 is cut off
-neutral  unchanged up to 0.84, then 1 - d^2 / (x + d - 0.84) with d = 0.16: the shoulder of the Khronos PBR
-         Neutral tone mapper (2024), made for product pictures whose colours must stay; here channel by channel
-aces     (x (2.51 x + 0.03)) / (x (2.43 x + 0.59) + 0.14) of 0.6 x: K. Narkowicz, "ACES filmic tone mapping
-         curve", 2015, a fit to the film industry's curve, with more contrast
+shoulder unchanged up to 0.84, then 1 - d^2 / (x + d - 0.84) with d = 0.16, channel by channel: the compression of
+         highlights of the Khronos PBR Neutral tone mapper (github.com/KhronosGroup/ToneMapping, PBR_Neutral), but
+         not that mapper, which first takes up to 0.04 off all channels, compresses by the brightest of the three
+         from 0.76 on and leads bright colours towards white
+aces     (x (2.51 x + 0.03)) / (x (2.43 x + 0.59) + 0.14) of 0.6 x: K. Narkowicz, "ACES Filmic Tone Mapping Curve",
+         knarkowicz.wordpress.com, 6 January 2016; 0.6 x is the film industry's own exposure, as he says there
 """
 
 from typing import Literal, get_args
@@ -16,10 +18,10 @@ from .image import linear_to_srgb
 
 __all__ = ["TONES", "WHITE", "Tone", "tone_curve", "tone_inverse", "tone_table"]
 
-Tone = Literal["srgb", "neutral", "aces"]
+Tone = Literal["srgb", "shoulder", "aces"]
 TONES: tuple[Tone, ...] = get_args(Tone)
 
-WHITE: dict[Tone, float] = {"srgb": 1.0, "neutral": 4.0, "aces": 8.0}
+WHITE: dict[Tone, float] = {"srgb": 1.0, "shoulder": 4.0, "aces": 8.0}
 """Brightest light that still differs from what is brighter."""
 
 SHOULDER = 0.84
@@ -28,7 +30,7 @@ SHOULDER = 0.84
 def tone_curve(tone: Tone, light: ArrayLike) -> NDArray[np.float64]:
     """Display light 0..1, still linear, of scene light."""
     x = np.clip(np.asarray(light, np.float64), 0, WHITE[tone])
-    if tone == "neutral":
+    if tone == "shoulder":
         d = 1.0 - SHOULDER
         return np.where(x < SHOULDER, x, 1.0 - d * d / (np.maximum(x, SHOULDER) + d - SHOULDER))
     if tone == "aces":

@@ -21,12 +21,12 @@ gives the same map for any number of bands.
 
 import taichi as ti
 
-from .arrays import LANES, Blocks, Float, Floats1, Floats2, Int, Ints1, Ints2, Switch, Vec16
+from .arrays import LANES, Blocks, Float, Floats1, Floats2, Floats3, Int, Ints1, Ints2, Switch, Vec16
 from .blocks import POSITION, RADIUS, TANGENT
 from .fibre import decay
 from .sort import CHUNK_STEPS, share
 
-__all__ = ["EMPTY", "LAYERS", "STAMP_SIZE", "coarsen", "deposit", "layer_of", "stamp"]
+__all__ = ["EMPTY", "LAYERS", "STAMP_ROWS", "coarsen", "deposit", "layer_of", "stamp"]
 
 LAYERS = LANES
 """Boundaries of layers in a texel."""
@@ -34,9 +34,10 @@ LAYERS = LANES
 EMPTY = 1e30
 """First depth [m] of a texel that no light is stopped in."""
 
-STAMP_SIZE = 12
-"""Numbers of a particle on the map: u, v [texels], depth [m], optical depth, half height, the rows s and t that
-turn an offset into -1..1, its edge, half width; two unused."""
+# Rows of a stamp, a block of particles on the map: u, v [texels], depth [m], optical depth, half height of its box,
+# the rows s and t that turn an offset into -1..1, its edge, half width.
+U, V, BEHIND, OPTICAL, REACH, S_X, S_Y, T_X, T_Y, EDGE, WIDE = range(11)
+STAMP_ROWS = 11
 
 SMALL = 0.75
 """A particle of smaller semi-axes [texels] is spread over four texels."""
@@ -54,21 +55,21 @@ SCALE = 4  # texels per metre, opacity of all, unused
 def stamp(
     layout: Switch,
     chunks: Int,
-    stride: Int,
+    stretch: Float,
     particles: Blocks,
     block_count: Int,
     height: Int,
     axes: Floats2,
     # out:
-    stamps_out: Floats2,
+    stamps_out: Blocks,
     rows_out: Ints2,
 ):
     """Where each particle falls on the map, and how many there are in each row of texels, chunk by chunk.
 
     A disc of radius r [texels] is drawn with coverage min(1, e q), q = 1 - s^2 - t^2, of radius
     R = 1/2 + sqrt(1/4 + r^2) and edge e = max(1, R/2), which keeps its area (compare `project._crisp`); of an
-    elongated piece only the middle half of its length counts, for pieces of one fibre overlap. With a stride
-    each stands for as many neighbours, and is that much longer.
+    elongated piece only the middle half of its length counts, for pieces of one fibre overlap. Each stands for
+    `stretch` neighbours along the fibre, and is that much longer.
     """
     for step in range(chunks * CHUNK_STEPS):
         if step % CHUNK_STEPS != 0:
@@ -100,7 +101,7 @@ def stamp(
                 unit = 1.0 / ti.sqrt(e_x * e_x + e_y * e_y)
                 e_x *= unit
                 e_y *= unit
-                half = ti.max(0.5 * stride * particles[b, layout.half_length_row] * texels, radius)
+                half = ti.max(0.5 * stretch * particles[b, layout.half_length_row] * texels, radius)
                 long = ti.sqrt(radius * radius * (1.0 - flat) + half * half * flat)
             across = 0.5 + ti.sqrt(0.25 + radius * radius)
             along = 0.5 + ti.sqrt(0.25 + long * long)
@@ -118,23 +119,20 @@ def stamp(
             half_width = ti.select(small > 0.0, 0.9999, half_width)
             half_height = ti.select(small > 0.0, 0.9999, half_height)
             edge = ti.select(small > 0.0, 0.0, edge)
+            stamps_out[b, U] = u
+            stamps_out[b, V] = v
+            stamps_out[b, BEHIND] = depth
+            stamps_out[b, OPTICAL] = optical
+            stamps_out[b, REACH] = ti.select(size > 0.0, half_height, -1.0)
+            stamps_out[b, S_X] = -e_y / across
+            stamps_out[b, S_Y] = e_x / across
+            stamps_out[b, T_X] = e_x / along
+            stamps_out[b, T_Y] = e_y / along
+            stamps_out[b, EDGE] = edge
+            stamps_out[b, WIDE] = half_width
             for lane in ti.static(range(LANES)):
-                i = b * LANES + lane
-                stamps_out[i, 4] = -1.0
-                if size[lane] > 0.0 and lane % stride == 0:
-                    row = ti.min(ti.max(ti.cast(v[lane], ti.i32), 0), height - 1)
-                    rows_out[chunk, row] = rows_out[chunk, row] + 1
-                    stamps_out[i, 0] = u[lane]
-                    stamps_out[i, 1] = v[lane]
-                    stamps_out[i, 2] = depth[lane]
-                    stamps_out[i, 3] = optical[lane]
-                    stamps_out[i, 4] = half_height[lane]
-                    stamps_out[i, 5] = -e_y[lane] / across[lane]
-                    stamps_out[i, 6] = e_x[lane] / across[lane]
-                    stamps_out[i, 7] = e_x[lane] / along[lane]
-                    stamps_out[i, 8] = e_y[lane] / along[lane]
-                    stamps_out[i, 9] = edge[lane]
-                    stamps_out[i, 10] = half_width[lane]
+                row = ti.min(ti.max(ti.cast(v[lane], ti.i32), 0), height - 1)
+                rows_out[chunk, row] = rows_out[chunk, row] + ti.cast(size[lane] > 0.0, ti.i32)
 
 
 @ti.func
@@ -147,12 +145,14 @@ def layer_of(behind, span, root):
 @ti.kernel
 def deposit(
     bands: Int,
-    count: Int,
-    stamps: Floats2,
+    walled: Switch,
+    block_count: Int,
+    stamps: Floats3,
     cuts: Ints1,
     width: Int,
     span: Float,
     root: Float,
+    wall: Floats1,
     # out: first depths, optical depths and, in the same memory, transmittances
     nearest_out: Floats1,
     optical_out: Floats2,
@@ -160,7 +160,8 @@ def deposit(
 ):
     """The map: first depth and the transmittance at every layer boundary, shape (texels,) and (texels, 16).
 
-    cuts: band b has the rows cuts[b] to cuts[b + 1]. rows_out is optical_out, (texels, 1, 16), seen as vectors.
+    cuts: band b has the rows cuts[b] to cuts[b + 1]. wall: first depth of what lets nothing through, EMPTY where
+    there is none, shape (texels,). rows_out is optical_out, (texels, 1, 16), seen as vectors.
     """
     for step in range(bands * CHUNK_STEPS):
         if step % CHUNK_STEPS != 0:
@@ -169,23 +170,25 @@ def deposit(
         top = cuts[band]
         bottom = cuts[band + 1] - 1
         for cell in range(top * width, (bottom + 1) * width):
-            nearest_out[cell] = EMPTY
+            nearest_out[cell] = wall[cell] if ti.static(walled) else EMPTY
         for turn in range(2):
-            for i in range(count):
-                reach = stamps[i, 4]
-                v = stamps[i, 1]
+            for i in range(block_count * LANES):
+                b = i // LANES
+                lane = i % LANES
+                reach = stamps[b, REACH, lane]
+                v = stamps[b, V, lane]
                 first = ti.max(ti.cast(ti.ceil(v - reach - 0.5), ti.i32), top)
                 last = ti.min(ti.cast(ti.floor(v + reach - 0.5), ti.i32), bottom)
                 if reach > 0.0 and first <= last:
-                    u = stamps[i, 0]
-                    depth = stamps[i, 2]
-                    optical = stamps[i, 3]
-                    s_x = stamps[i, 5]
-                    s_y = stamps[i, 6]
-                    t_x = stamps[i, 7]
-                    t_y = stamps[i, 8]
-                    edge = stamps[i, 9]
-                    wide = stamps[i, 10]
+                    u = stamps[b, U, lane]
+                    depth = stamps[b, BEHIND, lane]
+                    optical = stamps[b, OPTICAL, lane]
+                    s_x = stamps[b, S_X, lane]
+                    s_y = stamps[b, S_Y, lane]
+                    t_x = stamps[b, T_X, lane]
+                    t_y = stamps[b, T_Y, lane]
+                    edge = stamps[b, EDGE, lane]
+                    wide = stamps[b, WIDE, lane]
                     left = ti.max(ti.cast(ti.ceil(u - wide - 0.5), ti.i32), 0)
                     right = ti.min(ti.cast(ti.floor(u + wide - 0.5), ti.i32), width - 1)
                     for y in range(first, last + 1):
@@ -221,7 +224,15 @@ def deposit(
                 for k in ti.static(range(LAYERS)):
                     total += row[k]
                     row[k] = total
-                rows_out[cell, 0] = decay(row)
+                passing = decay(row)
+                if ti.static(walled):
+                    a = root * root
+                    a *= a
+                    for k in ti.static(range(LAYERS)):
+                        up = (k + root) * (k + root)
+                        if nearest_out[cell] + (up * up - a) / span >= wall[cell]:
+                            passing[k] = 0.0
+                rows_out[cell, 0] = passing
 
 
 @ti.kernel

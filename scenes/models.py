@@ -8,6 +8,7 @@ model.facts()             what can be said of it, beside the textbook
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Protocol
 
 import numpy as np
@@ -148,6 +149,7 @@ class YarnModel:
             step = period.block_length / 10
             parts.append(hairs(self.yarn, length=length, step=step, seed=scene.seed + 1))
         albedo = colour(section.colour) if section.colour else np.asarray(kind.colour, np.float32)
+        self.strands = parts
         clouds = [_strand_cloud(part, albedo) for part in parts]
         self.cloud = FibreCloud(*(np.concatenate([getattr(c, f) for c in clouds]) for f in _FIELDS))
 
@@ -156,7 +158,21 @@ class YarnModel:
 
     def panels(self) -> list[Panel]:
         upright = _upright(self.cloud)
-        return [Panel(_particles(upright), upright.position)]
+        return [Panel(_particles(upright), upright.position, numbers=self.numbers)]
+
+    def numbers(self) -> Numbers:
+        """Yarn: every fibre piece by itself, those of the plies before the hairs. Part: the ply it is of."""
+        points = [part.half_length.shape[1] for part in self.strands]
+        ply = [np.repeat(part.ply, n) for part, n in zip(self.strands, points, strict=True)]
+        counts = np.repeat(points, [len(part.radius) for part in self.strands])
+        fibre = np.repeat(np.arange(len(counts), dtype=np.int32), counts)
+        body = len(self.strands[0].radius)
+        yarns: dict[int, dict[str, str | int]] = {
+            k: {"system": "fibre", "index": k} if k < body else {"system": "hair", "index": k - body}
+            for k in range(len(counts))
+        }
+        parts = {k: f"ply {k + 1}" for k in range(self.yarn.plies)}
+        return Numbers(fibre, np.concatenate(ply).astype(np.int32), yarns, parts)
 
     def facts(self) -> list[Fact]:
         return yarn_facts(self.yarn)
@@ -213,7 +229,16 @@ class TwistModel:
         middle, below = (t.a + t.b) / 2, -1.9 * self.yarn.diameter
         places = (("A", 0.0), ("zone a", t.a / 2), ("B", t.a), ("zone b", t.a + t.b / 2), ("C", t.a + t.b))
         labels = tuple((name, (x - middle, below, 0.0)) for name, x in places)
-        return [Panel(_particles(joined), self.bounds, caption, labels)]
+        return [Panel(_particles(joined), self.bounds, caption, labels, self.numbers)]
+
+    def numbers(self) -> Numbers:
+        """Yarn: the single that a particle is of, none for the rings. Part: 0 yarn, 1 the rings at A, B and C."""
+        ply = self.twisting.singles()
+        rings = sum(len(ring.radius) for ring in self.nips)
+        yarn = np.concatenate([ply, np.full(rings, -1)]).astype(np.int32)
+        part = np.concatenate([np.zeros(len(ply)), np.ones(rings)]).astype(np.int32)
+        yarns: dict[int, dict[str, str | int]] = {k: {"system": "single", "index": k} for k in range(self.yarn.plies)}
+        return Numbers(yarn, part, yarns, {0: "yarn", 1: "rings"})
 
     def facts(self) -> list[Fact]:
         section = self.scene.twist
@@ -275,7 +300,10 @@ class FibreModel:
         bounds = np.concatenate([c.position for c in clouds])
         name = self.kind.name if self.scene.fibre.spheres is None else "own fibre"
         captions = (f"{name}: {len(self.spheres.radii):,} spheres", f"{m:,} particles")
-        return [Panel(_particles(c), bounds, words) for c, words in zip(clouds, captions, strict=True)]
+        return [
+            Panel(_particles(c), bounds, words, numbers=partial(_one_fibre, len(c.radius), k))
+            for k, (c, words) in enumerate(zip(clouds, captions, strict=True))
+        ]
 
     def facts(self) -> list[Fact]:
         low, high = self.spheres.bounding_box()
@@ -289,6 +317,13 @@ class FibreModel:
 
 
 _FIELDS = tuple(FibreCloud.__dataclass_fields__)
+
+
+def _one_fibre(count: int, part: int) -> Numbers:
+    parts = {0: "sphere set", 1: "particles"}
+    return Numbers(
+        np.zeros(count, np.int32), np.full(count, part, np.int32), {0: {"system": "fibre", "index": 0}}, parts
+    )
 
 
 def _particles(cloud: FibreCloud) -> Particles:

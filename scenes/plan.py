@@ -8,6 +8,7 @@ from taichi_cloth.memory import memory_limit
 from taichi_cloth.sphere_set import sphere_set_from_rows
 from taichi_cloth.yarn import Yarn
 
+from ..render.lightpass import light_bytes
 from .moving import woven_scene
 from .prepare import DRAW_BYTES, Prepared, fibre_kind, has_floor, prepare_fabric, yarn_of
 from .schema import Scene
@@ -117,7 +118,7 @@ def plan(scene: Scene, *, streamed: bool = False) -> Plan:
     else:
         left["light pass"] = "light.shadows is false"
     if scene.light.occlusion and scene.light.fill_strength > 0:
-        built["occlusion"] = "the sky that fibres leave each other, from directions all round, once a pose"
+        built["occlusion"] = "the sky that fibres leave each other, from ten maps all round, once a pose"
     else:
         why = "light.occlusion is false" if not scene.light.occlusion else "light.fill_strength is 0"
         left["occlusion"] = f"{why}; the depth in the yarn stands for it"
@@ -138,6 +139,8 @@ def plan(scene: Scene, *, streamed: bool = False) -> Plan:
         Stage(name, name in built, built.get(name) or left[name]) for name in order if name in built or name in left
     )
     total = prepared.bytes if prepared else particles * (64 + DRAW_BYTES)
+    occlusion = scene.light.occlusion and scene.light.fill_strength > 0
+    total += light_bytes(particles, shadows=lamps if scene.light.shadows else 0, occlusion=occlusion)
     return Plan(stages, key_points, blocks, particles, about, total, memory_limit(), notes, prepared)
 
 

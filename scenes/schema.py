@@ -157,6 +157,9 @@ class Light(Section):
     key_strength: float = Field(default=1.9, ge=0, le=1e3)
     key_size_deg: float = Field(default=5.0, ge=0, le=90, description="how wide the key light is: soft shadows")
     fill_strength: float = Field(default=0.5, ge=0, le=1e3)
+    zenith: str | None = Field(default=None, description="colour of the sky overhead: a name or #rrggbb")
+    horizon: str | None = Field(default=None, description="of the sky at the horizon; default: that of the zenith")
+    ground: str | None = Field(default=None, description="of the light that comes back from below")
     rim_strength: float = Field(default=0.0, ge=0, le=1e3, description="a light from behind that makes fibres glow")
     rim_azimuth_deg: float = Field(default=150.0, description="from where the rim light comes")
     rim_elevation_deg: float = Field(default=30.0, ge=-90, le=90)
@@ -167,7 +170,7 @@ class Light(Section):
     occlusion: bool = Field(default=True, description="fibres hide the sky from one another")
     shading: Literal["kajiya", "marschner"] = Field(default="marschner", description="model of a fibre's highlight")
     tone: Tone = Field(
-        default="neutral", description="srgb, neutral or aces: how bright highlights are kept from clipping"
+        default="shoulder", description="srgb, shoulder or aces: how bright highlights are kept from clipping"
     )
     exposure: float = Field(default=0.0, ge=-20, le=20, description="in stops")
     background: tuple[str, str] = Field(default=("#f4f2ee", "#cfccc6"), description="top and bottom of the backdrop")

@@ -120,10 +120,10 @@ class View:
                 Splatter(max(1, int(w)) * self.scale, height * self.scale, profile=profile, sprites=sheet)
                 for w in np.diff(edges)
             ]
-        for panel, splatter in zip(self._panels, self._splatters, strict=True):
-            splatter.load(panel.particles)
-        on = has_floor(self.scene)
         self._meshes = [join(panel.meshes) if panel.meshes else None for panel in self._panels]
+        for panel, splatter, mesh in zip(self._panels, self._splatters, self._meshes, strict=True):
+            splatter.load(panel.particles, mesh)
+        on = has_floor(self.scene)
         self._stages = [
             stage_under(panel.particles, mesh) if on else None
             for panel, mesh in zip(self._panels, self._meshes, strict=True)
@@ -146,7 +146,10 @@ class View:
         splatter = self._splatters[k]
         near = replace(camera, focal=camera.focal * self.scene.camera.zoom)
         light, ground = self.lighting, self.background
-        backdrop = paint(near, mesh=self._meshes[k], stage=self._stages[k], lighting=light, background=ground)
+        mesh = self._meshes[k]
+        floor = self._stages[k]
+        maps = splatter.cast_light(near, light) if mesh is not None or floor is not None else None
+        backdrop = paint(near, mesh=mesh, stage=floor, lighting=light, background=ground, maps=maps)
         image = splatter.render(near, lighting=light, finish=self.finish, background=ground, backdrop=backdrop)
         return Shot(self._panels[k], splatter, near, backdrop, self._meshes[k]), image
 
@@ -170,7 +173,10 @@ def lighting_of(scene: Scene) -> Lighting:
         size=section.key_size_deg,
         casts_shadow=section.shadows,
     )
+    named = (("sky", section.zenith), ("horizon", section.horizon), ("ground", section.ground))
+    dome = {key: tuple(float(v) for v in colour(name)) for key, name in named if name is not None}
     return Lighting(
+        **dome,  # pyright: ignore[reportArgumentType]
         direction=direction(section.key_azimuth_deg, section.key_elevation_deg),
         key_follows_camera=follows,
         key=section.key_strength,

@@ -1,7 +1,6 @@
 """One continuous move from the whole cloth to one fibre (the paper's Figure 13): the camera's path, and its frames."""
 
 from collections.abc import Iterator
-from dataclasses import replace
 from math import radians, tan
 
 import numpy as np
@@ -14,14 +13,18 @@ from taichi_cloth.refine import RefiningStream
 from taichi_cloth.skin import skin_of
 from taichi_cloth.sphere_set import sphere_set_from_rows
 
+from ..render.arrays import LANES
+from ..render.blocks import unpacked
 from ..render.camera import Camera, frame, look_at
 from ..render.finish import Finish
 from ..render.light import Lighting
+from ..render.paint import paint
 from ..render.splat import Splatter
-from ..render.stream import stream
+from ..render.stage import stage_under
+from ..render.stream import STREAMED, lay_all, stream
 from .gains import fit_gains, fit_surface
 from .models import FabricModel, Model
-from .prepare import fibre_kind
+from .prepare import fibre_kind, has_floor
 from .view import View
 
 __all__ = ["path", "target_of", "zoom"]
@@ -33,29 +36,41 @@ END_WIDTHS = 5.5
 TURN = 0.7
 """How far the camera turns from the scene's view towards the cloth's normal on its way."""
 SKIN_LENGTH = 350e-6
+RESOLUTION = 1024
+"""Texels along a shadow map: more than for a still, for the camera comes near."""
 
 
 def zoom(view: View, count: int, numbers: list[int]) -> Iterator[tuple[int, Image]]:
-    """The frames `numbers` of `count`. Without shadows: what throws them is never all there.
+    """The frames `numbers` of `count`, lit as a still is: light maps of the whole cloth, made once a light direction.
 
     Raises InputError for a scene that is not of a fabric.
     """
-    lighting = plain_lighting(view)
-    source = source_of(view.model, lighting, view.finish)
+    lighting = view.lighting
+    source = source_of(view.model, lighting.without_passes(), view.finish)
     width, height = view.size
     splatter = Splatter(width, height)
     cameras = path(view, source, count)
+    whole = lay_all(splatter, cameras[0], source.base).copy()
+    stage = stage_under(unpacked(STREAMED, whole)) if has_floor(view.scene) else None
+    moving = any(light.follows_camera for light in lighting.lights)
     for k in numbers:
+        if k == numbers[0] or moving:
+            splatter.light.hold(None)
+            splatter.load_blocks(STREAMED, whole, len(whole) * LANES)
+            splatter.light.hold(splatter.cast_light(cameras[k], lighting, resolution=RESOLUTION))
+        backdrop = paint(
+            cameras[k], stage=stage, lighting=lighting, background=view.background, maps=splatter.light.held
+        )
         image, _ = stream(
-            splatter, cameras[k], source, lighting=lighting, finish=view.finish, background=view.background
+            splatter,
+            cameras[k],
+            source,
+            lighting=lighting,
+            finish=view.finish,
+            background=view.background,
+            backdrop=backdrop,
         )
         yield k, image
-
-
-def plain_lighting(view: View) -> Lighting:
-    """The view's lighting without shadows and occlusion."""
-    others = tuple(replace(light, casts_shadow=False) for light in view.lighting.others)
-    return replace(view.lighting, shadows=False, occlusion=False, others=others)
 
 
 def source_of(model: Model, lighting: Lighting | None = None, finish: Finish | None = None) -> RefiningStream:

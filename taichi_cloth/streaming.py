@@ -220,6 +220,12 @@ class FabricStream:
             out[-1, 3, total % LANES :] = 0.0
         return out, total
 
+    def numbers(self, survey: Survey, blocks: I32) -> tuple[I32, I32]:
+        """The thread of each particle that `lay` makes of these blocks, and its family: 0 warp, 1 weft."""
+        counts = survey.counts[blocks]
+        thread = self.fabric.layout.blocks.thread[blocks]
+        return np.repeat(thread, counts).astype(np.int32), np.repeat(self.family[blocks], counts).astype(np.int32)
+
 
 @ti.kernel
 def _survey(

@@ -57,12 +57,12 @@ class TwistingYarn:
         self.at = 0
         start, stop = -feed - speed * duration, a + b + feed
         singles = _fibre_singles if construction == "fibres" else _lattice_singles
-        self.position, self.tangent, self.normal, self.half_length, self.radius, self.tone, ply = singles(
+        self.position, self.tangent, self.normal, self.half_length, self.radius, self.tone, self.ply = singles(
             yarn, start, stop, fibres, seed
         )
         self.axis_depth = np.clip(np.hypot(self.position[:, 1], self.position[:, 2]) / (yarn.diameter / 2), 0.0, 1.0)
         colours = np.asarray(colours, np.float32)
-        self.colour = np.clip(colours[ply % len(colours)] * self.tone[:, None], 0.0, 1.0).astype(np.float32)
+        self.colour = np.clip(colours[self.ply % len(colours)] * self.tone[:, None], 0.0, 1.0).astype(np.float32)
 
     @property
     def time(self) -> float:
@@ -89,10 +89,19 @@ class TwistingYarn:
             )  # fmt: skip
             self.at += 1
 
+    @property
+    def seen(self) -> NDArray[np.bool_]:
+        """Which of all particles are in view now, in the order of `cloud`."""
+        x = self.position[:, 0]
+        return (x >= -self.feed) & (x <= self.a + self.b + self.feed)
+
+    def singles(self) -> NDArray[np.int32]:
+        """The single that each particle of `cloud` is of."""
+        return self.ply[self.seen].astype(np.int32)
+
     def cloud(self) -> FibreCloud:
         """The particles in view now; their tangents follow the helix that the twist makes of a straight fibre."""
-        x = self.position[:, 0]
-        seen = (x >= -self.feed) & (x <= self.a + self.b + self.feed)
+        seen, x = self.seen, self.position[:, 0]
         twist_a, twist_b = self.twist
         local = np.where(x < 0, 0.0, np.where(x < self.a, twist_a, twist_b))[seen, None] * 2 * np.pi
         p, t = self.position[seen], self.tangent[seen]

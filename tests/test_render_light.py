@@ -14,8 +14,8 @@ from taichi_cloth.render.errors import RenderError
 from taichi_cloth.render.fibre import decay, lobes
 from taichi_cloth.render.finish import FINISHES, Finish
 from taichi_cloth.render.light import Background, KeyLight, Lighting
-from taichi_cloth.render.lightpass import NO_LIGHT, shading_of
-from taichi_cloth.render.occlusion import occlude, sphere_directions
+from taichi_cloth.render.lightpass import NO_LIGHT, light_bytes, shading_of
+from taichi_cloth.render.occlusion import half_sphere, occlude
 from taichi_cloth.render.particles import Particles, concatenate
 from taichi_cloth.render.shade import PLAIN
 from taichi_cloth.render.shadow import ShadowMap, cast
@@ -49,7 +49,8 @@ def shadow(particles: Particles, direction=UP, **options) -> tuple[ShadowMap, np
 def sky(particles: Particles) -> np.ndarray:
     layout, blocks, box = pack(particles, textured=False)
     light = np.ones((len(blocks), 1, LANES), np.float32)
-    occlude(layout, blocks, box, light, 0, opacity=float(particles.opacity), chunks=2, directions=64)
+    maps = occlude(layout, blocks, box, opacity=float(particles.opacity), chunks=2, directions=32)
+    maps.on_particles(blocks, light, 0)
     return light[:, 0].reshape(-1)[: len(particles)]
 
 
@@ -72,7 +73,8 @@ def test_one_disc_shadows_another_at_the_analytic_place() -> None:
 
 
 def test_penumbra_is_as_wide_as_the_light_seen_from_the_blocker() -> None:
-    """Under an edge at height h a light of angle w gives a penumbra 2 h tan(w / 2) wide, within a third."""
+    """Under an edge at height h a light of angle w gives a penumbra 2 h tan(w / 2) wide, within a third: texels of
+    2/3 of it are read bilinearly, which spreads an edge over one to two of them, by where it falls."""
     edge = sheet(0.06, half=0.08)
     edge = replace(edge, radius=np.where(edge.position[:, 0] > 0, 0, edge.radius))
     ground = discs([[0, 0, 0]], [1e-5])
@@ -82,9 +84,12 @@ def test_penumbra_is_as_wide_as_the_light_seen_from_the_blocker() -> None:
         shadow_map, _ = shadow(concatenate([edge, ground]), size_deg=size)
         light = shadow_map.shadow_at(np.stack([x, 0 * x, 0 * x], 1), lag=0.0)
         assert np.all(np.diff(light) > -0.02)
-        widths.append((np.interp(0.9, light, x) - np.interp(0.1, light, x)) / 0.8)
+        slope = np.maximum(np.diff(light), 0)
+        slope /= slope.sum()
+        middle = (x[1:] * slope).sum()
+        widths.append((12 * ((x[1:] - middle) ** 2 * slope).sum()) ** 0.5)  # of the even penumbra that varies as much
         assert np.interp(0.5, light, x) == pytest.approx(0.0, abs=0.004)
-    assert widths[0] < 0.004
+    assert widths[0] < 2 * shadow_map.texel
     for width, size in zip(widths[1:], (12.0, 24.0), strict=True):
         assert width == pytest.approx(2 * 0.06 * np.tan(radians(size) / 2), rel=0.34)
 
@@ -95,18 +100,24 @@ def test_layers_dim_the_light_by_one_minus_alpha_each(alpha: float) -> None:
     depths = np.array([0.0, 0.03, 0.06, 0.09, 0.12])
     stack = discs([[0, -d, 0] for d in depths], 0.004, opacity=alpha)
     shadow_map, light = shadow(stack, texel_radii=0.05)
-    np.testing.assert_allclose(light, (1 - alpha) ** np.arange(5), atol=0.03)
-    assert shadow_map.shadow_at([[0, -0.2, 0]])[0] == pytest.approx((1 - alpha) ** 5, abs=1e-3)
+    np.testing.assert_allclose(light, (1 - alpha) ** np.arange(5), atol=1e-5)
+    assert shadow_map.shadow_at([[0, -0.2, 0]])[0] == pytest.approx((1 - alpha) ** 5, abs=1e-5)
     assert shadow_map.shadow_at([[0.05, -0.2, 0], [0, 0.1, 0]]) == pytest.approx([1, 1])
 
 
-@pytest.mark.parametrize("angle", [0, 30, 60, 70])
+@pytest.mark.parametrize("angle", [0, 30, 60, 70, 80, 85])
 def test_a_sheet_does_not_shadow_itself(angle: float) -> None:
+    """What it loses of the light that falls on it, times the cosine it would be lit with: nothing up to 70 degrees.
+
+    Beyond, a texel's depth varies by more than the four texels that are allowed for, since more would let light leak
+    under what lies on the sheet; a 30th of the full light is lost at the most.
+    """
     plane = sheet(0.0, half=0.05)
     _, light = shadow(plane, (sin(radians(angle)), sin(radians(90 - angle)), 0))
     inner = np.abs(plane.position[:, [0, 2]]).max(axis=1) < 0.045
-    assert light[inner].mean() > 0.97
-    assert np.percentile(light[inner], 1) > 0.85
+    lost = (1 - light[inner]) * sin(radians(90 - angle))
+    assert lost.mean() < (0.001 if angle <= 70 else 0.033)
+    assert np.percentile(lost, 99) < (0.005 if angle <= 70 else 0.08)
 
 
 def test_a_thread_does_not_shadow_itself_and_shadows_what_lies_under_it() -> None:
@@ -122,7 +133,7 @@ def test_sky_over_a_plane_and_in_a_slot() -> None:
     """A plane sees all of it; the middle of a slot's floor, w wide and h deep, sin(atan(w / 2h))."""
     floor = sheet(0.0, half=0.06)
     inner = np.abs(floor.position[:, [0, 2]]).max(axis=1) < 0.05
-    assert sky(floor)[inner].mean() > 0.96
+    assert sky(floor)[inner].mean() > 0.975
     width, depth, step = 0.04, 0.03, 0.002
     z, y = np.meshgrid(np.arange(-0.2, 0.2, step), np.arange(0, depth, step))
     walls = []
@@ -137,9 +148,33 @@ def test_sky_over_a_plane_and_in_a_slot() -> None:
 
 
 def test_directions_are_even() -> None:
-    directions = sphere_directions(20)
+    """Unit, and with their opposites alike in all directions: the mean of d d^T is a third of the identity."""
+    directions = half_sphere(10)
     np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1)
-    np.testing.assert_allclose(directions.mean(axis=0), 0, atol=0.03)
+    np.testing.assert_allclose(directions.T @ directions / 10, np.eye(3) / 3, atol=1e-12)
+
+
+def test_sky_gradient_is_its_integral() -> None:
+    """A white Lambert surface turned any way under a sky from horizon to zenith, against the sum over the sphere."""
+    dome = Lighting(key=0, fill=0.8, sky=(0.2, 0.5, 1.0), horizon=(1.0, 0.7, 0.3), ground=(0.1, 0.2, 0.1), exposure=1)
+    k = np.arange(20_000)
+    y = 1 - (2 * k + 1) / len(k)
+    ring, around = np.sqrt(1 - y * y), pi * (3 - 5**0.5) * k
+    way = np.stack([ring * np.cos(around), y, ring * np.sin(around)], 1)
+    horizon, sky, ground = (np.array(c) for c in (dome.horizon, dome.sky, dome.ground))
+    radiance = np.where(y[:, None] > 0, horizon + (sky - horizon) * y[:, None], ground) * dome.fill * 2
+    for b in np.radians([0, 35, 90, 140, 180]):
+        cosine = np.maximum(way @ (np.sin(b), np.cos(b), 0), 0)
+        expected = (radiance * cosine[:, None]).sum(axis=0) * 4 / len(k)  # 4 pi / n, over pi
+        np.testing.assert_allclose(dome.ambient(np.cos(b)), expected, rtol=2e-3)
+        # And as it is drawn: one opaque disc of that normal, which faces the camera.
+        normal = np.array([np.sin(b), np.cos(b), 0.0])
+        disc = Particles([[0, 0, 0]], 0.1, (1, 1, 1), (0, 0, 1), normal, opacity=1.0)
+        side = (0, 0, 1) if abs(normal[1]) > 0.9 else UP
+        splatter = Splatter(16, 16).load(disc)
+        plain = Finish(fibre=0, specular=0, sheen=0, roundness=0)
+        splatter.render(look_at(0.2 * normal, (0, 0, 0), up=side, width=16, height=16), lighting=dome, finish=plain)
+        np.testing.assert_allclose(splatter.linear()[8, 8, :3], expected, atol=0.002 * 1.6)
 
 
 def cloth(seed: int = 3, count: int = 3000) -> Particles:
@@ -153,7 +188,7 @@ def cloth(seed: int = 3, count: int = 3000) -> Particles:
 
 
 FULL = Lighting(
-    direction=(0.4, 0.8, 0.3), key_follows_camera=False, shadows=True, occlusion=True, tone="neutral",
+    direction=(0.4, 0.8, 0.3), key_follows_camera=False, shadows=True, occlusion=True, tone="shoulder",
     others=(KeyLight(direction=(-0.4, 0.3, -0.8), casts_shadow=True, follows_camera=False),),
 )  # fmt: skip
 
@@ -194,10 +229,51 @@ def test_a_pass_is_made_once_a_pose_and_light() -> None:
     assert key_map.shadow_at([[0, 1, 0]])[0] == 1
 
 
+def test_light_maps_are_counted() -> None:
+    """What `light_bytes` says is not less than what the maps take, and nothing without shadows and occlusion."""
+    assert light_bytes(10**6, shadows=0, occlusion=False) == 0
+    splatter = Splatter(64, 64).load(cloth())
+    maps = splatter.cast_light(camera(64), FULL)
+    assert maps.nbytes <= light_bytes(len(cloth()), shadows=2, occlusion=True) < 12 * maps.nbytes
+
+
 def test_batches_make_no_light_pass() -> None:
     splatter = Splatter(64, 64)
     splatter.begin(camera(64), lighting=FULL).add(cloth()).add(cloth(4)).finish()
     assert splatter.light.passes == 0
+
+
+def test_batches_are_lit_by_maps_of_the_whole() -> None:
+    """Two halves drawn one behind the other, in the light maps of both, give the picture of both."""
+    near, far = cloth(), cloth(4)
+    near = replace(near, position=near.position + np.float32([0, 0.15, 0.15]))
+    splatter = Splatter(96, 96, opaque=0.0).load(concatenate([near, far]))
+    whole = splatter.render(camera(), lighting=FULL).astype(int)
+    bare = splatter.render(camera(), lighting=FULL.without_passes()).astype(int)
+    splatter.light.hold(splatter.cast_light(camera(), FULL))
+    drawn = splatter.begin(camera(), lighting=FULL).add(near).add(far).finish().astype(int)
+    # Depth keys have 22 bits of each batch's own depth: a pair of particles may change places.
+    assert np.percentile(np.abs(drawn - whole), 99) <= 2
+    assert np.abs(whole - bare).mean() > 4
+    splatter.light.hold(None)
+    assert splatter.load(near).cast_light(camera(), FULL).nbytes > 0
+
+
+@pytest.mark.parametrize("moved", [0.3, -0.4])
+def test_texels_stay_where_they_are_while_things_move(moved: float) -> None:
+    """A particle at the rim moves by less than a texel, and with it the box of all: the others' light stays."""
+    still = concatenate([cloth(), discs([[0.2, 0.0, 0.0]], 0.002)])
+    layout, blocks, box = pack(still, textured=False)
+    before = cast(layout, blocks, box, (0.3, 1, 0.2), size_deg=8)
+    place = still.position.copy()
+    place[-1] += np.float32([moved, 0.2 * moved, moved]) * before.texel
+    layout, blocks, box = pack(replace(still, position=place), textured=False)
+    after = cast(layout, blocks, box, (0.3, 1, 0.2), size_deg=8)
+    assert after.texel == before.texel
+    shift = (after.axes[3, :2] - before.axes[3, :2]) / before.texel
+    np.testing.assert_allclose(shift, np.round(shift), atol=1e-3)
+    points = still.position[:-1]
+    np.testing.assert_allclose(after.shadow_at(points), before.shadow_at(points), atol=2e-4)
 
 
 def test_shadow_falls_on_the_image() -> None:
@@ -250,10 +326,16 @@ def test_a_fibre_sends_out_no_more_than_comes_in(name: str) -> None:
     for degrees in (0, 20, 40, 60, 80):
         r, tt, trt = scattered(finish, radians(degrees))
         diffuse = 1 - finish.reflect - finish.transmit - finish.internal
-        assert r + tt + trt + diffuse <= 1.05 if degrees < 70 else r + tt + trt <= 1
+        # R grows towards grazing light, and the diffuse share does not give that up: 1 % for the brightest R.
+        assert r + tt + trt + diffuse <= 1.011
+    # At normal incidence M is a Gaussian in the sine of th_r, whose width is known, over cos th_d.
+    th = np.linspace(-pi / 2, pi / 2, 20_001)
     normal = scattered(replace(finish, spread=6), 0.0)
-    assert normal[1] == pytest.approx(finish.transmit, rel=0.06)
-    assert normal[2] == pytest.approx(finish.internal, rel=0.1)
+    for got, weight, width in ((normal[1], finish.transmit, 1), (normal[2], finish.internal, 4)):
+        sigma = width * sin(radians(6))
+        m = np.exp(-0.5 * (np.sin(th) / sigma) ** 2) / (sigma * (2 * pi) ** 0.5)
+        share = (m * np.cos(th) ** 2 / np.sqrt(0.5 + 0.5 * np.cos(th))).sum() * (th[1] - th[0])
+        assert got == pytest.approx(weight * share, rel=0.01)
     assert normal[0] >= 0.95 * finish.reflect
 
 
@@ -314,7 +396,7 @@ def test_tone_curves(tone) -> None:
     colours = np.array([0.05, 0.4, 0.9])
     np.testing.assert_allclose(tone_curve(tone, tone_inverse(tone, colours)), colours, atol=1e-4)
     assert len(tone_table(tone, 4096)) == 4097
-    if tone == "neutral":
+    if tone == "shoulder":
         np.testing.assert_allclose(tone_curve(tone, colours[:2]), colours[:2])
 
 

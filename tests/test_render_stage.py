@@ -8,6 +8,7 @@ from taichi_cloth.render.light import Background, Lighting
 from taichi_cloth.render.mesh import Mesh
 from taichi_cloth.render.paint import paint
 from taichi_cloth.render.particles import Particles
+from taichi_cloth.render.splat import Splatter
 from taichi_cloth.render.stage import CELLS, Stage, stage_under
 
 OVERHEAD = Lighting(direction=(0.0, 1.0, 0.0), key_follows_camera=False)
@@ -35,6 +36,23 @@ def test_key_shadow_lies_away_from_the_light() -> None:
     assert (column + 0.5) / CELLS - 0.5 == pytest.approx(-0.2 * 0.6 / 0.8, abs=2e-3)
     assert (row + 0.5) / CELLS - 0.5 == pytest.approx(0, abs=2e-3)
     assert dark.sum() == pytest.approx(np.pi * 0.1**2 * CELLS**2, rel=0.01)  # as much light as is missing
+
+
+def test_floor_takes_the_shadow_from_the_key_map() -> None:
+    """A square plate over the floor, light at 45 degrees: its outline, moved by its height."""
+    x = np.arange(-0.1, 0.1001, 0.004)
+    place = np.stack(np.meshgrid(x, [0.2], x, indexing="ij"), -1).reshape(-1, 3)
+    cloth = Particles(place, 0.004, (1, 1, 1), (1, 0, 0), (0, 1, 0), opacity=1.0)
+    light = Lighting(direction=(1.0, 1.0, 0.0), key_follows_camera=False, shadows=True, size=0.0)
+    view = look_at((0, 1.2, 0.8), (0, 0, 0), width=64, height=48, fov=50)
+    key = Splatter(64, 48).load(cloth).cast_light(view, light).lights[0]
+    assert key is not None
+    dark = 1 - Stage(0.0, (0.0, 0.0), 0.5, np.array([0.2]), np.zeros((1, CELLS, CELLS), np.float32)).key_mapped(key)
+    column = (dark.sum(axis=0) * np.arange(CELLS)).sum() / dark.sum()
+    assert (column + 0.5) / CELLS - 0.5 == pytest.approx(-0.2, abs=2e-3)
+    # With the rim of the discs, 0.004 wide, which face the light and are longer on the floor by sqrt(2).
+    assert dark.sum() / CELLS**2 == pytest.approx(0.208 * (0.2 + 0.008 * 2**0.5), rel=0.03)
+    assert dark.max() > 0.97
 
 
 def test_floor_is_darkest_below_and_fades_into_the_background() -> None:

@@ -11,8 +11,9 @@ from taichi_cloth.contours import contour
 from taichi_cloth.refine import RefiningStream
 from taichi_cloth.render.camera import Camera, frame
 from taichi_cloth.render.particles import Particles
+from taichi_cloth.render.passes import render_passes
 from taichi_cloth.render.splat import Splatter
-from taichi_cloth.render.stream import stream
+from taichi_cloth.render.stream import stream, stream_passes
 from taichi_cloth.scenes.gains import colours_at, crossings, fit_gains, fit_surface, seen_at
 from taichi_cloth.scenes.load import load_scene
 from taichi_cloth.scenes.models import FabricModel, build
@@ -76,6 +77,31 @@ def test_windows_are_one_picture(model: FabricModel, particles: Particles, camer
         assert stats.largest <= most * 1.1
         sizes.append(stats.batches)
     assert sizes[0] == 1 < sizes[1] < sizes[2]
+
+
+def test_passes_of_windows_and_batches_are_those_of_one_picture(model: FabricModel, camera: Camera) -> None:
+    particles = model.panels()[0].particles
+    numbers = model.numbers()
+    particles = replace(particles, yarn=numbers.yarn, part=numbers.part)
+    splatter = Splatter(*SIZE).load(particles)
+    splatter.render(camera)
+    whole = render_passes(splatter, camera, particles)
+    source = FabricStream(model.fabric, model.points, target=0)
+    for most in (20_000, 300):  # windows; and so little that tiles take several batches
+        _, passes = stream_passes(splatter, camera, source, most=most)
+        assert whole.depth is not None
+        assert passes.depth is not None
+        assert passes.mask is not None
+        seen = whole.depth > 0
+        assert (seen == (passes.depth > 0)).mean() > 0.995
+        np.testing.assert_allclose(passes.mask, whole.mask, atol=0.1)
+        # Pieces of batches lie one behind the other as wholes: where two cross, the nearer middle wins.
+        both = seen & (passes.depth > 0)
+        near = np.abs(passes.depth - whole.depth)[both] < 2 * particles.radius.max()
+        assert near.mean() > (0.99 if most == 20_000 else 0.8)
+        for name in ("yarn", "part"):
+            same = (getattr(passes, name) == getattr(whole, name))[both]
+            assert same.mean() > (0.985 if most == 20_000 else 0.8), name
 
 
 def test_memory_is_bounded_by_the_batch(model: FabricModel, camera: Camera) -> None:

@@ -1,0 +1,267 @@
+"""The sky seen through particles: kernels of the maps that ambient occlusion reads (see `occlusion`).
+
+A map looks along one direction and answers for both of its ends. Layers are laid between the first and the last
+depth of each texel, fine near both: with f behind the first, g before the last and a length h
+
+    k = 16 w(f) / (w(f) + w(g)),   w(d) = d / (d + h)
+
+is even through a thin cloth and fine at both of its walls where the map looks through a whole garment. A piece of
+fibre of area A and opacity a takes the optical depth DENSITY a A / texel^2, laid at points along its axis and shared
+bilinearly between four texels. A direction belongs to one thread.
+"""
+
+# In kernels a name stands for a Taichi expression, which type checkers cannot follow.
+# pyright: reportIndexIssue=false, reportArgumentType=false, reportOptionalCall=false, reportReturnType=false
+
+import taichi as ti
+
+from .arrays import LANES, Blocks, Float, Floats1, Floats2, Floats3, Int, Ints2, Switch, Vec16
+from .blocks import NORMAL, POSITION, RADIUS, TANGENT
+from .fibre import decay
+from .sort import CHUNK_STEPS, share
+from .transmittance import AWAY, EMPTY, LAYERS, ORIGIN, RIGHT, SCALE, UP
+
+__all__ = ["SCRATCH_ROWS", "fill", "look", "look_at"]
+
+DENSITY = 1.6
+"""Optical depth of a texel covered once by an opaque fibre: spread evenly, as a fibre that covers its middle is."""
+
+SCRATCH_ROWS = 8
+"""Of a particle on a map: u, v [texels], depth [m], optical depth of a point, steps of u, v, depth, points."""
+
+MOST_POINTS = 12.0
+APART = 2.0
+"""Distance between the points of a fibre [texels]."""
+
+
+@ti.func
+def _coordinate(f, g, h):
+    """Layer coordinate 0..16."""
+    front = f * (g + h)
+    return ti.min(16.0 * front / (front + g * (f + h) + 1e-30), 16.0)
+
+
+@ti.kernel
+def fill(
+    layout: Switch,
+    chunks: Int,
+    stretch: Float,
+    particles: Blocks,
+    block_count: Int,
+    axes: Floats3,
+    maps: Ints2,
+    fine: Float,
+    # scratch of a chunk, as vectors and as numbers:
+    vectors: Blocks,
+    numbers: Floats3,
+    # out, all maps one after another; rows_out is depth_out seen as vectors:
+    first_out: Floats1,
+    last_out: Floats1,
+    depth_out: Floats2,
+    rows_out: Blocks,
+):
+    """First and last depth [m] and optical depth up to the end of each layer, shape (texels,), (texels, 16).
+
+    axes: (maps, 5, 3) as in `transmittance`; maps: rows (first texel, width, height). stretch: each piece stands
+    for so many, and is that much longer.
+    """
+    for step in range(chunks * CHUNK_STEPS):
+        if step % CHUNK_STEPS != 0:
+            continue
+        chunk = step // CHUNK_STEPS
+        at = chunk * block_count
+        for m in range(share(maps.shape[0], chunk, chunks), share(maps.shape[0], chunk + 1, chunks)):
+            texels = axes[m, SCALE, 0]
+            begin = maps[m, 0]
+            width = maps[m, 1]
+            high = maps[m, 2]
+            for b in range(block_count):
+                px = particles[b, POSITION]
+                py = particles[b, POSITION + 1]
+                pz = particles[b, POSITION + 2]
+                size = particles[b, RADIUS] * texels
+                u = px * axes[m, RIGHT, 0] + py * axes[m, RIGHT, 1] + pz * axes[m, RIGHT, 2] - axes[m, ORIGIN, 0]
+                v = px * axes[m, UP, 0] + py * axes[m, UP, 1] + pz * axes[m, UP, 2] - axes[m, ORIGIN, 1]
+                vectors[at + b, 0] = u * texels - 0.5
+                vectors[at + b, 1] = v * texels - 0.5
+                vectors[at + b, 2] = (
+                    px * axes[m, AWAY, 0] + py * axes[m, AWAY, 1] + pz * axes[m, AWAY, 2] - axes[m, ORIGIN, 2]
+                )
+                optical = size * size * (3.1416 * DENSITY * stretch)
+                if ti.static(layout.elliptic):
+                    tx = particles[b, TANGENT]
+                    ty = particles[b, TANGENT + 1]
+                    tz = particles[b, TANGENT + 2]
+                    half = 0.5 * stretch * particles[b, layout.half_length_row]
+                    e_x = (tx * axes[m, RIGHT, 0] + ty * axes[m, RIGHT, 1] + tz * axes[m, RIGHT, 2]) * half
+                    e_y = (tx * axes[m, UP, 0] + ty * axes[m, UP, 1] + tz * axes[m, UP, 2]) * half
+                    e_z = (tx * axes[m, AWAY, 0] + ty * axes[m, AWAY, 1] + tz * axes[m, AWAY, 2]) * half
+                    long = ti.sqrt(e_x * e_x + e_y * e_y) * texels
+                    points = ti.min(ti.max(ti.floor(long * (2.0 / APART) + 1.0), 1.0), MOST_POINTS)
+                    spacing = 2.0 / points
+                    vectors[at + b, 4] = e_x * texels * spacing
+                    vectors[at + b, 5] = e_y * texels * spacing
+                    vectors[at + b, 6] = e_z * spacing
+                    vectors[at + b, 7] = points
+                    optical = size * ti.sqrt(size * size + long * long) * (3.1416 * DENSITY) / points
+                if ti.static(layout.opacity):
+                    optical *= ti.min(ti.max(particles[b, layout.opacity_row], 0.0), 1.0)
+                else:
+                    optical *= axes[m, SCALE, 1]
+                vectors[at + b, 3] = optical
+            for cell in range(begin, begin + width * high):
+                first_out[cell] = EMPTY
+                last_out[cell] = -EMPTY
+            for turn in range(2):
+                for i in range(block_count * LANES):
+                    b = at + i // LANES
+                    lane = i % LANES
+                    optical = numbers[b, 3, lane]
+                    if optical > 0.0:
+                        points = 1
+                        u = numbers[b, 0, lane]
+                        v = numbers[b, 1, lane]
+                        depth = numbers[b, 2, lane]
+                        if ti.static(layout.elliptic):
+                            points = ti.cast(numbers[b, 7, lane], ti.i32)
+                            back = 0.5 * (points - 1.0)
+                            u -= back * numbers[b, 4, lane]
+                            v -= back * numbers[b, 5, lane]
+                            depth -= back * numbers[b, 6, lane]
+                        for _ in range(points):
+                            left = ti.min(ti.max(ti.cast(u, ti.i32), 0), width - 2)
+                            top = ti.min(ti.max(ti.cast(v, ti.i32), 0), high - 2)
+                            cell = begin + top * width + left
+                            if turn == 0:
+                                for j in ti.static(range(4)):
+                                    c = cell + (j // 2) * width + j % 2
+                                    first_out[c] = ti.min(first_out[c], depth)
+                                    last_out[c] = ti.max(last_out[c], depth)
+                            else:
+                                f = u - left
+                                g = v - top
+                                for j in ti.static(range(4)):
+                                    c = cell + (j // 2) * width + j % 2
+                                    part = (f if ti.static(j % 2 == 1) else 1.0 - f) * (
+                                        g if ti.static(j // 2 == 1) else 1.0 - g
+                                    )
+                                    k = _coordinate(depth - first_out[c], last_out[c] - depth, fine)
+                                    layer = ti.min(ti.cast(k, ti.i32), LAYERS - 1)
+                                    depth_out[c, layer] += optical * part
+                            if ti.static(layout.elliptic):
+                                u += numbers[b, 4, lane]
+                                v += numbers[b, 5, lane]
+                                depth += numbers[b, 6, lane]
+                for cell in range(begin, begin + width * high):
+                    if first_out[cell] < EMPTY:
+                        if turn == 0:
+                            rows_out[cell, 0] = Vec16(0.0)
+                        else:
+                            row = rows_out[cell, 0]
+                            total = 0.0
+                            for k in ti.static(range(LAYERS)):
+                                total += row[k]
+                                row[k] = total
+                            rows_out[cell, 0] = row
+
+
+@ti.func
+def _seen(
+    px, py, pz, nx, ny, nz, offset, lag,
+    axes: Floats3, maps: Ints2, fine, first: Floats1, last: Floats1, depth_of: Floats2,
+):  # fmt: skip
+    """The share of the sky, by the cosine to the normal, that is seen from a place moved `offset` out along it."""
+    total = 0.0
+    weight = 0.0
+    px += offset * nx
+    py += offset * ny
+    pz += offset * nz
+    for m in range(maps.shape[0]):
+        cosine = -(nx * axes[m, AWAY, 0] + ny * axes[m, AWAY, 1] + nz * axes[m, AWAY, 2])
+        front = cosine > 0.0
+        cosine = ti.abs(cosine)
+        texels = axes[m, SCALE, 0]
+        width = maps[m, 1]
+        high = maps[m, 2]
+        u = (px * axes[m, RIGHT, 0] + py * axes[m, RIGHT, 1] + pz * axes[m, RIGHT, 2] - axes[m, ORIGIN, 0]) * texels
+        v = (px * axes[m, UP, 0] + py * axes[m, UP, 1] + pz * axes[m, UP, 2] - axes[m, ORIGIN, 1]) * texels
+        depth = px * axes[m, AWAY, 0] + py * axes[m, AWAY, 1] + pz * axes[m, AWAY, 2] - axes[m, ORIGIN, 2]
+        # How the depth of a surface varies over a texel: 1 + tan of the angle, up to 4.
+        moved = lag * (1.0 + ti.min(ti.sqrt(ti.max(1.0 - cosine * cosine, 0.0)) / ti.max(cosine, 0.05), 3.0))
+        depth += ti.select(front, -moved, moved)
+        u = ti.min(ti.max(u - 0.5, 0.0), width - 1.001)
+        v = ti.min(ti.max(v - 0.5, 0.0), high - 1.001)
+        left = ti.cast(u, ti.i32)
+        top = ti.cast(v, ti.i32)
+        s = u - left
+        t = v - top
+        passing = 0.0
+        for j in ti.static(range(4)):
+            part = (s if ti.static(j % 2 == 1) else 1.0 - s) * (t if ti.static(j // 2 == 1) else 1.0 - t)
+            c = maps[m, 0] + (top + j // 2) * width + left + j % 2
+            f = depth - first[c]
+            g = last[c] - depth
+            optical = 0.0
+            if (front and f > 0.0) or (not front and g > 0.0):  # never where the texel is empty
+                k = _coordinate(ti.max(f, 0.0), ti.max(g, 0.0), fine)
+                k = ti.max(k - 1.0, 0.0) if front else ti.min(k + 1.0, 16.0)
+                low = ti.min(ti.cast(k, ti.i32), LAYERS - 1)
+                before = depth_of[c, ti.max(low - 1, 0)] * ti.cast(low > 0, ti.f32)
+                optical = before + (k - low) * (depth_of[c, low] - before)
+                if not front:
+                    optical = depth_of[c, LAYERS - 1] - optical
+            passing += part * decay(optical)
+        total += cosine * passing
+        weight += cosine
+    return total / ti.max(weight, 1e-6)
+
+
+@ti.kernel
+def look(
+    particles: Floats3,
+    axes: Floats3,
+    maps: Ints2,
+    offset: Float,
+    fine: Float,
+    first: Floats1,
+    last: Floats1,
+    depth_of: Floats2,
+    row: Int,
+    # out:
+    light_out: Floats3,
+):
+    """light_out[block, row, lane]: the share of the sky that packed particles see, 0..1."""
+    for i in range(particles.shape[0] * LANES):
+        b = i // LANES
+        lane = i % LANES
+        value = 1.0
+        size = particles[b, RADIUS, lane]
+        if size > 0.0:
+            value = _seen(
+                particles[b, POSITION, lane], particles[b, POSITION + 1, lane], particles[b, POSITION + 2, lane],
+                particles[b, NORMAL, lane], particles[b, NORMAL + 1, lane], particles[b, NORMAL + 2, lane],
+                offset + 0.5 * size, offset + 0.25 * size, axes, maps, fine, first, last, depth_of,
+            )  # fmt: skip
+        light_out[b, row, lane] = value
+
+
+@ti.kernel
+def look_at(
+    points: Floats2,
+    normals: Floats2,
+    axes: Floats3,
+    maps: Ints2,
+    offset: Float,
+    fine: Float,
+    first: Floats1,
+    last: Floats1,
+    depth_of: Floats2,
+    # out:
+    light_out: Floats1,
+):
+    """light_out[i]: the share of the sky that points (n, 3) [m] with normals (n, 3) see, 0..1."""
+    for i in range(points.shape[0]):
+        light_out[i] = _seen(
+            points[i, 0], points[i, 1], points[i, 2], normals[i, 0], normals[i, 1], normals[i, 2],
+            offset, offset, axes, maps, fine, first, last, depth_of,
+        )  # fmt: skip

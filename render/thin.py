@@ -1,0 +1,71 @@
+"""Fewer particles for light: every so many along a fibre, and what was found for those, for all between them.
+
+Where neighbours in a block follow one another along a fibre and overlap (`chained`), light hardly differs from one
+to the next. Where a fibre ends and another begins among the 16 of a block the distance says so: what lies between two
+samples takes theirs by 1 / distance^2.
+"""
+
+# In kernels a name stands for a Taichi expression, which type checkers cannot follow.
+# pyright: reportIndexIssue=false, reportArgumentType=false, reportOptionalCall=false, reportReturnType=false
+
+import numpy as np
+import taichi as ti
+from numpy.typing import NDArray
+
+from .arrays import LANES, Floats3, Int, Switch
+from .blocks import POSITION, RADIUS, Layout
+
+__all__ = ["chained", "spread", "thin"]
+
+
+def chained(layout: Layout, blocks: NDArray[np.float32]) -> bool:
+    """Whether most neighbours of up to 64 blocks, spread evenly, are nearer than half their length."""
+    if not layout.elliptic or not len(blocks):
+        return False
+    sample = blocks[:: max(1, len(blocks) // 64)]
+    there = (sample[:, RADIUS, 1:] > 0) & (sample[:, RADIUS, :-1] > 0)
+    apart = np.linalg.norm(np.diff(sample[:, POSITION : POSITION + 3], axis=2), axis=1)
+    return bool(there.any() and np.mean((apart < sample[:, layout.half_length_row, 1:])[there]) > 0.5)
+
+
+@ti.kernel
+def thin(stride: Switch, rows: Int, particles: Floats3, thin_out: Floats3):
+    """Every stride-th particle, packed again: thin_out (ceil(blocks / stride), rows, 16); radius 0 at the end."""
+    for b in range(thin_out.shape[0]):
+        whole = (b + 1) * stride <= particles.shape[0]
+        for row in range(rows):
+            for lane in ti.static(range(LANES)):
+                source = b * stride + lane * stride // LANES
+                value = 0.0
+                if whole or source < particles.shape[0]:
+                    value = particles[source, row, ti.static(lane * stride % LANES)]
+                thin_out[b, row, lane] = value
+
+
+@ti.kernel
+def spread(stride: Switch, particles: Floats3, found: Floats3, row: Int, light_out: Floats3):
+    """light_out[block, row, lane] of what was found (thin blocks, 1, 16) for every stride-th particle."""
+    count = particles.shape[0] * LANES
+    for b in range(particles.shape[0]):
+        for lane in range(LANES):
+            i = b * LANES + lane
+            one = i // stride
+            value = found[one // LANES, 0, one % LANES]
+            if i % stride != 0 and (one + 1) * stride < count:
+                two = one + 1
+                near = 0.0
+                far = 0.0
+                j = one * stride
+                k = two * stride
+                for c in ti.static(range(3)):
+                    here = particles[b, POSITION + c, lane]
+                    x = particles[j // LANES, POSITION + c, j % LANES] - here
+                    y = particles[k // LANES, POSITION + c, k % LANES] - here
+                    near += x * x
+                    far += y * y
+                if particles[k // LANES, RADIUS, k % LANES] > 0.0:
+                    if particles[j // LANES, RADIUS, j % LANES] <= 0.0:
+                        near = 1e20
+                    other = found[two // LANES, 0, two % LANES]
+                    value += near / (near + far + 1e-20) * (other - value)
+            light_out[b, row, lane] = value
