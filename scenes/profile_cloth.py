@@ -68,7 +68,8 @@ def cloth_profile_lines(scene: Scene, *, repeats: int) -> Iterator[str]:
         for form, draw in drawing.items():
             for stage, work in draw.items():
                 clock.time(f"{stage}, {form}", work)
-    yield f"{sheet.shape[0]} × {sheet.shape[1]} key points, {follower.particles:,} particles, {solver.substeps} substeps"
+    size = f"{sheet.shape[0]} × {sheet.shape[1]} key points"
+    yield f"{size}, {follower.particles:,} particles, {solver.substeps} substeps a frame"
     for stage in clock.times:
         times = clock.times[stage]
         yield f"  {stage:<20} {np.median(times):>8.2f} ms  ({min(times):.2f} to {max(times):.2f})"
