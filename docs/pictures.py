@@ -10,6 +10,7 @@ from taichi_cloth import runtime
 from taichi_cloth.contours import known_contours
 from taichi_cloth.render.caption import label
 from taichi_cloth.render.image import contact_sheet
+from taichi_cloth.scenes.cloth import ClothModel
 from taichi_cloth.scenes.load import load_scene
 from taichi_cloth.scenes.models import build
 from taichi_cloth.scenes.view import View
@@ -80,6 +81,26 @@ def fringe() -> np.ndarray:
     return picture("plain", *backlit, *woolly, *view, size=(1800, 1080))[0]
 
 
+def moved(name: str, *overrides: str, size: tuple[int, int], frame: int) -> np.ndarray:
+    """A frame of a cloth that moves."""
+    model = build(load_scene(name, list(overrides)))
+    model.step(frame)
+    return next(image for _, image in View(model, size).turntable(1, [0]))
+
+
+def drape(*overrides: str, size: tuple[int, int] = (1080, 960)) -> np.ndarray:
+    """One sheet as a mesh and as fibres (paper, Figure 9)."""
+    images, simulation = [], None
+    for form in ("mesh", "fibre"):
+        model = build(load_scene("drape", [f"cloth.representation={form}", "camera.zoom=1.15", *overrides]))
+        assert isinstance(model, ClothModel)
+        model.simulation = simulation or model.simulation
+        model.step(model.frames - 1)
+        simulation = model.simulation
+        images += [image for _, image in View(model, size).turntable(1, [0])]
+    return np.concatenate(images, axis=1)
+
+
 def zoomed() -> np.ndarray:
     """Twelve frames of `taichi-cloth zoom swatch`."""
     view = View(build(load_scene("swatch", [])), (960, 640))
@@ -91,6 +112,9 @@ PICTURES = {
     "distances": distances,
     "fringe": fringe,
     "zoom": zoomed,
+    "drape": drape,
+    "flag": lambda: moved("flag", size=FABRIC, frame=90),
+    "hanging": lambda: moved("hanging", size=(1080, 1350), frame=60),
     "swatch": lambda: picture("swatch", size=FABRIC)[0],
     "fibre": fibre,
     "yarn": lambda: picture("yarn", size=(800, 1200))[0],

@@ -32,8 +32,8 @@ class PropertiesSection(Section):
 class PinsSection(Section):
     """Key points that are held. `pull_mm` moves the right edge away from the left one, half of it on each side."""
 
-    edges: list[Edge] = []
-    corners: list[Corner] = []
+    edges: tuple[Edge, ...] = ()
+    corners: tuple[Corner, ...] = ()
     pull_mm: float = Field(default=0.0, ge=0, le=1e5, description="how far left and right edge are pulled apart [mm]")
     pull_s: Positive = Field(default=1.0, description="how long that takes [s]")
 

@@ -56,6 +56,12 @@ def profile_lines(
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     yield f"{_cpu_name()}, {cores} cores; Taichi on {started.arch}, {started.threads} threads"
     yield f"medians of {repeats} (least to greatest)"
+    if scene.subject == "cloth":
+        from .profile_cloth import cloth_profile_lines
+
+        yield f"scene {name}"
+        yield from cloth_profile_lines(scene, repeats=repeats)
+        return
     yield from _scene_lines(scene, name, repeats)
     yield from _fabric_lines(repeats)
     yield from _garment_lines(repeats)

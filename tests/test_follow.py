@@ -1,6 +1,9 @@
 """Fibres that follow: rigid under rotation, equal to the plain loop, smooth across key points; crossings between."""
 
+import subprocess
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -196,3 +199,32 @@ def test_crossings_of_a_mask_lie_between_present_key_points_only() -> None:
     assert not mask[:9, :9].any()
     assert mask[9:, :].all()
     assert mask[:, 9:].all()
+
+
+THREADS = """
+import hashlib, sys
+import numpy as np
+from taichi_cloth import runtime
+runtime.start("cpu", threads=int(sys.argv[1]))
+sys.path.insert(0, sys.argv[2])
+from test_fabric import woven
+from taichi_cloth.blocks import build_fabric
+from taichi_cloth.crossings import refine_points
+from taichi_cloth.fabric import pose_points
+from taichi_cloth.follow import FibreFollower
+fabric = build_fabric(woven(ends=41, picks=41, fibres=2, steps=4, fringe=1.0))
+coarse = np.random.default_rng(5).normal(size=(11, 11, 3))
+groups = FibreFollower(fabric).follow(refine_points(coarse, None, 4))
+print(hashlib.sha256(groups.tobytes()).hexdigest(), len(fabric.layout.blocks.kind))
+"""
+
+
+def test_the_same_bytes_with_one_thread_and_two() -> None:
+    """More than 1024 blocks, so that two threads share them; in processes of their own, as Taichi starts anew."""
+    here = str(Path(__file__).parent)
+    said = [
+        subprocess.run([sys.executable, "-c", THREADS, str(n), here], capture_output=True, text=True, check=True).stdout
+        for n in (1, 2)
+    ]
+    assert said[0] == said[1]
+    assert int(said[0].split()[1]) > 1024
