@@ -37,6 +37,10 @@ class Pass:
         """On the host, after each frame: the place to report that a capacity was too small."""
 
     @ti.func
+    def before(self, work: Template, at: Template, first, last, shift, done, n: Template):
+        """Before the stencil of substep number `done`; where `paired`, of each even one. Arguments as of `after`."""
+
+    @ti.func
     def after(self, work: Template, at: Template, first, last, shift, done, n: Template):
         """After the stencil of substep number `done` of the frame, from 0.
 

@@ -85,7 +85,7 @@ class ClothContact(Pass):
         self.panel, self.order, self.bucket = (ti.field(ti.i32, self.size) for _ in range(3))
         self.start = ti.field(ti.i32, 2 ** (3 * _BITS) + 1)
         self.cursor = ti.field(ti.i32, 2 ** (3 * _BITS))
-        self.before = [ti.field(ti.f32, self.size) for _ in range(3)]
+        self.reference = [ti.field(ti.f32, self.size) for _ in range(3)]
         self.pair_point, self.pair_face = (ti.field(ti.i32, self.pair_room) for _ in range(2))
         self.point, self.face = (ti.field(ti.i32, self.contact_room) for _ in range(2))
         self.normal = [ti.field(ti.f32, self.contact_room) for _ in range(3)]
@@ -129,11 +129,12 @@ class ClothContact(Pass):
         return ((i & mask) << (2 * _BITS)) | ((j & mask) << _BITS) | (k & mask)
 
     @ti.func
-    def after(self, work: Template, at: Template, first, last, shift, done, n: Template):
-        if done <= 1:
-            self.until[None] = 0
-        if done >= self.until[None]:
+    def before(self, work: Template, at: Template, first, last, shift, done, n: Template):
+        if done == 0 or done >= self.until[None]:
             self.refresh(work, at, first * LANES, last * LANES, done)
+
+    @ti.func
+    def after(self, work: Template, at: Template, first, last, shift, done, n: Template):
         self.solve(work, at, done)
 
     @ti.func
@@ -144,7 +145,7 @@ class ClothContact(Pass):
         for p in range(first, last):
             if self.panel[p] > 0:
                 step += self.at(d, p)
-                shift += self.at(x, p) - self.at(self.before, p)
+                shift += self.at(x, p) - self.at(self.reference, p)
                 count += 1
         step /= count
         shift /= count
@@ -152,10 +153,10 @@ class ClothContact(Pass):
         for p in range(first, last):
             if self.panel[p] > 0:
                 fastest = ti.max(fastest, (self.at(d, p) - step).norm_sqr())
-                farthest = ti.max(farthest, (self.at(x, p) - self.at(self.before, p) - shift).norm_sqr())
+                farthest = ti.max(farthest, (self.at(x, p) - self.at(self.reference, p) - shift).norm_sqr())
         fastest, farthest = _GROWTH * ti.sqrt(fastest), ti.sqrt(farthest)
         held = 2 * ti.cast(ti.min(ti.max(self.band / (4.0 * fastest), 1.0), LONGEST_HOLD / 2), ti.i32)
-        if done <= 1 or 2.0 * (farthest + held * fastest) > self.margin - self.band:
+        if done == 0 or 2.0 * (farthest + held * fastest) > self.margin - self.band:
             self.search(work, at, first, last)
         self.meet(work, at)
         self.until[None] = done + held
@@ -174,7 +175,7 @@ class ClothContact(Pass):
                 self.bucket[p] = key
                 self.start[key + 1] += 1
                 for c in ti.static(range(3)):
-                    self.before[c][p] = x[c][p]
+                    self.reference[c][p] = x[c][p]
         for k in range(1, self.start.shape[0]):
             self.start[k] += self.start[k - 1]
             self.cursor[k - 1] = self.start[k - 1]

@@ -234,6 +234,10 @@ class _Workspace(Stencil):
                 air = wind + done * change
                 b0 = self.blocks(strip, ti.max(first - halo, lowest))
                 b1 = self.blocks(strip, ti.min(last + halo, highest))
+                for one in ti.static(self.passes):
+                    if ti.static(not one.paired or half == 0):
+                        if not one.paired or done % 2 == 0:
+                            one.before(self, half, b0, b1, -base * self.width, begun + done, n)
                 for b in range(b0, b1):
                     self.substep(half, features, b * LANES, air, n)
                 if ti.static(features.limit):
