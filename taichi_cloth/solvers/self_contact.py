@@ -44,7 +44,7 @@ LONGEST_HOLD = 8
 
 _GROWTH = 1.25  # by which the fastest key point may grow faster while contacts are held
 _BITS = 5  # the grid wraps around after 2⁵ cells along each axis; what meets there by chance is told apart by distance
-_PAIRS, _CONTACTS = 32, 12  # room, for each key point
+_PAIRS, _CONTACTS = 128, 32  # room, for each key point
 
 MEND = 0.1
 """Share of the depth beyond the approach that is mended in a substep."""

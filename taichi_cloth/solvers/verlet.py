@@ -310,5 +310,5 @@ class _Workspace(Stencil):
                 wind = ti.Vector([wind_x, wind_y, wind_z])
                 change = ti.Vector([change_x, change_y, change_z])
                 self.frame(
-                    strip, source, rows[strip, 0], rows[strip, 1], n, wind, change, begun, count, features, target
+                    strip, source, rows[strip, 0], rows[strip, 1], n, wind, change, begun, count, pairs, features, target
                 )
