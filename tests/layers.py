@@ -1,4 +1,4 @@
-"""How near the layers of a sheet lie, and where they cross: by brute force, in float64, apart from the code under test."""
+"""How near the layers of a sheet lie, and where they cross: by brute force, in float64, apart from what is tested."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,15 +25,17 @@ def threads(sheet: Sheet) -> NDArray:
     return np.concatenate([along, across])
 
 
-def crossings(sheet: Sheet, x: NDArray) -> int:
-    """Threads that pass through a triangle they share no corner with."""
+def crossings(sheet: Sheet, x: NDArray, *, apart: int = 0) -> int:
+    """Threads that pass through a triangle all of whose corners lie more than `apart` rows away and which is not one
+    of its own corners' triangles."""
     y, tri, edge = x.reshape(-1, 3).astype(float), triangles(sheet), threads(sheet)
     a, b, c = (y[tri[:, k]] for k in range(3))
     n = np.cross(b - a, c - a)
     count = 0
     for p, q in edge:
         s, t = np.einsum("ij,ij->i", n, y[p] - a), np.einsum("ij,ij->i", n, y[q] - a)
-        near = (s * t < 0) & ~(tri == p).any(1) & ~(tri == q).any(1)
+        rows = np.abs(tri // sheet.shape[1] - p // sheet.shape[1]).min(1)
+        near = (s * t < 0) & ~(tri == p).any(1) & ~(tri == q).any(1) & (rows >= apart)
         for m in np.nonzero(near)[0]:
             z = y[p] + (y[q] - y[p]) * s[m] / (s[m] - t[m])
             corners = y[tri[m]]

@@ -2,19 +2,21 @@
 
 A face is the bilinear patch S(u, v) between four key points. Three stages, ever rarer:
 
-1. *Solve*, every second substep: contacts in a fixed order. With n, u, v of the contact the gap is n·(x − S(u, v)), linear in
-   the positions. Where it is below the thickness, the point and the four corners are pushed apart by shares of their
-   inverse masses times weights, so that momentum is kept. What the push takes from the speed of approach it takes from
-   the steps as well (no bounce); the rest of the depth is mended in positions alone, a tenth a substep, so that cloth
-   that starts too close is not thrown. Coulomb friction: at most µ × the push, at most what stops the sliding.
+1. *Solve*, every second substep: contacts in a fixed order. With n, u, v of the contact the gap is n·(x − S(u, v)),
+   linear in the positions. Where it is below the thickness, the point and the four corners are pushed apart by shares
+   of their inverse masses times weights, so that momentum is kept. What the push takes from the speed of approach it
+   takes from the steps as well (no bounce); the rest of the depth is mended in positions alone, a quarter at a time,
+   so that cloth that starts too close is not thrown. Coulomb friction: at most µ × the push, at most what stops the
+   sliding.
 2. *Contacts*: the nearest point of each face of a pair, and the side on which the key point is. They are held for so
-   many substeps (8 at most) that nothing can cross the band around the thickness in which contacts are kept.
+   many substeps (16 at most) that nothing can cross the band around the thickness in which contacts are kept.
 3. *Pairs* of key points and faces within a wider margin, from a spatial grid (counting sort). Sought at the start of
    each frame, and when the key points have moved so far, apart from their common motion, that one could be missing.
 
 So a layer does not pass through another unless two key points near each other differ in speed by more than
-BAND × spacing / (5 h) (10 m/s for a spacing of 12.7 mm and 126 substeps in 1/60 s). Only key points against faces: edges
-that cross between key points are not seen. Everything runs in one thread, in order: no atomics.
+BAND × spacing / (5 h): 5 m/s for a spacing of 12.7 mm and 126 substeps in 1/60 s. Only key points against faces: edges
+that cross between key points are not seen, and a fold tighter than the key points can show is its own neighbourhood.
+Everything runs in one thread, in order: no atomics.
 """
 
 # pyright: reportOptionalCall=false, reportOperatorIssue=false, reportGeneralTypeIssues=false, reportCallIssue=false
@@ -36,18 +38,21 @@ __all__ = ["ClothContact"]
 BAND = 0.25
 """Contacts are kept up to the thickness and this share of the spacing."""
 
-MARGIN = 1.0
-"""Pairs are sought up to the thickness and this share of the spacing."""
+LEAST, MOST = 0.25, 2.0
+"""Pairs are sought up to that and between these shares of the spacing, by how far the fastest key point gets in
+FORESIGHT substeps: few pairs where cloth rests, few searches where it moves."""
 
-LONGEST_HOLD = 8
+FORESIGHT = 128
+
+LONGEST_HOLD = 16
 """Substeps that contacts are held at most."""
 
 _GROWTH = 1.25  # by which the fastest key point may grow faster while contacts are held
 _BITS = 5  # the grid wraps around after 2⁵ cells along each axis; what meets there by chance is told apart by distance
 _PAIRS, _CONTACTS = 128, 32  # room, for each key point
 
-MEND = 0.1
-"""Share of the depth beyond the approach that is mended in a substep."""
+MEND = 0.25
+"""Share of the depth beyond the approach that is mended at a time."""
 
 
 @ti.data_oriented
@@ -70,9 +75,8 @@ class ClothContact(Pass):
                 f"self_contact.thickness: {self.thickness:g} m; allowed: up to 4 times the spacing ({4 * spacing:g} m)"
             )
         self.reach = 1 + ceil(pi / 2 * self.thickness / spacing)  # half a circle of that diameter is a tight fold
-        self.band, self.margin = BAND * spacing, MARGIN * spacing
-        self.cell = max(s.spacing_x, s.spacing_y) + self.thickness + self.margin
-        self.half_diagonal = 0.75 * s.diagonal_length  # of a face that is stretched by half
+        self.band, self.least, self.most = BAND * spacing, LEAST * spacing, MOST * spacing
+        self.cell = max(s.spacing_x, s.spacing_y) + self.thickness + spacing
         rows, self.width = sheet.padded_shape
         self.size = rows * self.width
         panels = np.zeros(sheet.shape, np.int32)
@@ -93,6 +97,7 @@ class ClothContact(Pass):
         self.until, self.searches, self.pairs, self.contacts, self.most_contacts = (
             ti.field(ti.i32, ()) for _ in range(5)
         )
+        self.margin = ti.field(ti.f32, ())  # of the last search, beyond the band [m]
         self._panels = sheet.padded(panels).astype(np.int32).ravel()
         self._loaded = False
 
@@ -156,7 +161,8 @@ class ClothContact(Pass):
                 farthest = ti.max(farthest, (self.at(x, p) - self.at(self.reference, p) - shift).norm_sqr())
         fastest, farthest = _GROWTH * ti.sqrt(fastest), ti.sqrt(farthest)
         held = 2 * ti.cast(ti.min(ti.max(self.band / (4.0 * fastest), 1.0), LONGEST_HOLD / 2), ti.i32)
-        if done == 0 or 2.0 * (farthest + held * fastest) > self.margin - self.band:
+        if done == 0 or 2.0 * (farthest + held * fastest) > self.margin[None]:
+            self.margin[None] = ti.min(ti.max(2.0 * FORESIGHT * fastest, self.least), self.most)
             self.search(work, at, first, last)
         self.meet(work, at)
         self.until[None] = done + held
@@ -186,7 +192,7 @@ class ClothContact(Pass):
                 self.cursor[key] += 1
         row = ti.static(self.width)
         found = 0
-        wide = self.thickness + self.margin
+        wide = self.thickness + self.band + self.margin[None]
         for f in range(first, last):
             if work.cell[f] > 0:
                 a, b, c, d = self.at(x, f), self.at(x, f + 1), self.at(x, f + row), self.at(x, f + row + 1)
@@ -200,17 +206,11 @@ class ClothContact(Pass):
                             key = self.hashed(i, j, k)
                             for o in range(self.start[key], self.start[key + 1]):
                                 p = self.order[o]
-                                y = self.at(x, p)
-                                inside = (y >= low).all() and (y <= high).all()
                                 di, dj = p // row - fi, p % row - fj
-                                own = (
-                                    self.panel[p] == self.panel[f]
-                                    and di >= -self.reach
-                                    and di <= self.reach + 1
-                                    and dj >= -self.reach
-                                    and dj <= self.reach + 1
-                                )
-                                if inside and not own:
+                                other = ti.max(ti.abs(2 * di - 1), ti.abs(2 * dj - 1)) > 2 * self.reach + 1
+                                y = self.at(x, p)
+                                near = (y >= low).all() and (y <= high).all()
+                                if near and (other or self.panel[p] != self.panel[f]):
                                     if found < self.pair_room:
                                         self.pair_point[found] = p
                                         self.pair_face[found] = f
@@ -230,8 +230,11 @@ class ClothContact(Pass):
             a = self.at(x, f)
             b, c = self.at(x, f + 1) - a, self.at(x, f + row) - a
             y = self.at(x, p) - a
-            if (y - 0.5 * (b + c)).norm_sqr() < (near + self.half_diagonal) ** 2:
-                d = self.at(x, f + row + 1) - a - b - c
+            d = self.at(x, f + row + 1) - a - b - c
+            across = (2.0 * b + d).cross(2.0 * c + d)  # 4 × the area vector of the face
+            rise = (y - 0.5 * (b + c) - 0.25 * d).dot(across)
+            room = near + 0.25 * d.norm()  # a face that is not flat leaves its plane by so much
+            if rise * rise < room * room * across.norm_sqr():
                 u, v = 0.5, 0.5
                 for _ in range(4):
                     along = b + v * d

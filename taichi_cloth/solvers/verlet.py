@@ -12,7 +12,7 @@ the bytes do not depend on the number of threads.
 # pyright: reportOptionalCall=false, reportOperatorIssue=false, reportGeneralTypeIssues=false, reportCallIssue=false
 
 from functools import lru_cache
-from math import ceil, exp
+from math import ceil, exp, expm1
 
 import numpy as np
 import taichi as ti
@@ -126,6 +126,8 @@ class Verlet(Solver):
 def _numbers(sheet: Sheet, forces: Forces, step: float) -> dict[str, float]:
     """The values of `stencil.Numbers`."""
     s, m, h2 = sheet.springs, sheet.material, step * step
+    if m.air_damping > 0:  # a constant force acts for (1 − e^(−ch))/c of a step: second order, and the right end speed
+        h2 *= -expm1(-m.air_damping * step) / (m.air_damping * step)
     scaled = ("structural_x", "structural_y", "diagonal", "second_x", "second_y", "hinge_x", "hinge_y")
     out = {name: getattr(s, name) * h2 for name in scaled}
     out |= {name: getattr(s, name) for name in ("spacing_x", "spacing_y", "diagonal_length")}
@@ -235,7 +237,7 @@ class _Workspace(Stencil):
                 b0 = self.blocks(strip, ti.max(first - halo, lowest))
                 b1 = self.blocks(strip, ti.min(last + halo, highest))
                 for one in ti.static(self.passes):
-                    if ti.static(not one.paired or half == 0):
+                    if ti.static(not one.paired or half == 0):  # noqa: SIM102 (the one when compiling, the other not)
                         if not one.paired or done % 2 == 0:
                             one.before(self, half, b0, b1, -base * self.width, begun + done, n)
                 for b in range(b0, b1):
@@ -247,7 +249,7 @@ class _Workspace(Stencil):
                         self.limit(0, strip, first - inner, last + inner, n)
                         self.limit(1, strip, first - inner + 1, last + inner - 1, n)
                 for one in ti.static(self.passes):
-                    if ti.static(not one.paired or half == turns - 1):
+                    if ti.static(not one.paired or half == turns - 1):  # noqa: SIM102
                         if not one.paired or done % 2 == 1:
                             buffer = ti.static(1 - half if turns == 2 else 0)
                             one.after(self, buffer, b0, b1, -base * self.width, begun + done, n)
@@ -310,5 +312,16 @@ class _Workspace(Stencil):
                 wind = ti.Vector([wind_x, wind_y, wind_z])
                 change = ti.Vector([change_x, change_y, change_z])
                 self.frame(
-                    strip, source, rows[strip, 0], rows[strip, 1], n, wind, change, begun, count, pairs, features, target
+                    strip,
+                    source,
+                    rows[strip, 0],
+                    rows[strip, 1],
+                    n,
+                    wind,
+                    change,
+                    begun,
+                    count,
+                    pairs,
+                    features,
+                    target,
                 )
