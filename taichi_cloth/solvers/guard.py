@@ -44,9 +44,9 @@ print(min(times) / solver.substeps / sheet.present.sum())
 
 @dataclass(frozen=True)
 class Roots:
-    """Square roots in the kernels of a frame after LLVM's last pass: of whole lanes, and of single numbers.
+    """Square roots in the kernels of a frame after LLVM's last pass: how many numbers vectors hold, and single ones.
 
-    Each spring of the stencil has one, and nothing else has; so they tell whether the springs became vector code.
+    Each lane of each spring of the stencil has one, and nothing else has: they tell whether springs are vector code.
     """
 
     packed: int
@@ -76,10 +76,10 @@ def _run(how: str, size: int, frames: int, folder: str | None = None, **environm
 def roots() -> Roots:
     """Counts them in the optimised code that Taichi writes to a folder when asked."""
     with tempfile.TemporaryDirectory() as folder:
-        _run("roots", 5, 1, folder, TI_PRINT_KERNEL_LLVM_IR_OPTIMIZED="1", TI_OFFLINE_CACHE="0")
+        _run("roots", 5, 1, folder, TI_PRINT_KERNEL_LLVM_IR_OPTIMIZED="1")
         text = "\n".join(path.read_text() for path in Path(folder).glob("*.ll"))
-    calls = re.findall(r"call [^@\n]*(<\d+ x float>|float) @llvm\.sqrt", text)
-    return Roots(packed=sum(kind != "float" for kind in calls), single=sum(kind == "float" for kind in calls))
+    widths = [int(width or 1) for width in re.findall(r"call (?:<(\d+) x )?float>? @llvm\.sqrt", text)]
+    return Roots(packed=sum(w for w in widths if w > 1), single=widths.count(1))
 
 
 def vector_gain(size: int = 79, frames: int = 20) -> VectorGain:

@@ -38,11 +38,11 @@ __all__ = ["ClothContact"]
 BAND = 0.25
 """Contacts are kept up to the thickness and this share of the spacing."""
 
-LEAST, MOST = 0.25, 2.0
+LEAST, MOST = 0.25, 0.75
 """Pairs are sought up to that and between these shares of the spacing, by how far the fastest key point gets in
 FORESIGHT substeps: few pairs where cloth rests, few searches where it moves."""
 
-FORESIGHT = 128
+FORESIGHT = 64
 
 LONGEST_HOLD = 16
 """Substeps that contacts are held at most."""
@@ -200,6 +200,9 @@ class ClothContact(Pass):
                 high = ti.max(ti.max(a, b), ti.max(c, d)) + wide
                 g0, g1 = self.grid(low), ti.min(self.grid(high), self.grid(low) + 7)
                 fi, fj = f // row, f % row
+                across = (b + d - a - c).cross(c + d - a - b)  # 4 × the area vector of the face
+                room = wide + 0.25 * (a + d - b - c).norm()  # a face that is not flat leaves its plane by so much
+                most, middle = room * room * across.norm_sqr(), 0.25 * (a + b + c + d)
                 for i in range(g0[0], g1[0] + 1):
                     for j in range(g0[1], g1[1] + 1):
                         for k in range(g0[2], g1[2] + 1):
@@ -208,13 +211,15 @@ class ClothContact(Pass):
                                 p = self.order[o]
                                 di, dj = p // row - fi, p % row - fj
                                 other = ti.max(ti.abs(2 * di - 1), ti.abs(2 * dj - 1)) > 2 * self.reach + 1
-                                y = self.at(x, p)
-                                near = (y >= low).all() and (y <= high).all()
-                                if near and (other or self.panel[p] != self.panel[f]):
-                                    if found < self.pair_room:
-                                        self.pair_point[found] = p
-                                        self.pair_face[found] = f
-                                    found += 1
+                                if other or self.panel[p] != self.panel[f]:  # nested: `and` works out all of it
+                                    y = self.at(x, p)
+                                    if (y >= low).all() and (y <= high).all():
+                                        rise = (y - middle).dot(across)
+                                        if rise * rise < most:
+                                            if found < self.pair_room:
+                                                self.pair_point[found] = p
+                                                self.pair_face[found] = f
+                                            found += 1
         self.pairs[None] = found
 
     @ti.func
@@ -233,7 +238,7 @@ class ClothContact(Pass):
             d = self.at(x, f + row + 1) - a - b - c
             across = (2.0 * b + d).cross(2.0 * c + d)  # 4 × the area vector of the face
             rise = (y - 0.5 * (b + c) - 0.25 * d).dot(across)
-            room = near + 0.25 * d.norm()  # a face that is not flat leaves its plane by so much
+            room = near + 0.25 * d.norm()
             if rise * rise < room * room * across.norm_sqr():
                 u, v = 0.5, 0.5
                 for _ in range(4):
