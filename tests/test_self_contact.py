@@ -84,7 +84,7 @@ def test_contact_keeps_momentum() -> None:
 
 
 def test_a_second_run_gives_the_same_bytes() -> None:
-    """With what the first has left in the solver's lists; threads asked for change nothing, as the sheet is one strip."""
+    """With what the first has left in the lists; asking for 2 threads changes nothing, as the sheet is one strip."""
     assert len(set(fallen()[3])) == 1
 
 

@@ -14,7 +14,7 @@ A face is the bilinear patch S(u, v) between four key points. Three stages, ever
    each frame, and when the key points have moved so far, apart from their common motion, that one could be missing.
 
 So a layer does not pass through another unless two key points near each other differ in speed by more than
-BAND × spacing / (5 h): 5 m/s for a spacing of 12.7 mm and 126 substeps in 1/60 s. Only key points against faces: edges
+BAND × spacing / (5 h): 9 m/s for a spacing of 12.7 mm and 126 substeps in 1/60 s. Only key points against faces: edges
 that cross between key points are not seen, and a fold tighter than the key points can show is its own neighbourhood.
 Everything runs in one thread, in order: no atomics.
 """
@@ -35,7 +35,7 @@ from taichi_cloth.solvers.passes import Pass
 
 __all__ = ["ClothContact"]
 
-BAND = 0.25
+BAND = 0.5
 """Contacts are kept up to the thickness and this share of the spacing."""
 
 LEAST, MOST = 0.25, 0.75
