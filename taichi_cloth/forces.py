@@ -16,7 +16,7 @@ import numpy as np
 from taichi_cloth.body.colliders import BoneFrame, Colliders
 from taichi_cloth.errors import InputError
 
-__all__ = ["Forces", "FrameForces", "Plane", "Sphere", "Wind"]
+__all__ = ["Forces", "FrameForces", "Plane", "SelfContact", "Sphere", "StrainLimit", "Wind"]
 
 Vector = tuple[float, float, float]
 
@@ -101,23 +101,48 @@ class Plane:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Forces:
-    """Everything that acts on a sheet beside its own springs. gravity [m/s²]; y is up.
+class StrainLimit:
+    """Threads that have become too long are shortened after each substep (Provot 1995, "Deformation constraints").
 
-    strain_limit: threads that are longer by more than this share are shortened each substep (Provot 1995); None: none.
+    strain: by how much of its length a thread may grow; Provot takes a tenth. passes: over the whole sheet, each
+    substep, odd; the more, the closer the limit is kept where a long row of threads hangs on one.
     """
+
+    strain: float = 0.1
+    passes: int = 3
+
+    def __post_init__(self) -> None:
+        _check("strain_limit.strain", self.strain)
+        if not (1 <= self.passes <= 101 and self.passes % 2 == 1):
+            raise InputError(f"strain_limit.passes: {self.passes!r}; allowed: an odd number from 1 to 101")
+
+
+@dataclass(frozen=True, kw_only=True)
+class SelfContact:
+    """Cloth that does not pass through cloth. thickness: kept between layers [m]. friction: Coulomb's µ."""
+
+    thickness: float
+    friction: float = 0.3
+
+    def __post_init__(self) -> None:
+        _check("self_contact.thickness", self.thickness, positive=True)
+        _check("self_contact.friction", self.friction)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Forces:
+    """Everything that acts on a sheet beside its own springs. gravity [m/s²]; y is up."""
 
     gravity: Vector = (0.0, -9.81, 0.0)
     wind: Wind | None = None
     sphere: Sphere | None = None
     plane: Plane | None = None
     body: Colliders | None = None
-    strain_limit: float | None = None
+    strain_limit: StrainLimit | None = None
+    self_contact: SelfContact | None = None
 
     def __post_init__(self) -> None:
         _check_vector("forces.gravity", self.gravity)
-        if self.strain_limit is not None:
-            _check("forces.strain_limit", self.strain_limit, positive=True)
 
     def during(self, start: float, end: float) -> "FrameForces":
         """What a solver needs for a frame from `start` to `end` [s]."""

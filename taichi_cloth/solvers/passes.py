@@ -23,15 +23,22 @@ class Pass:
     local: a key point is changed from its own values alone, so that strips on several threads may call it. A pass that
     reads or writes other key points says False; the sheet is then one strip, all calls come from one thread, in
     order, and lists may be worked through one after the other.
+    paired: called after every second substep (those with an odd number) instead of each, which is half the time to run
+    and to compile.
     """
 
     local = False
+    paired = False
 
     def begin(self, state: SheetState, forces: FrameForces) -> None:
-        """On the host, before each frame. What it leaves must follow from its arguments: a resumed run is the same run."""
+        """On the host, before each frame. What it leaves must follow from its arguments, or a resumed run differs."""
 
     def end(self, state: SheetState) -> None:
         """On the host, after each frame: the place to report that a capacity was too small."""
+
+    @ti.func
+    def before(self, work: Template, at: Template, first, last, shift, done, n: Template):
+        """Before the stencil of substep number `done`; where `paired`, of each even one. Arguments as of `after`."""
 
     @ti.func
     def after(self, work: Template, at: Template, first, last, shift, done, n: Template):

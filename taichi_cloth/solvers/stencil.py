@@ -242,14 +242,18 @@ class Stencil:
 
     @ti.func
     def excess(self, b: Template, p, offset: Template, weight, longest, inverse):
-        """Correction [m] of the lanes at p for the thread to the key point at p + offset."""
+        """What the thread to the key point at p + offset asks of the lanes at p: to be moved by the first three [m],
+        and to change their steps by the last three."""
         x, y, z = self.away(b, p, offset)
+        u, v, w = self.moved(b, p, offset)
         length = ti.sqrt(ti.max(x * x + y * y + z * z, 1e-20))
+        growth = (u * x + v * y + w * z) / length
         other = load(self.inverse_mass, p + offset)
-        share = inverse / ti.max(inverse + other, 1e-30)
-        present = ti.min(weight * 1e30, 1.0)
-        factor = RELAXATION * present * share * ti.max(1.0 - longest / length, 0.0)
-        return factor * x, factor * y, factor * z
+        share = RELAXATION * ti.min(weight * 1e30, 1.0) * inverse / ti.max(inverse + other, 1e-30)
+        over = ti.max(length - longest, 0.0)
+        move = share * over / length
+        slow = share * ti.min(ti.max(growth, 0.0), over) / length
+        return move * x, move * y, move * z, slow * x, slow * y, slow * z
 
     @ti.func
     def shorten(self, b: Template, p, n: Template):
@@ -257,19 +261,19 @@ class Stencil:
 
         Threads longer than they may be are shortened, both ends by the share of their inverse mass, so that momentum
         is kept and pinned key points stay. Provot goes from spring to spring; here all move at once from the same
-        positions (Jacobi), which is symmetric and needs no order. What a key point is moved by belongs to its step:
-        the speed at which a thread grew is taken from it as well.
+        positions (Jacobi), which is symmetric and needs no order. From the steps is taken the speed at which a thread
+        grows, and no more: what was too long before is mended in positions alone, and so adds no energy of motion.
         """
         a = ti.static(1 - b)
         row = ti.static(self.width)
         inverse = load(self.inverse_mass, p)
-        x, y, z = self.excess(b, p, 1, load(self.east, p), n.longest_x, inverse)
-        u, v, t = self.excess(b, p, -1, load(self.east, p - 1), n.longest_x, inverse)
-        x, y, z = x + u, y + v, z + t
-        u, v, t = self.excess(b, p, row, load(self.north, p), n.longest_y, inverse)
-        x, y, z = x + u, y + v, z + t
-        u, v, t = self.excess(b, p, -row, load(self.north, p - row), n.longest_y, inverse)
-        x, y, z = x + u, y + v, z + t
-        for axis, move in ti.static(enumerate((x, y, z))):
+        x, y, z, i, j, k = self.excess(b, p, 1, load(self.east, p), n.longest_x, inverse)
+        u, v, w, l, m, o = self.excess(b, p, -1, load(self.east, p - 1), n.longest_x, inverse)  # noqa: E741
+        x, y, z, i, j, k = x + u, y + v, z + w, i + l, j + m, k + o
+        u, v, w, l, m, o = self.excess(b, p, row, load(self.north, p), n.longest_y, inverse)  # noqa: E741
+        x, y, z, i, j, k = x + u, y + v, z + w, i + l, j + m, k + o
+        u, v, w, l, m, o = self.excess(b, p, -row, load(self.north, p - row), n.longest_y, inverse)  # noqa: E741
+        x, y, z, i, j, k = x + u, y + v, z + w, i + l, j + m, k + o
+        for axis, move, slow in ti.static(((0, x, i), (1, y, j), (2, z, k))):
             store(self.position[a][axis], p, load(self.position[b][axis], p) + move)
-            store(self.step[a][axis], p, load(self.step[b][axis], p) + move)
+            store(self.step[a][axis], p, load(self.step[b][axis], p) + slow)

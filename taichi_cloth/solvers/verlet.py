@@ -12,7 +12,7 @@ the bytes do not depend on the number of threads.
 # pyright: reportOptionalCall=false, reportOperatorIssue=false, reportGeneralTypeIssues=false, reportCallIssue=false
 
 from functools import lru_cache
-from math import ceil, exp
+from math import ceil, exp, expm1
 
 import numpy as np
 import taichi as ti
@@ -25,6 +25,7 @@ from taichi_cloth.forces import Forces, FrameForces
 from taichi_cloth.sheet import LANES, PAD, Sheet, SheetState
 from taichi_cloth.solvers.base import Solver
 from taichi_cloth.solvers.passes import Pass, strips_allowed
+from taichi_cloth.solvers.self_contact import ClothContact
 from taichi_cloth.solvers.stability import highest_frequency, longest_step
 from taichi_cloth.solvers.stencil import Features, Numbers, Stencil
 
@@ -78,7 +79,7 @@ class Verlet(Solver):
         self.step = 1 / frame_rate / self.substeps
         rows = sheet.shape[0]
         count = threads or (runtime.threads() if sheet.present.sum() >= WORTH_THREADS else 1)
-        self.passes = passes
+        self.passes = (*passes, ClothContact(sheet, forces.self_contact)) if forces.self_contact else passes
         self.strips = max(1, min(count, rows // (4 * MEETING))) if threads is None else max(1, min(count, rows))
         if not strips_allowed(self.passes):
             self.strips = 1
@@ -97,6 +98,7 @@ class Verlet(Solver):
             plane=forces.plane is not None,
             limit=forces.strain_limit is not None,
         )
+        self.limit_passes = forces.strain_limit.passes if forces.strain_limit else 0
         self._numbers = Numbers(**_numbers(sheet, forces, self.step))
 
     def advance(self, state: SheetState, forces: FrameForces) -> None:
@@ -111,6 +113,7 @@ class Verlet(Solver):
         meeting = self.substeps if self.strips == 1 else MEETING
         for one in self.passes:
             one.begin(state, forces)
+        pairs = self.limit_passes // 2
         source, target = work.states
         source.from_numpy(state.values)
         for done in range(0, self.substeps, meeting):
@@ -118,7 +121,7 @@ class Verlet(Solver):
             wind = (first + (last - first) * (done / self.substeps)).tolist()
             change = ((last - first) / self.substeps).tolist()
             kernel = work.serial if self.strips == 1 else work.parallel
-            kernel(source, work.cuts, self._numbers, *wind, *change, done, count, self._features, target)
+            kernel(source, work.cuts, self._numbers, *wind, *change, done, count, pairs, self._features, target)
             source, target = target, source
         rows = slice(PAD, -PAD)
         state.values[:, rows] = source.to_numpy()[:, rows]
@@ -129,6 +132,8 @@ class Verlet(Solver):
 def _numbers(sheet: Sheet, forces: Forces, step: float) -> dict[str, float]:
     """The values of `stencil.Numbers`."""
     s, m, h2 = sheet.springs, sheet.material, step * step
+    if m.air_damping > 0:  # a constant force acts for (1 − e^(−ch))/c of a step: second order, and the right end speed
+        h2 *= -expm1(-m.air_damping * step) / (m.air_damping * step)
     scaled = ("structural_x", "structural_y", "diagonal", "second_x", "second_y", "hinge_x", "hinge_y")
     out = {name: getattr(s, name) * h2 for name in scaled}
     out |= {name: getattr(s, name) for name in ("spacing_x", "spacing_y", "diagonal_length")}
@@ -140,8 +145,8 @@ def _numbers(sheet: Sheet, forces: Forces, step: float) -> dict[str, float]:
     out["sphere_friction"] = ball.friction if ball else 0.0
     out["plane_height"] = plane.height + plane.gap if plane else 0.0
     out["plane_friction"] = plane.friction if plane else 0.0
-    out["longest_x"] = s.spacing_x * (1 + (forces.strain_limit or 0.0))
-    out["longest_y"] = s.spacing_y * (1 + (forces.strain_limit or 0.0))
+    longest = 1 + (forces.strain_limit.strain if forces.strain_limit else 0.0)
+    out |= {"longest_x": s.spacing_x * longest, "longest_y": s.spacing_y * longest}
     for k, axis in enumerate("xyz"):
         out[f"gravity_{axis}"] = forces.gravity[k] * h2
         out[f"sphere_{axis}"] = ball.centre[k] if ball else 0.0
@@ -193,6 +198,14 @@ class _Workspace(Stencil):
         return ti.min(ti.max((strip * self.rows + row) * (self.width // LANES), 0), 1 << 24)
 
     @ti.func
+    def limit(self, b: Template, strip, first, last, n: Template):
+        """A pass of the strain limit over rows of a strip."""
+        b0 = self.blocks(strip, ti.max(first, PAD))
+        b1 = self.blocks(strip, ti.min(last, self.rows - PAD))
+        for k in range(b0, b1):
+            self.shorten(b, k * LANES, n)
+
+    @ti.func
     def frame(
         self,
         strip,
@@ -204,6 +217,7 @@ class _Workspace(Stencil):
         change,
         begun,
         count,
+        pairs,
         features: Template,
         target: Template,
     ):
@@ -212,7 +226,7 @@ class _Workspace(Stencil):
         Without the strain limit the buffers take turns; with it the stencil goes from 0 to 1, the limit back to 0.
         """
         lowest, highest = PAD, self.rows - PAD
-        reach = ti.static(3 if features.limit else 2)
+        reach = 2 + (1 + 2 * pairs if ti.static(features.limit) else 0)
         base = strip * self.rows
         for i in range(ti.max(first - reach * count, lowest), ti.min(last + reach * count, highest)):
             for j in range(self.width):
@@ -220,23 +234,31 @@ class _Workspace(Stencil):
                 for c in ti.static(range(3)):
                     self.position[0][c][p] = source[c, i, j]
                     self.step[0][c][p] = source[3 + c, i, j]
-        for q in range(count // 2):
-            for half in ti.static(range(2)):
-                a = ti.static(0 if features.limit else half)
-                done = 2 * q + half
-                halo = reach * (count - 1 - done) + reach - 2
+        turns = ti.static(1 if features.limit else 2)
+        for q in range(count // turns):
+            for half in ti.static(range(turns)):
+                done = turns * q + half
+                halo = reach * (count - done) - 2
                 air = wind + done * change
                 b0 = self.blocks(strip, ti.max(first - halo, lowest))
                 b1 = self.blocks(strip, ti.min(last + halo, highest))
-                for b in range(b0, b1):
-                    self.substep(a, features, b * LANES, air, n)
-                if ti.static(features.limit):
-                    b0 = self.blocks(strip, ti.max(first - halo + 1, lowest))
-                    b1 = self.blocks(strip, ti.min(last + halo - 1, highest))
-                    for b in range(b0, b1):
-                        self.shorten(1, b * LANES, n)
                 for one in ti.static(self.passes):
-                    one.after(self, 0 if features.limit else 1 - half, b0, b1, -base * self.width, begun + done, n)
+                    if ti.static(not one.paired or half == 0):  # noqa: SIM102 (the one when compiling, the other not)
+                        if not one.paired or done % 2 == 0:
+                            one.before(self, half, b0, b1, -base * self.width, begun + done, n)
+                for b in range(b0, b1):
+                    self.substep(half, features, b * LANES, air, n)
+                if ti.static(features.limit):
+                    self.limit(1, strip, first - halo + 1, last + halo - 1, n)
+                    for k in range(pairs):
+                        inner = halo - 2 - 2 * k
+                        self.limit(0, strip, first - inner, last + inner, n)
+                        self.limit(1, strip, first - inner + 1, last + inner - 1, n)
+                for one in ti.static(self.passes):
+                    if ti.static(not one.paired or half == turns - 1):  # noqa: SIM102
+                        if not one.paired or done % 2 == 1:
+                            buffer = ti.static(1 - half if turns == 2 else 0)
+                            one.after(self, buffer, b0, b1, -base * self.width, begun + done, n)
         for i in range(first, last):
             for j in range(self.width):
                 p = (base + i) * self.width + j
@@ -259,6 +281,7 @@ class _Workspace(Stencil):
         change_z: Float,
         begun: Int,
         count: Int,
+        pairs: Int,
         features: Template,
         # out
         target: F32x3,
@@ -267,7 +290,7 @@ class _Workspace(Stencil):
         for strip in range(1):
             wind = ti.Vector([wind_x, wind_y, wind_z])
             change = ti.Vector([change_x, change_y, change_z])
-            self.frame(strip, source, rows[0, 0], rows[0, 1], n, wind, change, begun, count, features, target)
+            self.frame(strip, source, rows[0, 0], rows[0, 1], n, wind, change, begun, count, pairs, features, target)
 
     @ti.kernel
     def parallel(
@@ -284,6 +307,7 @@ class _Workspace(Stencil):
         change_z: Float,
         begun: Int,
         count: Int,
+        pairs: Int,
         features: Template,
         # out
         target: F32x3,
@@ -294,5 +318,16 @@ class _Workspace(Stencil):
                 wind = ti.Vector([wind_x, wind_y, wind_z])
                 change = ti.Vector([change_x, change_y, change_z])
                 self.frame(
-                    strip, source, rows[strip, 0], rows[strip, 1], n, wind, change, begun, count, features, target
+                    strip,
+                    source,
+                    rows[strip, 0],
+                    rows[strip, 1],
+                    n,
+                    wind,
+                    change,
+                    begun,
+                    count,
+                    pairs,
+                    features,
+                    target,
                 )
