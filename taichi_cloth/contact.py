@@ -25,6 +25,7 @@ from taichi_cloth import runtime
 from taichi_cloth.arrays import F32x2, Template
 from taichi_cloth.body.colliders import BoneFrame, Colliders
 from taichi_cloth.body.hierarchy import build, corners
+from taichi_cloth.body.primitives import Primitive
 from taichi_cloth.body.shapes import EVERYWHERE, NEAR, cone, elliptic
 from taichi_cloth.forces import FrameForces
 from taichi_cloth.sheet import LANES, SheetState
@@ -73,7 +74,7 @@ class Contact(Pass):
         self._points, self._radii = corners(primitives)
         self._tree = build(self._points.mean(axis=1))
         self._bones = np.array([p.bone for p in primitives])
-        self._anchors = np.stack([p.start if p.kind != "elliptic" else (p.start + p.end) / 2 for p in primitives])
+        self._anchors = np.stack([_anchor(p) for p in primitives])
         self._axes = np.stack([np.stack(_axes(p)) for p in primitives])
         self._reach = np.linalg.norm(self._points - self._anchors[:, None], axis=2).max(axis=1) + self._radii.max(axis=1)
 
@@ -122,7 +123,14 @@ class Contact(Pass):
         self.memory.touch(work, at, first, last, shift, done)
 
 
-def _axes(p) -> tuple[F64, F64]:
+def _anchor(p: Primitive) -> F64:
+    if p.kind == "elliptic":
+        return (p.start + p.end) / 2
+    swallowed = p.kind == "cylinder" and p.radii[1] - p.radii[0] >= np.linalg.norm(p.end - p.start)
+    return p.end if swallowed else p.start
+
+
+def _axes(p: Primitive) -> tuple[F64, F64]:
     """Axis and across, unit; across along the longer semi-axis."""
     span = p.end - p.start
     length = float(np.linalg.norm(span))
