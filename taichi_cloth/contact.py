@@ -200,6 +200,7 @@ class _Memory:
         self.leaf = ti.field(ti.i32, 2 * capacity)
         self.box = ti.field(ti.f32, 2 * capacity * BOX)
         self.pose = ti.field(ti.f32, strips * capacity * POSE)
+        self.scratch = ti.field(ti.f32, strips * 4 * LANES)
         self.count = ti.field(ti.i32, size // LANES)
         self.list = ti.field(ti.i32, size // LANES * capacity)
 
@@ -256,22 +257,18 @@ class _Memory:
                 self.pose[p * POSE + 9 + k] = other[k]
 
     @ti.func
-    def distance(self, i, p, x, y, z):
+    def distance(self, kind: Template, i, p, x, y, z):
         """Signed distance [m] and normal of primitive i, at pose p, at points relative to its anchor."""
         row = i * ROW
-        d, nx, ny, nz = x, x, y, z
-        kind = int(self.row[row])
-        axis, across = self.posed(p, 3), self.posed(p, 6)
+        axis, across, other = self.posed(p, 3), self.posed(p, 6), self.posed(p, 9)
         one, two, three, four = self.row[row + 1], self.row[row + 2], self.row[row + 3], self.row[row + 4]
-        if ti.static(CONE in self.kinds):
-            if kind == CONE:
-                d, nx, ny, nz = cone(x, y, z, axis, across, one, two, three, four)
-        if ti.static(ELLIPTIC in self.kinds):
-            if kind == ELLIPTIC:
-                d, nx, ny, nz = elliptic(x, y, z, axis, across, self.posed(p, 9), one, two, three, four, NEAR)
-        if ti.static(SLENDER in self.kinds):
-            if kind == SLENDER:
-                d, nx, ny, nz = elliptic(x, y, z, axis, across, self.posed(p, 9), one, two, three, four, EVERYWHERE)
+        d, nx, ny, nz = x, x, y, z
+        if ti.static(kind == CONE):
+            d, nx, ny, nz = cone(x, y, z, axis, across, one, two, three, four)
+        elif ti.static(kind == ELLIPTIC):
+            d, nx, ny, nz = elliptic(x, y, z, axis, across, other, one, two, three, four, NEAR)
+        else:
+            d, nx, ny, nz = elliptic(x, y, z, axis, across, other, one, two, three, four, EVERYWHERE)
         return d, nx, ny, nz
 
     @ti.func
@@ -320,7 +317,10 @@ class _Memory:
                 here = ti.Vector([work.position[at][0][q], work.position[at][1][q], work.position[at][2][q]])
                 allowed = reach
             here -= self.posed(p, 0)
-            d, _x, _y, _z = self.distance(i, p, here[0], here[1], here[2])
+            d = 0.0
+            for kind in ti.static(self.kinds):
+                if int(self.row[i * ROW]) == kind:
+                    d, _x, _y, _z = self.distance(kind, i, p, here[0], here[1], here[2])
             if k < 0:
                 k = LANES if d > allowed else 0
             else:
@@ -349,7 +349,7 @@ class _Memory:
         return push * nx - held * u, push * ny - held * v, push * nz - held * w
 
     @ti.func
-    def crossed(self, i, p, x, y, z, u, v, w, free):
+    def crossed(self, kind: Template, i, p, x, y, z, u, v, w, free):
         """Where a long step meets the primitive on its way: the normal there, and the push that keeps it outside."""
         gap = self.setting[3]
         longest = ti.sqrt((free * (u * u + v * v + w * w)).max())
@@ -357,7 +357,7 @@ class _Memory:
         nx, ny, nz, push = 0.0 * x, 0.0 * x, 0.0 * x, 0.0 * x
         for j in range(1, pieces):
             left = 1.0 - j / float(pieces)
-            d, ax, ay, az = self.distance(i, p, x - left * u, y - left * v, z - left * w)
+            d, ax, ay, az = self.distance(kind, i, p, x - left * u, y - left * v, z - left * w)
             depth = free * ti.max(gap - d, 0.0)
             hit = ti.select((depth > 0.0) & (push == 0.0), 1.0, 0.0)
             nx, ny, nz = nx + hit * (ax - nx), ny + hit * (ay - ny), nz + hit * (az - nz)
@@ -375,38 +375,40 @@ class _Memory:
                     self.walk(work, at, strip, b)
         for b in range(first, last):
             for c in range(self.count[b]):
-                self.respond(work, at, strip, b, self.list[b * self.capacity + c])
+                i = self.list[b * self.capacity + c]
+                for kind in ti.static(self.kinds):
+                    if int(self.row[i * ROW]) == kind:
+                        self.respond(kind, work, at, strip, b, i)
 
     @ti.func
-    def respond(self, work: Template, at: Template, strip, b, i):
-        p = b * LANES
+    def respond(self, kind: Template, work: Template, at: Template, strip, b, i):
+        """Straight-line code that ends in stores: that is what makes it vector code."""
+        p = ti.min(ti.max(b, 0), 1 << 24) * LANES  # bounds tell the compiler that nothing overflows
         pose = strip * self.capacity + i
         c = self.posed(pose, 0)
         free = ti.min(load(work.inverse_mass, p) * 1e30, 1.0)
-        x = load(work.position[at][0], p) - c[0]
-        y = load(work.position[at][1], p) - c[1]
-        z = load(work.position[at][2], p) - c[2]
+        px, py, pz = load(work.position[at][0], p), load(work.position[at][1], p), load(work.position[at][2], p)
+        dx, dy, dz = load(work.step[at][0], p), load(work.step[at][1], p), load(work.step[at][2], p)
         if ti.static(self.long_steps):
-            u, v, w = load(work.step[at][0], p), load(work.step[at][1], p), load(work.step[at][2], p)
-            u, v, w = self.slip(i, x, y, z, u, v, w)
-            nx, ny, nz, push = self.crossed(i, pose, x, y, z, u, v, w, free)
-            cx, cy, cz = self.change(i, u, v, w, nx, ny, nz, push)
-            self.shift(work, at, p, cx, cy, cz)
-            x, y, z = x + cx, y + cy, z + cz
-        d, nx, ny, nz = self.distance(i, pose, x, y, z)
+            x, y, z = px - c[0], py - c[1], pz - c[2]
+            u, v, w = self.slip(i, x, y, z, dx, dy, dz)
+            nx, ny, nz, push = self.crossed(kind, i, pose, x, y, z, u, v, w, free)
+            x, y, z = self.change(i, u, v, w, nx, ny, nz, push)
+            px, py, pz, dx, dy, dz = px + x, py + y, pz + z, dx + x, dy + y, dz + z
+        x, y, z = px - c[0], py - c[1], pz - c[2]
+        d, nx, ny, nz = self.distance(kind, i, pose, x, y, z)
+        q = ti.min(ti.max(strip, 0), 1 << 10) * 4 * LANES  # stores on the way keep it vector code
+        store(self.scratch, q, d)
+        store(self.scratch, q + LANES, nx)
+        store(self.scratch, q + 2 * LANES, ny)
+        store(self.scratch, q + 3 * LANES, nz)
+        u, v, w = self.slip(i, x, y, z, dx, dy, dz)
         depth = free * ti.max(self.setting[3] - d, 0.0)
-        if depth.max() > 0.0:
-            u, v, w = load(work.step[at][0], p), load(work.step[at][1], p), load(work.step[at][2], p)
-            u, v, w = self.slip(i, x, y, z, u, v, w)
-            push = ti.min(depth, ti.max(-(u * nx + v * ny + w * nz), 0.0) + self.setting[4])
-            cx, cy, cz = self.change(i, u, v, w, nx, ny, nz, push)
-            self.shift(work, at, p, cx, cy, cz)
-
-    @ti.func
-    def shift(self, work: Template, at: Template, p, x, y, z):
-        store(work.position[at][0], p, load(work.position[at][0], p) + x)
-        store(work.position[at][1], p, load(work.position[at][1], p) + y)
-        store(work.position[at][2], p, load(work.position[at][2], p) + z)
-        store(work.step[at][0], p, load(work.step[at][0], p) + x)
-        store(work.step[at][1], p, load(work.step[at][1], p) + y)
-        store(work.step[at][2], p, load(work.step[at][2], p) + z)
+        push = ti.min(depth, ti.max(-(u * nx + v * ny + w * nz), 0.0) + self.setting[4])
+        x, y, z = self.change(i, u, v, w, nx, ny, nz, push)
+        store(work.position[at][0], p, px + x)
+        store(work.position[at][1], p, py + y)
+        store(work.position[at][2], p, pz + z)
+        store(work.step[at][0], p, dx + x)
+        store(work.step[at][1], p, dy + y)
+        store(work.step[at][2], p, dz + z)

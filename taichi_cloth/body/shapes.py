@@ -55,9 +55,9 @@ def elliptic(x, y, z, axis, across, other, long, short, half, rounding, steps: T
     long ≥ short: semi-axes, half: half the length, all [m] and less `rounding`. steps: of Newton's method, NEAR (from a
     point of the surface) or EVERYWHERE. Returns the distance [m] and the normal.
     """
-    along = x * axis[0] + y * axis[1] + z * axis[2]
-    px = x * across[0] + y * across[1] + z * across[2]
-    py = x * other[0] + y * other[1] + z * other[2]
+    along = x * axis[0] + y * axis[1] + z * axis[2] + _ASIDE
+    px = x * across[0] + y * across[1] + z * across[2] + _ASIDE
+    py = x * other[0] + y * other[1] + z * other[2] + _ASIDE
     ratio = (long / short) * (long / short)
     less = ratio - 1.0
     p, q = ti.abs(px) / long, ti.max(ti.abs(py) / short, 1e-6)
@@ -83,12 +83,12 @@ def elliptic(x, y, z, axis, across, other, long, short, half, rounding, steps: T
     far = ti.sqrt(side * side + end * end)
     deep = ti.min(ti.max(flank, cap), 0.0)
     scale = 1.0 / ti.max(far, 1e-20)
-    flat = ti.select(flank >= cap, 0.0, 1.0)
-    inside = ti.select(far > 0.0, 0.0, 1.0)
+    inside = 1.0 - ti.min(far * 1e30, 1.0)
+    flat = ti.min(ti.max((cap - flank) * 1e30, 0.0), 1.0)  # whether the cap is nearer than the flank
     side = side * scale + inside * (1.0 - flat)
-    end = (end * scale + inside * flat) * ti.select(along < 0.0, -1.0, 1.0)
-    nx = side * nx * ti.select(px < 0.0, -1.0, 1.0)
-    ny = side * ny * ti.select(py < 0.0, -1.0, 1.0)
+    end = (end * scale + inside * flat) * along / ti.max(ti.abs(along), 1e-30)
+    nx = side * nx * px / ti.max(ti.abs(px), 1e-30)
+    ny = side * ny * py / ti.max(ti.abs(py), 1e-30)
     return (
         far + deep - rounding,
         nx * across[0] + ny * other[0] + end * axis[0],
