@@ -73,7 +73,14 @@ def test_a_strip_pulled_over_a_cylinder_obeys_the_capstan_equation() -> None:
     held = np.zeros((N, N), bool)
     held[[0, -1], :columns] = True
     sheet = sheet_of(
-        0.26, columns, pinned=held, tensile_warp=100.0, tensile_weft=100.0, shear=0.0, bending_warp=1e-7, air_damping=20.0
+        0.26,
+        columns,
+        pinned=held,
+        tensile_warp=100.0,
+        tensile_weft=100.0,
+        shear=0.0,
+        bending_warp=1e-7,
+        air_damping=20.0,
     )
     span = (0.26 - np.pi * radius) / 2
     s = sheet.flat()[..., 1] - span
@@ -86,7 +93,9 @@ def test_a_strip_pulled_over_a_cylinder_obeys_the_capstan_equation() -> None:
     def path(time: float) -> np.ndarray:
         return x[last] - np.array([0.0, 0.012 * time, 0.0])
 
-    capstan = Primitive(kind="cylinder", start=np.array([0, 0, -0.2]), end=np.array([0, 0, 0.3]), radii=(radius, radius))
+    capstan = Primitive(
+        kind="cylinder", start=np.array([0, 0, -0.2]), end=np.array([0, 0, 0.3]), radii=(radius, radius)
+    )
     forces = replace(NOTHING, body=touching(capstan, friction=0.3))
     simulation = simulate(sheet, forces=forces, positions=x, pins=(Pins(held & ~last), Pins(last, path)))
     strain = np.mean([sheet.stretch(p)[1][:, 1] for p in run(simulation, 40)[25:]], axis=0)
@@ -152,7 +161,9 @@ def test_a_fast_limb_does_not_pass_through(turning: bool) -> None:
 
     def motion(time: float) -> np.ndarray:
         if turning:  # about a hinge 0.5 m to the side, 10 rad/s
-            return (turned(2, 10 * time - 0.4) @ np.block([[np.eye(3), np.array([[0.5], [0], [0]])], [0, 0, 0, 1]]))[None]
+            return (turned(2, 10 * time - 0.4) @ np.block([[np.eye(3), np.array([[0.5], [0], [0]])], [0, 0, 0, 1]]))[
+                None
+            ]
         return turned(0, 0.0, (0.0, 5 * time - 0.2, 0.0))[None]
 
     body = touching(limb, motion=motion)
@@ -211,3 +222,23 @@ def test_bodies_that_cannot_be_are_refused() -> None:
     ):
         with pytest.raises(InputError):
             make()
+
+
+def test_key_points_pinned_to_a_bone_go_where_it_goes() -> None:
+    """A row carried by a bone that turns and shifts keeps its place in the bone, to 1e-6 m; the rest hangs from it."""
+    held = np.zeros((N, N), bool)
+    held[0] = True
+    sheet = sheet_of(0.3, pinned=held, air_damping=2.0)
+    x = level(sheet, 0.2)
+
+    def motion(time: float) -> np.ndarray:
+        return np.stack([np.eye(4), turned(1, 2 * time, (0.1, 0.3 * time, 0.0))])
+
+    simulation = simulate(sheet, forces=Forces(), positions=x, pins=(Pins.on_bone(held, x, motion, 1),))
+    run(simulation, 10)
+    local = [
+        (p - m[:3, 3]) @ m[:3, :3] for p, m in ((x[0], motion(0.0)[1]), (simulation.positions[0], motion(1 / 6)[1]))
+    ]
+    assert np.abs(local[0] - local[1]).max() < 1e-6
+    with pytest.raises(InputError, match=r"bone: 2"):
+        Pins.on_bone(held, x, motion, 2)

@@ -179,7 +179,13 @@ class Device:
         for p in range(points.shape[0]):
             c = self.contact.memory.posed(0, 0)
             d, x, y, z = self.contact.memory.distance(
-                ti.static(self.contact.memory.kinds[0]), 0, 0, points[p, 0] - c[0], points[p, 1] - c[1], points[p, 2] - c[2]
+                ti.static(self.contact.memory.kinds[0]),
+                False,
+                0,
+                0,
+                points[p, 0] - c[0],
+                points[p, 1] - c[1],
+                points[p, 2] - c[2],
             )
             out[p, 0], out[p, 1], out[p, 2], out[p, 3] = d, x, y, z
 
