@@ -1,6 +1,7 @@
 """Distance grids: the mesh itself in contact, a grid of signed distances a part, moving rigidly with its bone.
 
-Made once, on the host: the exact distance from each node to the nearest triangle (Ericson 2005, 5.1.5), with the sign
+Made once, on the host: the distance from each node to the nearest triangle (Ericson 2005, 5.1.5), exact up to three
+spacings, beyond to the size of a triangle, with the sign
 of the generalised winding number (Jacobson et al. 2013), which needs a closed mesh. A part's grid knows the triangles
 of the part and those within `overlap` of it; where another part is nearer the distance is kept positive, as that
 part's grid answers there.
@@ -80,7 +81,7 @@ def grid_of_mesh(
             f"body.grid: {count.tolist()} nodes; allowed: 4000000; use a larger spacing than {spacing:g} m"
         )
     nodes = origin + spacing * np.stack(np.meshgrid(*(np.arange(n) for n in count), indexing="ij"), -1).reshape(-1, 3)
-    distance, nearest = _unsigned(v[f], nodes)
+    distance, nearest = _unsigned(v[f], nodes, 3 * spacing)
     distance *= _signs(v[f], nodes, distance, tuple(count), spacing)
     if not mine.all():
         grown = cKDTree(corners).query(v[f].mean(axis=1))[0] <= overlap
@@ -91,7 +92,7 @@ def grid_of_mesh(
 
 def mesh_distance(vertices: F64, faces: NDArray[np.int64], points: F64) -> tuple[F64, NDArray[np.int64]]:
     """Exact signed distance (n,) [m] from points to a closed mesh, and the nearest triangle (n,)."""
-    distance, nearest = _unsigned(vertices[faces], points)
+    distance, nearest = _unsigned(vertices[faces], points, np.inf)
     return np.where(_inside(vertices[faces], points), -distance, distance), nearest
 
 
@@ -108,14 +109,17 @@ def _signs(triangles: F64, nodes: F64, distance: F64, shape: tuple[int, ...], sp
     return out
 
 
-def _unsigned(triangles: F64, points: F64) -> tuple[F64, NDArray[np.int64]]:
+def _unsigned(triangles: F64, points: F64, band: float) -> tuple[F64, NDArray[np.int64]]:
+    """Exact up to `band` [m]; beyond, the distance to the nearest middle of a triangle."""
     middle = triangles.mean(axis=1)
     reach = float(np.linalg.norm(triangles - middle[:, None], axis=2).max())
     tree = cKDTree(middle)
     near, first = tree.query(points)
     distance, nearest = np.empty(len(points)), np.asarray(first, np.int64).copy()
-    for begin in range(0, len(points), 4096):
-        part = slice(begin, begin + 4096)
+    distance[:] = near
+    close = np.flatnonzero(near <= band + reach)
+    for begin in range(0, len(close), 4096):
+        part = close[begin : begin + 4096]
         lists = tree.query_ball_point(points[part], near[part] + reach)
         sizes = np.array([len(one) for one in lists])
         whose = np.repeat(np.arange(len(sizes)), sizes)
@@ -128,7 +132,7 @@ def _unsigned(triangles: F64, points: F64) -> tuple[F64, NDArray[np.int64]]:
 
 
 def _to_triangles(p: F64, t: F64) -> F64:
-    """Distance (n,) from p (n, 3) to triangles t (n, 3, 3): to the plane where the foot lies inside, else to an edge."""
+        raise InputError(f"body.grid: {count.tolist()} nodes; allowed: 4000000; use more than {spacing:g} m between")
     a, b, c = t[:, 0], t[:, 1], t[:, 2]
     normal = np.cross(b - a, c - a)
     size = np.linalg.norm(normal, axis=1)
@@ -146,7 +150,7 @@ def _to_triangles(p: F64, t: F64) -> F64:
 def _inside(triangles: F64, points: F64) -> NDArray[np.bool_]:
     """Whether the solid angles of all triangles (Van Oosterom & Strackee 1983) add up to more than half a turn."""
     out = np.empty(len(points), bool)
-    step = max(1, 4_000_000 // max(1, len(triangles)))
+    step = max(1, 300_000 // max(1, len(triangles)))
     for begin in range(0, len(points), step):
         r = triangles[None] - points[begin : begin + step, None, None]
         length = np.linalg.norm(r, axis=3)
