@@ -132,7 +132,7 @@ def _unsigned(triangles: F64, points: F64, band: float) -> tuple[F64, NDArray[np
 
 
 def _to_triangles(p: F64, t: F64) -> F64:
-        raise InputError(f"body.grid: {count.tolist()} nodes; allowed: 4000000; use more than {spacing:g} m between")
+    """Distance (n,) from p (n, 3) to triangles (n, 3, 3): to the plane where the foot lies inside, else to an edge."""
     a, b, c = t[:, 0], t[:, 1], t[:, 2]
     normal = np.cross(b - a, c - a)
     size = np.linalg.norm(normal, axis=1)
