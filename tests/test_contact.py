@@ -178,6 +178,7 @@ def test_a_fast_limb_does_not_pass_through(turning: bool) -> None:
     assert np.linalg.norm(simulation.positions - x, axis=-1).max() > 0.1
 
 
+@pytest.mark.slow
 def test_steps_longer_than_a_limb_find_it_on_their_way() -> None:
     """Soft cloth, steps of 4 ms: a rod of 5 mm radius comes at 5 m/s, 20 mm a step."""
     sheet = sheet_of(0.6, tensile_warp=0.5, tensile_weft=0.5, shear=0.1, bending_warp=1e-8, bending_weft=1e-8)
@@ -195,6 +196,7 @@ def test_steps_longer_than_a_limb_find_it_on_their_way() -> None:
     assert under_rod.min() > 0.15 + 0.004
 
 
+@pytest.mark.slow
 def test_one_and_two_threads_touch_alike() -> None:
     sheet = sheet_of(0.3, air_damping=2.0)
     body = touching(BODIES["sphere"], motion=lambda time: turned(0, 3 * time, (0.0, 2 * time, 0.0))[None])
