@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_cloth.body.grid import DistanceGrid
 from taichi_cloth.body.primitives import Primitive
 from taichi_cloth.errors import InputError
 
@@ -27,20 +28,22 @@ class BoneFrame:
 class Colliders:
     """A body that cloth can touch. Raises InputError on one that cannot be.
 
-    primitives: at rest. motion: time [s] → (bones, 4, 4), where rest positions go, rigid; None: the body stands still.
+    primitives, grids: what it is made of, at rest. motion: time [s] → (bones, 4, 4), where rest positions go, rigid;
+    None: the body stands still.
     friction: Coulomb's µ. gap: kept between the body and the key points [m], the thickness of the cloth and what hair
     and skin need. recovery: the fastest that key points which start inside are let out [m/s].
     """
 
-    primitives: tuple[Primitive, ...]
+    primitives: tuple[Primitive, ...] = ()
+    grids: tuple[DistanceGrid, ...] = field(default=(), repr=False)
     motion: Motion | None = field(default=None, repr=False)
     friction: float = 0.3
     gap: float = 0.0
     recovery: float = 0.5
 
     def __post_init__(self) -> None:
-        if not self.primitives:
-            raise InputError("body: nothing to touch; allowed: one primitive or more")
+        if not self.primitives and not self.grids:
+            raise InputError("body: nothing to touch; allowed: one primitive or grid, or more")
         for name in ("friction", "gap", "recovery"):
             value = getattr(self, name)
             if not (np.isfinite(value) and value >= 0):
@@ -50,7 +53,7 @@ class Colliders:
 
     def at(self, time: float) -> F64:
         """(bones, 4, 4) at a time [s]. Raises InputError where the motion gives something that is not rigid."""
-        bones = 1 + max(p.bone for p in self.primitives)
+        bones = 1 + max(p.bone for p in (*self.primitives, *self.grids))
         if self.motion is None:
             return np.broadcast_to(np.eye(4), (bones, 4, 4))
         out = np.asarray(self.motion(time), np.float64)

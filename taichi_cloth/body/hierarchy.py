@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_cloth.body.grid import DistanceGrid
 from taichi_cloth.body.primitives import Primitive
 
 __all__ = ["Hierarchy", "build", "corners"]
@@ -47,11 +48,15 @@ def build(middles: F64) -> Hierarchy:
     return Hierarchy(np.array(skip, np.int32), np.array(leaf, np.int32))
 
 
-def corners(primitives: Sequence[Primitive]) -> tuple[F64, F64]:
+def corners(primitives: Sequence[Primitive | DistanceGrid]) -> tuple[F64, F64]:
     """Points (n, 8, 3) and radii (n, 8) [m]: each primitive lies in the hull of its 8 balls, wherever it is turned."""
     points = np.zeros((len(primitives), 8, 3))
     radii = np.zeros((len(primitives), 8))
     for p, primitive in enumerate(primitives):
+        if isinstance(primitive, DistanceGrid):
+            side = primitive.spacing * (np.array(primitive.values.shape) - 1)
+            points[p] = primitive.origin + side * np.array(list(np.ndindex(2, 2, 2)))
+            continue
         points[p, :4], points[p, 4:] = primitive.start, primitive.end
         radii[p, :4], radii[p, 4:] = primitive.radii[0], primitive.radii[1]
         if primitive.kind == "sphere":

@@ -11,7 +11,7 @@ import taichi as ti
 
 from taichi_cloth.arrays import Template
 
-__all__ = ["EVERYWHERE", "NEAR", "cone", "elliptic"]
+__all__ = ["EVERYWHERE", "NEAR", "cone", "ellipse", "local", "prism"]
 
 NEAR = 2
 """Steps of Newton that give 1e-6 m within 10 mm of the surface, where no semi-axis is below 0.4 of the other."""
@@ -49,15 +49,8 @@ def _newton(u, rp, q, less):
 
 
 @ti.func
-def elliptic(x, y, z, axis, across, other, long, short, half, rounding, steps: Template):
-    """Elliptic cylinder with rounded edges. Anchor: its middle. axis, across, other: along it, its long and short axes.
-
-    long ≥ short: semi-axes, half: half the length, all [m] and less `rounding`. steps: of Newton's method, NEAR (from a
-    point of the surface) or EVERYWHERE. Returns the distance [m] and the normal.
-    """
-    along = x * axis[0] + y * axis[1] + z * axis[2]
-    px = x * across[0] + y * across[1] + z * across[2]
-    py = x * other[0] + y * other[1] + z * other[2]
+def ellipse(px, py, long, short, steps: Template):
+    """Signed distance [m] to the ellipse with semi-axes long ≥ short, and the normal. steps: NEAR or EVERYWHERE."""
     ratio = (long / short) * (long / short)
     less = ratio - 1.0
     p, q = ti.abs(px) / long, ti.max(ti.abs(py) / short, 1e-6)
@@ -78,20 +71,26 @@ def elliptic(x, y, z, axis, across, other, long, short, half, rounding, steps: T
     scale = 1.0 / ti.sqrt(nx * nx + ny * ny)
     nx, ny = nx * scale, ny * scale
     flank = (ti.abs(px) - long * y0) * nx + (ti.abs(py) - short * y1) * ny
+    return flank, nx * px / ti.max(ti.abs(px), 1e-30), ny * py / ti.max(ti.abs(py), 1e-30)
+
+
+@ti.func
+def prism(flank, nx, ny, along, half, rounding):
+    """From the distance and normal of a cross-section and the place along the axis [m]: those of the prism of half
+    length `half` grown by `rounding`: the distance, and shares of the normal across, other and along."""
     cap = ti.abs(along) - half
     side, end = ti.max(flank, 0.0), ti.max(cap, 0.0)
     far = ti.sqrt(side * side + end * end)
     deep = ti.min(ti.max(flank, cap), 0.0)
     scale = 1.0 / ti.max(far, 1e-20)
-    flat = ti.select(flank >= cap, 0.0, 1.0)
-    inside = ti.select(far > 0.0, 0.0, 1.0)
+    inside = 1.0 - ti.min(far * 1e30, 1.0)
+    flat = ti.min(ti.max((cap - flank) * 1e30, 0.0), 1.0)  # whether the cap is nearer than the flank
     side = side * scale + inside * (1.0 - flat)
-    end = (end * scale + inside * flat) * ti.select(along < 0.0, -1.0, 1.0)
-    nx = side * nx * ti.select(px < 0.0, -1.0, 1.0)
-    ny = side * ny * ti.select(py < 0.0, -1.0, 1.0)
-    return (
-        far + deep - rounding,
-        nx * across[0] + ny * other[0] + end * axis[0],
-        nx * across[1] + ny * other[1] + end * axis[1],
-        nx * across[2] + ny * other[2] + end * axis[2],
-    )
+    end = (end * scale + inside * flat) * along / ti.max(ti.abs(along), 1e-30)
+    return far + deep - rounding, side * nx, side * ny, end
+
+
+@ti.func
+def local(x, y, z, axis):
+    """Share of a vector along a unit vector [m]; never 0, so that it has a sign."""
+    return x * axis[0] + y * axis[1] + z * axis[2] + _ASIDE
