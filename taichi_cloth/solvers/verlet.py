@@ -87,7 +87,7 @@ class Verlet(Solver):
             size = int(np.prod(sheet.padded_shape))
             even = 0 if forces.strain_limit else 1
             one = {"substeps": self.substeps, "step": self.step, "strips": self.strips, "even": even}
-            self.passes = (*passes, Contact(forces.body, size=size, **one))
+            self.passes = (*self.passes, Contact(forces.body, size=size, **one))
         cuts = np.linspace(PAD, PAD + rows, self.strips + 1).round().astype(np.int32)
         self._rows = np.stack([cuts[:-1], cuts[1:]], axis=1)
         self._features = Features(
