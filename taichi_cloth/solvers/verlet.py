@@ -84,7 +84,7 @@ class Verlet(Solver):
             sphere=forces.sphere is not None,
             plane=forces.plane is not None,
         )
-        self._numbers = Numbers(**_numbers(sheet, forces, self.step))
+        self._numbers = Numbers(**spring_numbers(sheet, forces, self.step))
 
     def advance(self, state: SheetState, forces: FrameForces) -> None:
         work = _workspace(runtime.generation(), self.sheet.padded_shape, self.strips)
@@ -109,7 +109,7 @@ class Verlet(Solver):
         state.values[:, rows] = source.to_numpy()[:, rows]
 
 
-def _numbers(sheet: Sheet, forces: Forces, step: float) -> dict[str, float]:
+def spring_numbers(sheet: Sheet, forces: Forces, step: float) -> dict[str, float]:
     """The values of `stencil.Numbers`."""
     s, m, h2 = sheet.springs, sheet.material, step * step
     scaled = ("structural_x", "structural_y", "diagonal", "second_x", "second_y", "hinge_x", "hinge_y")
