@@ -86,10 +86,11 @@ class Implicit(Solver):
         change = (last - wind) / self.substeps
         damping = sheet.material.air_damping * self.step
         several = self.sweeps > 1
-        work.frame(
-            *(self._numbers, damping, *wind.tolist(), *change.tolist(), self.substeps, self.sweeps),
-            *(self._features, several, state.values),
-        )
+        with runtime.plain_code():
+            work.frame(
+                *(self._numbers, damping, *wind.tolist(), *change.tolist(), self.substeps, self.sweeps),
+                *(self._features, several, state.values),
+            )
 
 
 def _shares(sheet: Sheet) -> NDArray[np.float32]:
@@ -277,8 +278,8 @@ class _Workspace(Lines):
                 if ti.static(several):
                     for q in range(3 * KINDS * self.size):
                         self.total[q] = 0.0
-                for _q in range(sweeps):
-                    self.sweep(features.hinges, several, n.lag)
+                for turn in range(sweeps):
+                    self.sweep((done + turn) % 2, features.hinges, several, n.lag)
                 for b in range(low, high):
                     self.touch(features, b * LANES, n)
                 for b in range(low, high):

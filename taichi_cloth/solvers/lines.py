@@ -193,16 +193,22 @@ class Lines(Stencil):
             put(self.iterate[axis], q, apart, u)
 
     @ti.func
-    def sweep(self, hinges: Template, several: Template, lag):
-        """One sweep over all kinds, the stiffest last. Rows go by columns, eight rows at once; the others by rows."""
+    def sweep(self, turn, hinges: Template, several: Template, lag):
+        """One sweep over all kinds, the stiffest last: the warp in sweeps of turn 0, the weft in those of turn 1.
+
+        The last is right and disturbs the others where the threads are not square to each other: they take turns.
+        """
         if ti.static(hinges):
             self.rowwise(0, True, several, lag)
             self.columnwise(3, 4, True, several, lag)
         else:
             self.rowwise(2, False, several, lag)
             self.columnwise(4, 5, False, several, lag)
-        self.rowwise(1, False, several, lag)
-        self.columnwise(5, KINDS, False, several, lag)
+        for stage in range(3):  # diagonals, then weft and warp
+            if stage == 1 + turn:
+                self.rowwise(1, False, several, lag)
+            else:
+                self.columnwise(5 if stage == 0 else 7, 7 if stage == 0 else 8, False, several, lag)
 
     @ti.func
     def rowwise(self, kind, hinges: Template, several: Template, lag):
