@@ -37,7 +37,9 @@ def square(stiffness: float = 1.0, *, side: float = 0.3, top: bool = False, **ch
     pinned = np.zeros((N, N), bool)
     pinned[0] = top
     a = side / (N - 1)
-    return Sheet.rectangle(N, N, material=material, springs=calibrate(material, spacing_x=a, spacing_y=a), pinned=pinned)
+    return Sheet.rectangle(
+        N, N, material=material, springs=calibrate(material, spacing_x=a, spacing_y=a), pinned=pinned
+    )
 
 
 def moved(sheet: Sheet, forces: Forces, x, seconds: float, *, velocity=0.0, kind=Implicit, **options):
@@ -59,13 +61,14 @@ def test_free_fall_is_exact() -> None:
         assert np.abs(v - [0.0, -9.81, 0.0]).max() < 1e-4 * 9.81
 
 
-def swing(kind, step: float, frame_rate: float = 5.0) -> np.ndarray:
+def swing(kind, step: float, frame_rate: float = 5.0, **options) -> np.ndarray:
     """A sheet let go beside its hanging position, stretched a little, after 0.2 s."""
     sheet = square(0.05, top=True)
     x = sheet.flat()
     x[..., 2] = 0.2 * x[..., 1]
     x[..., 1] *= 1.01
-    return moved(sheet, world(gravity=(0.0, 9.81, 0.0)), x, 0.2, kind=kind, frame_rate=frame_rate, step=step)[0]
+    forces = world(gravity=(0.0, 9.81, 0.0))
+    return moved(sheet, forces, x, 0.2, kind=kind, frame_rate=frame_rate, step=step, **options)[0]
 
 
 @lru_cache
@@ -110,9 +113,7 @@ def test_a_stiff_sheet_swings_as_far_as_a_soft_one() -> None:
     sheet = square(1e4, top=True, side=length)
     x = sheet.flat()
     x = np.stack([x[..., 0], 0.0 * x[..., 0], x[..., 1]], axis=-1)
-    speeds = [
-        float(np.linalg.norm(moved(sheet, world(), x, k / 60)[1][-1].mean(axis=0))) for k in range(12, 22)
-    ]
+    speeds = [float(np.linalg.norm(moved(sheet, world(), x, k / 60)[1][-1].mean(axis=0))) for k in range(12, 22)]
     assert max(speeds) == pytest.approx((3 * 9.81 * length) ** 0.5, rel=0.03)
 
 
@@ -223,6 +224,7 @@ def test_settings_that_cannot_be_are_refused() -> None:
             Implicit(square(), world(), **options)  # pyright: ignore[reportArgumentType]
 
 
+@pytest.mark.slow
 def test_a_step_of_the_paper_s_springs_and_of_damped_ones_is_stable_too() -> None:
     """bending = "spring" has chains of second neighbours; damping along the springs only takes energy away."""
     for bending, tau in (("spring", 0.0), ("hinge", 1e-2)):

@@ -1,19 +1,21 @@
-"""Implicit steps for stiff cloth: stable for any stiffness and any step, at about three times the cost of a substep of
-Verlet's.
+"""Implicit steps for stiff cloth, by whole threads: finite for any stiffness and any step.
 
-Time: BDF2, of second order, which holds back what moves slowly hardly at all and kills what the step cannot resolve
-(it is L-stable). With u = x(t + h) − x(t), s the u before, V = h v and V₋ that before:
+Order 1, the default: implicit Euler, V⁺ = V + h² a, u = V⁺, with V = h v and u = x(t + h) − x(t); gravity moves x by
+g h²/2, so that free fall is exact. It settles from every start that was tried (tests/test_stiff.py).
+
+Order 2: BDF2, with s the u and V₋ the V before,
 
     V⁺ = (4 V − V₋ + 2 h² a) / 3,      u = s/3 + 2 V⁺/3
 
-The first step of a frame, where pins change course, and key points that touch a body take implicit Euler,
-V⁺ = V + h² a, u = V⁺. Gravity moves x by g h²/2 in the former, so that free fall is exact.
+(Euler in the first step of a frame, where pins change course, and for key points that touch a body). It holds back
+what moves slowly less, but a violent start (a sheet collapsed to a point) can keep it flying for ever: for sheets that
+start whole.
 
-Springs: one Gauss–Seidel sweep over whole threads, `lines.py`; more sweeps solve the step more exactly, but more
-steps are the better use of the same time (docs/solvers.md). Air drag is linearised, F(v) − D (v⁺ − v), with D = 1.5 |F|/|v|;
-what it adds to the mass also weakens the springs' hold in the step, so that a steady wind gets its steady answer.
+Springs: one Gauss–Seidel sweep over whole threads (`lines.py`) a step; more sweeps solve the step more exactly. Air
+drag is linearised, F(v) − D (v⁺ − v), with D = 1.5 |F|/|v|; what it adds to the mass also weakens the springs' hold in
+the step, so that a steady wind gets its steady answer.
 
-The grid is too serial for threads: a step runs on one, and the bytes cannot depend on their number.
+A step runs on one thread, and the bytes cannot depend on their number.
 """
 
 # pyright: reportOptionalCall=false, reportOperatorIssue=false, reportGeneralTypeIssues=false, reportCallIssue=false
@@ -38,7 +40,7 @@ from taichi_cloth.solvers.verlet import spring_numbers
 __all__ = ["Implicit"]
 
 STEP = 1.0e-3
-"""Longest step [s] that is taken where none is asked for: the knee of error against time, docs/solvers.md."""
+"""Longest step [s] that is taken where none is asked for."""
 
 DRAG = 1.5
 """D |v| / |F| of the air; stable from ½ of dF/dv on, which is 2 for drag."""
@@ -51,18 +53,28 @@ class Implicit(Solver):
     """Whole threads solved implicitly, for one sheet.
 
     frame_rate: frames a second [1/s]. step: the longest allowed [s]. sweeps: over all threads, a step.
-    Raises InputError on numbers that are not above 0.
+    order: 1, implicit Euler; 2, BDF2 with weft and warp taking turns at being solved last.
+    Raises InputError on numbers that are not above 0, or another order.
     """
 
     staggered = False
 
     def __init__(
-        self, sheet: Sheet, forces: Forces, *, frame_rate: float = 60.0, step: float | None = None, sweeps: int = 1
+        self,
+        sheet: Sheet,
+        forces: Forces,
+        *,
+        frame_rate: float = 60.0,
+        step: float | None = None,
+        sweeps: int = 1,
+        order: int = 1,
     ) -> None:
         for name, value in (("frame_rate", frame_rate), ("step", STEP if step is None else step), ("sweeps", sweeps)):
             if not (np.isfinite(value) and value > 0):
                 raise InputError(f"solver.{name}: {value!r}; allowed: above 0")
-        self.sheet, self.frame_rate, self.sweeps = sheet, frame_rate, sweeps
+        if order not in (1, 2):
+            raise InputError(f"solver.order: {order!r}; allowed: 1 (settles from any start) or 2 (BDF2)")
+        self.sheet, self.frame_rate, self.sweeps, self.order = sheet, frame_rate, sweeps, order
         self.substeps = max(1, ceil(1 / frame_rate / (step or STEP) - 1e-9))
         self.step = 1 / frame_rate / self.substeps
         self._features = Features(
@@ -88,7 +100,7 @@ class Implicit(Solver):
         several = self.sweeps > 1
         with runtime.plain_code():
             work.frame(
-                *(self._numbers, damping, *wind.tolist(), *change.tolist(), self.substeps, self.sweeps),
+                *(self._numbers, damping, *wind.tolist(), *change.tolist(), self.substeps, self.sweeps, self.order),
                 *(self._features, several, state.values),
             )
 
@@ -256,6 +268,7 @@ class _Workspace(Lines):
         change_z: Float,
         steps: Int,
         sweeps: Int,
+        order: Int,
         features: Template,
         several: Template,
         # in and out
@@ -271,7 +284,7 @@ class _Workspace(Lines):
             low = PAD * self.width // LANES
             high = (self.rows - PAD) * self.width // LANES
             for done in range(steps):
-                first = ti.select(done == 0, 1.0, 0.0)
+                first = ti.select(done == 0 or order == 1, 1.0, 0.0)
                 wind = ti.Vector([wind_x + done * change_x, wind_y + done * change_y, wind_z + done * change_z])
                 for b in range(low, high):
                     self.predict(features, b * LANES, first, damping, wind, n)
@@ -279,7 +292,7 @@ class _Workspace(Lines):
                     for q in range(3 * KINDS * self.size):
                         self.total[q] = 0.0
                 for turn in range(sweeps):
-                    self.sweep((done + turn) % 2, features.hinges, several, n.lag)
+                    self.sweep(ti.select(order == 1, turn, done + turn) % 2, features.hinges, several, n.lag)
                 for b in range(low, high):
                     self.touch(features, b * LANES, n)
                 for b in range(low, high):
