@@ -1,4 +1,4 @@
-"""Error against run time of the solvers: the study behind docs/solvers.md, and its diagram.
+"""Error against run time of the solvers.
 
 Two cases of cotton shirting, 0.5 m × 0.5 m: *hang*, held level at two corners and let go, and *drape*, dropped on a
 ball. Stiffness: all moduli × a factor. Reference: Verlet with a quarter of its longest step. Error: root mean square of
@@ -14,6 +14,7 @@ from statistics import median
 
 import numpy as np
 from numpy.typing import NDArray
+
 from taichi_cloth.errors import InputError
 from taichi_cloth.forces import Forces, Sphere
 from taichi_cloth.materials import named_material
@@ -24,7 +25,7 @@ from taichi_cloth.solvers.implicit import Implicit
 from taichi_cloth.solvers.verlet import Verlet
 from taichi_cloth.springs import calibrate
 
-__all__ = ["CASES", "SolverRow", "draw_solvers", "read_rows", "solver_rows", "write_rows"]
+__all__ = ["CASES", "SolverRow", "read_rows", "solver_rows", "write_rows"]
 
 CASES = {"hang": 0.5, "drape": 0.3}
 """Simulated time [s] after which the error is taken; later the drape's folds depend on rounding."""
@@ -100,7 +101,7 @@ def solver_rows(
     others: dict[str, Callable[[Sheet, Forces, float, int], Solver]] | None = None,
     only_others: bool = False,
 ) -> list[SolverRow]:
-    """Rows of one case at one stiffness. others: solvers to measure beside, made from sheet, forces, step and sweeps."""
+    """Rows of one case at one stiffness. others: more solvers, made from sheet, forces, step, sweeps."""
     sheet, forces, start = scene(case, stiffness, points)
     seconds = CASES[case]
     longest = Verlet(sheet, forces, frame_rate=FRAME_RATE).step

@@ -233,7 +233,6 @@ class Lines(Stencil):
     @ti.func
     def columnwise(self, first, last, hinges: Template, several: Template, lag):
         """Chains across the rows: a lane is a column, or a diagonal."""
-        width = ti.static(self.width)
         blocks = ti.static(self.width // LANES)
         for kind in range(first, last):
             o = self.offset[kind]
