@@ -7,6 +7,7 @@ command line, the tests and a person's own script call `start` once, before the 
 import contextlib
 import io
 import os
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
@@ -15,7 +16,7 @@ from taichi.lang.impl import current_cfg
 
 from taichi_cloth.errors import InputError, did_you_mean
 
-__all__ = ["Arch", "Runtime", "generation", "on_host", "start", "threads"]
+__all__ = ["Arch", "Runtime", "generation", "on_host", "plain_code", "start", "threads"]
 
 Arch = Literal["cpu", "cuda", "vulkan", "metal", "gpu"]
 
@@ -82,6 +83,21 @@ def start(arch: Arch = "cpu", *, threads: int | None = None, cache: bool = True,
         _pin(sorted(_thread_ids() - before)[-workers:])
     _started.append(Runtime(arch=got, threads=workers))
     return _started[-1]
+
+
+@contextlib.contextmanager
+def plain_code() -> Iterator[None]:
+    """Kernels first called within are compiled without Taichi's own analysis of which loads repeat.
+
+    For long kernels with many stores it takes three quarters of the compile time and gains nothing; LLVM does it too.
+    """
+    config = current_cfg()
+    before = config.cfg_optimization
+    config.cfg_optimization = False
+    try:
+        yield
+    finally:
+        config.cfg_optimization = before
 
 
 def _processors() -> int:

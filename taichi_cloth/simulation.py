@@ -85,8 +85,12 @@ class Simulation:
         return self.sheet.positions(self.state)
 
     def _first_steps(self, positions: NDArray[np.float64], velocities: ArrayLike) -> None:
-        """x(0) − x(−h) = v h − a h²/2, which makes the start of second order, as the rest."""
+        """x(0) − x(−h) = v h − a h²/2, which makes the start of second order, as the rest; v h if not staggered."""
         sheet, h = self.sheet, self.solver.step
+        if not self.solver.staggered:
+            moving = np.where(sheet.inverse_mass[..., None] > 0, np.broadcast_to(velocities, positions.shape), 0.0)
+            sheet.set_steps(self.state, moving * h)
+            return
         free = sheet.inverse_mass[..., None]
         forces = elastic_forces(sheet, np.where(sheet.present[..., None], positions, 0.0)) * free
         acceleration = forces + np.where(free > 0, self.forces.gravity, 0.0)

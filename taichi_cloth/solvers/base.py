@@ -17,6 +17,9 @@ class Solver(ABC):
     step: float
     """Length of a step [s]."""
 
+    staggered: bool = True
+    """Whether the steps in the state belong to the time half a step before that of the positions."""
+
     @abstractmethod
     def advance(self, state: SheetState, forces: FrameForces) -> None:
         """Moves the state on by one frame, in place.

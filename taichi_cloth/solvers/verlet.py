@@ -99,7 +99,7 @@ class Verlet(Solver):
             limit=forces.strain_limit is not None,
         )
         self.limit_passes = forces.strain_limit.passes if forces.strain_limit else 0
-        self._numbers = Numbers(**_numbers(sheet, forces, self.step))
+        self._numbers = Numbers(**spring_numbers(sheet, forces, self.step, _acting(m.air_damping, self.step)))
 
     def advance(self, state: SheetState, forces: FrameForces) -> None:
         work = _workspace(runtime.generation(), self.sheet.padded_shape, self.strips, self.passes)
@@ -129,11 +129,14 @@ class Verlet(Solver):
             one.end(state)
 
 
-def _numbers(sheet: Sheet, forces: Forces, step: float) -> dict[str, float]:
-    """The values of `stencil.Numbers`."""
-    s, m, h2 = sheet.springs, sheet.material, step * step
-    if m.air_damping > 0:  # a constant force acts for (1 − e^(−ch))/c of a step: second order, and the right end speed
-        h2 *= -expm1(-m.air_damping * step) / (m.air_damping * step)
+def _acting(air_damping: float, step: float) -> float:
+    """Share of a step for which a constant force acts, (1 − e^(−ch))/(ch): second order, and the right end speed."""
+    return -expm1(-air_damping * step) / (air_damping * step) if air_damping > 0 else 1.0
+
+
+def spring_numbers(sheet: Sheet, forces: Forces, step: float, acting: float = 1.0) -> dict[str, float]:
+    """The values of `stencil.Numbers`. acting: what forces are multiplied by."""
+    s, m, h2 = sheet.springs, sheet.material, acting * step * step
     scaled = ("structural_x", "structural_y", "diagonal", "second_x", "second_y", "hinge_x", "hinge_y")
     out = {name: getattr(s, name) * h2 for name in scaled}
     out |= {name: getattr(s, name) for name in ("spacing_x", "spacing_y", "diagonal_length")}

@@ -1,0 +1,241 @@
+"""The implicit solver: exactness of a chain, order, motion, statics, and starts that no one would wish for."""
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import pytest
+from strips import NOTHING, PLAIN, ROWS, strip
+
+from taichi_cloth.energy import elastic_energy, kinetic_energy
+from taichi_cloth.errors import InputError
+from taichi_cloth.forces import Forces, Plane, Sphere, Wind
+from taichi_cloth.pins import Pins
+from taichi_cloth.sheet import Sheet, SheetState
+from taichi_cloth.simulation import Simulation
+from taichi_cloth.solvers.implicit import Implicit
+from taichi_cloth.solvers.verlet import Verlet
+from taichi_cloth.springs import calibrate
+
+RNG = np.random.Generator(np.random.Philox(key=9))
+N = 12
+DOWN = Forces(gravity=(0.0, 9.81, 0.0))
+# One set of features for all sheets: wind of no strength and bodies far away cost nothing but one compiled kernel less.
+CALM = Wind(velocity=(0.0, 0.0, 0.0), drag=0.0, lift=0.0)
+FAR = Sphere(centre=(0.0, -1e4, 0.0), radius=0.1)
+FLOOR = Plane(height=-1e4)
+
+
+def world(**changes) -> Forces:
+    return replace(Forces(wind=CALM, sphere=FAR, plane=FLOOR), **changes)
+
+
+def square(stiffness: float = 1.0, *, side: float = 0.3, top: bool = False, **changes) -> Sheet:
+    """N × N key points of 1000 N/m × stiffness; `top` pins the first row."""
+    moduli = {"tensile_warp": 1e3, "tensile_weft": 1e3, "shear": 60.0, "bending_warp": 1e-5, "bending_weft": 1e-5}
+    scaled = {name: value * stiffness for name, value in moduli.items()}
+    material = replace(PLAIN, **scaled, **changes)  # pyright: ignore[reportArgumentType]
+    pinned = np.zeros((N, N), bool)
+    pinned[0] = top
+    a = side / (N - 1)
+    return Sheet.rectangle(
+        N, N, material=material, springs=calibrate(material, spacing_x=a, spacing_y=a), pinned=pinned
+    )
+
+
+def moved(sheet: Sheet, forces: Forces, x, seconds: float, *, velocity=0.0, kind=Implicit, **options):
+    """Positions and velocities after some time, without the check of `Simulation` on stretch."""
+    solver = kind(sheet, forces, **options)
+    state = Simulation(sheet, solver, forces=forces, positions=x, velocities=velocity).state
+    frame = solver.step * solver.substeps
+    for k in range(round(seconds / frame)):
+        solver.advance(state, forces.during(k * frame, (k + 1) * frame))
+    return sheet.positions(state).astype(float), sheet.steps(state).astype(float) / solver.step
+
+
+def test_free_fall_is_exact() -> None:
+    """y = −g t²/2 and v = −g t after a second, whatever the step. 1e-5 of it (float32)."""
+    sheet = square()
+    for step in (1e-3, 1 / 60):
+        x, v = moved(sheet, world(), sheet.flat(), 1.0, step=step)
+        assert np.abs(x - (sheet.flat() - [0.0, 9.81 / 2, 0.0])).max() < 1e-5 * 9.81 / 2
+        assert np.abs(v - [0.0, -9.81, 0.0]).max() < 1e-4 * 9.81
+
+
+def swing(kind, step: float, frame_rate: float = 5.0, **options) -> np.ndarray:
+    """A sheet let go beside its hanging position, stretched a little, after 0.2 s."""
+    sheet = square(0.05, top=True)
+    x = sheet.flat()
+    x[..., 2] = 0.2 * x[..., 1]
+    x[..., 1] *= 1.01
+    forces = world(gravity=(0.0, 9.81, 0.0))
+    return moved(sheet, forces, x, 0.2, kind=kind, frame_rate=frame_rate, step=step, **options)[0]
+
+
+@lru_cache
+def settled() -> np.ndarray:
+    return swing(Verlet, 2e-5)
+
+
+@pytest.mark.parametrize(
+    ("kind", "order", "steps"), [(Implicit, 1, (8e-4, 4e-4, 2e-4)), (Verlet, 2, (4e-4, 2e-4, 1e-4))]
+)
+def test_the_error_falls_with_the_power_of_the_step(kind, order: int, steps) -> None:
+    """On the nonlinear sheet, against Verlet with 2e-5 s: slopes of the root mean square within 0.35 of the order."""
+    errors = [float(np.sqrt(np.mean((swing(kind, h) - settled()) ** 2))) for h in steps]
+    slopes = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert np.abs(slopes - order).max() < 0.35, f"slopes {slopes}, errors {errors}"
+
+
+def test_a_curtain_hangs_as_far_as_its_stiffness_says() -> None:
+    """ρ g L²/2E at the bottom, at real and at a hundredfold stiffness and at several steps. Tolerance 2 %."""
+    for stiffness, step in ((1.0, 1e-3), (1.0, 2e-3), (100.0, 1e-3)):
+        sheet = square(stiffness, top=True, side=1.0, air_damping=8.0)
+        x, _ = moved(sheet, world(gravity=(0.0, 9.81, 0.0)), sheet.flat(), 3.0, step=step)
+        exact = 0.15 * 9.81 / (2 * 1000.0 * stiffness)
+        assert x[-1, :, 1].mean() - 1.0 == pytest.approx(exact, rel=0.02, abs=1e-6), (stiffness, step)
+
+
+def test_momentum_is_conserved_without_external_forces() -> None:
+    """Linear to 1e-4 of Σ m |v|; angular to 2 % in 20 frames, as implicit steps turn a body a little too slowly."""
+    sheet = square()
+    x = sheet.flat() + RNG.standard_normal((N, N, 3)) * 1e-3
+    spin = np.cross([0.0, 0.0, 2.0], x - x.mean(axis=(0, 1)))
+    m = sheet.mass[..., None]
+    y, v = moved(sheet, world(gravity=(0.0, 0.0, 0.0)), x, 1 / 3, velocity=spin + 0.1)
+    scale = float((m * np.abs(spin + 0.1)).sum())
+    assert np.abs((m * (v - spin - 0.1)).sum((0, 1))).max() < 1e-4 * scale
+    before, after = (m * np.cross(x, spin + 0.1)).sum((0, 1)), (m * np.cross(y, v)).sum((0, 1))
+    assert np.abs(after - before).max() < 0.02 * np.abs(before).max(), (before, after)
+
+
+def test_a_stiff_sheet_swings_as_far_as_a_soft_one() -> None:
+    """A stiff solver must not eat momentum: a pendulum of 10⁴ × the stiffness falls as a rigid plate does, which from
+    level reaches the bottom at v² = 3 g L at its tip. Tolerance 3 %."""
+    length = 0.3
+    sheet = square(1e4, top=True, side=length)
+    x = sheet.flat()
+    x = np.stack([x[..., 0], 0.0 * x[..., 0], x[..., 1]], axis=-1)
+    speeds = [float(np.linalg.norm(moved(sheet, world(), x, k / 60)[1][-1].mean(axis=0))) for k in range(12, 22)]
+    assert max(speeds) == pytest.approx((3 * 9.81 * length) ** 0.5, rel=0.03)
+
+
+def test_energy_is_never_made() -> None:
+    """A sheet shaken at 1, 10⁴ and 10⁸ × the stiffness: total energy never above its start."""
+    for stiffness in (1.0, 1e4, 1e8):
+        sheet = square(stiffness)
+        x = sheet.flat() + RNG.standard_normal((N, N, 3)) * 2e-3
+        energies = [elastic_energy(sheet, x)]
+        for frames in (1, 4, 16):
+            y, v = moved(sheet, world(gravity=(0.0, 0.0, 0.0)), x, frames / 60)
+            energies.append(elastic_energy(sheet, y) + kinetic_energy(sheet, v))
+        assert max(energies[1:]) < energies[0], (stiffness, energies)
+
+
+def starts(sheet: Sheet) -> dict[str, np.ndarray]:
+    """Starts that no one would wish for."""
+    flat = sheet.flat()
+    side = flat[..., 0].max()
+    turn = 20 * np.pi * flat[..., 1] / side
+    twisted = np.stack(
+        [(flat[..., 0] - side / 2) * np.cos(turn), flat[..., 1], (flat[..., 0] - side / 2) * np.sin(turn)], axis=-1
+    )
+    shuffled = RNG.permutation(flat.reshape(-1, 3)).reshape(flat.shape)
+    return {
+        "point": 0.0 * flat,
+        "line": flat * [1.0, 0.0, 0.0],
+        "shuffled": shuffled,
+        "stretched": 10.0 * flat,
+        "inverted": -flat,
+        "twisted": twisted,
+    }
+
+
+@pytest.mark.parametrize("stiffness", [1.0, 1e4, 1e8])
+@pytest.mark.parametrize("name", ["point", "line", "shuffled", "stretched", "inverted", "twisted"])
+def test_bad_starts_end_finite_and_at_rest(name: str, stiffness: float) -> None:
+    """After 3 s with air, held along the top: finite and slower than 0.2 m/s in the mean. It may rest in a tangle, as
+    cloth here passes through cloth, so nothing is asked of its threads."""
+    sheet = square(stiffness, top=True, air_damping=4.0)
+    x = starts(sheet)[name]
+    x[0] = sheet.flat()[0]
+    y, v = moved(sheet, world(), x, 3.0)
+    assert np.isfinite(y).all()
+    assert np.isfinite(v).all()
+    speed = float(np.linalg.norm(v, axis=-1).mean())
+    assert speed < 0.2, f"{speed:.3g} m/s"
+
+
+@pytest.mark.parametrize("step", [1 / 240, 1 / 60, 1 / 10])
+@pytest.mark.parametrize("stiffness", [1.0, 1e8])
+def test_any_step_and_any_force_stay_finite(step: float, stiffness: float) -> None:
+    """One step a frame; thrown at 50 m/s in 100 m/s of wind onto a ball and a floor; 0.1 mm apart; mass ratio 10⁶."""
+    forces = Forces(
+        wind=Wind(velocity=(100.0, 0.0, 0.0), gusts=0.2),
+        sphere=Sphere(centre=(0.1, -0.3, 0.1), radius=0.2),
+        plane=Plane(height=-0.5),
+    )
+    for side, ratio in ((0.3, 1.0), (1e-4 * (N - 1), 1.0), (0.3, 1e6)):
+        sheet = square(stiffness, top=True, side=side, air_damping=1.0)
+        sheet.__dict__["mass"] = sheet.mass * np.where(RNG.uniform(size=(N, N)) < 0.5, 1.0, ratio)
+        y, v = moved(sheet, forces, sheet.flat(), 2.0, velocity=(0.0, -50.0, 0.0), frame_rate=1 / step, step=step)
+        assert np.isfinite(y).all()
+        assert np.isfinite(v).all()
+        assert np.abs(y).max() < 1e4, np.abs(y).max()
+
+
+def test_a_sheet_rests_on_a_slope_or_slides_as_coulomb_says() -> None:
+    """30°: a = g (sin − µ cos), 0 where µ > tan 30°. Distance after 0.5 s, within 2 % of that without friction."""
+    slope = np.radians(30.0)
+    along = np.array([np.cos(slope), -np.sin(slope), 0.0])
+    for friction in (0.0, 0.3, 1.0):
+        plane = Plane(normal=(float(np.sin(slope)), float(np.cos(slope)), 0.0), friction=friction)
+        sheet = square()
+        u = sheet.flat()
+        x = u[..., :1] * along + u[..., 1:2] * np.array([0.0, 0.0, 1.0])
+        y, _ = moved(sheet, world(plane=plane), x, 0.5)
+        a = 9.81 * max(0.0, np.sin(slope) - friction * np.cos(slope))
+        assert np.abs((y - x) @ along - a * 0.125).max() < 0.02 * 9.81 * np.sin(slope) * 0.125
+
+
+def test_a_resumed_run_gives_the_same_bytes_and_pins_are_led(tmp_path) -> None:
+    sheet = square(top=True, air_damping=1.0)
+    start = sheet.flat()[0]
+    pins = (Pins(sheet.pinned, lambda time: start + np.array([0.05 * np.sin(4 * time), 0.0, 0.0])),)
+
+    def make() -> Simulation:
+        forces = world()
+        return Simulation(sheet, Implicit(sheet, forces), forces=forces, positions=sheet.flat(), pins=pins)
+
+    whole, first, second = make(), make(), make()
+    for _ in range(9):
+        whole.step()
+    for _ in range(4):
+        first.step()
+    first.save(tmp_path / "state.npz")
+    second.restore(tmp_path / "state.npz")
+    for _ in range(5):
+        second.step()
+    assert second.positions[0] == pytest.approx(pins[0].at(second.time), abs=1e-7)
+    assert second.state.values.tobytes() == whole.state.values.tobytes()
+
+
+def test_settings_that_cannot_be_are_refused() -> None:
+    for options in ({"frame_rate": 0.0}, {"step": -1.0}, {"sweeps": 0}, {"step": float("nan")}):
+        with pytest.raises(InputError):
+            Implicit(square(), world(), **options)  # pyright: ignore[reportArgumentType]
+
+
+@pytest.mark.slow
+def test_a_step_of_the_paper_s_springs_and_of_damped_ones_is_stable_too() -> None:
+    """bending = "spring" has chains of second neighbours; damping along the springs only takes energy away."""
+    for bending, tau in (("spring", 0.0), ("hinge", 1e-2)):
+        sheet = strip(bending=bending, pinned=(0,), fibre_damping=tau, length=0.8)
+        state: SheetState = sheet.state(sheet.flat() + 1e-3 * RNG.standard_normal((ROWS, 3, 3)))
+        solver = Implicit(sheet, NOTHING)
+        for _ in range(5):
+            solver.advance(state, NOTHING.during(0, 1))
+        x, v = sheet.positions(state).astype(float), sheet.steps(state).astype(float) / solver.step
+        here = np.abs(x - sheet.flat()).max()
+        assert np.isfinite(v).all()
+        assert here < 0.02, here
