@@ -74,6 +74,9 @@ class Implicit(Solver):
                 raise InputError(f"solver.{name}: {value!r}; allowed: above 0")
         if order not in (1, 2):
             raise InputError(f"solver.order: {order!r}; allowed: 1 (settles from any start) or 2 (BDF2)")
+        for name in ("body", "strain_limit", "self_contact"):
+            if getattr(forces, name) is not None:
+                raise InputError(f'solver.name: "implicit" has no {name.replace("_", " ")}; use "verlet", or leave it out')
         self.sheet, self.frame_rate, self.sweeps, self.order = sheet, frame_rate, sweeps, order
         self.substeps = max(1, ceil(1 / frame_rate / (step or STEP) - 1e-9))
         self.step = 1 / frame_rate / self.substeps
