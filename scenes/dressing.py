@@ -7,12 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from taichi_cloth.body.colliders import Colliders
-from taichi_cloth.body.fit import fit
 from taichi_cloth.body.motion import Motion
-from taichi_cloth.body.parts import JOINTS
 from taichi_cloth.body.primitive_arrays import primitives_from, primitives_to
 from taichi_cloth.body.primitives import Primitive
-from taichi_cloth.body.segment import segment
+from taichi_cloth.body.ready import fit_body, ready_primitives
 from taichi_cloth.body.skinning import Body
 from taichi_cloth.cache import digest, kept
 from taichi_cloth.errors import InputError
@@ -92,14 +90,12 @@ def garment_of(scene: Scene, body: Body) -> Garment:
 
 
 def primitives_of(body: Body) -> tuple[Primitive, ...]:
-    """The primitives of a body, each carried by its bone; kept on disk."""
-
-    def make() -> dict[str, np.ndarray]:
-        parts = segment(body.vertices, body.faces)
-        bones = {name: body.skeleton.index(JOINTS[name]) for name in parts.names}
-        return primitives_to(fit(body.vertices, body.faces, parts.labels, parts.names, bones=bones))
-
-    return primitives_from(kept("primitives", digest(VERSION, body.vertices, body.faces), make)[0])
+    """The primitives of a body, each carried by its bone; those of other than built-in bodies are kept on disk."""
+    ready = ready_primitives(body)
+    if ready is not None:
+        return ready
+    made_of = digest(VERSION, body.vertices, body.faces)
+    return primitives_from(kept("primitives", made_of, lambda: primitives_to(fit_body(body)))[0])
 
 
 def motion_of(scene: Scene, body: Body) -> Motion:

@@ -76,7 +76,8 @@ class Implicit(Solver):
             raise InputError(f"solver.order: {order!r}; allowed: 1 (settles from any start) or 2 (BDF2)")
         for name in ("body", "strain_limit", "self_contact"):
             if getattr(forces, name) is not None:
-                raise InputError(f'solver.name: "implicit" has no {name.replace("_", " ")}; use "verlet", or leave it out')
+                what = name.replace("_", " ")
+                raise InputError(f'solver.name: "implicit" has no {what}; use "verlet", or leave it out')
         self.sheet, self.frame_rate, self.sweeps, self.order = sheet, frame_rate, sweeps, order
         self.substeps = max(1, ceil(1 / frame_rate / (step or STEP) - 1e-9))
         self.step = 1 / frame_rate / self.substeps
