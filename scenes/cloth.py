@@ -28,7 +28,7 @@ STATE = "state.npz"
 """Where a sequence keeps the state of its last frame."""
 
 ALBEDO = 0.7
-"""Brightness of a mesh over that of its fibres: between fibres some light is lost that a smooth surface would return."""
+"""Brightness of a mesh over that of its fibres: between fibres light is lost that a smooth surface would return."""
 
 
 class ClothModel:
