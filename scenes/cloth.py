@@ -27,6 +27,9 @@ F32 = NDArray[np.float32]
 STATE = "state.npz"
 """Where a sequence keeps the state of its last frame."""
 
+ALBEDO = 0.7
+"""Brightness of a mesh over that of its fibres: between fibres light is lost that a smooth surface would return."""
+
 
 class ClothModel:
     """A sheet in motion, drawn as its scene says."""
@@ -140,7 +143,7 @@ def key_colours(scene: Scene) -> F32:
         nearest = (np.arange(len(shades)) + k // 2) // k
         families.append(np.stack([np.bincount(nearest, c) / np.bincount(nearest) for c in shades.T], axis=-1))
     weft, warp = families
-    return ((weft[:, None] + warp[None, :]) / 2).reshape(-1, 3).astype(np.float32)
+    return (ALBEDO * (weft[:, None] + warp[None, :]) / 2).reshape(-1, 3).astype(np.float32)
 
 
 def ball_mesh(centre: tuple[float, float, float], radius: float, albedo: NDArray, *, rings: int = 64) -> Mesh:

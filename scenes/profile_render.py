@@ -15,6 +15,7 @@ from taichi_cloth.fabric import Detail, Threads, lay_out, pose_points
 from taichi_cloth.streaming import FabricStream
 from taichi_cloth.yarn import Yarn
 
+from ..render.blocks import ParticleBlocks
 from ..render.camera import box_corners, frame
 from ..render.light import Lighting
 from ..render.particles import Particles
@@ -75,7 +76,7 @@ def render_profile_lines(
     yield f"{'':<16}{'ms':>8}{'project':>9}{'sort':>7}{'bin':>7}{'raster':>8}{'tile entries':>14}"
     round_ones = replace(particles, half_length=None)
     plain, full = Lighting(), Lighting(shadows=True, occlusion=True)
-    ways: tuple[tuple[str, Particles, Profile, Lighting], ...] = (
+    ways: tuple[tuple[str, Particles | ParticleBlocks, Profile, Lighting], ...] = (
         ("round, soft", round_ones, SOFT, plain),
         ("round, crisp", round_ones, CRISP, plain),
         ("elliptic, soft", particles, SOFT, plain),

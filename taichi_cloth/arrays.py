@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 import taichi as ti
 
-__all__ = ["F32x1", "F32x2", "F32x3", "Float", "I16x2", "I32x1", "I32x2", "I64x1", "Int", "Template"]
+__all__ = ["Address", "F32x1", "F32x2", "F32x3", "Float", "I16x2", "I32x1", "I32x2", "I64x1", "Int", "Template"]
 
 if TYPE_CHECKING:
     F32x1 = Any
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     I64x1 = Any
     Float = Any
     Int = Any
+    Address = Any
     Template = Any
 else:
     F32x1 = ti.types.ndarray(ti.f32, 1)
@@ -27,4 +28,5 @@ else:
     I64x1 = ti.types.ndarray(ti.i64, 1)
     Float = ti.f32
     Int = ti.i32
+    Address = ti.u64
     Template = ti.template()

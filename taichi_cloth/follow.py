@@ -19,7 +19,7 @@ LLVM makes no vector instructions of stores to an array argument (six times as s
 
 # In kernels a vector is a Taichi expression, which type checkers cannot follow.
 # pyright: reportOptionalCall=false, reportIndexIssue=false, reportOperatorIssue=false, reportGeneralTypeIssues=false
-# pyright: reportCallIssue=false
+# pyright: reportCallIssue=false, reportArgumentType=false
 
 import ctypes
 from typing import Literal, get_args
@@ -29,7 +29,7 @@ import taichi as ti
 from numpy.typing import ArrayLike, NDArray
 
 from taichi_cloth import runtime
-from taichi_cloth.arrays import F32x3, I32x2, Int, Template
+from taichi_cloth.arrays import Address, F32x3, I32x2, Int, Template
 from taichi_cloth.blocks import Fabric, FibreCloud
 from taichi_cloth.errors import InputError, did_you_mean
 from taichi_cloth.normals import frame_of_point
@@ -148,7 +148,7 @@ class FibreFollower:
         """All particles as the splatter's blocks, (slots / 16, ROWS, 16); valid until Taichi starts again."""
 
     @ti.kernel
-    def _address(self) -> ti.u64:
+    def _address(self) -> Address:
         return ti.get_addr(self._out, [0])
 
     @property
