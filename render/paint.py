@@ -27,6 +27,10 @@ __all__ = ["paint"]
 # Rows of the argument `c`, three numbers each.
 ROTATION, EYE, LENS, SKY, GROUND, FLOOR = 0, 3, 4, 5, 6, 7
 DOME = 9
+LIFT = 1.5
+"""Texels of the sky's maps that a vertex is lifted off the skin it belongs to."""
+SPREAD = 6
+"""Rounds by which a vertex's sky is evened out with its neighbours': the sky changes slowly, the maps are coarse."""
 CONSTANT_ROWS = 10  # FLOOR: height, centre x and z [m], then in the next row cells per metre
 
 
@@ -76,9 +80,22 @@ def paint(
     if maps is not None and maps.sky is not None:
         normals = np.asarray(mesh.normals)
         toward = ((camera.eye - mesh.vertices) * normals).sum(axis=1, keepdims=True) > 0
-        open_sky = maps.sky.seen_from(mesh.vertices, np.where(toward, normals, -normals))
+        normals = np.where(toward, normals, -normals)
+        open_sky = maps.sky.seen_from(mesh.vertices + LIFT * maps.sky.texel * normals, normals)
+        open_sky = spread(open_sky, mesh.faces, SPREAD)
     _shade(width, any(lights), c, lamps, mesh.faces, mesh.colour, mesh.normals, open_sky, edges, face, passing, colour)
     return Backdrop(colour, tiled(depth), face, edges)
+
+
+def spread(values: NDArray, faces: NDArray, rounds: int) -> NDArray[np.float32]:
+    """Values at vertices (n,), each the mean of its own and its neighbours' mean, so many times over."""
+    out, size = np.asarray(values, np.float64), len(values)
+    pairs = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    one, two = np.concatenate([pairs, pairs[:, ::-1]]).T
+    count = np.maximum(np.bincount(one, minlength=size), 1)
+    for _ in range(rounds):
+        out = (out + np.bincount(one, out[two], size) / count) / 2
+    return out.astype(np.float32)
 
 
 def unproject(camera: Camera, row: NDArray, column: NDArray, depth: NDArray) -> NDArray[np.float32]:
