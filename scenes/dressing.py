@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -25,10 +26,11 @@ from taichi_cloth.garment.sew import Garment, Worn, sew
 from taichi_cloth.simulation import Simulation
 
 from .body_section import BodySection, prepare_body, prepare_motion
+from .garment_schema import GarmentSection
 from .moving import forces_of, material_of
 from .schema import Scene
 
-__all__ = ["Dressed", "dress", "garment_of", "motion_of", "simulation_of"]
+__all__ = ["Dressed", "Parts", "dress", "dressed_parts", "garment_of", "motion_of", "simulation_of"]
 
 VERSION = 1
 """Of what is kept on disk: raised whenever the same scene would come to another rest."""
@@ -37,39 +39,54 @@ Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True, eq=False)
-class Dressed:
-    """A body, what stands for it in contact, a garment, and how it rests. from_disk: whether it was sewn before."""
+class Parts:
+    """What is known before anything is sewn: a body, what stands for it in contact, and a garment cut for it."""
 
     body: Body
     primitives: tuple[Primitive, ...]
     garment: Garment
+
+
+@dataclass(frozen=True, eq=False)
+class Dressed(Parts):
+    """A garment on its body, and how it rests. from_disk: whether it was sewn before."""
+
     worn: Worn
     from_disk: bool
 
 
+def dressed_parts(scene: Scene) -> Parts:
+    """Body, primitives and garment of a scene; the last few are remembered. Raises InputError."""
+    assert scene.garment is not None
+    body = (scene.body or BodySection()).model_dump_json()
+    return _parts(scene.garment.model_dump_json(), body)
+
+
+@lru_cache(maxsize=4)
+def _parts(garment: str, body: str) -> Parts:
+    section, worn_by = GarmentSection.model_validate_json(garment), BodySection.model_validate_json(body)
+    figure = prepare_body(worn_by)
+    return Parts(figure, primitives_of(figure), garment_of(section, figure))
+
+
 def dress(scene: Scene, each: Progress | None = None) -> Dressed:
     """The scene's garment on its body, sewn unless it was before. Raises InputError; needs Taichi only to sew."""
-    assert scene.garment is not None
-    body = prepare_body(scene.body or BodySection())
-    primitives = primitives_of(body)
-    garment = garment_of(scene, body)
-    colliders = _colliders(scene, primitives)
-    made_of = digest(VERSION, garment, colliders.gap, colliders.friction, list(primitives))
+    parts = dressed_parts(scene)
+    colliders = _colliders(scene, parts.primitives)
+    made_of = digest(VERSION, parts.garment, colliders.gap, colliders.friction, list(parts.primitives))
 
     def make() -> dict[str, np.ndarray]:
-        worn = sew(garment, colliders, each=each)
+        worn = sew(parts.garment, colliders, each=each)
         return {name: np.asarray(getattr(worn, name)) for name in Worn.__dataclass_fields__}
 
     arrays, found = kept("worn", made_of, make)
     numbers = {name: arrays[name].item() for name in ("gap", "depth", "stretch", "speed", "frames")}
     worn = Worn(positions=arrays["positions"], places=arrays["places"], **numbers)
-    return Dressed(body, primitives, garment, worn, found)
+    return Dressed(parts.body, parts.primitives, parts.garment, worn, found)
 
 
-def garment_of(scene: Scene, body: Body) -> Garment:
-    """The scene's pattern, fitted to the body and cut. Raises InputError."""
-    section = scene.garment
-    assert section is not None
+def garment_of(section: GarmentSection, body: Body) -> Garment:
+    """A pattern, fitted to the body and cut. Raises InputError."""
     figure = figure_of(body)
     pattern: Pattern
     if section.pattern.lower().endswith(".json"):

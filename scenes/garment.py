@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from taichi_cloth.blocks import build_fabric
 from taichi_cloth.colour_order import thread_repeat
 from taichi_cloth.follow import FibreFollower
+from taichi_cloth.garment.cut import Atlas
 from taichi_cloth.garment.skin import beneath
 from taichi_cloth.garment.surface import Surface
 from taichi_cloth.garment.weaving import Colours, Weaving, crossings_shape
@@ -16,7 +17,7 @@ from taichi_cloth.simulation import Simulation
 from ..render.blocks import ParticleBlocks
 from ..render.mesh import Mesh
 from .cloth import STATE, nothing
-from .dressing import Dressed, dress, motion_of, simulation_of
+from .dressing import Dressed, Progress, dress, motion_of, simulation_of
 from .facts import Fact, fabric_facts, yarn_facts
 from .models import Numbers, Panel
 from .prepare import Prepared, fibre_kind, prepare_fabric
@@ -33,17 +34,23 @@ SKIN = (0.62, 0.47, 0.39)
 class GarmentModel:
     """A garment in motion on its body."""
 
-    def __init__(self, scene: Scene, prepared: Prepared | None = None, dressed: Dressed | None = None) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        prepared: Prepared | None = None,
+        dressed: Dressed | None = None,
+        each: Progress | None = None,
+    ) -> None:
         assert scene.garment is not None
         self.scene, self.section, self.frames = scene, scene.garment, scene.output.frames
-        self.dressed = dressed or dress(scene)
+        self.dressed = dressed or dress(scene, each)
         self.motion = motion_of(scene, self.dressed.body)
         self.simulation: Simulation = simulation_of(scene, self.dressed)
         atlas = self.dressed.garment.atlas
         self.prepared: Prepared | None = None
         self.follower: FibreFollower | None = None
         if self.section.representation == "fibre":
-            self.prepared = prepared or prepare_fabric(woven_garment(scene, self.dressed))
+            self.prepared = prepared or prepare_fabric(woven_garment(scene, atlas))
             k = self.section.threads_per_key_point
             self.weaving = Weaving(atlas, build_fabric(self.prepared.layout), k, colours_of(scene, self.dressed))
             rest = None
@@ -147,17 +154,17 @@ class GarmentModel:
         """What every picture of the garment frames: itself at rest, with some room, and the head above a top."""
         points = self.simulation.positions[self.simulation.sheet.present]
         low, high = points.min(axis=0), points.max(axis=0)
-        room = 0.06 * (high - low).max()
+        room = 0.12 * (high - low).max()
         return np.asarray([low - room, high + room], np.float32)
 
 
-def woven_garment(scene: Scene, dressed: Dressed) -> Scene:
+def woven_garment(scene: Scene, atlas: Atlas) -> Scene:
     """The cloth that a garment is cut from as a scene of its own."""
     assert scene.garment is not None
     assert scene.weave is not None
     k = scene.garment.threads_per_key_point
-    picks, ends = crossings_shape(dressed.garment.atlas, k)
-    a, b = dressed.garment.atlas.spacing
+    picks, ends = crossings_shape(atlas, k)
+    a, b = atlas.spacing
     per_cm = {"ends_per_cm": 0.01 * k / a, "picks_per_cm": 0.01 * k / b, "fringe": 0.0}
     return scene.model_copy(
         update={

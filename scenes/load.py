@@ -25,6 +25,14 @@ WIF_BRINGS = {
     "yarn": ("count_tex", "count_ne"),
     "weft_yarn": ("count_tex", "count_ne"),
 }
+PATHS = (
+    ("weave", "draft", ".wif"),
+    ("fibre", "sprite", ".png"),
+    ("garment", "pattern", ".json"),
+    ("body", "source", (".obj", ".ply", ".glb", ".stl")),
+    ("body", "motion", ".bvh"),
+)
+"""Keys that may name a file, and how its name ends."""
 LARGEST_SCENE_FILE = 4_000_000
 DEEPEST_KEY = 8
 SPRITES = ("thread", "round", "soft", "fuzzy")
@@ -57,7 +65,7 @@ def load_scene(name: str, overrides: list[str] | None = None) -> Scene:
                 _drop(data, section, (other,))
     for text in overrides or []:
         _override(data, text)
-    for section, key, ending in (("weave", "draft", ".wif"), ("fibre", "sprite", ".png")):
+    for section, key, ending in PATHS:
         stated = data[section].get(key) if isinstance(data.get(section), dict) else None
         if folder and isinstance(stated, str) and stated.lower().endswith(ending) and f"{section}.{key}" not in given:
             data[section][key] = str(folder / stated)  # a path in a file is meant from where the file lies

@@ -76,12 +76,13 @@ class Model(Protocol):
     def facts(self) -> list[Fact]: ...
 
 
-def build(scene: Scene, prepared: Prepared | None = None) -> Model:
-    """Build a scene. `prepared` saves laying a fabric out again when that was done for `plan`."""
+def build(scene: Scene, prepared: Prepared | None = None, each: Callable[[str, int, int], None] | None = None) -> Model:
+    """Build a scene. `prepared` saves laying a fabric out again when that was done for `plan`. each: told the stage,
+    how much of it is done and how much there is at most, where building takes long."""
     if scene.subject == "garment":
         from .garment import GarmentModel
 
-        return GarmentModel(scene, prepared)
+        return GarmentModel(scene, prepared, each=each)
     if scene.subject == "cloth":
         from .cloth import ClothModel
 
@@ -92,8 +93,11 @@ def build(scene: Scene, prepared: Prepared | None = None) -> Model:
 
 
 def shown_frame(scene: Scene, model: Model) -> int:
-    """The frame that a single picture shows: the one that the scene names, or the last."""
-    return model.frames - 1 if scene.output.frame is None else scene.output.frame
+    """The frame that a single picture shows: the one that the scene names, or the last; a garment's is the first, in
+    which it rests."""
+    if scene.output.frame is not None:
+        return scene.output.frame
+    return 0 if scene.subject == "garment" else model.frames - 1
 
 
 class FabricModel:

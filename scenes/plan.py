@@ -61,7 +61,16 @@ def plan(scene: Scene, *, streamed: bool = False) -> Plan:
         built |= sheet_built
         left |= sheet_left
         key_points = scene.cloth.rows * scene.cloth.columns
-    if subject == "cloth" and not scene.yarn:
+    woven = woven_scene(scene) if scene.cloth and scene.cloth.representation == "fibre" else None
+    if subject == "garment":
+        from .plan_garment import garment_stages
+
+        sheet_built, sheet_left, key_points, woven = garment_stages(scene)
+        built |= sheet_built
+        left |= sheet_left
+    elif subject == "fabric":
+        woven = scene
+    if subject in ("cloth", "garment") and not scene.yarn:
         left["fibre lattice"] = "only a scene of one fibre needs it"
         left["yarn"] = "the scene has no [yarn]"
     elif subject == "fibre":
@@ -86,15 +95,14 @@ def plan(scene: Scene, *, streamed: bool = False) -> Plan:
         particles = int(length / (yarn.diameter / 5)) * yarn.plies * min(scene.yarn.fibres, yarn.fibres_in_section)
         about = True
         built["twist"] = f"zones of {s.zone_a_mm:g} and {s.zone_b_mm:g} mm, {scene.output.frames} frames"
-    elif subject not in ("fibre", "cloth"):
+    elif subject not in ("fibre", "cloth", "garment"):
         left["twist"] = "the scene has no [twist]"
     if subject == "yarn" and scene.yarn:
         yarn = yarn_of(scene.yarn, fibre)
         steps = 10 * max(4, round(scene.yarn.length_mm * 1e-3 / (yarn.diameter * 1.2)))
         particles, about = steps * yarn.plies * min(scene.yarn.fibres, yarn.fibres_in_section), True
-    fibres = subject == "fabric" or (scene.cloth is not None and scene.cloth.representation == "fibre")
-    if fibres:
-        prepared = prepare_fabric(woven_scene(scene) if scene.cloth else scene, streamed=streamed)
+    if woven is not None:
+        prepared = prepare_fabric(woven, streamed=streamed)
         layout = prepared.layout
         built["yarn"] = _yarn_line(layout.warp.yarn, layout.detail.fibres)
         blocks, particles = len(layout.blocks.kind), prepared.particles
@@ -105,6 +113,8 @@ def plan(scene: Scene, *, streamed: bool = False) -> Plan:
         built["fibre blocks"] = f"{len(layout.kinds.section)} kinds of path, {layout.detail.variants} variants"
         if not (layout.warp.yarn.hairiness.ends_per_m or layout.warp.yarn.hairiness.loops_per_m):
             left["hairs"] = "yarn.hairiness is 0"
+    elif scene.garment:
+        left["weave"] = "nothing is drawn of it"
     elif scene.cloth:
         left["fibre blocks"] = 'cloth.representation is "mesh"'
     else:
@@ -132,7 +142,7 @@ def plan(scene: Scene, *, streamed: bool = False) -> Plan:
     left["passes"] = "no depth, normal or id buffers; `still --passes` asks for them"
     order = (
         *("fibre lattice", "yarn", "hairs", "twist", "weave", "fibre blocks"),
-        *("sheet", "solver", "pins", "wind", "contact"),
+        *("body", "pattern", "sheet", "seams", "solver", "pins", "wind", "contact", "motion"),
         *("light pass", "occlusion", "floor", "meshes", "splatter", "passes"),
     )
     stages = tuple(

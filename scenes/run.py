@@ -5,7 +5,15 @@ from pathlib import Path
 from typing import Any, Literal
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TaskID,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 
 from taichi_cloth import runtime
 from taichi_cloth.errors import InputError
@@ -14,6 +22,7 @@ from ..render.image import contact_sheet, write_png
 from ..render.video import write_mp4
 from ..render.webp import write_webp
 from .cloth import ClothModel
+from .garment import GarmentModel
 from .load import load_scene
 from .models import build, shown_frame
 from .plan import plan
@@ -40,8 +49,10 @@ def run(
 ) -> None:
     """One command from scene to files. Raises InputError before anything is written when the input is bad."""
     scene = load_scene(name, overrides + ([f"output.size={list(image_size(size))}"] if size is not None else []))
-    if command == "animate" and scene.subject not in ("twist", "cloth"):
-        raise InputError(f"animate: {name} stands still; use turntable, or animate twist, drape, flag or hanging")
+    if command == "animate" and scene.subject not in ("twist", "cloth", "garment"):
+        raise InputError(
+            f"animate: {name} stands still; use turntable, or animate twist, drape, flag, hanging or dress"
+        )
     if command == "zoom" and scene.subject != "fabric":
         raise InputError(f"zoom: {name} has no [weave]; use a woven scene, such as swatch")
     planned = plan(scene, streamed=command == "zoom")
@@ -49,14 +60,22 @@ def run(
     folder = out or Path("out") / (Path(name).stem + ("-zoom" if command == "zoom" else ""))
     sequence = Sequence.open(folder, fingerprint(scene, command), count, resume=resume)
     runtime.start(arch, threads=threads)
-    model = build(scene, planned.prepared)
+    with _progress() as bar:
+        stages: dict[str, TaskID] = {}
+
+        def each(stage: str, done: int, most: int) -> None:
+            if stage not in stages:
+                stages[stage] = bar.add_task(stage, total=most)
+            bar.update(stages[stage], completed=done)
+
+        model = build(scene, planned.prepared, each)
     view = View(model, scene.output.size)
     sequence.begin()
     for line in (*plan_lines(planned), *fact_lines(model.facts())):
         print(line)
 
     todo = sequence.missing()
-    if isinstance(model, ClothModel) and command == "animate":
+    if isinstance(model, ClothModel | GarmentModel) and command == "animate":
         model.keep(folder, todo[0] if todo else count)
     if command == "turntable":
         model.step(shown_frame(scene, model))

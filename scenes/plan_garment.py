@@ -1,0 +1,43 @@
+"""What a garment will build, in words."""
+
+from .dressing import dressed_parts, motion_of
+from .garment import woven_garment
+from .moving import forces_of
+from .schema import Scene
+
+__all__ = ["garment_stages"]
+
+
+def garment_stages(scene: Scene) -> tuple[dict[str, str], dict[str, str], int, Scene | None]:
+    """Stages that are built, with what of, those left out, with why, the key points, and the cloth as a scene."""
+    section = scene.garment
+    assert section is not None
+    parts = dressed_parts(scene)
+    pattern, atlas = parts.garment.pattern, parts.garment.atlas
+    a, b = atlas.spacing
+    kinds = [p.kind for p in parts.primitives]
+    counted = ", ".join(f"{kinds.count(k)} {k}{'s' * (kinds.count(k) > 1)}" for k in dict.fromkeys(kinds))
+    moves = motion_of(scene, parts.body)
+    built = {
+        "body": f"{parts.body.name}, {100 * parts.body.stature:.0f} cm, {len(parts.body.vertices):,} vertices",
+        "pattern": f"{pattern.name}: {len(pattern.panels)} panels, {len(pattern.seams)} seams, "
+        f"{sum(p.area for p in pattern.panels):.2f} m²",
+        "sheet": f"{atlas.key_points:,} key points, {1e3 * a:.1f} × {1e3 * b:.1f} mm apart, {section.material}",
+        "seams": f"{len(parts.garment.seams()[0])} ties, {len(parts.garment.holds()[0])} to the body",
+        "contact": f"{counted}, {section.gap_mm:g} mm kept, friction {section.friction:g}",
+        "meshes": "the body" if section.representation == "fibre" else "the body and the garment",
+    }
+    left = {}
+    if moves.name == "rest":
+        left["motion"] = 'body.motion is "rest": the garment hangs as it was sewn'
+    else:
+        built["motion"] = moves.name
+    forces = forces_of(scene.forces)
+    if forces.wind:
+        built["wind"] = f"{sum(v * v for v in forces.wind.velocity) ** 0.5:.1f} m/s"
+    else:
+        left["wind"] = "the scene has no [forces.wind]"
+    cloth = woven_garment(scene, atlas) if section.representation == "fibre" else None
+    if cloth is None:
+        left["fibre blocks"] = 'garment.representation is "mesh"'
+    return built, left, atlas.key_points, cloth
