@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_cloth.blocks import build_fabric
-from taichi_cloth.colour_order import thread_repeat
+from taichi_cloth.colour_order import colour, thread_repeat
 from taichi_cloth.follow import FibreFollower
 from taichi_cloth.garment.cut import Atlas
 from taichi_cloth.garment.skin import beneath
@@ -16,6 +16,7 @@ from taichi_cloth.simulation import Simulation
 
 from ..render.blocks import ParticleBlocks
 from ..render.mesh import Mesh
+from .body_section import BodySection
 from .cloth import STATE, nothing
 from .dressing import Dressed, Progress, dress, motion_of, simulation_of
 from .facts import Fact, fabric_facts, yarn_facts
@@ -27,8 +28,8 @@ __all__ = ["GarmentModel", "woven_garment"]
 
 F32 = NDArray[np.float32]
 
-SKIN = (0.62, 0.47, 0.39)
-"""Albedo of a shop-window figure, linear."""
+SKIN = 0.6
+"""Share of its colour that the body is painted with: a shop-window figure that leaves the light to the cloth."""
 
 
 class GarmentModel:
@@ -104,7 +105,7 @@ class GarmentModel:
         body = self.dressed.body
         skin = body.posed(self.motion.pose(self.simulation.time))
         points, _ = self.surface.points(positions)
-        return Mesh(beneath(skin, body.faces, points), body.faces, np.asarray(SKIN, np.float32), part=1)
+        return Mesh(beneath(skin, body.faces, points), body.faces, SKIN * colour((self.scene.body or BodySection()).colour), part=1)
 
     def mesh(self, positions: F32) -> Mesh:
         """The garment as triangles with smooth normals, cut along its outlines."""
