@@ -8,6 +8,8 @@ viewer.
 # In kernels a name stands for a Taichi expression, which type checkers cannot follow.
 # pyright: reportIndexIssue=false, reportArgumentType=false, reportOptionalCall=false, reportReturnType=false
 
+from dataclasses import replace
+
 import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
@@ -27,6 +29,8 @@ __all__ = ["paint"]
 # Rows of the argument `c`, three numbers each.
 ROTATION, EYE, LENS, SKY, GROUND, FLOOR = 0, 3, 4, 5, 6, 7
 DOME = 9
+LARGEST = 16384
+"""Pixels along a side of a picture."""
 LIFT = 1.5
 """Texels of the sky's maps that a vertex is lifted off the skin it belongs to."""
 SPREAD = 6
@@ -43,11 +47,13 @@ def paint(
     stage: Stage | None = None,
     maps: LightMaps | None = None,
     chunks: int | None = None,
+    samples: int = 1,
 ) -> Backdrop | None:
     """The backdrop for `Splatter.render`; None when there is neither a mesh nor a stage.
 
     maps: what particles and mesh leave of the lights and of the sky, from `splatter.cast_light`; without them nothing
     casts a shadow on the mesh, and the floor's is a coarse one. The sky is looked up at its vertices.
+    samples: of a mesh's colour along each side of a pixel, for smooth outlines.
     """
     if mesh is None and stage is None:
         return None
@@ -64,6 +70,13 @@ def paint(
     if mesh is None:
         return Backdrop(colour)
     depth, face, edges = visible(mesh, camera, chunks=chunks)
+    if samples > 1 and samples * max(camera.width, camera.height) <= LARGEST:
+        options = {"background": background, "lighting": lighting, "mesh": mesh, "stage": stage, "maps": maps}
+        fine = paint(_finer(camera, samples), chunks=chunks, **options)
+        assert fine is not None
+        parts = fine.colour[:, : samples * camera.width].reshape(camera.height, samples, camera.width, samples, 3)
+        colour[:, : camera.width] = parts.mean(axis=(1, 3))
+        return Backdrop(colour, tiled(depth), face, edges)
     lamps = [(lamp.towards(camera), np.multiply(lamp.intensity, lamp.colour)) for lamp in lighting.lights]
     lamps = np.array(lamps, np.float32) * np.array([[1.0], [2.0**lighting.exposure]], np.float32)
     lights = () if maps is None else maps.lights
@@ -85,6 +98,12 @@ def paint(
         open_sky = spread(open_sky, mesh.faces, SPREAD)
     _shade(width, any(lights), c, lamps, mesh.faces, mesh.colour, mesh.normals, open_sky, edges, face, passing, colour)
     return Backdrop(colour, tiled(depth), face, edges)
+
+
+def _finer(camera: Camera, samples: int) -> Camera:
+    """The same view with so many pixels for one, along each side."""
+    lens = {name: samples * getattr(camera, name) for name in ("focal", "cx", "cy", "width", "height")}
+    return replace(camera, **lens)
 
 
 def spread(values: NDArray, faces: NDArray, rounds: int) -> NDArray[np.float32]:

@@ -105,7 +105,8 @@ class GarmentModel:
         body = self.dressed.body
         skin = body.posed(self.motion.pose(self.simulation.time))
         points, _ = self.surface.points(positions)
-        return Mesh(beneath(skin, body.faces, points), body.faces, SKIN * colour((self.scene.body or BodySection()).colour), part=1)
+        shade = SKIN * colour((self.scene.body or BodySection()).colour)
+        return Mesh(beneath(skin, body.faces, points), body.faces, shade, part=1)
 
     def mesh(self, positions: F32) -> Mesh:
         """The garment as triangles with smooth normals, cut along its outlines."""

@@ -149,7 +149,7 @@ class View:
         mesh = self._meshes[k]
         floor = self._stages[k]
         maps = splatter.cast_light(near, light) if mesh is not None or floor is not None else None
-        backdrop = paint(near, mesh=mesh, stage=floor, lighting=light, background=ground, maps=maps)
+        backdrop = paint(near, mesh=mesh, stage=floor, lighting=light, background=ground, maps=maps, samples=2)
         image = splatter.render(near, lighting=light, finish=self.finish, background=ground, backdrop=backdrop)
         return Shot(self._panels[k], splatter, near, backdrop, self._meshes[k]), image
 

@@ -162,3 +162,19 @@ def test_bad_meshes_are_refused_and_parts_are_joined() -> None:
     both = join([one, two])
     assert np.asarray(both.part).tolist() == [0, 0, 4, 4]
     assert both.faces.max() == 7
+
+
+def test_samples_smooth_the_outline_and_leave_the_depth() -> None:
+    camera = look_at((0.0, 0.0, 2.0), (0.0, 0.0, 0.0), width=64, height=48, fov=30.0)
+    corners = np.array([[-0.2, -0.3, 0], [0.31, -0.17, 0], [-0.05, 0.3, 0]], np.float32)
+    mesh = Mesh(corners, [[0, 1, 2]], (0.5, 0.5, 0.5))
+    light = Lighting(lights=(), sky=(1.0, 1.0, 1.0), ground=(1.0, 1.0, 1.0))
+    black = Background((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    plain, smooth = (paint(camera, mesh=mesh, lighting=light, background=black, samples=n) for n in (1, 4))
+    assert plain is not None
+    assert smooth is not None
+    assert (plain.wall == smooth.wall).all()
+    shares = smooth.colour[..., 0] / plain.colour[..., 0].max()
+    area = 0.5 * abs(np.linalg.det(corners[1:, :2] - corners[0, :2])) * (camera.focal / 2.0) ** 2
+    assert shares.sum() == pytest.approx(area, rel=2e-3)  # 16 samples a pixel of some 90 along the outline
+    assert ((shares > 0.1) & (shares < 0.9)).sum() > 40
