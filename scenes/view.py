@@ -159,7 +159,7 @@ def lighting_of(scene: Scene) -> Lighting:
     section = scene.light
     follows = section.follows_camera
     if follows is None:
-        follows = scene.subject not in ("fabric", "cloth", "garment")
+        follows = scene.subject not in ("fabric", "cloth")
 
     def direction(azimuth_deg: float, elevation_deg: float) -> tuple[float, float, float]:
         azimuth = radians(azimuth_deg + (0.0 if follows else scene.camera.azimuth_deg))
