@@ -169,7 +169,7 @@ def test_samples_smooth_the_outline_and_leave_the_depth() -> None:
     corners = np.array([[-0.2, -0.3, 0], [0.31, -0.17, 0], [-0.05, 0.3, 0]], np.float32)
     mesh = Mesh(corners, [[0, 1, 2]], (0.5, 0.5, 0.5))
     light = Lighting(key=0.0, fill=1.0, sky=(1.0, 1.0, 1.0), ground=(1.0, 1.0, 1.0))
-    black = Background((0.0, 0.0, 0.0))
+    black = Background(top=(0.0, 0.0, 0.0))
     plain, smooth = (paint(camera, mesh=mesh, lighting=light, background=black, samples=n) for n in (1, 4))
     assert plain is not None
     assert smooth is not None
