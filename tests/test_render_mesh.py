@@ -176,5 +176,5 @@ def test_samples_smooth_the_outline_and_leave_the_depth() -> None:
     assert (plain.wall == smooth.wall).all()
     shares = smooth.colour[..., 0] / plain.colour[..., 0].max()
     area = 0.5 * abs(np.linalg.det(corners[1:, :2] - corners[0, :2])) * (camera.focal / 2.0) ** 2
-    assert shares.sum() == pytest.approx(area, rel=2e-3)  # 16 samples a pixel of some 90 along the outline
+    assert shares.sum() == pytest.approx(area, rel=5e-3)  # 16 samples a pixel of some 90 along the outline
     assert ((shares > 0.1) & (shares < 0.9)).sum() > 40
