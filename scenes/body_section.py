@@ -1,5 +1,6 @@
 """The section `[body]` of a scene: which body, how big, and how it moves."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -61,6 +62,10 @@ class BodySection(BaseModel):
     motion_speed: float = Field(default=1.0, gt=0, le=10, description="2 is twice as fast; built-in motions only")
     blend_in_s: float = Field(default=1.0, gt=0, le=60, description="time from the A pose into the motion [s]")
     loop: bool = Field(default=False, description="begin a .bvh file again at its end")
+    start_s: float = Field(default=0.0, ge=0, le=600, description="when the motion begins; at rest before [s]")
+    contact: Literal["primitives", "grid"] = Field(
+        default="primitives", description='what cloth touches; "grid": distances to the skin itself, a grid a part'
+    )
     colour: str = Field(default="#cbb9ab", description="of the skin in pictures")
 
 
@@ -90,5 +95,7 @@ def prepare_body(section: BodySection, folder: Path = Path()) -> Body:
 def prepare_motion(section: BodySection, body: Body, folder: Path = Path()) -> Motion:
     """The motion a scene asks for. Raises InputError."""
     if section.motion.lower().endswith(".bvh"):
-        return bvh_motion(folder / section.motion, body.skeleton, loop=section.loop, blend_in=section.blend_in_s)
-    return motion(section.motion, body.skeleton, speed=section.motion_speed, blend_in=section.blend_in_s)
+        found = bvh_motion(folder / section.motion, body.skeleton, loop=section.loop, blend_in=section.blend_in_s)
+    else:
+        found = motion(section.motion, body.skeleton, speed=section.motion_speed, blend_in=section.blend_in_s)
+    return replace(found, start=section.start_s)

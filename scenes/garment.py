@@ -8,26 +8,24 @@ from numpy.typing import NDArray
 from taichi_cloth.blocks import build_fabric
 from taichi_cloth.colour_order import thread_repeat
 from taichi_cloth.follow import FibreFollower
-from taichi_cloth.garment.skin import beneath
 from taichi_cloth.garment.surface import Surface
 from taichi_cloth.garment.weaving import Colours, Weaving, crossings_shape
 from taichi_cloth.simulation import Simulation
 
 from ..render.blocks import ParticleBlocks
 from ..render.mesh import Mesh
+from .body_section import BodySection
 from .cloth import STATE, nothing
 from .dressing import Dressed, dress, motion_of, simulation_of
 from .facts import Fact, fabric_facts, yarn_facts
 from .models import Numbers, Panel
 from .prepare import Prepared, fibre_kind, prepare_fabric
 from .schema import FabricSection, Scene
+from .standing import skin_mesh
 
 __all__ = ["GarmentModel", "woven_garment"]
 
 F32 = NDArray[np.float32]
-
-SKIN = (0.62, 0.47, 0.39)
-"""Albedo of a shop-window figure, linear."""
 
 
 class GarmentModel:
@@ -97,7 +95,7 @@ class GarmentModel:
         body = self.dressed.body
         skin = body.posed(self.motion.pose(self.simulation.time))
         points, _ = self.surface.points(positions)
-        return Mesh(beneath(skin, body.faces, points), body.faces, np.asarray(SKIN, np.float32), part=1)
+        return skin_mesh(self.scene.body or BodySection(), body, skin, points)
 
     def mesh(self, positions: F32) -> Mesh:
         """The garment as triangles with smooth normals, cut along its outlines."""

@@ -25,6 +25,13 @@ WIF_BRINGS = {
     "yarn": ("count_tex", "count_ne"),
     "weft_yarn": ("count_tex", "count_ne"),
 }
+FILES = (
+    ("weave", "draft", ".wif"),
+    ("fibre", "sprite", ".png"),
+    ("body", "source", (".obj", ".ply", ".glb", ".stl")),
+    ("body", "motion", ".bvh"),
+)
+"""Section, key and ending of values that may be paths."""
 LARGEST_SCENE_FILE = 4_000_000
 DEEPEST_KEY = 8
 SPRITES = ("thread", "round", "soft", "fuzzy")
@@ -57,7 +64,7 @@ def load_scene(name: str, overrides: list[str] | None = None) -> Scene:
                 _drop(data, section, (other,))
     for text in overrides or []:
         _override(data, text)
-    for section, key, ending in (("weave", "draft", ".wif"), ("fibre", "sprite", ".png")):
+    for section, key, ending in FILES:
         stated = data[section].get(key) if isinstance(data.get(section), dict) else None
         if folder and isinstance(stated, str) and stated.lower().endswith(ending) and f"{section}.{key}" not in given:
             data[section][key] = str(folder / stated)  # a path in a file is meant from where the file lies

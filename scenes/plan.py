@@ -132,7 +132,7 @@ def plan(scene: Scene, *, streamed: bool = False) -> Plan:
     left["passes"] = "no depth, normal or id buffers; `still --passes` asks for them"
     order = (
         *("fibre lattice", "yarn", "hairs", "twist", "weave", "fibre blocks"),
-        *("sheet", "solver", "pins", "wind", "contact"),
+        *("sheet", "solver", "body", "pins", "wind", "contact"),
         *("light pass", "occlusion", "floor", "meshes", "splatter", "passes"),
     )
     stages = tuple(
