@@ -34,7 +34,7 @@ HUES = (
 )  # fmt: skip
 """sRGB, of parts and segments in turn; quiet, and neighbours in number unlike."""
 
-EVENED = 4
+EVENED = 8
 """Rounds of evening out the shares of parts before their edges are drawn."""
 VEIL = 0.42
 """How much of a veil is seen."""

@@ -4,9 +4,9 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from taichi_cloth.body.skeleton import JOINTS
+from taichi_cloth.body.names import JOINTS
 from taichi_cloth.errors import did_you_mean
-from taichi_cloth.follow import FollowRule
+from taichi_cloth.follow_rule import FollowRule
 from taichi_cloth.springs import BendingLaw
 
 from .section import Positive, Section, Share

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from math import pi, radians
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +22,9 @@ from taichi_cloth.springs import calibrate
 from .cloth_schema import BodyPinSection, ClothSection, ForcesSection, PinsSection, SolverSection
 from .garment_schema import GarmentSection
 from .schema import FabricSection, Scene
-from .standing import Standing, standing
+
+if TYPE_CHECKING:  # only a scene with a body loads it
+    from .standing import Standing
 
 __all__ = [
     "forces_of",
@@ -109,14 +112,18 @@ def solver_of(sheet: Sheet, forces: Forces, section: SolverSection | None, *, fr
     return SOLVERS[section.name](sheet, forces, frame_rate=frame_rate, step=step, safety=section.safety)
 
 
-def standing_in(scene: Scene) -> Standing | None:
+def standing_in(scene: Scene) -> "Standing | None":
     """The body that the scene's sheet meets; None where it has none. Raises InputError."""
     cloth = scene.cloth
     assert cloth is not None
-    return None if scene.body is None else standing(scene.body, friction=cloth.friction, gap=1e-3 * cloth.gap_mm)
+    if scene.body is None:
+        return None
+    from .standing import standing
+
+    return standing(scene.body, friction=cloth.friction, gap=1e-3 * cloth.gap_mm)
 
 
-def simulation_of(scene: Scene, body: Standing | None = None) -> Simulation:
+def simulation_of(scene: Scene, body: "Standing | None" = None) -> Simulation:
     """The scene's sheet, ready to move by one frame of the video at a time. body: `standing_in` of the same scene."""
     cloth = scene.cloth
     assert cloth is not None
@@ -191,7 +198,7 @@ def _region(cloth: ClothSection, pin: BodyPinSection) -> NDArray[np.bool_]:
     return (u >= left - near) & (u <= right + near) & (v >= low - near) & (v <= high + near)
 
 
-def _body_pins(cloth: ClothSection, start: F64, body: Standing | None) -> tuple[Pins, ...]:
+def _body_pins(cloth: ClothSection, start: F64, body: "Standing | None") -> tuple[Pins, ...]:
     """A group for each bone that carries key points."""
     out = []
     for bone in dict.fromkeys(pin.bone for pin in cloth.pins.body):

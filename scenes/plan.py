@@ -9,7 +9,6 @@ from taichi_cloth.sphere_set import sphere_set_from_rows
 from taichi_cloth.yarn import Yarn
 
 from ..render.lightpass import light_bytes
-from .moving import woven_scene
 from .prepare import DRAW_BYTES, Prepared, fibre_kind, has_floor, prepare_fabric, yarn_of
 from .schema import Scene
 
@@ -94,7 +93,12 @@ def plan(scene: Scene, *, streamed: bool = False) -> Plan:
         particles, about = steps * yarn.plies * min(scene.yarn.fibres, yarn.fibres_in_section), True
     fibres = subject == "fabric" or (scene.cloth is not None and scene.cloth.representation == "fibre")
     if fibres:
-        prepared = prepare_fabric(woven_scene(scene) if scene.cloth else scene, streamed=streamed)
+        made = scene
+        if scene.cloth:
+            from .moving import woven_scene  # loads Taichi, which a plan of what lies still does without
+
+            made = woven_scene(scene)
+        prepared = prepare_fabric(made, streamed=streamed)
         layout = prepared.layout
         built["yarn"] = _yarn_line(layout.warp.yarn, layout.detail.fibres)
         blocks, particles = len(layout.blocks.kind), prepared.particles
