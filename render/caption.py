@@ -1,15 +1,18 @@
 """Words on a picture. The font is OpenCV's own, which holds ASCII."""
 
+from collections.abc import Sequence
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["caption", "label"]
+__all__ = ["caption", "label", "legend"]
 
 Image = NDArray[np.uint8]
 FONT = cv2.FONT_HERSHEY_SIMPLEX
 LINE_HEIGHT = 22.0  # px at scale 1
 COLOUR = (40, 40, 44)
+PAPER = (244, 243, 240)
 
 
 def caption(image: Image, text: str) -> Image:
@@ -24,6 +27,25 @@ def label(image: Image, text: str, at: tuple[float, float]) -> Image:
     """The image with a text centred at a pixel (x, y)."""
     scale = _scale(image.shape[0])
     return _write(image, text, (at[0] - _width(text, scale) / 2, at[1] + LINE_HEIGHT * scale / 2), scale)
+
+
+def legend(width: int, entries: Sequence[tuple[str, Sequence[float]]], *, height: int = 30) -> Image:
+    """A strip (h, width, 3) that says what colours mean: (name, sRGB from 0 to 1), in as many rows as they need.
+
+    height: of a row [px].
+    """
+    scale, gap = 0.62 * height / LINE_HEIGHT, height // 2
+    cell = max(_width(name, scale) for name, _ in entries) + height + 2 * gap
+    across = max(1, (width - gap) // cell)
+    across = -(-len(entries) // -(-len(entries) // across))  # rows of like length
+    rows = -(-len(entries) // across)
+    strip = np.full((rows * height + 2 * gap, width, 3), PAPER, np.uint8)
+    left = max(gap, (width - across * cell) // 2)
+    for k, (name, colour) in enumerate(entries):
+        x, y = left + k % across * cell, gap + k // across * height
+        strip[y + 4 : y + height - 4, x : x + height - 8] = np.round(255 * np.asarray(colour)).astype(np.uint8)
+        strip = _write(strip, name, (x + height, y + 0.72 * height), scale)
+    return strip
 
 
 def _scale(height: int) -> float:

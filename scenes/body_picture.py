@@ -1,15 +1,17 @@
 """Figures 10 and 11: a body with each part in its colour, and the primitives that stand for it."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import sparse
 
 from taichi_cloth.body.primitives import Primitive
 
 from ..render.camera import box_corners, frame
-from ..render.caption import caption
+from ..render.caption import caption, legend
 from ..render.image import srgb_to_linear, write_png
 from ..render.light import Background, KeyLight, Lighting
 from ..render.mesh import Mesh, join
@@ -18,7 +20,7 @@ from ..render.particles import Particles
 from ..render.splat import Splatter
 from ..render.stage import stage_under
 
-__all__ = ["KIND_COLOURS", "draw_panels", "part_mesh", "primitive_meshes"]
+__all__ = ["HUES", "KIND_COLOURS", "Shown", "draw_panels", "part_mesh", "primitive_meshes"]
 
 F64 = NDArray[np.float64]
 Image = NDArray[np.uint8]
@@ -32,14 +34,57 @@ HUES = (
 )  # fmt: skip
 """sRGB, of parts and segments in turn; quiet, and neighbours in number unlike."""
 
+EVENED = 8
+"""Rounds of evening out the shares of parts before their edges are drawn."""
+VEIL = 0.42
+"""How much of a veil is seen."""
+
 NOTHING = Particles(np.zeros((0, 3)), np.zeros(0), *np.zeros((3, 0, 3)))
 
 
-def part_mesh(vertices: F64, faces: NDArray, normals: F64, colours: NDArray) -> Mesh:
-    """A mesh with one sRGB colour a face, (f, 3), shaded smoothly by its vertices' normals."""
-    corners = faces.ravel()
-    shown = np.repeat(srgb_to_linear(colours), 3, axis=0)
-    return Mesh(vertices[corners], np.arange(len(corners)).reshape(-1, 3), shown, normals[corners])
+@dataclass(frozen=True, eq=False)
+class Shown:
+    """A panel: what is drawn, from which azimuth [degrees], the words under it. veil: drawn half through over it."""
+
+    mesh: Mesh
+    azimuth: float
+    words: str = ""
+    veil: Mesh | None = None
+
+
+def part_mesh(vertices: F64, faces: NDArray, normals: F64, labels: NDArray, *, levels: int = 3) -> Mesh:
+    """A skin with each part in its hue. Labels are of faces, (f,); where parts meet the edge is drawn smoothly.
+
+    Each vertex gets the shares of the parts round it, evened out over its neighbours; faces in which shares disagree
+    are split in four, `levels` times, and take the part whose share is largest at their middle.
+    """
+    parts = int(labels.max()) + 1
+    n = len(vertices)
+    member = sparse.csr_matrix((np.ones(faces.size), (faces.ravel(), np.repeat(labels, 3))), shape=(n, parts))
+    share = np.asarray(member.todense(), np.float64)
+    share /= np.maximum(share.sum(axis=1, keepdims=True), 1)
+    ends = (
+        np.concatenate([faces, np.roll(faces, 1, axis=1)]).ravel(),
+        np.concatenate([np.roll(faces, 1, axis=1), faces]),
+    )
+    beside = sparse.csr_matrix((np.ones(2 * faces.size), (ends[0], ends[1].ravel())), shape=(n, n))
+    beside = sparse.diags(1 / np.maximum(np.asarray(beside.sum(axis=1)).ravel(), 1)) @ beside
+    for _ in range(EVENED):
+        share = (share + beside @ share) / 2
+    soup = np.concatenate([vertices, normals, share], axis=1)[faces]
+    whole = []
+    for _ in range(levels):
+        owner = soup[..., 6:].argmax(axis=2)
+        mixed = (owner != owner[:, :1]).any(axis=1)
+        whole.append(soup[~mixed])
+        a, b, c = soup[mixed].transpose(1, 0, 2)
+        ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2
+        pieces = ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))
+        soup = np.concatenate([np.stack(piece, axis=1) for piece in pieces])
+    soup = np.concatenate([*whole, soup])
+    hues = srgb_to_linear(np.array(HUES)[soup[..., 6:].mean(axis=1).argmax(axis=1) % len(HUES)])
+    flat = soup.reshape(-1, soup.shape[2])
+    return Mesh(flat[:, :3], np.arange(len(flat)).reshape(-1, 3), np.repeat(hues, 3, axis=0), flat[:, 3:6])
 
 
 def primitive_meshes(primitives: Sequence[Primitive]) -> Mesh:
@@ -92,14 +137,15 @@ def _primitive_mesh(p: Primitive, sides: int = 48, rings: int = 12) -> Mesh:
 
 
 def draw_panels(
-    panels: Sequence[tuple[Mesh, float, str]],
+    panels: Sequence[Shown],
     bounds: tuple[F64, F64],
     path: Path,
     *,
     size: tuple[int, int] = (560, 900),
     scale: int = 2,
+    entries: Sequence[tuple[str, Sequence[float]]] = (),
 ) -> Image:
-    """Draw meshes side by side, each (mesh, azimuth [degrees], caption), framed alike, to a PNG; returns the picture.
+    """Draw panels side by side, framed alike, to a PNG, a strip with (name, sRGB) of `entries` below; the picture.
 
     bounds: lowest and highest corner of what is shown [m]. size: of one panel [px]. Taichi must have been started.
     """
@@ -109,15 +155,21 @@ def draw_panels(
     width, height = size[0] * scale, size[1] * scale
     splatter = Splatter(width, height).load(NOTHING)
     images = []
-    for mesh, azimuth, words in panels:
+    for panel in panels:
         corners = box_corners(*bounds)
-        camera = frame(corners, width=width, height=height, azimuth=azimuth, elevation=6.0, fov=22.0, margin=0.03)
-        stage = stage_under(NOTHING, mesh)
-        backdrop = paint(camera, mesh=mesh, stage=stage, lighting=lighting, background=background)
-        image = splatter.render(camera, lighting=lighting, background=background, backdrop=backdrop)
-        image = image.reshape(size[1], scale, size[0], scale, 3).mean(axis=(1, 3)).round().astype(np.uint8)
-        images.append(caption(image, words) if words else image)
+        camera = frame(corners, width=width, height=height, azimuth=panel.azimuth, elevation=6.0, fov=22.0, margin=0.03)
+        stage = stage_under(NOTHING, panel.mesh)
+        layers = []
+        for mesh in filter(None, (panel.mesh, panel.veil)):
+            backdrop = paint(camera, mesh=mesh, stage=stage, lighting=lighting, background=background)
+            image = splatter.render(camera, lighting=lighting, background=background, backdrop=backdrop)
+            layers.append(image.reshape(size[1], scale, size[0], scale, 3).mean(axis=(1, 3)))
+        image = layers[0] if len(layers) == 1 else (1 - VEIL) * layers[0] + VEIL * layers[1]
+        image = image.round().astype(np.uint8)
+        images.append(caption(image, panel.words) if panel.words else image)
     whole = np.concatenate(images, axis=1)
+    if entries:
+        whole = np.concatenate([whole, legend(whole.shape[1], entries)])
     path.parent.mkdir(parents=True, exist_ok=True)
     write_png(path, whole)
     return whole

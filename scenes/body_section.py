@@ -1,18 +1,18 @@
 """The section `[body]` of a scene: which body, how big, and how it moves."""
 
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from taichi_cloth.body.anny import body_from_anny
 from taichi_cloth.body.anthropometry import Gender, measures_of
-from taichi_cloth.body.build import built_in_body
-from taichi_cloth.body.bvh import bvh_motion
-from taichi_cloth.body.meshfile import Facing, Unit, Up, body_from_file
-from taichi_cloth.body.motion import Motion, motion
-from taichi_cloth.body.skinning import Body
+from taichi_cloth.body.names import Facing, Unit, Up
 from taichi_cloth.errors import InputError
+
+if TYPE_CHECKING:  # reading a scene need not load what makes bodies
+    from taichi_cloth.body.motion import Motion
+    from taichi_cloth.body.skinning import Body
 
 __all__ = ["BodySection", "prepare_body", "prepare_motion"]
 
@@ -61,10 +61,14 @@ class BodySection(BaseModel):
     motion_speed: float = Field(default=1.0, gt=0, le=10, description="2 is twice as fast; built-in motions only")
     blend_in_s: float = Field(default=1.0, gt=0, le=60, description="time from the A pose into the motion [s]")
     loop: bool = Field(default=False, description="begin a .bvh file again at its end")
+    start_s: float = Field(default=0.0, ge=0, le=600, description="when the motion begins; at rest before [s]")
+    contact: Literal["primitives", "grid"] = Field(
+        default="primitives", description='what cloth touches; "grid": distances to the skin itself, a grid a part'
+    )
     colour: str = Field(default="#cbb9ab", description="of the skin in pictures")
 
 
-def prepare_body(section: BodySection, folder: Path = Path()) -> Body:
+def prepare_body(section: BodySection, folder: Path = Path()) -> "Body":
     """The body a scene asks for; paths are taken from the scene's folder. Raises InputError."""
     given = {name: getattr(section, f"{name}_cm") for name in OWN_MEASURES}
     foreign = section.source != "built-in"
@@ -79,16 +83,27 @@ def prepare_body(section: BodySection, folder: Path = Path()) -> Body:
         metres = {name: value / 100 for name, value in given.items() if value is not None}
         if stature is not None:
             metres["stature"] = stature
+        from taichi_cloth.body.build import built_in_body
+
         return built_in_body(measures_of(section.gender, metres), gender=section.gender)
     if section.source == "anny":
+        from taichi_cloth.body.anny import body_from_anny
+
         return body_from_anny(section.gender, stature=stature)
     if stature is not None:
         raise InputError("body.stature_cm: a mesh file has its own height; leave it out")
+    from taichi_cloth.body.meshfile import body_from_file
+
     return body_from_file(folder / section.source, unit=section.unit, up=section.up, facing=section.facing)
 
 
-def prepare_motion(section: BodySection, body: Body, folder: Path = Path()) -> Motion:
+def prepare_motion(section: BodySection, body: "Body", folder: Path = Path()) -> "Motion":
     """The motion a scene asks for. Raises InputError."""
+    from taichi_cloth.body.bvh import bvh_motion
+    from taichi_cloth.body.motion import motion
+
     if section.motion.lower().endswith(".bvh"):
-        return bvh_motion(folder / section.motion, body.skeleton, loop=section.loop, blend_in=section.blend_in_s)
-    return motion(section.motion, body.skeleton, speed=section.motion_speed, blend_in=section.blend_in_s)
+        found = bvh_motion(folder / section.motion, body.skeleton, loop=section.loop, blend_in=section.blend_in_s)
+    else:
+        found = motion(section.motion, body.skeleton, speed=section.motion_speed, blend_in=section.blend_in_s)
+    return replace(found, start=section.start_s)

@@ -17,7 +17,7 @@ from ..render.mesh import Mesh
 from ..render.particles import Particles
 from .facts import Fact, fabric_facts, yarn_facts
 from .models import Numbers, Panel
-from .moving import simulation_of, start_of, woven_scene
+from .moving import simulation_of, standing_in, start_of, woven_scene
 from .prepare import Prepared, draft_of, fibre_kind, prepare_fabric
 from .schema import Scene
 
@@ -37,7 +37,8 @@ class ClothModel:
     def __init__(self, scene: Scene, prepared: Prepared | None = None) -> None:
         assert scene.cloth is not None
         self.scene, self.cloth, self.frames = scene, scene.cloth, scene.output.frames
-        self.simulation: Simulation = simulation_of(scene)
+        self.body = standing_in(scene)
+        self.simulation: Simulation = simulation_of(scene, self.body)
         self.prepared: Prepared | None = None
         self.follower: FibreFollower | None = None
         if scene.cloth.representation == "fibre":
@@ -54,8 +55,13 @@ class ClothModel:
         ball = scene.forces.sphere if scene.forces else None
         self.ball = ball_mesh(ball.centre_m, ball.radius_m, colour(ball.colour)) if ball else None
         box = scene.camera.box_m
-        self.bounds = np.asarray(self.simulation.positions.reshape(-1, 3) if box is None else _corners(box), np.float32)
+        self.bounds = np.asarray(self._extent() if box is None else _corners(box), np.float32)
         self._kept: Path | None = None
+
+    def _extent(self) -> NDArray:
+        """Points that a picture frames: the sheet at its start, and the body."""
+        points = self.simulation.positions.reshape(-1, 3)
+        return points if self.body is None else np.concatenate([points, self.body.skin(0.0)])
 
     def keep(self, folder: Path, first: int) -> None:
         """Keep the state of every frame in a folder, and go on from the one there unless it is beyond frame `first`.
@@ -66,13 +72,13 @@ class ClothModel:
         if self._kept.exists():
             self.simulation.restore(self._kept)
             if self.simulation.frame > first:
-                self.simulation = simulation_of(self.scene)
+                self.simulation = simulation_of(self.scene, self.body)
         self._save()
 
     def step(self, frame: int) -> None:
         """On to a frame of the video; frame 0 is the start. Raises Unstable."""
         if frame < self.simulation.frame:
-            self.simulation = simulation_of(self.scene)
+            self.simulation = simulation_of(self.scene, self.body)
         while self.simulation.frame < frame:
             self.simulation.step()
             self._save()
@@ -86,11 +92,19 @@ class ClothModel:
         return refine_points(self.simulation.positions, None, self.cloth.threads_per_key_point)
 
     def panels(self) -> list[Panel]:
-        balls = (self.ball,) if self.ball is not None else ()
+        solids = self.solids()
         if self.follower is not None:
             drawn = ParticleBlocks(self.follower.follow(self.crossings()))
-            return [Panel(drawn, self.bounds, numbers=self.numbers, meshes=balls)]
-        return [Panel(nothing(), self.bounds, meshes=(self.mesh(), *balls))]
+            return [Panel(drawn, self.bounds, numbers=self.numbers, meshes=solids)]
+        return [Panel(nothing(), self.bounds, meshes=(self.mesh(), *solids))]
+
+    def solids(self) -> tuple[Mesh, ...]:
+        """What the sheet meets, as it is drawn now: the ball, the skin."""
+        balls = (self.ball,) if self.ball is not None else ()
+        if self.body is None:
+            return balls
+        cloth = self.simulation.positions.reshape(-1, 3)
+        return (*balls, self.body.mesh(self.simulation.time, cloth))
 
     def mesh(self) -> Mesh:
         """The sheet as triangles with smooth normals."""
@@ -120,6 +134,9 @@ class ClothModel:
             Fact("bending, warp and weft", f"{1e6 * m.bending_warp:.2f} and {1e6 * m.bending_weft:.2f} µN·m"),
             Fact("substeps a frame", f"{solver.substeps} of {1e6 * solver.step:.1f} µs"),
         ]
+        if self.body is not None:
+            person = self.body.body
+            facts.append(Fact("body", f"{person.name}, {100 * person.stature:.0f} cm", self.body.touched))
         if self.prepared is not None:
             layout = self.prepared.layout
             facts += yarn_facts(layout.warp.yarn, "warp yarn") + fabric_facts(layout)

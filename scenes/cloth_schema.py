@@ -4,12 +4,14 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from taichi_cloth.follow import FollowRule
+from taichi_cloth.body.names import JOINTS
+from taichi_cloth.errors import did_you_mean
+from taichi_cloth.follow_rule import FollowRule
 from taichi_cloth.springs import BendingLaw
 
 from .section import Positive, Section, Share
 
-__all__ = ["ClothSection", "ForcesSection", "PinsSection", "SolverSection"]
+__all__ = ["BodyPinSection", "ClothSection", "ForcesSection", "PinsSection", "SolverSection"]
 
 Edge = Literal["left", "right", "top", "bottom"]
 Corner = Literal["top-left", "top-right", "bottom-left", "bottom-right"]
@@ -29,6 +31,22 @@ class PropertiesSection(Section):
     fibre_damping_ms: float | None = Field(default=None, ge=0, description="lag of the stress in the threads [ms]")
 
 
+class BodyPinSection(Section):
+    """A rectangle of key points attached to a bone and carried with it. Shares count from the left and the bottom."""
+
+    bone: str = Field(description="a joint of the body, such as spine3, clavicle_l, head")
+    columns: tuple[Share, Share] = Field(default=(0.0, 1.0), description="from where to where, in shares of the width")
+    rows: tuple[Share, Share] = Field(default=(0.0, 1.0), description="likewise, of the length")
+
+    @model_validator(mode="after")
+    def known_bone(self) -> "BodyPinSection":
+        if self.bone not in JOINTS:
+            raise ValueError(f"bone {self.bone!r}; known: {', '.join(JOINTS)}{did_you_mean(self.bone, JOINTS)}")
+        if self.columns[0] > self.columns[1] or self.rows[0] > self.rows[1]:
+            raise ValueError("columns, rows: allowed: the lesser share first")
+        return self
+
+
 class PinsSection(Section):
     """Key points that are held. `pull_mm` moves the right edge away from the left one, half of it on each side."""
 
@@ -36,6 +54,7 @@ class PinsSection(Section):
     corners: tuple[Corner, ...] = ()
     pull_mm: float = Field(default=0.0, ge=0, le=1e5, description="how far left and right edge are pulled apart [mm]")
     pull_s: Positive = Field(default=1.0, description="how long that takes [s]")
+    body: tuple[BodyPinSection, ...] = Field(default=(), description="regions that the body carries; needs [body]")
 
     @model_validator(mode="after")
     def pull_needs_hands(self) -> "PinsSection":
@@ -64,6 +83,9 @@ class ClothSection(Section):
         default=0.0, ge=-100, le=100, description="of a flat sheet, or of the middle of one upright"
     )
     turn_deg: float = Field(default=0.0, ge=-360, le=360, description="turned about the vertical at the start")
+    centre_m: tuple[float, float] = Field(default=(0.0, 0.0), description="its middle at the start, x and z [m]")
+    friction: float = Field(default=0.3, ge=0, le=5, description="between cloth and [body]")
+    gap_mm: float = Field(default=4.0, ge=0, le=30, description="kept between [body] and the key points [mm]")
     pleats: int = Field(default=0, ge=0, le=100, description="an upright sheet starts in so many folds, as a curtain")
     fullness: float = Field(default=2.0, gt=1, le=2.5, description="width of the sheet over that of its pleats")
     roughness_mm: float = Field(

@@ -9,9 +9,7 @@ import numpy as np
 
 from taichi_cloth.body.colliders import Colliders
 from taichi_cloth.body.motion import Motion
-from taichi_cloth.body.primitive_arrays import primitives_from, primitives_to
 from taichi_cloth.body.primitives import Primitive
-from taichi_cloth.body.ready import fit_body, ready_primitives
 from taichi_cloth.body.skinning import Body
 from taichi_cloth.cache import digest, kept
 from taichi_cloth.errors import InputError
@@ -29,6 +27,7 @@ from .body_section import BodySection, prepare_body, prepare_motion
 from .garment_schema import GarmentSection
 from .moving import forces_of, material_of
 from .schema import Scene
+from .standing import primitives_of
 
 __all__ = ["Dressed", "Parts", "dress", "dressed_parts", "garment_of", "motion_of", "simulation_of"]
 
@@ -104,15 +103,6 @@ def garment_of(section: GarmentSection, body: Body) -> Garment:
             known = ", ".join(panel.name for panel in pattern.panels)
             raise InputError(f"garment.colours: no panel {name!r}; known: {known}")
     return Garment(pattern, cut(pattern, spacing_for(pattern, section.key_points)), material_of(section))
-
-
-def primitives_of(body: Body) -> tuple[Primitive, ...]:
-    """The primitives of a body, each carried by its bone; those of other than built-in bodies are kept on disk."""
-    ready = ready_primitives(body)
-    if ready is not None:
-        return ready
-    made_of = digest(VERSION, body.vertices, body.faces)
-    return primitives_from(kept("primitives", made_of, lambda: primitives_to(fit_body(body)))[0])
 
 
 def motion_of(scene: Scene, body: Body) -> Motion:

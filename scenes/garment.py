@@ -6,10 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_cloth.blocks import build_fabric
-from taichi_cloth.colour_order import colour, thread_repeat
+from taichi_cloth.colour_order import thread_repeat
 from taichi_cloth.follow import FibreFollower
 from taichi_cloth.garment.cut import Atlas
-from taichi_cloth.garment.skin import beneath
 from taichi_cloth.garment.surface import Surface
 from taichi_cloth.garment.weaving import Colours, Weaving, crossings_shape
 from taichi_cloth.simulation import Simulation
@@ -23,13 +22,11 @@ from .facts import Fact, fabric_facts, yarn_facts
 from .models import Numbers, Panel
 from .prepare import Prepared, fibre_kind, prepare_fabric
 from .schema import FabricSection, Scene
+from .standing import skin_mesh
 
 __all__ = ["GarmentModel", "woven_garment"]
 
 F32 = NDArray[np.float32]
-
-SKIN = 0.6
-"""Share of its colour that the body is painted with: a shop-window figure that leaves the light to the cloth."""
 
 
 class GarmentModel:
@@ -105,8 +102,7 @@ class GarmentModel:
         body = self.dressed.body
         skin = body.posed(self.motion.pose(self.simulation.time))
         points, _ = self.surface.points(positions)
-        shade = SKIN * colour((self.scene.body or BodySection()).colour)
-        return Mesh(beneath(skin, body.faces, points), body.faces, shade, part=1)
+        return skin_mesh(self.scene.body or BodySection(), body, skin, points)
 
     def mesh(self, positions: F32) -> Mesh:
         """The garment as triangles with smooth normals, cut along its outlines."""

@@ -4,7 +4,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from taichi_cloth.follow import FollowRule
+from taichi_cloth.follow_rule import FollowRule
 
 from .cloth_schema import PropertiesSection
 from .section import Positive, Section

@@ -2,12 +2,14 @@
 
 from dataclasses import replace
 from math import pi, radians
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.special import j0
 
+from taichi_cloth.errors import InputError
 from taichi_cloth.forces import Forces, Plane, Sphere, Wind
 from taichi_cloth.materials import Material, named_material
 from taichi_cloth.pins import Pins
@@ -17,11 +19,23 @@ from taichi_cloth.solvers.base import Solver
 from taichi_cloth.solvers.verlet import Verlet
 from taichi_cloth.springs import calibrate
 
-from .cloth_schema import ClothSection, ForcesSection, PinsSection, SolverSection
+from .cloth_schema import BodyPinSection, ClothSection, ForcesSection, PinsSection, SolverSection
 from .garment_schema import GarmentSection
 from .schema import FabricSection, Scene
 
-__all__ = ["forces_of", "material_of", "sheet_of", "simulation_of", "solver_of", "start_of", "woven_scene"]
+if TYPE_CHECKING:  # only a scene with a body loads it
+    from .standing import Standing
+
+__all__ = [
+    "forces_of",
+    "material_of",
+    "sheet_of",
+    "simulation_of",
+    "solver_of",
+    "standing_in",
+    "start_of",
+    "woven_scene",
+]
 
 F64 = NDArray[np.float64]
 UNITS = {  # a key of cloth.properties: the field of Material, and its unit in SI
@@ -68,8 +82,7 @@ def sheet_of(cloth: ClothSection) -> Sheet:
         spacing_y=cloth.length_m / (cloth.rows - 1),
         bending=cloth.bending,
     )
-    held = _held(cloth, {*cloth.pins.edges, *cloth.pins.corners})
-    return Sheet.rectangle(cloth.rows, cloth.columns, material=material, springs=springs, pinned=held)
+    return Sheet.rectangle(cloth.rows, cloth.columns, material=material, springs=springs, pinned=_pinned(cloth))
 
 
 def forces_of(section: ForcesSection | None) -> Forces:
@@ -99,18 +112,31 @@ def solver_of(sheet: Sheet, forces: Forces, section: SolverSection | None, *, fr
     return SOLVERS[section.name](sheet, forces, frame_rate=frame_rate, step=step, safety=section.safety)
 
 
-def simulation_of(scene: Scene) -> Simulation:
-    """The scene's sheet, ready to move by one frame of the video at a time."""
+def standing_in(scene: Scene) -> "Standing | None":
+    """The body that the scene's sheet meets; None where it has none. Raises InputError."""
+    cloth = scene.cloth
+    assert cloth is not None
+    if scene.body is None:
+        return None
+    from .standing import standing
+
+    return standing(scene.body, friction=cloth.friction, gap=1e-3 * cloth.gap_mm)
+
+
+def simulation_of(scene: Scene, body: "Standing | None" = None) -> Simulation:
+    """The scene's sheet, ready to move by one frame of the video at a time. body: `standing_in` of the same scene."""
     cloth = scene.cloth
     assert cloth is not None
     sheet, forces = sheet_of(cloth), forces_of(scene.forces)
+    if body is not None:
+        forces = replace(forces, body=body.colliders)
     positions = start_of(cloth, seed=scene.seed)
     return Simulation(
         sheet,
         solver_of(sheet, forces, scene.solver, frame_rate=float(scene.output.fps)),
         forces=forces,
         positions=positions,
-        pins=_pins(cloth, positions),
+        pins=(*_pins(cloth, positions), *_body_pins(cloth, positions, body)),
     )
 
 
@@ -123,14 +149,16 @@ def start_of(cloth: ClothSection, *, seed: int) -> F64:
     if cloth.roughness_mm:
         random = np.random.Generator(np.random.Philox(key=[seed, 21]))
         bump = 1e-3 * cloth.roughness_mm * random.standard_normal(bump.shape)
-        bump[_held(cloth, {*cloth.pins.edges, *cloth.pins.corners})] = 0.0
+        bump[_pinned(cloth)] = 0.0
     if cloth.hang == "flat":
         out[..., 0], out[..., 1], out[..., 2] = u, cloth.height_m + bump, -v
     else:
         x, z = _pleated(u, cloth)
         out[..., 0], out[..., 1], out[..., 2] = x, cloth.height_m + v, z + bump
     c, s = np.cos(radians(cloth.turn_deg)), np.sin(radians(cloth.turn_deg))
-    return np.stack([c * out[..., 0] + s * out[..., 2], out[..., 1], c * out[..., 2] - s * out[..., 0]], axis=-1)
+    x, z = cloth.centre_m
+    turned = [x + c * out[..., 0] + s * out[..., 2], out[..., 1], z + c * out[..., 2] - s * out[..., 0]]
+    return np.stack(turned, axis=-1)
 
 
 def _pleated(u: F64, cloth: ClothSection) -> tuple[F64, F64]:
@@ -147,6 +175,40 @@ def _pleated(u: F64, cloth: ClothSection) -> tuple[F64, F64]:
     course = [np.concatenate([[0.0], np.cumsum(step * (f[1:] + f[:-1]) / 2)]) for f in (np.cos(angle), np.sin(angle))]
     x, z = (c[::16] for c in course)
     return x - x[-1] / 2, z - (z.max() + z.min()) / 2
+
+
+def _pinned(cloth: ClothSection) -> NDArray[np.bool_]:
+    """All key points that are held, (rows, columns). Raises InputError where two pins hold the same."""
+    held = _held(cloth, {*cloth.pins.edges, *cloth.pins.corners})
+    for number, pin in enumerate(cloth.pins.body):
+        region = _region(cloth, pin)
+        if not region.any():
+            raise InputError(f"cloth.pins.body.{number}: no key point there; widen its columns or rows")
+        if (held & region).any():
+            raise InputError(f"cloth.pins.body.{number}: key points that are held already; pins may not overlap")
+        held |= region
+    return held
+
+
+def _region(cloth: ClothSection, pin: BodyPinSection) -> NDArray[np.bool_]:
+    """Key points of a region, (rows, columns)."""
+    (left, right), (low, high) = pin.columns, pin.rows
+    u, v = np.linspace(0, 1, cloth.columns), np.linspace(0, 1, cloth.rows)[:, None]
+    near = 1e-9
+    return (u >= left - near) & (u <= right + near) & (v >= low - near) & (v <= high + near)
+
+
+def _body_pins(cloth: ClothSection, start: F64, body: "Standing | None") -> tuple[Pins, ...]:
+    """A group for each bone that carries key points."""
+    out = []
+    for bone in dict.fromkeys(pin.bone for pin in cloth.pins.body):
+        assert body is not None
+        mask = np.logical_or.reduce([_region(cloth, pin) for pin in cloth.pins.body if pin.bone == bone])
+        if body.bones is None:
+            out.append(Pins(mask))
+        else:
+            out.append(Pins.on_bone(mask, start, body.bones, body.body.skeleton.index(bone)))
+    return tuple(out)
 
 
 def _held(cloth: ClothSection, names: set[str]) -> NDArray[np.bool_]:

@@ -9,7 +9,6 @@ from taichi_cloth.sphere_set import sphere_set_from_rows
 from taichi_cloth.yarn import Yarn
 
 from ..render.lightpass import light_bytes
-from .moving import woven_scene
 from .prepare import DRAW_BYTES, Prepared, fibre_kind, has_floor, prepare_fabric, yarn_of
 from .schema import Scene
 
@@ -54,14 +53,16 @@ def plan(scene: Scene, *, streamed: bool = False) -> Plan:
     about = False
     notes: tuple[str, ...] = ()
     prepared = None
+    woven = None
     if scene.cloth:
+        from .moving import woven_scene  # loads Taichi, which a plan of what lies still does without
         from .plan_cloth import sheet_stages
 
+        woven = woven_scene(scene) if scene.cloth.representation == "fibre" else None
         sheet_built, sheet_left = sheet_stages(scene)
         built |= sheet_built
         left |= sheet_left
         key_points = scene.cloth.rows * scene.cloth.columns
-    woven = woven_scene(scene) if scene.cloth and scene.cloth.representation == "fibre" else None
     if subject == "garment":
         from .plan_garment import garment_stages
 

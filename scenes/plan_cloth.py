@@ -24,9 +24,17 @@ def sheet_stages(scene: Scene) -> tuple[dict[str, str], dict[str, str]]:
     }
     left: dict[str, str] = {}
     held = int(sheet.pinned.sum())
+    body = scene.body
+    if body:
+        moved = "standing still" if body.motion == "rest" else f"motion {body.motion}"
+        built["body"] = f"{body.source} {body.gender if body.source in ('built-in', 'anny') else ''}".rstrip()
+        built["body"] += f", {moved}; skin, skeleton and {body.contact}"
+    else:
+        left["body"] = "the scene has no [body]"
     if held:
         pull = f", pulled apart by {cloth.pins.pull_mm:g} mm" if cloth.pins.pull_mm else ""
-        built["pins"] = f"{held} key points at {', '.join((*cloth.pins.edges, *cloth.pins.corners))}{pull}"
+        at = (*cloth.pins.edges, *cloth.pins.corners, *(f"the body's {pin.bone}" for pin in cloth.pins.body))
+        built["pins"] = f"{held} key points at {', '.join(at)}{pull}"
     else:
         left["pins"] = "cloth.pins names none"
     if forces.wind:
@@ -36,11 +44,13 @@ def sheet_stages(scene: Scene) -> tuple[dict[str, str], dict[str, str]]:
         left["wind"] = "the scene has no [forces.wind]"
     ball = f"a ball of {forces.sphere.radius:g} m" if forces.sphere else ""
     floor = f"a floor at {forces.plane.height:g} m" if forces.plane else ""
-    if ball or floor:
-        built["contact"] = " and ".join(filter(None, (ball, floor)))
+    person = f"the body's {body.contact}, µ {cloth.friction:g}, {cloth.gap_mm:g} mm apart" if body else ""
+    if ball or floor or person:
+        built["contact"] = " and ".join(filter(None, (person, ball, floor)))
     else:
-        left["contact"] = "the scene has neither [forces.sphere] nor [forces.plane]"
-    meshes = [*(["the sheet"] if cloth.representation == "mesh" else []), *(["the ball"] if ball else [])]
+        left["contact"] = "the scene has neither [body], [forces.sphere] nor [forces.plane]"
+    shown = (cloth.representation == "mesh", "the sheet"), (bool(ball), "the ball"), (bool(body), "the body's skin")
+    meshes = [name for drawn, name in shown if drawn]
     if meshes:
         built["meshes"] = " and ".join(meshes)
     return built, left

@@ -253,6 +253,16 @@ class Scene(Section):
         return self
 
     @model_validator(mode="after")
+    def body_has_cloth(self) -> "Scene":
+        if self.body and not (self.cloth or self.garment):
+            raise ValueError("a [body] wears a [garment] or has a [cloth] fall on it; add one of them")
+        if self.cloth and self.cloth.pins.body and not self.body:
+            raise ValueError("cloth.pins.body attaches key points to a [body]; add it")
+        if self.garment and self.body and self.body.contact == "grid":
+            raise ValueError('body.contact: "grid" is for [cloth]; a [garment] is sewn on "primitives"')
+        return self
+
+    @model_validator(mode="after")
     def garment_is_whole(self) -> "Scene":
         if not self.garment:
             return self

@@ -22,7 +22,7 @@ LLVM makes no vector instructions of stores to an array argument (six times as s
 # pyright: reportCallIssue=false, reportArgumentType=false
 
 import ctypes
-from typing import Literal, get_args
+from typing import get_args
 
 import numpy as np
 import taichi as ti
@@ -32,12 +32,12 @@ from taichi_cloth import runtime
 from taichi_cloth.arrays import Address, F32x3, I32x2, Int, Template
 from taichi_cloth.blocks import Fabric, FibreCloud
 from taichi_cloth.errors import InputError, did_you_mean
+from taichi_cloth.follow_rule import FollowRule
 from taichi_cloth.normals import frame_of_point
 
-__all__ = ["ROWS", "FibreFollower", "FollowRule"]
+__all__ = ["ROWS", "FibreFollower"]
 
 F32 = NDArray[np.float32]
-FollowRule = Literal["smooth", "linear", "paper"]
 
 GROUP = 16
 LANES = 8

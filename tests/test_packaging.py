@@ -15,6 +15,8 @@ import pytest
 REPOSITORY = Path(__file__).parents[1]
 ROOMS = {
     "taichi_cloth": "taichi_cloth",
+    "taichi_cloth/body": "taichi_cloth/body",
+    "taichi_cloth/garment": "taichi_cloth/garment",
     "taichi_cloth/solvers": "taichi_cloth/solvers",
     "taichi_cloth/render": "render",
     "taichi_cloth/scenes": "scenes",
@@ -26,12 +28,12 @@ PROJECT = tomllib.loads((REPOSITORY / "pyproject.toml").read_text("utf-8"))
 
 
 def belongs_in_wheel() -> set[str]:
-    """Every module, scene and marker of the three rooms, as the wheel should name it."""
+    """Every module, scene, data file and marker of the rooms, as the wheel should name it."""
     return {
         f"{inside}/{path.relative_to(REPOSITORY / room).as_posix()}"
         for inside, room in ROOMS.items()
-        for pattern in ("*.py", "*.toml", "py.typed")
-        for path in (REPOSITORY / room).rglob(pattern)
+        for pattern in ("*.py", "*.toml", "*.json", "py.typed")
+        for path in (REPOSITORY / room).glob(pattern)
     }
 
 

@@ -3,7 +3,7 @@
 import logging
 from itertools import pairwise
 from pathlib import Path
-from typing import Literal, get_args
+from typing import get_args
 
 import numpy as np
 import trimesh
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from taichi_cloth.body.anthropometry import measures_of
 from taichi_cloth.body.figure import Girths, draw
+from taichi_cloth.body.names import Facing, Unit, Up
 from taichi_cloth.body.repair import repaired
 from taichi_cloth.body.skeleton import JOINTS, Skeleton
 from taichi_cloth.body.skinning import Body, heat_weights
@@ -19,9 +20,6 @@ from taichi_cloth.errors import InputError, did_you_mean
 __all__ = ["Facing", "Unit", "Up", "body_from_file", "body_from_mesh", "laid_skeleton"]
 
 F64 = NDArray[np.float64]
-Unit = Literal["m", "dm", "cm", "mm", "inch"]
-Up = Literal["y", "z"]
-Facing = Literal["forward", "back", "left", "right"]
 
 METRES = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001, "inch": 0.0254}
 SHORTEST, TALLEST = 1.2, 2.3

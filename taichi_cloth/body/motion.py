@@ -50,9 +50,12 @@ class Motion:
     """After this time the motion repeats [s]; None where it does not."""
     blend_in: float = 1.0
     """Time from the rest pose into the motion [s]."""
+    start: float = 0.0
+    """When it begins [s]; at rest before."""
 
     def pose(self, time: float) -> Pose:
-        """The pose at a time [s]; at rest before 0. Once differentiable, at the start twice."""
+        """The pose at a time [s]; at rest before the start. Once differentiable, at the start twice."""
+        time -= self.start
         if time <= 0:
             return Pose.rest()
         pose = self.cycle(time)

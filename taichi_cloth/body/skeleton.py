@@ -11,20 +11,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
+from taichi_cloth.body.names import JOINTS
 from taichi_cloth.errors import InputError, did_you_mean
 
 __all__ = ["JOINTS", "PARENTS", "Pose", "Skeleton", "mirror_name"]
 
 F64 = NDArray[np.float64]
-
-JOINTS = (
-    "pelvis", "spine1", "spine2", "spine3", "neck", "head",
-    "clavicle_l", "upper_arm_l", "forearm_l", "hand_l",
-    "clavicle_r", "upper_arm_r", "forearm_r", "hand_r",
-    "thigh_l", "shin_l", "foot_l",
-    "thigh_r", "shin_r", "foot_r",
-)  # fmt: skip
-"""Names of the joints, parents before children; a bone has the name of the joint it starts at."""
 
 PARENTS = (-1, 0, 1, 2, 3, 4, 3, 6, 7, 8, 3, 10, 11, 12, 0, 14, 15, 0, 17, 18)
 """Number of each joint's parent; −1 for the pelvis."""

@@ -1,0 +1,124 @@
+"""A body that stands or moves in a scene: what cloth touches of it, and what is drawn of it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_cloth.body.colliders import Colliders
+from taichi_cloth.body.grid import DistanceGrid, grid_of_mesh
+from taichi_cloth.body.motion import Motion
+from taichi_cloth.body.parts import JOINTS as PART_JOINTS
+from taichi_cloth.body.primitive_arrays import primitives_from, primitives_to
+from taichi_cloth.body.primitives import Primitive
+from taichi_cloth.body.ready import fit_body, ready_primitives
+from taichi_cloth.body.segment import segment
+from taichi_cloth.body.skinning import Body
+from taichi_cloth.cache import digest, kept
+from taichi_cloth.colour_order import colour
+from taichi_cloth.garment.skin import beneath
+
+from ..render.mesh import Mesh
+from .body_section import BodySection, prepare_body, prepare_motion
+
+__all__ = ["Standing", "grids_of", "primitives_of", "skin_mesh", "standing"]
+
+F32 = NDArray[np.float32]
+F64 = NDArray[np.float64]
+
+VERSION = 1
+"""Of what is kept on disk: raised whenever the same body would give other primitives or grids."""
+
+GRID_SPACING = 0.01
+"""Of distance grids [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Standing:
+    """A body in its scene. bones: time [s] → (joints, 4, 4) from rest, as `Colliders.motion`; None: it stands still."""
+
+    section: BodySection
+    body: Body
+    motion: Motion
+    colliders: Colliders
+
+    @property
+    def bones(self) -> Callable[[float], F64] | None:
+        return self.colliders.motion
+
+    @property
+    def touched(self) -> str:
+        """What cloth touches, in words."""
+        made = self.colliders
+        return f"{len(made.grids)} distance grids" if made.grids else f"{len(made.primitives)} primitives"
+
+    def skin(self, time: float) -> F64:
+        """(n, 3) [m] at a time [s]."""
+        return self.body.posed(self.motion.pose(time))
+
+    def mesh(self, time: float, cloth: NDArray) -> Mesh:
+        """The skin at a time [s], let in where it would show through cloth points (m, 3) that lie on it."""
+        return skin_mesh(self.section, self.body, self.skin(time), cloth)
+
+
+def standing(section: BodySection, *, friction: float, gap: float) -> Standing:
+    """The body of a scene. friction: Coulomb's µ. gap: between it and key points [m]. Raises InputError."""
+    body = prepare_body(section, Path())
+    motion = prepare_motion(section, body, Path())
+    still = motion.name == "rest"
+    grids = section.contact == "grid"
+    colliders = Colliders(
+        primitives=() if grids else primitives_of(body),
+        grids=grids_of(body) if grids else (),
+        motion=None if still else lambda time: body.bone_transforms(motion.pose(time)),
+        friction=friction,
+        gap=gap,
+    )
+    return Standing(section, body, motion, colliders)
+
+
+def primitives_of(body: Body) -> tuple[Primitive, ...]:
+    """The primitives of a body, each carried by its bone; those of other than built-in bodies are kept on disk."""
+    ready = ready_primitives(body)
+    if ready is not None:
+        return ready
+    made_of = digest(VERSION, body.vertices, body.faces)
+    return primitives_from(kept("primitives", made_of, lambda: primitives_to(fit_body(body)))[0])
+
+
+def grids_of(body: Body) -> tuple[DistanceGrid, ...]:
+    """A grid of distances for each part of a body, carried by its bone; kept on disk."""
+    made_of = digest(VERSION, GRID_SPACING, body.vertices, body.faces)
+
+    def make() -> dict[str, NDArray]:
+        parts = segment(body.vertices, body.faces)
+        out: dict[str, NDArray] = {}
+        for number, name in enumerate(parts.names):
+            grid = grid_of_mesh(body.vertices, body.faces, spacing=GRID_SPACING, chosen=parts.labels == number)
+            out[f"{name} values"], out[f"{name} origin"] = grid.values, grid.origin
+        return out
+
+    arrays, _ = kept("grids", made_of, make)
+    names = [key.removesuffix(" values") for key in arrays if key.endswith(" values")]
+    return tuple(
+        DistanceGrid(
+            origin=arrays[f"{name} origin"],
+            spacing=GRID_SPACING,
+            values=arrays[f"{name} values"],
+            part=name,
+            bone=body.skeleton.index(PART_JOINTS[name]),
+        )
+        for name in names
+    )
+
+
+SKIN = 0.6
+"""Share of its colour that the body is painted with: a shop-window figure that leaves the light to the cloth."""
+
+
+def skin_mesh(section: BodySection, body: Body, skin: NDArray, cloth: NDArray) -> Mesh:
+    """Skin (n, 3) [m] for a picture, let in where it would show through cloth points (m, 3) that lie on it."""
+    albedo = SKIN * np.asarray(colour(section.colour), np.float32)
+    return Mesh(beneath(skin, body.faces, cloth), body.faces, albedo, part=1)
