@@ -1,8 +1,9 @@
 """Cloth against a body (paper 4.1): key points are kept out of its primitives, with Coulomb friction, no restitution.
 
 Once a frame the bounding boxes of the body's tree follow it (`body/hierarchy.py`), each swept over the whole frame.
-Every few substeps each block of 8 neighbouring key points walks the tree and lists the primitives that it can reach
-before the next walk; the substeps between meet only those. A list holds all primitives if need be: none is dropped.
+Every few milliseconds each block of 8 neighbouring key points walks the tree and lists the primitives that it can reach
+before the next walk. Every half millisecond it measures its distance from those that it could touch before the next
+time, which leaves a plane for each key point; every substep it meets only the planes (`contact_response.py`).
 
 Response of a key point that stands deeper than the gap: out along the normal, which takes the velocity towards the
 surface and no more (what started inside is let out at `recovery`), and against its slip over the moving surface by at
@@ -28,7 +29,7 @@ from taichi_cloth.body.primitives import Primitive
 from taichi_cloth.contact_response import CONE, ELLIPTIC, GRID, MOTION, ROW, SHAPE, SLENDER, response
 from taichi_cloth.forces import FrameForces
 from taichi_cloth.sheet import SheetState
-from taichi_cloth.solvers.passes import Pass
+from taichi_cloth.solvers.passes import MEETING, Pass
 
 __all__ = ["Contact"]
 
@@ -38,7 +39,8 @@ F64 = NDArray[np.float64]
 
 SLENDEREST = 0.4  # ratio of semi-axes down to which shapes.NEAR is enough
 
-LONGEST_WAIT = 2.5e-3  # [s] between two walks of the tree
+LONGEST_WAIT = 5e-3  # [s] between two walks of the tree
+LONGEST_PLANE = 0.6e-3  # [s] for which a plane stands for the surface
 SPARE = 0.5  # [m/s] that a key point may gain meanwhile, beside a quarter of its speed; what gains more is met late
 FASTEST = 20.0  # [m/s] past the body, for which a step is called short
 
@@ -47,14 +49,11 @@ class Contact(Pass):
     """The pass for one body and one sheet's solver.
 
     size: elements of the padded grid. substeps: a frame. step: of each [s]. strips: of the solver.
-    even: the buffer in which the even substeps leave their result.
     """
 
     local = True
 
-    def __init__(
-        self, body: Colliders, *, size: int, substeps: int, step: float, strips: int = 1, even: int = 1
-    ) -> None:
+    def __init__(self, body: Colliders, *, size: int, substeps: int, step: float, strips: int = 1) -> None:
         self.body, self.substeps = body, substeps
         primitives: tuple[Solid, ...] = (*body.primitives, *body.grids)
         self._constant = _shapes(body)
@@ -63,20 +62,22 @@ class Contact(Pass):
         nodes = sum(g.values.size for g in body.grids)
         capacity = -(-len(primitives) // 16) * 16
         long_steps = step * FASTEST > thinnest / 2
-        self.memory = response(
-            runtime.generation(), size * strips, strips, capacity, kinds, bool(long_steps), even, nodes
-        )
-        wait = 16
+        self.memory = response(runtime.generation(), size * strips, strips, capacity, kinds, bool(long_steps), nodes)
+        wait = 2 * MEETING
         while wait > 2 and wait * step > LONGEST_WAIT:
             wait //= 2
+        every = 1 if long_steps else min(wait, MEETING)
+        while every > 1 and every * step > LONGEST_PLANE:
+            every //= 2
         self._settings = np.array(
-            [len(primitives), wait, SPARE * step * wait, body.gap, body.recovery * step, thinnest]
+            [len(primitives), wait, SPARE * step, body.gap, body.recovery * step, thinnest, every, body.friction]
         )
         self._points, self._radii = corners(primitives)
         self._tree = build(self._points.mean(axis=1))
         self._bones = np.array([p.bone for p in primitives])
         self._anchors = np.stack([_anchor(p) for p in primitives])
         self._axes = np.stack([np.stack(_axes(p)) for p in primitives])
+        self._capsules = np.array([_capsule(row) for row in self._constant])
         self._reach = np.linalg.norm(self._points - self._anchors[:, None], axis=2).max(axis=1) + self._radii.max(
             axis=1
         )
@@ -105,7 +106,7 @@ class Contact(Pass):
 
     def _rows(self, frame: BoneFrame) -> F64:
         """(primitives, ROW): shape; then anchor, axis and across at the start of the frame, the anchor's shift [m] and
-        the turn [rad] a substep, as vectors, and the furthest that a surface point moves [m]; the box of the frame."""
+        the turn [rad] a substep, as vectors; radius and ends of a capsule around it; the box of the frame."""
         out = self._constant.copy()
         start, end = frame.start[self._bones], frame.end[self._bones]
         first = _moved(start, self._anchors)
@@ -116,7 +117,7 @@ class Contact(Pass):
         out[:, m : m + 3], out[:, m + 3 : m + 6], out[:, m + 6 : m + 9] = first, axes[:, 0], axes[:, 1]
         out[:, m + 9 : m + 12], out[:, m + 12 : m + 15] = shift, turn / self.substeps
         angle = np.linalg.norm(turn, axis=1)
-        out[:, m + 15] = np.linalg.norm(shift, axis=1) + angle / self.substeps * self._reach
+        out[:, m + 15 : m + 18] = self._capsules
         both = np.concatenate([_moved(t[:, None], self._points) for t in (start, end)], axis=1)
         bulge = self._reach * (1 - np.cos(np.minimum(angle, np.pi) / 2))  # of an arc over its chord
         radii = np.concatenate([self._radii] * 2, axis=1)[..., None] + (bulge + 1e-5)[:, None, None]
@@ -125,7 +126,7 @@ class Contact(Pass):
         return out
 
     @ti.func
-    def after(self, work: Template, at: Template, first, last, shift, done, n: Template):
+    def after(self, work: Template, at, first, last, shift, done, n: Template):
         self.memory.touch(work, at, first, last, shift, done)
 
 
@@ -152,9 +153,8 @@ def _axes(p: Solid) -> tuple[F64, F64]:
 
 
 def _shapes(body: Colliders) -> F64:
-    """(primitives, ROW): kind and what `shapes.cone` or `shapes.elliptic` takes; friction."""
+    """(primitives, ROW): kind and what `shapes.cone` or `shapes.ellipse` and `shapes.prism` take."""
     out = np.zeros((len(body.primitives) + len(body.grids), ROW))
-    out[:, 7] = body.friction
     begin = 0
     for row, grid in zip(out[len(body.primitives) :], body.grids, strict=True):
         row[:6] = GRID, begin, grid.spacing, *grid.values.shape
@@ -173,6 +173,16 @@ def _shapes(body: Colliders) -> F64:
             sine = (r1 - r2) / length
             row[:5] = CONE, r1, sine, sine / np.sqrt(1 - sine**2), length
     return out
+
+
+def _capsule(row: F64) -> F64:
+    """Radius, and where its two ends are along the axis from the anchor [m]."""
+    if row[0] == GRID:
+        x, y, z = (row[2] * (row[3:6] - 1) / 2).tolist()
+        return np.array([np.hypot(x, y), -z, z])
+    if row[0] == CONE:
+        return np.array([max(row[1], row[1] - row[2] * row[4]), 0.0, row[4]])
+    return np.array([row[1] + row[4], -row[3], row[3]])
 
 
 def _thickness(row: F64) -> float:

@@ -6,7 +6,8 @@ between one and its place. A gap wider than allowed is closed along d, shared ou
     Δx_k = −w_k/m_k · λ,      λ = (1 − allowed/|d|) d / Σ w_k²/m_k,
 
 which keeps the momentum of what is tied together. Ties are worked through in order, each seeing what the ones before
-did (Gauss–Seidel). What is allowed shrinks from frame to frame, so panels are drawn together at a set speed.
+did (Gauss–Seidel), after every second substep: a gap took two steps to open, so steps change by half of what positions
+do. What is allowed shrinks from frame to frame, so panels are drawn together at a set speed.
 """
 
 # pyright: reportOptionalCall=false, reportOperatorIssue=false, reportGeneralTypeIssues=false
@@ -28,11 +29,12 @@ __all__ = ["Ties"]
 
 F64 = NDArray[np.float64]
 NODES = 8
-TARGET = 2 * NODES
+SHARE = 2 * NODES
+TARGET = 3 * NODES
 ALLOWED = TARGET + 6
 ROW = ALLOWED + 2
-"""Numbers of a tie: key points (whole below 2^24), weights, target at the start of the frame [m] and how far it moves,
-width allowed at the start [m] and how that changes."""
+"""Numbers of a tie: key points (whole below 2^24), weights, shares w/m / Σ w²/m, target at the start of the frame [m]
+and how far it moves, width allowed at the start [m] and how that changes."""
 
 
 class Ties(Pass):
@@ -45,6 +47,7 @@ class Ties(Pass):
     """
 
     local = False
+    paired = True
 
     def __init__(
         self,
@@ -68,6 +71,9 @@ class Ties(Pass):
         self.index[:, :m] = (nodes[..., 0] + PAD) * sheet.width + nodes[..., 1]
         self.index[:, m:] = self.index[:, :1]
         self.weight[:, :m] = weights
+        inverse = sheet.padded(sheet.inverse_mass).reshape(-1)[self.index]
+        compliance = (self.weight.astype(np.float64) ** 2 * inverse).sum(axis=1, keepdims=True)
+        self.share = self.weight * inverse / np.where(compliance > 0, compliance, np.inf)
         self.places = np.full((n, 3), np.nan) if places is None else np.asarray(places, np.float64)
         self.bones = np.full(n, -1) if bones is None else np.asarray(bones)
         self.held = np.isfinite(self.places).all(axis=1)
@@ -102,14 +108,14 @@ class Ties(Pass):
         now = self.gaps(state, frame.start if frame else None)
         rows = np.zeros((self.memory.capacity + 1, ROW), np.float32)
         rows[: self.count] = np.column_stack(
-            [self.index, self.weight, start, end - start, now, np.maximum(now - self.reach, 0.0) - now]
+            [self.index, self.weight, self.share, start, end - start, now, np.maximum(now - self.reach, 0.0) - now]
         )
         rows[-1, :2] = self.count, 1.0 / self.substeps
         self.memory.buffer.from_numpy(rows)
         self.memory.take(self.memory.buffer)
 
     @ti.func
-    def after(self, work: Template, at: Template, first, last, shift, done, n: Template):
+    def after(self, work: Template, at, first, last, shift, done, n: Template):
         self.memory.pull(work, at, done)
 
 
@@ -132,31 +138,29 @@ class _Memory:
             self.row[i, j] = rows[i, j]
 
     @ti.func
-    def pull(self, work: Template, at: Template, done):
-        x, y, z = ti.static(*work.position[at])
-        u, v, w = ti.static(*work.step[at])
+    def pull(self, work: Template, at, done):
+        x, y, z = ti.static(*work.position)
+        u, v, w = ti.static(*work.step)
         share = ti.cast(done + 1, ti.f32) * self.row[self.capacity, 1]
         for k in range(ti.cast(self.row[self.capacity, 0], ti.i32)):
             dx = -self.row[k, TARGET] - share * self.row[k, TARGET + 3]
             dy = -self.row[k, TARGET + 1] - share * self.row[k, TARGET + 4]
             dz = -self.row[k, TARGET + 2] - share * self.row[k, TARGET + 5]
-            compliance = 0.0
             for c in range(NODES):
-                p, a = ti.cast(self.row[k, c], ti.i32), self.row[k, NODES + c]
+                p, a = at + ti.cast(self.row[k, c], ti.i32), self.row[k, NODES + c]
                 dx += a * x[p]
                 dy += a * y[p]
                 dz += a * z[p]
-                compliance += a * a * work.inverse_mass[p]
             gap = ti.sqrt(dx * dx + dy * dy + dz * dz)
             allowed = self.row[k, ALLOWED] + share * self.row[k, ALLOWED + 1]
-            if gap > allowed and compliance > 0.0:
-                pull = (gap - allowed) / (gap * compliance)
+            if gap > allowed:
+                pull = (gap - allowed) / gap
+                dx, dy, dz = pull * dx, pull * dy, pull * dz
                 for c in range(NODES):
-                    p = ti.cast(self.row[k, c], ti.i32)
-                    f = -pull * self.row[k, NODES + c] * work.inverse_mass[p]
-                    x[p] += f * dx
-                    y[p] += f * dy
-                    z[p] += f * dz
-                    u[p] += f * dx
-                    v[p] += f * dy
-                    w[p] += f * dz
+                    p, f = at + ti.cast(self.row[k, c], ti.i32), self.row[k, SHARE + c]
+                    x[p] -= f * dx
+                    y[p] -= f * dy
+                    z[p] -= f * dz
+                    u[p] -= 0.5 * f * dx
+                    v[p] -= 0.5 * f * dy
+                    w[p] -= 0.5 * f * dz

@@ -180,7 +180,7 @@ class _Workspace(Lines):
     @ti.func
     def distance(self, features: Template, p, n: Template):
         """From the nearest body [m]; large where there is none."""
-        x, y, z = load(self.position[0][0], p), load(self.position[0][1], p), load(self.position[0][2], p)
+        x, y, z = load(self.position[0], p), load(self.position[1], p), load(self.position[2], p)
         out = 0.0 * x + 1e30
         if ti.static(features.sphere):
             u, v, w = x - n.sphere_x, y - n.sphere_y, z - n.sphere_z
@@ -201,11 +201,11 @@ class _Workspace(Lines):
         euler = ti.max(held, first)
         half = 0.5 * first * (1.0 - held)
         share = (2.0 + euler) / 3.0
-        v0, v1, v2 = load(self.step[0][0], p), load(self.step[0][1], p), load(self.step[0][2], p)
+        v0, v1, v2 = load(self.step[0], p), load(self.step[1], p), load(self.step[2], p)
         fx, fy, fz = 0.0 * v0, 0.0 * v1, 0.0 * v2
         drag = 0.0 * v0
         if ti.static(features.wind):
-            fx, fy, fz = self.air(0, p, v0, v1, v2, wind, n)
+            fx, fy, fz = self.air(p, p, v0, v1, v2, wind, n)
             ux, uy, uz = wind[0] - n.rate * v0, wind[1] - n.rate * v1, wind[2] - n.rate * v2
             drag = DRAG * n.rate * inverse
             drag *= ti.sqrt((fx * fx + fy * fy + fz * fz) / (ux * ux + uy * uy + uz * uz + 1e-30))
@@ -223,7 +223,7 @@ class _Workspace(Lines):
     def touch(self, features: Template, p, n: Template):
         """Bodies: what lies inside is pushed out, and friction holds it. From the iterate to buffer 1."""
         free = ti.min(load(self.inverse_mass, p) * 1e30, 1.0)
-        px, py, pz = load(self.position[0][0], p), load(self.position[0][1], p), load(self.position[0][2], p)
+        px, py, pz = load(self.position[0], p), load(self.position[1], p), load(self.position[2], p)
         dx, dy, dz = load(self.iterate[0], p), load(self.iterate[1], p), load(self.iterate[2], p)
         if ti.static(features.sphere):
             x, y, z = px + dx - n.sphere_x, py + dy - n.sphere_y, pz + dz - n.sphere_z
@@ -236,8 +236,8 @@ class _Workspace(Lines):
             depth = free * ti.max(n.plane_height - (x * n.plane_x + y * n.plane_y + z * n.plane_z), 0.0)
             dx, dy, dz = contact(features, n.plane_x, n.plane_y, n.plane_z, depth, n.plane_friction, dx, dy, dz)
         for axis, x, d in ti.static(((0, px, dx), (1, py, dy), (2, pz, dz))):
-            store(self.step[1][axis], p, d)
-            store(self.position[1][axis], p, x + d)
+            store(self.step[axis], self.size + p, d)
+            store(self.position[axis], self.size + p, x + d)
 
     @ti.func
     def finish(self, p, first, n: Template):
@@ -247,16 +247,16 @@ class _Workspace(Lines):
         half = 0.5 * first * (1.0 - held)
         pushed = 0.0 * free
         for axis in ti.static(range(3)):
-            pushed += ti.abs(load(self.step[1][axis], p) - load(self.iterate[axis], p))
+            pushed += ti.abs(load(self.step[axis], self.size + p) - load(self.iterate[axis], p))
         touched = ti.min(pushed * 1e30, 1.0)
         simple = ti.max(touched, held)
         for axis, g in ti.static(((0, n.gravity_x), (1, n.gravity_y), (2, n.gravity_z))):
-            u, s, v = load(self.step[1][axis], p), load(self.last[axis], p), load(self.step[0][axis], p)
+            u, s, v = load(self.step[axis], self.size + p), load(self.last[axis], p), load(self.step[axis], p)
             after = ti.select(ti.max(simple, first) > 0.5, u + (1.0 - simple) * half * g, 1.5 * u - 0.5 * s)
             store(self.former[axis], p, v)
             store(self.last[axis], p, u)
-            store(self.step[0][axis], p, ti.select(free > 0.5, after, v))
-            store(self.position[0][axis], p, load(self.position[1][axis], p))
+            store(self.step[axis], p, ti.select(free > 0.5, after, v))
+            store(self.position[axis], p, load(self.position[axis], self.size + p))
         store(self.held, p, touched)
 
     @ti.kernel
@@ -284,8 +284,8 @@ class _Workspace(Lines):
             for i in range(self.own):
                 for j in range(self.width):
                     for c in ti.static(range(3)):
-                        self.position[0][c][i * self.width + j] = values[c, i, j]
-                        self.step[0][c][i * self.width + j] = values[3 + c, i, j]
+                        self.position[c][i * self.width + j] = values[c, i, j]
+                        self.step[c][i * self.width + j] = values[3 + c, i, j]
             low = PAD * self.width // LANES
             high = (self.rows - PAD) * self.width // LANES
             for done in range(steps):
@@ -305,5 +305,5 @@ class _Workspace(Lines):
             for i in range(PAD, self.own - PAD):
                 for j in range(self.width):
                     for c in ti.static(range(3)):
-                        values[c, i, j] = self.position[0][c][i * self.width + j]
-                        values[3 + c, i, j] = self.step[0][c][i * self.width + j]
+                        values[c, i, j] = self.position[c][i * self.width + j]
+                        values[3 + c, i, j] = self.step[c][i * self.width + j]

@@ -53,7 +53,7 @@ def put(field: Template, p, apart: Template, values):
 class Lines(Stencil):
     """Work memory of the solves, in the layout of the sheet, with rows added below up to whole lanes.
 
-    position[0]: x at the start of the step [m]. moved: u, from there to the iterate [m]. weight: w [1/kg], what the
+    position: x at the start of the step [m]. moved: u, from there to the iterate [m]. weight: w [1/kg], what the
     step makes of the inverse mass. share: of a kind's constant that a spring or hinge at p has.
     """
 
@@ -74,7 +74,7 @@ class Lines(Stencil):
     @ti.func
     def gap(self, p, offset, apart: Template):
         """Vectors from the lanes at p to those at p + offset: of x, and of u."""
-        x, y, z = ti.static(*self.position[0])
+        x, y, z = ti.static(*self.position)
         u, v, w = ti.static(*self.iterate)
         return (
             at(x, p + offset, apart) - at(x, p, apart),

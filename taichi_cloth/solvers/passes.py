@@ -13,7 +13,10 @@ from taichi_cloth.arrays import Template
 from taichi_cloth.forces import FrameForces
 from taichi_cloth.sheet import SheetState
 
-__all__ = ["Pass"]
+__all__ = ["MEETING", "Pass", "strips_allowed"]
+
+MEETING = 16
+"""Substeps between two meetings of the strips of a sheet on several threads; even."""
 
 
 @ti.data_oriented
@@ -37,15 +40,15 @@ class Pass:
         """On the host, after each frame: the place to report that a capacity was too small."""
 
     @ti.func
-    def before(self, work: Template, at: Template, first, last, shift, done, n: Template):
+    def before(self, work: Template, at, first, last, shift, done, n: Template):
         """Before the stencil of substep number `done`; where `paired`, of each even one. Arguments as of `after`."""
 
     @ti.func
-    def after(self, work: Template, at: Template, first, last, shift, done, n: Template):
+    def after(self, work: Template, at, first, last, shift, done, n: Template):
         """After the stencil of substep number `done` of the frame, from 0.
 
-        work: the `Stencil`; its position[at][axis] and step[at][axis] [m] are what to change, element by element, and
-        inverse_mass [1/kg] is 0 where nothing may move. Elements first × LANES up to last × LANES are to be done.
+        work: the `Stencil`; elements at + p of its position[axis] and step[axis] [m] are what to change, and
+        inverse_mass [1/kg] of p is 0 where nothing may move. p is to go from first × LANES up to last × LANES.
         shift: element p is element p + shift of the sheet's padded grid; 0 with one strip. n: `Numbers`.
         """
 

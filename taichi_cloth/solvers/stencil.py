@@ -79,70 +79,76 @@ def contact(features: Template, nx, ny, nz, depth, friction, dx, dy, dz):
 class Stencil:
     """Work memory for substeps: two buffers that take turns, and the weights. `size` elements; rows of `width`.
 
-    position, step: [buffer][axis] fields [m]. east, north, cell: weights of `Sheet`. inverse_mass: [1/kg].
+    position, step: [axis] fields [m] of both buffers, one after the other: element p of the first is p, of the second
+    size + p. So one copy of the code serves both. east, north, cell: weights of `Sheet`. inverse_mass: [1/kg].
     """
 
     def __init__(self, size: int, width: int) -> None:
-        def fields(count: int) -> list[ti.Field]:
-            return [ti.field(ti.f32, size) for _ in range(count)]
+        def fields(count: int, buffers: int = 1) -> list[ti.Field]:
+            return [ti.field(ti.f32, buffers * size) for _ in range(count)]
 
         self.size, self.width = size, width
-        self.position, self.step = [fields(3), fields(3)], [fields(3), fields(3)]
+        self.position, self.step = fields(3, 2), fields(3, 2)
         self.east, self.north, self.cell, self.inverse_mass = fields(4)
 
     @ti.func
-    def away(self, a: Template, p, offset: Template):
-        """Vector to the neighbour at p + offset, and how much more than p it moved in the last step."""
-        x, y, z = ti.static(*self.position[a])
+    def lanes(self, p, at):
+        """Element at + p, a whole number of lanes. The bounds tell the compiler that nothing overflows."""
+        return ti.min(ti.max((p + at) // LANES, 0), 1 << 24) * LANES
+
+    @ti.func
+    def away(self, a, offset: Template):
+        """Vector to the neighbour at a + offset, and how much more than p it moved in the last step."""
+        x, y, z = ti.static(*self.position)
         return (
-            load(x, p + offset) - load(x, p),
-            load(y, p + offset) - load(y, p),
-            load(z, p + offset) - load(z, p),
+            load(x, a + offset) - load(x, a),
+            load(y, a + offset) - load(y, a),
+            load(z, a + offset) - load(z, a),
         )
 
     @ti.func
-    def moved(self, a: Template, p, offset: Template):
-        u, v, w = ti.static(*self.step[a])
+    def moved(self, a, offset: Template):
+        u, v, w = ti.static(*self.step)
         return (
-            load(u, p + offset) - load(u, p),
-            load(v, p + offset) - load(v, p),
-            load(w, p + offset) - load(w, p),
+            load(u, a + offset) - load(u, a),
+            load(v, a + offset) - load(v, a),
+            load(w, a + offset) - load(w, a),
         )
 
     @ti.func
-    def spring(self, a: Template, features: Template, p, offset: Template, constant, rest, lag):
-        """Pull of the spring to the key point at p + offset, and the vector to it."""
-        x, y, z = self.away(a, p, offset)
+    def spring(self, a, features: Template, offset: Template, constant, rest, lag):
+        """Pull of the spring to the key point at a + offset, and the vector to it."""
+        x, y, z = self.away(a, offset)
         squared = ti.max(x * x + y * y + z * z, 1e-20)
         factor = 1.0 - rest / ti.sqrt(squared)
         if ti.static(features.fibre_damping):
-            u, v, w = self.moved(a, p, offset)
+            u, v, w = self.moved(a, offset)
             factor += lag * (u * x + v * y + w * z) / squared
         factor *= constant
         return factor * x, factor * y, factor * z
 
     @ti.func
-    def curve(self, a: Template, features: Template, p, offset: Template, lag):
+    def curve(self, a, features: Template, offset: Template, lag):
         """As `away`, with what damping adds to it in a law that is linear in the positions."""
-        x, y, z = self.away(a, p, offset)
+        x, y, z = self.away(a, offset)
         if ti.static(features.fibre_damping):
-            u, v, w = self.moved(a, p, offset)
+            u, v, w = self.moved(a, offset)
             x += lag * u
             y += lag * v
             z += lag * w
         return x, y, z
 
     @ti.func
-    def bend(self, a: Template, features: Template, p, offset: Template, weight: Template, beta, lag):
+    def bend(self, a, features: Template, p, offset: Template, weight: Template, beta, lag):
         """Pull of the three hinges that p is part of, in the direction of neighbours at ±offset."""
         before, here = load(weight, p - offset), load(weight, p)
         c_minus = ti.min(load(weight, p - 2 * offset), before)
         c_here = ti.min(before, here)
         c_plus = ti.min(here, load(weight, p + offset))
-        x1, y1, z1 = self.curve(a, features, p, offset, lag)
-        x2, y2, z2 = self.curve(a, features, p, 2 * offset, lag)
-        x_1, y_1, z_1 = self.curve(a, features, p, -offset, lag)
-        x_2, y_2, z_2 = self.curve(a, features, p, -2 * offset, lag)
+        x1, y1, z1 = self.curve(a, features, offset, lag)
+        x2, y2, z2 = self.curve(a, features, 2 * offset, lag)
+        x_1, y_1, z_1 = self.curve(a, features, -offset, lag)
+        x_2, y_2, z_2 = self.curve(a, features, -2 * offset, lag)
         return (
             beta * (2.0 * c_here * (x1 + x_1) - c_plus * (x2 - 2.0 * x1) - c_minus * (x_2 - 2.0 * x_1)),
             beta * (2.0 * c_here * (y1 + y_1) - c_plus * (y2 - 2.0 * y1) - c_minus * (y_2 - 2.0 * y_1)),
@@ -150,30 +156,30 @@ class Stencil:
         )
 
     @ti.func
-    def second(self, a: Template, features: Template, p, offset: Template, weight: Template, k, rest, lag):
+    def second(self, a, features: Template, p, offset: Template, weight: Template, k, rest, lag):
         """Pull of the paper's two springs to the second neighbours at ±2 offset."""
         ahead = ti.min(load(weight, p), load(weight, p + offset))
         behind = ti.min(load(weight, p - offset), load(weight, p - 2 * offset))
-        x, y, z = self.spring(a, features, p, 2 * offset, k * ahead, rest, lag)
-        u, v, w = self.spring(a, features, p, -2 * offset, k * behind, rest, lag)
+        x, y, z = self.spring(a, features, 2 * offset, k * ahead, rest, lag)
+        u, v, w = self.spring(a, features, -2 * offset, k * behind, rest, lag)
         return x + u, y + v, z + w
 
     @ti.func
-    def elastic(self, a: Template, features: Template, p, n: Template):
+    def elastic(self, a, features: Template, p, n: Template):
         """Pull of all springs and hinges on the lanes at p."""
         row = ti.static(self.width)
         e, w = load(self.east, p), load(self.east, p - 1)
-        x, y, z = self.spring(a, features, p, 1, n.structural_x * e, n.spacing_x, n.lag)
-        u, v, t = self.spring(a, features, p, -1, n.structural_x * w, n.spacing_x, n.lag)
+        x, y, z = self.spring(a, features, 1, n.structural_x * e, n.spacing_x, n.lag)
+        u, v, t = self.spring(a, features, -1, n.structural_x * w, n.spacing_x, n.lag)
         x, y, z = x + u, y + v, z + t
         e, w = load(self.north, p), load(self.north, p - row)
-        u, v, t = self.spring(a, features, p, row, n.structural_y * e, n.spacing_y, n.lag)
+        u, v, t = self.spring(a, features, row, n.structural_y * e, n.spacing_y, n.lag)
         x, y, z = x + u, y + v, z + t
-        u, v, t = self.spring(a, features, p, -row, n.structural_y * w, n.spacing_y, n.lag)
+        u, v, t = self.spring(a, features, -row, n.structural_y * w, n.spacing_y, n.lag)
         x, y, z = x + u, y + v, z + t
         for corner, cell in ti.static(((row + 1, 0), (-row - 1, -row - 1), (row - 1, -1), (1 - row, -row))):
             c = n.diagonal * load(self.cell, p + cell)
-            u, v, t = self.spring(a, features, p, corner, c, n.diagonal_length, n.lag)
+            u, v, t = self.spring(a, features, corner, c, n.diagonal_length, n.lag)
             x, y, z = x + u, y + v, z + t
         if ti.static(features.hinges):
             u, v, t = self.bend(a, features, p, 1, self.east, n.hinge_x, n.lag)
@@ -188,16 +194,16 @@ class Stencil:
         return x, y, z
 
     @ti.func
-    def air(self, a: Template, p, dx, dy, dz, wind, n: Template):
+    def air(self, a, p, dx, dy, dz, wind, n: Template):
         """Drag and lift of the wind × h². The area vector is that of the cells around, so it is right at edges too."""
         row = ti.static(self.width)
         e, w = ti.min(2.0 * load(self.east, p), 1.0), ti.min(2.0 * load(self.east, p - 1), 1.0)
         s, t = ti.min(2.0 * load(self.north, p), 1.0), ti.min(2.0 * load(self.north, p - row), 1.0)
-        x1, y1, z1 = self.away(a, p, 1)
-        x2, y2, z2 = self.away(a, p, -1)
+        x1, y1, z1 = self.away(a, 1)
+        x2, y2, z2 = self.away(a, -1)
         ax, ay, az = e * x1 - w * x2, e * y1 - w * y2, e * z1 - w * z2
-        x1, y1, z1 = self.away(a, p, row)
-        x2, y2, z2 = self.away(a, p, -row)
+        x1, y1, z1 = self.away(a, row)
+        x2, y2, z2 = self.away(a, -row)
         bx, by, bz = s * x1 - t * x2, s * y1 - t * y2, s * z1 - t * z2
         nx, ny, nz = 0.25 * (ay * bz - az * by), 0.25 * (az * bx - ax * bz), 0.25 * (ax * by - ay * bx)
         ux, uy, uz = wind[0] - n.rate * dx, wind[1] - n.rate * dy, wind[2] - n.rate * dz
@@ -209,11 +215,11 @@ class Stencil:
         return along * ux + across * nx, along * uy + across * ny, along * uz + across * nz
 
     @ti.func
-    def substep(self, a: Template, features: Template, p, wind, n: Template):
-        """Störmer–Verlet for the lanes at p, from buffer a to the other: dx ← D dx + a h², x ← x + dx."""
-        b = ti.static(1 - a)
-        px, py, pz = load(self.position[a][0], p), load(self.position[a][1], p), load(self.position[a][2], p)
-        sx, sy, sz = load(self.step[a][0], p), load(self.step[a][1], p), load(self.step[a][2], p)
+    def substep(self, at, features: Template, p, wind, n: Template):
+        """Störmer–Verlet for the lanes at p, from one buffer to the other: dx ← D dx + a h², x ← x + dx."""
+        a, b = self.lanes(p, at), self.lanes(p, self.size - at)
+        px, py, pz = load(self.position[0], a), load(self.position[1], a), load(self.position[2], a)
+        sx, sy, sz = load(self.step[0], a), load(self.step[1], a), load(self.step[2], a)
         fx, fy, fz = self.elastic(a, features, p, n)
         if ti.static(features.wind):
             x, y, z = self.air(a, p, sx, sy, sz, wind, n)
@@ -233,19 +239,19 @@ class Stencil:
             x, y, z = px + dx, py + dy, pz + dz
             depth = free * ti.max(n.plane_height - (x * n.plane_x + y * n.plane_y + z * n.plane_z), 0.0)
             dx, dy, dz = contact(features, n.plane_x, n.plane_y, n.plane_z, depth, n.plane_friction, dx, dy, dz)
-        store(self.position[b][0], p, px + dx)
-        store(self.position[b][1], p, py + dy)
-        store(self.position[b][2], p, pz + dz)
-        store(self.step[b][0], p, dx)
-        store(self.step[b][1], p, dy)
-        store(self.step[b][2], p, dz)
+        store(self.position[0], b, px + dx)
+        store(self.position[1], b, py + dy)
+        store(self.position[2], b, pz + dz)
+        store(self.step[0], b, dx)
+        store(self.step[1], b, dy)
+        store(self.step[2], b, dz)
 
     @ti.func
-    def excess(self, b: Template, p, offset: Template, weight, longest, inverse):
+    def excess(self, b, p, offset: Template, weight, longest, inverse):
         """What the thread to the key point at p + offset asks of the lanes at p: to be moved by the first three [m],
         and to change their steps by the last three."""
-        x, y, z = self.away(b, p, offset)
-        u, v, w = self.moved(b, p, offset)
+        x, y, z = self.away(b, offset)
+        u, v, w = self.moved(b, offset)
         length = ti.sqrt(ti.max(x * x + y * y + z * z, 1e-20))
         growth = (u * x + v * y + w * z) / length
         other = load(self.inverse_mass, p + offset)
@@ -256,15 +262,15 @@ class Stencil:
         return move * x, move * y, move * z, slow * x, slow * y, slow * z
 
     @ti.func
-    def shorten(self, b: Template, p, n: Template):
-        """Strain limit (Provot 1995, section 4) for the lanes at p, from buffer b to the other.
+    def shorten(self, at, p, n: Template):
+        """Strain limit (Provot 1995, section 4) for the lanes at p, from the buffer at `at` to the other.
 
         Threads longer than they may be are shortened, both ends by the share of their inverse mass, so that momentum
         is kept and pinned key points stay. Provot goes from spring to spring; here all move at once from the same
         positions (Jacobi), which is symmetric and needs no order. From the steps is taken the speed at which a thread
         grows, and no more: what was too long before is mended in positions alone, and so adds no energy of motion.
         """
-        a = ti.static(1 - b)
+        a, b = self.lanes(p, self.size - at), self.lanes(p, at)
         row = ti.static(self.width)
         inverse = load(self.inverse_mass, p)
         x, y, z, i, j, k = self.excess(b, p, 1, load(self.east, p), n.longest_x, inverse)
@@ -275,5 +281,5 @@ class Stencil:
         u, v, w, l, m, o = self.excess(b, p, -row, load(self.north, p - row), n.longest_y, inverse)  # noqa: E741
         x, y, z, i, j, k = x + u, y + v, z + w, i + l, j + m, k + o
         for axis, move, slow in ti.static(((0, x, i), (1, y, j), (2, z, k))):
-            store(self.position[a][axis], p, load(self.position[b][axis], p) + move)
-            store(self.step[a][axis], p, load(self.step[b][axis], p) + slow)
+            store(self.position[axis], a, load(self.position[axis], b) + move)
+            store(self.step[axis], a, load(self.step[axis], b) + slow)

@@ -24,15 +24,12 @@ from taichi_cloth.errors import InputError
 from taichi_cloth.forces import Forces, FrameForces
 from taichi_cloth.sheet import LANES, PAD, Sheet, SheetState
 from taichi_cloth.solvers.base import Solver
-from taichi_cloth.solvers.passes import Pass, strips_allowed
+from taichi_cloth.solvers.passes import MEETING, Pass, strips_allowed
 from taichi_cloth.solvers.self_contact import ClothContact
 from taichi_cloth.solvers.stability import highest_frequency, longest_step
 from taichi_cloth.solvers.stencil import Features, Numbers, Stencil
 
 __all__ = ["Verlet"]
-
-MEETING = 16
-"""Substeps between two meetings of the strips; even."""
 
 WORTH_THREADS = 50_000
 """Key points from which a second thread pays: 158² gained nothing on two shared cores, 257² a factor of 1.4."""
@@ -85,9 +82,8 @@ class Verlet(Solver):
             self.strips = 1
         if forces.body is not None:
             size = int(np.prod(sheet.padded_shape))
-            even = 0 if forces.strain_limit else 1
-            one = {"substeps": self.substeps, "step": self.step, "strips": self.strips, "even": even}
-            self.passes = (*self.passes, Contact(forces.body, size=size, **one))
+            one = Contact(forces.body, size=size, substeps=self.substeps, step=self.step, strips=self.strips)
+            self.passes = (*self.passes, one)
         cuts = np.linspace(PAD, PAD + rows, self.strips + 1).round().astype(np.int32)
         self._rows = np.stack([cuts[:-1], cuts[1:]], axis=1)
         self._features = Features(
@@ -190,10 +186,10 @@ class _Workspace(Stencil):
                     self.north[p] = model[1, i, j]
                     self.cell[p] = model[2, i, j]
                     self.inverse_mass[p] = model[3, i, j]
-                    for b in ti.static(range(2)):
+                    for b in range(2):
                         for c in ti.static(range(3)):
-                            self.position[b][c][p] = values[c, i, j]
-                            self.step[b][c][p] = values[3 + c, i, j]
+                            self.position[c][b * self.size + p] = values[c, i, j]
+                            self.step[c][b * self.size + p] = values[3 + c, i, j]
 
     @ti.func
     def blocks(self, strip, row):
@@ -201,12 +197,18 @@ class _Workspace(Stencil):
         return ti.min(ti.max((strip * self.rows + row) * (self.width // LANES), 0), 1 << 24)
 
     @ti.func
-    def limit(self, b: Template, strip, first, last, n: Template):
+    def buffer(self, turn):
+        """Element at which the buffer of an even or odd turn starts."""
+        return ti.min(ti.max(turn % 2, 0), 1) * self.size
+
+    @ti.func
+    def limit(self, turn, strip, first, last, n: Template):
         """A pass of the strain limit over rows of a strip."""
+        at = self.buffer(turn)
         b0 = self.blocks(strip, ti.max(first, PAD))
         b1 = self.blocks(strip, ti.min(last, self.rows - PAD))
         for k in range(b0, b1):
-            self.shorten(b, k * LANES, n)
+            self.shorten(at, k * LANES, n)
 
     @ti.func
     def frame(
@@ -224,9 +226,9 @@ class _Workspace(Stencil):
         features: Template,
         target: Template,
     ):
-        """`count` substeps, from number `begun` of the frame, of the rows `first` to `last` of a strip; count is even.
+        """`count` substeps, from number `begun` of the frame, of the rows `first` to `last` of a strip.
 
-        Without the strain limit the buffers take turns; with it the stencil goes from 0 to 1, the limit back to 0.
+        Stencil and strain limit read one buffer and write the other; a turn is one of them.
         """
         lowest, highest = PAD, self.rows - PAD
         reach = 2 + (1 + 2 * pairs if ti.static(features.limit) else 0)
@@ -235,39 +237,37 @@ class _Workspace(Stencil):
             for j in range(self.width):
                 p = (base + i) * self.width + j
                 for c in ti.static(range(3)):
-                    self.position[0][c][p] = source[c, i, j]
-                    self.step[0][c][p] = source[3 + c, i, j]
-        turns = ti.static(1 if features.limit else 2)
-        for q in range(count // turns):
-            for half in ti.static(range(turns)):
-                done = turns * q + half
-                halo = reach * (count - done) - 2
-                air = wind + done * change
-                b0 = self.blocks(strip, ti.max(first - halo, lowest))
-                b1 = self.blocks(strip, ti.min(last + halo, highest))
-                for one in ti.static(self.passes):
-                    if ti.static(not one.paired or half == 0):  # noqa: SIM102 (the one when compiling, the other not)
-                        if not one.paired or done % 2 == 0:
-                            one.before(self, half, b0, b1, -base * self.width, begun + done, n)
-                for b in range(b0, b1):
-                    self.substep(half, features, b * LANES, air, n)
-                if ti.static(features.limit):
-                    self.limit(1, strip, first - halo + 1, last + halo - 1, n)
-                    for k in range(pairs):
-                        inner = halo - 2 - 2 * k
-                        self.limit(0, strip, first - inner, last + inner, n)
-                        self.limit(1, strip, first - inner + 1, last + inner - 1, n)
-                for one in ti.static(self.passes):
-                    if ti.static(not one.paired or half == turns - 1):  # noqa: SIM102
-                        if not one.paired or done % 2 == 1:
-                            buffer = ti.static(1 - half if turns == 2 else 0)
-                            one.after(self, buffer, b0, b1, -base * self.width, begun + done, n)
+                    self.position[c][p] = source[c, i, j]
+                    self.step[c][p] = source[3 + c, i, j]
+        turn = 0
+        for done in range(count):
+            halo = reach * (count - done) - 2
+            air = wind + done * change
+            b0 = self.blocks(strip, ti.max(first - halo, lowest))
+            b1 = self.blocks(strip, ti.min(last + halo, highest))
+            at = self.buffer(turn)
+            for one in ti.static(self.passes):
+                if not one.paired or done % 2 == 0:
+                    one.before(self, at, b0, b1, -base * self.width, begun + done, n)
+            for b in range(b0, b1):
+                self.substep(at, features, b * LANES, air, n)
+            turn += 1
+            if ti.static(features.limit):
+                for k in range(1 + 2 * pairs):
+                    inner = halo - 1 - k
+                    self.limit(turn, strip, first - inner, last + inner, n)
+                    turn += 1
+            at = self.buffer(turn)
+            for one in ti.static(self.passes):
+                if not one.paired or done % 2 == 1:
+                    one.after(self, at, b0, b1, -base * self.width, begun + done, n)
+        at = self.buffer(turn)
         for i in range(first, last):
             for j in range(self.width):
-                p = (base + i) * self.width + j
+                p = at + (base + i) * self.width + j
                 for c in ti.static(range(3)):
-                    target[c, i, j] = self.position[0][c][p]
-                    target[3 + c, i, j] = self.step[0][c][p]
+                    target[c, i, j] = self.position[c][p]
+                    target[3 + c, i, j] = self.step[c][p]
 
     @ti.kernel
     def serial(
