@@ -89,6 +89,9 @@ def animate(
     scene: SceneName,
     overrides: Overrides = None,
     frames: Annotated[int | None, typer.Option("--frames", help="Frames; default: the scene's.")] = None,
+    motion: Annotated[
+        str | None, typer.Option("--motion", help="How the body moves: rest, idle, turn, walk, … or a .bvh file.")
+    ] = None,
     size: Size = None,
     out: Out = None,
     webp: Webp = False,
@@ -96,10 +99,11 @@ def animate(
     arch: Arch = "cpu",
     threads: Threads = None,
 ) -> None:
-    """Show a scene that moves (twist, drape, flag, hanging, stretch): a PNG a frame, an MP4 and a contact sheet."""
+    """Show a scene that moves (twist, drape, flag, hanging, dress): a PNG a frame, an MP4 and a contact sheet."""
     from .run import run
 
     changed = _changed(overrides, "frames", frames, webp)
+    changed += [f"body.motion={motion}"] if motion is not None else []
     run("animate", scene, changed, size=size, out=out, resume=resume, arch=arch, threads=threads)
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from taichi_cloth.errors import InputError, did_you_mean
 from taichi_cloth.garment.curves import bezier, length
 from taichi_cloth.garment.figure import Figure, Section
-from taichi_cloth.garment.pattern import Flat, Hold, Panel, Pattern, Seam, Side, Wrap
+from taichi_cloth.garment.pattern import Cone, Flat, Hold, Panel, Pattern, Seam, Side, Wrap
 
 __all__ = ["DRAFTS", "Cut", "draft"]
 
@@ -80,19 +80,19 @@ def _ring(section: Section, girth: float, clear: float) -> tuple[float, float]:
     return (section.depth + clear) * scale, (section.breadth + clear) * scale
 
 
+def _round(f: Figure, girth: float, height: float, *, back: bool) -> Wrap:
+    """Round the chest, the panel's middle at the front or at the back, its y = 0 at a height [m]."""
+    chest = f.sections["chest"]
+    origin = np.array([0.0, height, chest.middle])
+    return Wrap(origin, UP, -FRONT if back else FRONT, _ring(chest, girth, CLEAR))
+
+
 def _before(f: Figure, height: float, *, back: bool) -> Flat:
     """A plane before or behind the trunk, clear of the arms too, the panel's y = 0 at a height [m]."""
     chest = f.sections["chest"]
     turn = np.diag([-1.0, 1.0, -1.0]) if back else np.eye(3)
     reach = chest.depth + 2 * CLEAR
     return Flat(turn, np.array([0.0, height, chest.middle + (-reach if back else reach)]))
-
-
-def _around(section: Section, girth: float, height: float, *, back: bool, taper: float) -> Wrap:
-    """Round the trunk as a cone, the panel's middle at the front or at the back, its y = 0 at a height [m]."""
-    outward = -FRONT if back else FRONT
-    origin = np.array([0.0, height, section.middle])
-    return Wrap(origin, UP, outward, _ring(section, girth, SNUG), taper=taper)
 
 
 @dataclass(frozen=True)
@@ -198,13 +198,15 @@ def _sector(name: str, waist: float, hem: float, long: float, f: Figure, *, back
 
     inner, outer = ring(r, angle / 2, -angle / 2), ring(r + long, -angle / 2, angle / 2)
     edges = (outer, np.stack([outer[-1], inner[0]]), inner, np.stack([inner[-1], outer[0]]))
-    place = _around(f.sections["waist"], 2 * waist, height, back=back, taper=-1 / r)
+    section = f.sections["waist"]
+    origin = np.array([0.0, height, section.middle])
+    place = Cone(origin, -FRONT if back else FRONT, _ring(section, 2 * waist, SNUG), r, angle)
     return Panel(name, edges, place, hems=(0,))
 
 
 def _skirt(f: Figure, cut: Cut) -> Pattern:
     waist = _perimeter(f.sections["waist"], SNUG)
-    hem = f.hip * _set(cut.flare, 1.75) * (1 + _set(cut.ease, 0.0))
+    hem = f.hip * _set(cut.flare, 2.0) * (1 + _set(cut.ease, 0.0))
     long = _set(cut.length, 0.26 * f.stature)
     panels = [
         _sector(name, waist / 2, hem / 2, long, f, back=name == "back", height=f.waist_height)
@@ -220,8 +222,8 @@ def _dress(f: Figure, cut: Cut) -> Pattern:
     long = _set(cut.length, down + 0.33 * f.stature)
     if long <= down + 0.05:
         raise InputError(f"garment.length: {long:g}; allowed: above {down + 0.05:.3f} m, below the waist")
-    hem = f.hip * _set(cut.flare, 2.3)
-    reach = f.neck_height - f.underarm_height + 0.015
+    hem = f.hip * _set(cut.flare, 2.6)
+    reach = f.neck_height - f.underarm_height + 0.035
     neck = f.neck / (2 * pi) + 0.045
     panels = []
     for name, deep in (("front", 0.12), ("back", 0.05)):
@@ -229,7 +231,7 @@ def _dress(f: Figure, cut: Cut) -> Pattern:
         w, v = top.chest, waist / 4
         side = bezier([(v, -down), (v, -down + 0.3 * (down - reach)), (w, -reach - 0.4 * (down - reach)), (w, -reach)])
         edges = [_line((-v, -down), (v, -down)), side, *top.upper(), _mirrored(side)]
-        place = _before(f, f.neck_height + 0.02, back=name == "back")
+        place = _round(f, girth, f.neck_height + 0.01, back=name == "back")
         panels.append(Panel(name, tuple(edges), place, hems=(2, 4, 6)))
     for name in ("front", "back"):
         height = f.waist_height + 0.005

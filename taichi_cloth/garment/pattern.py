@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from taichi_cloth.errors import InputError, did_you_mean
 from taichi_cloth.garment.curves import along, length
 
-__all__ = ["Flat", "Hold", "Panel", "Pattern", "Seam", "Side", "Wrap"]
+__all__ = ["Cone", "Flat", "Hold", "Panel", "Pattern", "Seam", "Side", "Wrap"]
 
 F64 = NDArray[np.float64]
 
@@ -67,13 +67,57 @@ class Wrap:
 
 
 @dataclass(frozen=True, eq=False)
+class Cone:
+    """A ring sector round the vertical, its inner arc level round a waist, falling in folds.
+
+    origin: (3,) middle of the waist [m]. outward: (3,) unit, level, from the axis to the sector's middle line.
+    radius: (outward, sideways) semi-axes of the waist [m]. inner: radius of the inner arc [m]; its middle is at
+    (0, 0) of the panel, the apex at (0, inner). angle: of the sector [rad]. share: of the whole turn that it covers.
+    folds: round the whole turn. hang: how fast the cone widens, over how fast the cloth does; waves of
+    r = R + w cos(folds · θ) take up the rest, of length 2πR (1 + (w folds / R)²/4) round the turn.
+    """
+
+    origin: F64
+    outward: F64
+    radius: tuple[float, float]
+    inner: float
+    angle: float
+    share: float = 0.5
+    folds: int = 8
+    hang: float = 0.75
+
+    def points(self, xy: F64) -> F64:
+        """(n, 2) of the panel to (n, 3) of the world [m]."""
+        sideways = np.cross(np.array([0.0, 1.0, 0.0]), self.outward)
+        down = np.hypot(xy[:, 0], self.inner - xy[:, 1]) - self.inner
+        turn = np.arctan2(xy[:, 0], self.inner - xy[:, 1]) * 2 * np.pi * self.share / self.angle
+        a, b = self.radius
+        angle = np.linspace(-np.pi, np.pi, 1441)
+        ring = np.stack([a * np.cos(angle), b * np.sin(angle)], -1)
+        walked = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(ring, axis=0), axis=1))])
+        around = np.interp(turn, (walked / walked[-1] - 0.5) * 2 * np.pi, angle)
+        whole = self.angle / (2 * np.pi * self.share)  # the cloth's girth grows by 2π of this with each length down
+        slope = min(self.hang * whole, 0.9)
+        wide, deep = down * slope, down * np.sqrt(1 - slope * slope)
+        mean = (a + b) / 2 + np.maximum(wide, 0.0)
+        spare = np.maximum(((a + b) / 2 + np.maximum(down, 0.0) * whole) / mean - 1, 0.0)
+        wide = wide - 2 * mean / self.folds * np.sqrt(spare) * np.cos(self.folds * turn)
+        return (
+            self.origin
+            + ((a + wide) * np.cos(around))[:, None] * self.outward
+            + ((b + wide) * np.sin(around))[:, None] * sideways
+            - deep[:, None] * np.array([0.0, 1.0, 0.0])
+        )
+
+
+@dataclass(frozen=True, eq=False)
 class Panel:
     """edges: polylines (k, 2) [m], each from the end of the one before, closed. grain: of the warp [rad].
     hems: numbers of edges that are turned and hemmed."""
 
     name: str
     edges: tuple[F64, ...]
-    place: Flat | Wrap
+    place: Flat | Wrap | Cone
     grain: float = 0.0
     hems: tuple[int, ...] = ()
     label: str = ""
