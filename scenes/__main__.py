@@ -161,10 +161,19 @@ def profile(
     repeats: Annotated[int, typer.Option("--repeats", help="Timed runs of each stage.")] = 15,
     render: Annotated[bool, typer.Option("--render", help="Time the splatter's paths and how they scale.")] = False,
     largest: Annotated[float, typer.Option("--largest", help="With --render: particles to scale up to.")] = 1e7,
+    tables: Annotated[bool, typer.Option("--tables", help="The paper's Tables 1 to 3 beside ours.")] = False,
+    frames: Annotated[int | None, typer.Option("--frames", help="With --tables: timed frames; default: 200.")] = None,
+    out: Annotated[Path | None, typer.Option("--out", help="With --tables: folder for text, CSV, Markdown.")] = None,
     arch: Arch = "cpu",
     threads: Threads = None,
 ) -> None:
     """Time building and drawing: this scene, and the fixed work the paper's T-shirt sets. Medians."""
+    if tables:
+        from .tables import FRAMES, table_lines
+
+        for line in table_lines(frames=FRAMES if frames is None else frames, out=out, arch=arch, threads=threads):
+            typer.echo(line)
+        return
     if render:
         from .profile_render import render_profile_lines
 

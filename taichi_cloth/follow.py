@@ -83,12 +83,7 @@ class FibreFollower:
         self._present = np.ascontiguousarray(mask, np.int32)
         layout, bank, blocks = fabric.layout, fabric.bank, fabric.layout.blocks
         size = np.diff(bank.start)
-        kept = mask.ravel()[blocks.key0] & mask.ravel()[blocks.key1] & (size[bank.template] > 0)
-        if spans is not None:
-            if spans.shape != (len(kept), 2):
-                raise InputError(f"spans: shape {spans.shape}; allowed: {(len(kept), 2)}, a row a block")
-            kept &= spans[:, 1] > spans[:, 0]
-        self.kept = np.flatnonzero(kept)
+        self.kept = _kept(fabric, mask, spans)
         """Numbers of the fibre blocks there are, of those of the layout."""
         if not len(self.kept):
             raise InputError("present: no two neighbouring key points; allowed: a mask with cloth in it")
@@ -106,14 +101,7 @@ class FibreFollower:
         self._pitch.from_numpy(layout.kinds.pitch[kind].astype(np.float32))
         self._bank.from_numpy(_padded_bank(fabric, size, octets))
 
-        of_block = np.repeat(np.arange(len(self.kept)), count * LANES)
-        place = np.arange(slots) - LANES * begin[of_block]
-        drawn = place < size[template][of_block]
-        particle = bank.start[template][of_block] + np.minimum(place, size[template][of_block] - 1)
-        if spans is not None:  # a whole block keeps the hairs that reach beyond its ends
-            low, high = spans[self.kept].T
-            low, high = np.where(low <= 0, -np.inf, low)[of_block], np.where(high >= 1, np.inf, high)[of_block]
-            drawn &= (bank.u[particle] >= low) & (bank.u[particle] <= high)
+        of_block, particle, drawn = _placed(fabric, self.kept, spans)
         self.particle_slots = np.flatnonzero(drawn)
         """Where the particles are, in the order of the blocks, (particles,) of the slots."""
         self.threads = blocks.thread[self.kept][of_block[drawn]].astype(np.int32)
@@ -154,6 +142,12 @@ class FibreFollower:
     @property
     def particles(self) -> int:
         return len(self.particle_slots)
+
+    @staticmethod
+    def count(fabric: Fabric, *, present: ArrayLike | None = None, spans: NDArray | None = None) -> int:
+        """How many `particles` there would be, without making them."""
+        mask = np.ones(fabric.layout.cloth.warp_up.shape, bool) if present is None else np.asarray(present, bool)
+        return int(_placed(fabric, _kept(fabric, mask, spans), spans)[2].sum())
 
     def follow(self, points: NDArray) -> F32:
         """Moves all particles to key points (picks, ends, 3) [m] and gives `groups`, the same array each time.
@@ -260,6 +254,37 @@ class FibreFollower:
                     x * ay + y * cy + z * ny,
                     x * az + y * cz + z * nz,
                 )
+
+
+def _kept(fabric: Fabric, present: NDArray[np.bool_], spans: NDArray | None) -> NDArray[np.int64]:
+    """Numbers of the fibre blocks that have both key points and something to draw. Raises InputError."""
+    bank, blocks = fabric.bank, fabric.layout.blocks
+    size = np.diff(bank.start)
+    kept = present.ravel()[blocks.key0] & present.ravel()[blocks.key1] & (size[bank.template] > 0)
+    if spans is not None:
+        if spans.shape != (len(kept), 2):
+            raise InputError(f"spans: shape {spans.shape}; allowed: {(len(kept), 2)}, a row a block")
+        kept &= spans[:, 1] > spans[:, 0]
+    return np.flatnonzero(kept)
+
+
+def _placed(
+    fabric: Fabric, kept: NDArray[np.int64], spans: NDArray | None
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
+    """For each place in the octets of some blocks: number of the block among them, of the particle in the bank, and
+    whether it is drawn."""
+    bank = fabric.bank
+    size, template = np.diff(bank.start), bank.template[kept]
+    count = LANES * -(-size[template] // LANES)
+    of_block = np.repeat(np.arange(len(kept)), count)
+    place = np.arange(len(of_block)) - (np.cumsum(count) - count)[of_block]
+    drawn = place < size[template][of_block]
+    particle = bank.start[template][of_block] + np.minimum(place, size[template][of_block] - 1)
+    if spans is not None:  # a whole block keeps the hairs that reach beyond its ends
+        low, high = spans[kept].T
+        low, high = np.where(low <= 0, -np.inf, low)[of_block], np.where(high >= 1, np.inf, high)[of_block]
+        drawn &= (bank.u[particle] >= low) & (bank.u[particle] <= high)
+    return of_block, particle, drawn
 
 
 def _padded_bank(fabric: Fabric, size: NDArray, octets: NDArray) -> F32:

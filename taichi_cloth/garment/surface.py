@@ -1,9 +1,15 @@
 """A garment's panels as triangles, cut along their outlines: what the mesh garment draws, and what covers the skin."""
 
+# In kernels a vector is a Taichi expression, which type checkers cannot follow.
+# pyright: reportOptionalCall=false, reportIndexIssue=false, reportOperatorIssue=false
+
 import numpy as np
+import taichi as ti
 from numpy.typing import NDArray
 
+from taichi_cloth.arrays import F32x2, F32x3, I32x2
 from taichi_cloth.garment.cut import Atlas, CutPanel
+from taichi_cloth.normals import frame_of_point
 
 __all__ = ["Surface"]
 
@@ -26,21 +32,43 @@ class Surface:
             faces.append(triangles + count)
             panel.append(np.full(len(points), number, np.int32))
             count += len(points)
-        self._nodes, self._shares = np.concatenate(nodes), np.concatenate(shares)[..., None].astype(np.float32)
+        place = np.concatenate(nodes)
+        self._nodes = np.ascontiguousarray(place[..., 0] * atlas.shape[1] + place[..., 1], np.int32)
+        self._shares = np.ascontiguousarray(np.concatenate(shares), np.float32)
+        self._present = np.ascontiguousarray(atlas.present(), np.int32)
         self.faces: I32 = np.concatenate(faces).astype(np.int32)
         self.panel: I32 = np.concatenate(panel)
 
     def points(self, positions: NDArray) -> tuple[F32, F32]:
-        """(n, 3) points [m] and smooth unit normals of key points (rows, cols, 3) [m]."""
-        x = (np.asarray(positions, np.float32)[self._nodes[..., 0], self._nodes[..., 1]] * self._shares).sum(axis=1)
-        corner = x[self.faces]
-        square = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
-        normal = np.zeros((len(x), 3))
-        for axis in range(3):
-            for k in range(3):
-                normal[:, axis] += np.bincount(self.faces[:, k], square[:, axis], len(x))
-        normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
-        return x, normal.astype(np.float32)
+        """(n, 3) points [m] and smooth unit normals of key points (rows, cols, 3) [m]: both are blends of those at the
+        key points, the normals as in `normals.vertex_normals`. Taichi is running."""
+        x = np.ascontiguousarray(positions, np.float32)
+        at_key = np.empty((self._present.size, 3), np.float32)
+        points, normals = np.empty((len(self._nodes), 3), np.float32), np.empty((len(self._nodes), 3), np.float32)
+        _surface(x, self._present, self._nodes, self._shares, at_key, points, normals)
+        return points, normals
+
+
+@ti.kernel
+def _surface(
+    key: F32x3, present: I32x2, nodes: I32x2, shares: F32x2, at_key_out: F32x2, point_out: F32x2, normal_out: F32x2
+):
+    for k in range(present.shape[0] * present.shape[1]):
+        _here, _weft, _warp, normal = frame_of_point(key, present, k)
+        for c in ti.static(range(3)):
+            at_key_out[k, c] = normal[c]
+    for p in range(nodes.shape[0]):
+        point, normal = ti.Vector([0.0, 0.0, 0.0]), ti.Vector([0.0, 0.0, 0.0])
+        for n in ti.static(range(4)):
+            k, share = nodes[p, n], shares[p, n]
+            i, j = k // present.shape[1], k % present.shape[1]
+            for c in ti.static(range(3)):
+                point[c] += share * key[i, j, c]
+                normal[c] += share * at_key_out[k, c]
+        normal /= ti.sqrt(ti.max(normal.dot(normal), 1e-30))
+        for c in ti.static(range(3)):
+            point_out[p, c] = point[c]
+            normal_out[p, c] = normal[c]
 
 
 def _clipped(piece: CutPanel) -> tuple[F64, NDArray[np.int64]]:

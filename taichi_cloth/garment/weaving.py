@@ -58,6 +58,10 @@ class Weaving:
                 raise InputError(f"garment.colours: no panel {name!r}; known: {', '.join(names)}")
         self.atlas, self.threads_per_key_point = atlas, k
         self._ghosts = atlas.ghosts()
+        cols = atlas.shape[1]
+        flat = [np.ascontiguousarray(at[..., 0] * cols + at[..., 1]) for at in self._ghosts[:2]]
+        self._ghost_places, self._ghost_nodes = flat
+        self._ghost_shares = self._ghosts[2].astype(np.float32)[:, None]
         self._mask = atlas.present()
         self._mask[tuple(self._ghosts[0].T)] = True
         self.present = refined_mask(self._mask, k)
@@ -92,10 +96,9 @@ class Weaving:
 
     def crossings(self, positions: NDArray) -> F32:
         """Crossings (picks, ends, 3) float32 [m] of key points (rows, cols, 3) [m]."""
-        places, nodes, shares = self._ghosts
         points = np.array(positions, np.float32)
-        blend = (points[nodes[..., 0], nodes[..., 1]] * shares[..., None].astype(np.float32)).sum(axis=1)
-        points[tuple(places.T)] = blend
+        flat = points.reshape(-1, 3)
+        flat[self._ghost_places] = (self._ghost_shares @ flat[self._ghost_nodes])[:, 0]
         return refine_points(points, self._mask, self.threads_per_key_point)
 
 

@@ -1,0 +1,168 @@
+"""The paper's Tables 1 to 3 beside ours, as text, CSV and Markdown."""
+
+import csv
+import io
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+__all__ = ["PAPER", "Measured", "Paper", "Table", "tables_of", "write_tables"]
+
+
+@dataclass(frozen=True)
+class Paper:
+    """The paper's numbers for one garment: counts (Table 1), and times [ms] of its mesh and of its fibres, of
+    collision (Table 2) and of a whole frame (Table 3)."""
+
+    key_points: int
+    particles: int
+    contact: tuple[float, float]
+    frame: tuple[float, float]
+
+
+PAPER = {
+    "T-shirt": Paper(6_245, 377_508, (43.5, 46.1), (63.0, 81.3)),
+    "short skirt": Paper(4_612, 248_250, (32.3, 37.2), (49.0, 60.0)),
+    "dress": Paper(8_853, 584_705, (84.6, 89.3), (124.5, 147.1)),
+}
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Ours for one garment. times: [ms] of each frame, by stage; see `tables.measure`."""
+
+    key_points: int
+    particles: int
+    substeps: int
+    times: dict[str, list[float]] = field(default_factory=dict)
+
+    def median(self, plus: str, minus: str | None = None) -> float:
+        """Of a stage, or of the difference of two frame by frame [ms]."""
+        values = np.asarray(self.times[plus])
+        return float(np.median(values if minus is None else values - np.asarray(self.times[minus])))
+
+
+@dataclass(frozen=True)
+class Table:
+    """name: of its file. rows: as printed."""
+
+    name: str
+    title: str
+    head: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    notes: tuple[str, ...] = ()
+
+    def text(self) -> str:
+        """In columns, numbers to the right."""
+        width = [max(len(row[k]) for row in (self.head, *self.rows)) for k in range(len(self.head))]
+
+        def line(row: tuple[str, ...]) -> str:
+            rest = (f"{cell:>{w}}" for cell, w in zip(row[1:], width[1:], strict=True))
+            return "  ".join([f"{row[0]:<{width[0]}}", *rest]).rstrip()
+
+        return "\n".join([self.title, *(f"  {line(row)}" for row in (self.head, *self.rows)), *self.notes])
+
+    def markdown(self) -> str:
+        def line(row: tuple[str, ...]) -> str:
+            return "| " + " | ".join(row) + " |"
+
+        rule = "|" + "|".join(["---"] + ["---:"] * (len(self.head) - 1)) + "|"
+        lines = [f"**{self.title}**", "", line(self.head), rule, *(line(row) for row in self.rows)]
+        return "\n".join([*lines, "", *(f"{note}  " for note in self.notes)]).rstrip()
+
+    def csv(self) -> str:
+        out = io.StringIO()
+        writer = csv.writer(out, lineterminator="\n")
+        writer.writerow(self.head)
+        writer.writerows([cell.replace(",", "") for cell in row] for row in self.rows)
+        return out.getvalue()
+
+
+def tables_of(measured: dict[str, Measured]) -> list[Table]:
+    """Tables 1 to 3 and the stages of a frame, of the garments that were measured, by their name in PAPER."""
+    counts, contact, frames = [], [], []
+    for name, ours in measured.items():
+        paper = PAPER[name]
+        counts.append(
+            (
+                name,
+                *_count(paper.key_points, ours.key_points),
+                *_count(paper.particles, ours.particles),
+            )
+        )
+        contact.append((name, *_times(paper.contact, _contact(ours))))
+        frames.append((name, *_times(paper.frame, (ours.median("mesh"), ours.median("fibre")))))
+    pairs = ("paper mesh", "ours mesh", "paper/ours", "paper fibre", "ours fibre", "paper/ours")
+    last = ("paper fibre/mesh", "ours fibre/mesh")
+    first = ("garment", "paper key points", "ours", "off", "paper particles", "ours", "off")
+    return [
+        Table("table1", "Table 1: key points and particles", first, tuple(counts)),
+        Table(
+            "table2",
+            "Table 2: collision detection and response [ms a frame]",
+            ("garment", *pairs, *last),
+            tuple(contact),
+            ("Ours: a frame with contact less the same frame, from the same state, without it.",),
+        ),
+        Table(
+            "table3",
+            "Table 3: a whole frame [ms]",
+            ("garment", *pairs, *last),
+            tuple(frames),
+            (
+                "Ours: forces, contact and solver, then vertex normals (mesh) or every fibre particle (fibre); "
+                "without drawing.",
+            ),
+        ),
+        _stages(measured),
+    ]
+
+
+def _contact(ours: Measured) -> tuple[float, float]:
+    return ours.median("step, mesh", "step without contact"), ours.median("step, fibre", "step without contact")
+
+
+def _stages(measured: dict[str, Measured]) -> Table:
+    rows: list[tuple[str, ...]] = []
+    names = [
+        ("forces, seams and solver", lambda m: m.median("step without contact")),
+        ("contact", lambda m: _contact(m)[1]),
+        ("vertex normals (mesh)", lambda m: m.median("normals")),
+        ("crossings (fibre)", lambda m: m.median("crossings")),
+        ("fibre particles (fibre)", lambda m: m.median("follow")),
+        ("drawing the mesh", lambda m: m.median("draw, mesh")),
+        ("drawing the fibres", lambda m: m.median("draw, fibre")),
+    ]
+    for title, value in names:
+        rows.append((title, *(f"{value(m):.2f}" for m in measured.values())))
+    rows.append(("substeps a frame", *(str(m.substeps) for m in measured.values())))
+    rows.append(("a particle [ns]", *(f"{1e6 * m.median('follow') / m.particles:.1f}" for m in measured.values())))
+    note = "Drawing: 1280 × 720, the garment without its body and without shadows; not part of Table 3."
+    return Table("stages", "Stages of a frame [ms]", ("stage", *measured), tuple(rows), (note,))
+
+
+def _count(paper: int, ours: int) -> tuple[str, str, str]:
+    return f"{paper:,}", f"{ours:,}", f"{100 * (ours / paper - 1):+.2f} %"
+
+
+def _times(paper: tuple[float, float], ours: tuple[float, float]) -> tuple[str, ...]:
+    out: list[str] = []
+    for theirs, own in zip(paper, ours, strict=True):
+        out += [f"{theirs:g}", f"{own:.2f}", f"{theirs / own:.1f}"]
+    return (*out, f"{paper[1] / paper[0]:.2f}", f"{ours[1] / ours[0]:.2f}")
+
+
+def write_tables(tables: list[Table], heading: list[str], folder: Path) -> list[Path]:
+    """tables.txt, tables.md and a CSV a table, each written whole; the paths."""
+    folder.mkdir(parents=True, exist_ok=True)
+    files = {
+        "tables.txt": "\n".join([*heading, "", "\n\n".join(t.text() for t in tables)]) + "\n",
+        "tables.md": "\n".join([*(f"{h}  " for h in heading), "", "\n\n".join(t.markdown() for t in tables)]) + "\n",
+        **{f"{t.name}.csv": t.csv() for t in tables},
+    }
+    for name, text in files.items():
+        part = folder / f".{name}.part"
+        part.write_text(text, encoding="utf-8")
+        part.replace(folder / name)
+    return [folder / name for name in files]
