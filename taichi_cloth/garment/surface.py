@@ -8,7 +8,7 @@ import taichi as ti
 from numpy.typing import NDArray
 
 from taichi_cloth.arrays import F32x2, F32x3, I32x2
-from taichi_cloth.garment.cut import Atlas, CutPanel
+from taichi_cloth.garment.cut import Atlas, CutPanel, intervals
 from taichi_cloth.normals import frame_of_point
 
 __all__ = ["Surface"]
@@ -147,11 +147,10 @@ def _crossed(outline: F64, piece: CutPanel) -> NDArray[np.bool_]:
 
 def _inside(outline: F64, piece: CutPanel) -> NDArray[np.bool_]:
     """(rows − 1, cols − 1): cells whose middle is inside the outline."""
-    from taichi_cloth.garment.cut import intervals
-
-    out = np.zeros(piece.share.shape, bool)
-    middle = piece.origin[0] + (np.arange(out.shape[1]) + 0.5) * piece.spacing[0]
-    for i in range(out.shape[0]):
+    rows, cols = piece.share.shape
+    out = np.zeros((rows, cols), bool)
+    middle = piece.origin[0] + (np.arange(cols) + 0.5) * piece.spacing[0]
+    for i in range(rows):
         for left, right in intervals(outline, float(piece.origin[1] + (i + 0.5) * piece.spacing[1]), 1):
             out[i] |= (middle > left) & (middle < right)
     return out

@@ -11,6 +11,7 @@ do. What is allowed shrinks from frame to frame, so panels are drawn together at
 """
 
 # pyright: reportOptionalCall=false, reportOperatorIssue=false, reportGeneralTypeIssues=false
+# pyright: reportArgumentType=false
 
 from functools import lru_cache
 
@@ -76,7 +77,7 @@ class Ties(Pass):
         self.share = self.weight * inverse / np.where(compliance > 0, compliance, np.inf)
         self.places = np.full((n, 3), np.nan) if places is None else np.asarray(places, np.float64)
         self.bones = np.full(n, -1) if bones is None else np.asarray(bones)
-        self.held = np.isfinite(self.places).all(axis=1)
+        self.held: NDArray[np.bool_] = np.isfinite(self.places).all(axis=1)
         self.memory = _memory(runtime.generation(), -(-n // 256) * 256)
 
     # Ties that share their memory are one pass to the solver: they need no second kernel.
