@@ -77,7 +77,7 @@ class Ties(Pass):
         self.share = self.weight * inverse / np.where(compliance > 0, compliance, np.inf)
         self.places = np.full((n, 3), np.nan) if places is None else np.asarray(places, np.float64)
         self.bones = np.full(n, -1) if bones is None else np.asarray(bones)
-        self.held: NDArray[np.bool_] = np.isfinite(self.places).all(axis=1)
+        self.held = np.asarray(np.isfinite(self.places).all(axis=1))
         self.memory = _memory(runtime.generation(), -(-n // 256) * 256)
 
     # Ties that share their memory are one pass to the solver: they need no second kernel.
