@@ -6,8 +6,7 @@ between one and its place. A gap wider than allowed is closed along d, shared ou
     Δx_k = −w_k/m_k · λ,      λ = (1 − allowed/|d|) d / Σ w_k²/m_k,
 
 which keeps the momentum of what is tied together. Ties are worked through in order, each seeing what the ones before
-did (Gauss–Seidel), after every second substep: a gap took two steps to open, so steps change by half of what positions
-do. What is allowed shrinks from frame to frame, so panels are drawn together at a set speed.
+did (Gauss–Seidel). What is allowed shrinks from frame to frame, so panels are drawn together at a set speed.
 """
 
 # pyright: reportOptionalCall=false, reportOperatorIssue=false, reportGeneralTypeIssues=false
@@ -48,7 +47,6 @@ class Ties(Pass):
     """
 
     local = False
-    paired = True
 
     def __init__(
         self,
@@ -159,9 +157,10 @@ class _Memory:
                 dx, dy, dz = pull * dx, pull * dy, pull * dz
                 for c in range(NODES):
                     p, f = at + ti.cast(self.row[k, c], ti.i32), self.row[k, SHARE + c]
-                    x[p] -= f * dx
-                    y[p] -= f * dy
-                    z[p] -= f * dz
-                    u[p] -= 0.5 * f * dx
-                    v[p] -= 0.5 * f * dy
-                    w[p] -= 0.5 * f * dz
+                    fx, fy, fz = f * dx, f * dy, f * dz
+                    x[p] -= fx
+                    y[p] -= fy
+                    z[p] -= fz
+                    u[p] -= fx
+                    v[p] -= fy
+                    w[p] -= fz
