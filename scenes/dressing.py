@@ -50,7 +50,7 @@ def dress(scene: Scene, each: Progress | None = None) -> Dressed:
     """The scene's garment on its body, sewn unless it was before. Raises InputError; needs Taichi only to sew."""
     assert scene.garment is not None
     body = prepare_body(scene.body or BodySection())
-    primitives = primitives_of(body)
+    primitives = primitives_of(body, scene.body.primitives if scene.body else None)
     garment = garment_of(scene, body)
     colliders = _colliders(scene, primitives)
     made_of = digest(VERSION, garment, colliders.gap, colliders.friction, list(primitives))

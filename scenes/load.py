@@ -30,6 +30,7 @@ FILES = (
     ("fibre", "sprite", ".png"),
     ("body", "source", (".obj", ".ply", ".glb", ".stl")),
     ("body", "motion", ".bvh"),
+    ("body", "primitives", ".json"),
 )
 """Section, key and ending of values that may be paths."""
 LARGEST_SCENE_FILE = 4_000_000
