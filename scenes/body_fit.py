@@ -55,6 +55,8 @@ def read_body(source: str) -> Body:
     """A body by name, such as built-in:female, or from a file, repaired. Raises InputError."""
     kind, _, gender = source.partition(":")
     if kind not in ("built-in", "anny"):
+        if not Path(source).is_file():
+            raise InputError(f"{source}: no such file; give a mesh file, built-in:female, anny:male, or the like")
         return body_from_file(source)
     if gender not in ("female", "male"):
         raise InputError(f"{source}: unknown body; known: {kind}:female, {kind}:male")

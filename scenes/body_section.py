@@ -62,6 +62,9 @@ class BodySection(BaseModel):
     blend_in_s: float = Field(default=1.0, gt=0, le=60, description="time from the A pose into the motion [s]")
     loop: bool = Field(default=False, description="begin a .bvh file again at its end")
     start_s: float = Field(default=0.0, ge=0, le=600, description="when the motion begins; at rest before [s]")
+    primitives: str | None = Field(
+        default=None, description="a file that `body fit` wrote; default: the body's own, fitted once and kept"
+    )
     contact: Literal["primitives", "grid"] = Field(
         default="primitives", description='what cloth touches; "grid": distances to the skin itself, a grid a part'
     )

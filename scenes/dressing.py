@@ -65,7 +65,7 @@ def dressed_parts(scene: Scene) -> Parts:
 def _parts(garment: str, body: str) -> Parts:
     section, worn_by = GarmentSection.model_validate_json(garment), BodySection.model_validate_json(body)
     figure = prepare_body(worn_by)
-    return Parts(figure, primitives_of(figure), garment_of(section, figure))
+    return Parts(figure, primitives_of(figure, worn_by.primitives), garment_of(section, figure))
 
 
 def dress(scene: Scene, each: Progress | None = None) -> Dressed:

@@ -31,6 +31,7 @@ PATHS = (
     ("garment", "pattern", ".json"),
     ("body", "source", (".obj", ".ply", ".glb", ".stl")),
     ("body", "motion", ".bvh"),
+    ("body", "primitives", ".json"),
 )
 """Keys that may name a file, and how its name ends."""
 LARGEST_SCENE_FILE = 4_000_000

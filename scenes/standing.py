@@ -12,12 +12,14 @@ from taichi_cloth.body.grid import DistanceGrid, grid_of_mesh
 from taichi_cloth.body.motion import Motion
 from taichi_cloth.body.parts import JOINTS as PART_JOINTS
 from taichi_cloth.body.primitive_arrays import primitives_from, primitives_to
+from taichi_cloth.body.primitive_file import load_primitives
 from taichi_cloth.body.primitives import Primitive
 from taichi_cloth.body.ready import fit_body, ready_primitives
 from taichi_cloth.body.segment import segment
 from taichi_cloth.body.skinning import Body
 from taichi_cloth.cache import digest, kept
 from taichi_cloth.colour_order import colour
+from taichi_cloth.errors import InputError
 from taichi_cloth.garment.skin import beneath
 
 from ..render.mesh import Mesh
@@ -31,6 +33,8 @@ F64 = NDArray[np.float64]
 VERSION = 1
 """Of what is kept on disk: raised whenever the same body would give other primitives or grids."""
 
+FAR = 0.1
+"""As far off a body its primitives may be [m]."""
 GRID_SPACING = 0.01
 """Of distance grids [m]."""
 
@@ -70,7 +74,7 @@ def standing(section: BodySection, *, friction: float, gap: float) -> Standing:
     still = motion.name == "rest"
     grids = section.contact == "grid"
     colliders = Colliders(
-        primitives=() if grids else primitives_of(body),
+        primitives=() if grids else primitives_of(body, section.primitives),
         grids=grids_of(body) if grids else (),
         motion=None if still else lambda time: body.bone_transforms(motion.pose(time)),
         friction=friction,
@@ -79,8 +83,24 @@ def standing(section: BodySection, *, friction: float, gap: float) -> Standing:
     return Standing(section, body, motion, colliders)
 
 
-def primitives_of(body: Body) -> tuple[Primitive, ...]:
-    """The primitives of a body, each carried by its bone; those of other than built-in bodies are kept on disk."""
+def primitives_of(body: Body, file: str | None = None) -> tuple[Primitive, ...]:
+    """The primitives of a body, each carried by its bone; those of other than built-in bodies are kept on disk.
+
+    file: what `body fit` wrote, instead. Raises InputError where it is not of such a body.
+    """
+    if file is not None:
+        read = tuple(load_primitives(file))
+        low, high = body.vertices.min(axis=0) - FAR, body.vertices.max(axis=0) + FAR
+        for number, p in enumerate(read):
+            if not 0 <= p.bone < len(body.skeleton.names):
+                raise InputError(
+                    f"{file}: primitive {number}: bone {p.bone}; allowed: 0 to {len(body.skeleton.names) - 1}"
+                )
+            if not ((low < (p.start, p.end)) & ((p.start, p.end) < high)).all():
+                raise InputError(
+                    f"{file}: primitive {number} is off the body; fit them to this one: taichi-cloth body fit"
+                )
+        return read
     ready = ready_primitives(body)
     if ready is not None:
         return ready

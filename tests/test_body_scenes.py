@@ -1,5 +1,6 @@
 """Sheets that meet a body: built where the scene has one, pinned to it, and never far inside it."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ from taichi_cloth import contact_response
 from taichi_cloth.body import build
 from taichi_cloth.body.build import built_in_body
 from taichi_cloth.body.distance import nearest_distance
+from taichi_cloth.body.primitive_file import primitives_json
 from taichi_cloth.body.primitives import Primitive
 from taichi_cloth.body.query import PrimitiveQuery
 from taichi_cloth.body.ready import fit_body, ready_primitives
@@ -153,6 +155,24 @@ def test_ready_primitives_are_known_again() -> None:
         name="other", vertices=body.vertices * 1.001, faces=body.faces, skeleton=body.skeleton, weights=body.weights
     )
     assert ready_primitives(shifted) is None
+
+
+def test_primitives_of_a_file_are_touched(tmp_path: Path) -> None:
+    body = built_in_body(gender="female")
+    found = ready_primitives(body)
+    assert found is not None
+    path = tmp_path / "body.json"
+    path.write_bytes(primitives_json(found[:7]))
+    scene = load_scene("drape-body", [*SMALL, f"body.primitives={path}"])
+    read = standing_in(scene)
+    assert read is not None
+    assert [p.part for p in read.colliders.primitives] == [p.part for p in found[:7]]
+    path.write_bytes(primitives_json([replace(found[0], bone=20)]))
+    with pytest.raises(InputError, match="bone 20; allowed: 0 to 19"):
+        standing_in(scene)
+    path.write_bytes(primitives_json([replace(found[0], start=found[0].start + 1, end=found[0].end + 1)]))
+    with pytest.raises(InputError, match="off the body"):
+        standing_in(scene)
 
 
 @pytest.mark.slow

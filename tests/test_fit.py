@@ -230,7 +230,7 @@ def test_a_bad_file_is_one_line(tmp_path, change, says):
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (["nothing.obj"], "nothing.obj: not a mesh that can be read"),
+        (["nothing.obj"], "nothing.obj: no such file"),
         (["built-in:child"], "known: built-in:female, built-in:male"),
         (["nothing.obj", "--out", "no/such/folder.json"], "no such folder"),
     ],

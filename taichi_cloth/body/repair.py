@@ -35,6 +35,7 @@ def repaired(vertices: F64, faces: NDArray[np.integer]) -> Repaired:
     _drop_loose_parts(mesh)
     _cut_crowded_edges(mesh)
     _split_pinches(mesh)
+    _drop_loose_parts(mesh)  # what hung on by a crowded edge or a single vertex
     _orient(mesh)
     _close_holes(mesh)
     _turn_outwards(mesh)
