@@ -80,11 +80,12 @@ def _ring(section: Section, girth: float, clear: float) -> tuple[float, float]:
     return (section.depth + clear) * scale, (section.breadth + clear) * scale
 
 
-def _round(f: Figure, girth: float, height: float, *, back: bool) -> Wrap:
-    """Round the chest, the panel's middle at the front or at the back, its y = 0 at a height [m]."""
+def _round(f: Figure, height: float, *, back: bool) -> Wrap:
+    """Round the chest, the panel's middle at the front or at the back, its y = 0 at a height [m]: so far from the body
+    that the armholes clear the shoulders, the sides open under the arms."""
     chest = f.sections["chest"]
     origin = np.array([0.0, height, chest.middle])
-    return Wrap(origin, UP, -FRONT if back else FRONT, _ring(chest, girth, CLEAR))
+    return Wrap(origin, UP, -FRONT if back else FRONT, (chest.depth + 0.045, chest.breadth + 0.035))
 
 
 def _before(f: Figure, height: float, *, back: bool) -> Flat:
@@ -141,7 +142,7 @@ def _tshirt(f: Figure, cut: Cut) -> Pattern:
         holes += length(edges[2])
         place = _before(f, f.neck_height + 0.02, back=name == "back")
         panels.append(Panel(name, tuple(edges), place, hems=(0, 4)))
-    width, short = min(f.upper_arm * 1.35 + 0.02, 0.86 * holes), _set(cut.sleeve, 0.11)
+    width, short = min(f.upper_arm * 1.5 + 0.03, 0.9 * holes), _set(cut.sleeve, 0.11)
     for which, name in enumerate(("left", "right")):
         panels.append(_sleeve(f, which, f"{name}_sleeve", width, short, holes * 1.015))
     seams = [
@@ -223,7 +224,7 @@ def _dress(f: Figure, cut: Cut) -> Pattern:
     if long <= down + 0.05:
         raise InputError(f"garment.length: {long:g}; allowed: above {down + 0.05:.3f} m, below the waist")
     hem = f.hip * _set(cut.flare, 2.6)
-    reach = f.neck_height - f.underarm_height + 0.035
+    reach = f.neck_height - f.underarm_height + 0.045
     neck = f.neck / (2 * pi) + 0.045
     panels = []
     for name, deep in (("front", 0.12), ("back", 0.05)):
@@ -231,7 +232,7 @@ def _dress(f: Figure, cut: Cut) -> Pattern:
         w, v = top.chest, waist / 4
         side = bezier([(v, -down), (v, -down + 0.3 * (down - reach)), (w, -reach - 0.4 * (down - reach)), (w, -reach)])
         edges = [_line((-v, -down), (v, -down)), side, *top.upper(), _mirrored(side)]
-        place = _round(f, girth, f.neck_height + 0.01, back=name == "back")
+        place = _round(f, f.neck_height + 0.01, back=name == "back")
         panels.append(Panel(name, tuple(edges), place, hems=(2, 4, 6)))
     for name in ("front", "back"):
         height = f.waist_height + 0.005

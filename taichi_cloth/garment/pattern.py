@@ -36,7 +36,8 @@ class Wrap:
 
     origin: (3,) where the panel's y = 0 meets the axis [m]. axis, outward: (3,) unit, square to each other: the way of
     +y, and from the axis to the panel's x = `middle`. radius: (outward, sideways) semi-axes of the section [m].
-    taper: relative growth of the section with y [1/m].
+    taper: relative growth of the section with y [1/m]. at: how far round the section the panel's x = `middle` is [m].
+    top: the panel's y that lies at the origin [m].
     """
 
     origin: F64
@@ -45,6 +46,8 @@ class Wrap:
     radius: tuple[float, float]
     middle: float = 0.0
     taper: float = 0.0
+    at: float = 0.0
+    top: float = 0.0
 
     def points(self, xy: F64) -> F64:
         """(n, 2) of the panel to (n, 3) of the world [m]."""
@@ -53,13 +56,17 @@ class Wrap:
         angle = np.linspace(-np.pi, np.pi, 1441)
         ring = np.stack([a * np.cos(angle), b * np.sin(angle)], -1)
         walked = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(ring, axis=0), axis=1))])
-        scale = np.maximum(1.0 + self.taper * xy[:, 1], 0.05)
-        reach = (xy[:, 0] - self.middle) / scale + walked[-1] / 2
+        y = xy[:, 1] - self.top
+        scale = np.maximum(1.0 + self.taper * y, 0.05)
+        reach = (xy[:, 0] - self.middle) / scale + walked[-1] / 2 + self.at
+        if self.at:  # a panel that is one of several may reach past the seam at the back
+            reach, beyond = reach % walked[-1], np.zeros(len(xy))
+        else:
+            beyond = reach - np.clip(reach, 0.0, walked[-1])  # wider than the ring: the rest hangs on straight
         turn = np.interp(reach, walked, angle)
-        beyond = reach - np.clip(reach, 0.0, walked[-1])  # wider than the ring: the rest hangs on straight
         return (
             self.origin
-            + xy[:, 1:] * self.axis
+            + y[:, None] * self.axis
             + (scale * (a * np.cos(turn)))[:, None] * self.outward
             + (scale * (b * np.sin(turn)))[:, None] * sideways
             + np.abs(beyond)[:, None] * -self.outward
