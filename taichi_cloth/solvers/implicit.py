@@ -19,7 +19,6 @@ Coulomb's with the push of the iteration before. Air drag is F(v) − D (v⁺ �
 It runs on the host in float64, beside Taichi; the bytes do not depend on Taichi's threads.
 """
 
-from dataclasses import dataclass
 from math import ceil, sqrt
 
 import numpy as np
@@ -54,20 +53,6 @@ PUSH = 1.0e4
 GAIN = 1.0e-3
 """Share of its energy that a step of second order may make before it is taken by Euler: it is as large in smooth
 motion, by the method's error."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Stage:
-    """base, speed: X, V (P, 3). tau [s]. start: (P, 3) of the step. held: (P, 3) speed of what moves by itself.
-    air: force (P, 3) and D (P,) at `flow`, the velocity it was taken at."""
-
-    base: F64
-    speed: F64
-    tau: float
-    start: F64
-    air: F64
-    drag: F64
-    flow: F64
 
 
 class Implicit(Solver):
@@ -168,7 +153,7 @@ class Implicit(Solver):
             work += float((pull[held] * moved[held]).sum())
         if self.forces.wind is not None:
             work += abs(float((self._air_now * moved).sum()))
-        return not after - before - work <= GAIN * before
+        return not after - before - work <= GAIN * max(before, after)
 
     def _gaps(self, x: F64) -> tuple[F64, F64]:
         """Distance (P,) [m] from the nearest body, large where there is none, and its normal there (P, 3)."""
@@ -223,7 +208,7 @@ class Implicit(Solver):
         bodies = self.forces.sphere is not None or self.forces.plane is not None
         course = springs.spans(guess)[1] if lag else None
         x = guess
-        scale = 0.0
+        least = 1e-5 * float(np.linalg.norm(self._gravity)) * tau**2 + 1e-10
         for _ in range(ITERATIONS):
             gap, normal = self._gaps(x) if bodies else (np.zeros(0), np.zeros(0))
             grip = np.zeros(len(m))
@@ -277,7 +262,6 @@ class Implicit(Solver):
                     return x, False
             x = x + share * move
             went = share * float(np.abs(move).max())
-            scale = max(scale, float(np.abs(x - start).max()), went)
-            if went <= self.tolerance * float(np.abs(x - start)[free].max(initial=0.0)) + 1e-9:
+            if went <= self.tolerance * float(np.abs(x - start)[free].max(initial=0.0)) + least:
                 return x, True
         return x, False
