@@ -116,7 +116,9 @@ def solver_rows(
     seconds = CASES[case]
     best, count = reference(sheet, forces, start, seconds, share=share)
     if not np.isfinite(best).all():
-        raise InputError(f"report: the reference of {case} × {stiffness:g} is not finite; use a softer or coarser sheet")
+        raise InputError(
+            f"report: the reference of {case} × {stiffness:g} is not finite; use a softer or coarser sheet"
+        )
     coarse, _ = reference(sheet, forces, start, seconds, share=2 * share)
     same = {"case": case, "stiffness": stiffness, "points": points}
 
