@@ -133,6 +133,16 @@ class ForcesSection(Section):
 
 
 class SolverSection(Section):
-    name: Literal["verlet"] = "verlet"
-    step_ms: Positive | None = Field(default=None, description="longest substep; default: what the springs allow [ms]")
-    safety: Share = Field(default=0.9, gt=0, description="share of the longest stable step")
+    """`implicit` is for sheets so stiff that the longest step of `verlet` is hopeless (docs/solvers.md)."""
+
+    name: Literal["verlet", "implicit"] = "verlet"
+    step_ms: Positive | None = Field(
+        default=None, description="longest substep; default: what the springs allow, or 1/240 s if implicit [ms]"
+    )
+    safety: Share = Field(default=0.9, gt=0, description="share of the longest stable step, of verlet")
+
+    @model_validator(mode="after")
+    def implicit_has_no_limit(self) -> "SolverSection":
+        if self.name == "implicit" and "safety" in self.model_fields_set:
+            raise ValueError('safety is a share of a limit that "implicit" has not; leave it out, or name step_ms')
+        return self

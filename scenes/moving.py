@@ -16,6 +16,7 @@ from taichi_cloth.pins import Pins
 from taichi_cloth.sheet import Sheet
 from taichi_cloth.simulation import Simulation
 from taichi_cloth.solvers.base import Solver
+from taichi_cloth.solvers.implicit import Implicit
 from taichi_cloth.solvers.verlet import Verlet
 from taichi_cloth.springs import calibrate
 
@@ -48,7 +49,6 @@ UNITS = {  # a key of cloth.properties: the field of Material, and its unit in S
     "air_damping_per_s": ("air_damping", 1.0),
     "fibre_damping_ms": ("fibre_damping", 1e-3),
 }
-SOLVERS = {"verlet": Verlet}
 
 
 def woven_scene(scene: Scene) -> Scene:
@@ -109,7 +109,9 @@ def solver_of(sheet: Sheet, forces: Forces, section: SolverSection | None, *, fr
     """The solver that the scene names. Raises InputError on a step that is too long."""
     section = section or SolverSection()
     step = None if section.step_ms is None else 1e-3 * section.step_ms
-    return SOLVERS[section.name](sheet, forces, frame_rate=frame_rate, step=step, safety=section.safety)
+    if section.name == "implicit":
+        return Implicit(sheet, forces, frame_rate=frame_rate, step=step)
+    return Verlet(sheet, forces, frame_rate=frame_rate, step=step, safety=section.safety)
 
 
 def standing_in(scene: Scene) -> "Standing | None":

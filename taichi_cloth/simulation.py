@@ -172,5 +172,5 @@ class Simulation:
         for array in (self.sheet.cells, self.sheet.pinned):
             digest.update(repr(array.shape).encode() + array.tobytes())
         parts = (self.sheet.material, self.sheet.springs, self.forces, type(self.solver).__name__)
-        digest.update(repr((*parts, self.solver.step, self.solver.substeps)).encode())
+        digest.update(repr((*parts, self.solver.step, self.solver.substeps, *self.solver.settings)).encode())
         return digest.hexdigest()

@@ -1,20 +1,25 @@
-"""The implicit solver: exactness of a chain, order, motion, statics, and starts that no one would wish for."""
+"""The implicit solver: order, motion, statics, and starts that no one would wish for."""
 
+import os
+import subprocess
+import sys
 from dataclasses import replace
-from functools import lru_cache
 
 import numpy as np
 import pytest
 from strips import NOTHING, PLAIN, ROWS, strip
 
-from taichi_cloth.energy import elastic_energy, kinetic_energy
+from taichi_cloth.energy import elastic_energy, elastic_forces, kinetic_energy
 from taichi_cloth.errors import InputError
 from taichi_cloth.forces import Forces, Plane, Sphere, Wind
 from taichi_cloth.pins import Pins
 from taichi_cloth.sheet import Sheet, SheetState
+from taichi_cloth.scenes.load import load_scene
+from taichi_cloth.scenes.moving import simulation_of
+from taichi_cloth.scenes.plan import plan
+from taichi_cloth.scenes.report_reference import reference
 from taichi_cloth.simulation import Simulation
 from taichi_cloth.solvers.implicit import Implicit
-from taichi_cloth.solvers.verlet import Verlet
 from taichi_cloth.springs import calibrate
 
 RNG = np.random.Generator(np.random.Philox(key=9))
@@ -30,17 +35,16 @@ def world(**changes) -> Forces:
     return replace(Forces(wind=CALM, sphere=FAR, plane=FLOOR), **changes)
 
 
-def square(stiffness: float = 1.0, *, side: float = 0.3, top: bool = False, **changes) -> Sheet:
-    """N × N key points of 1000 N/m × stiffness; `top` pins the first row."""
+def square(stiffness: float = 1.0, *, side: float = 0.3, top: bool = False, points: int = N, **changes) -> Sheet:
+    """points × points key points of 1000 N/m × stiffness; `top` pins the first row."""
     moduli = {"tensile_warp": 1e3, "tensile_weft": 1e3, "shear": 60.0, "bending_warp": 1e-5, "bending_weft": 1e-5}
     scaled = {name: value * stiffness for name, value in moduli.items()}
     material = replace(PLAIN, **scaled, **changes)  # pyright: ignore[reportArgumentType]
-    pinned = np.zeros((N, N), bool)
+    pinned = np.zeros((points, points), bool)
     pinned[0] = top
-    a = side / (N - 1)
-    return Sheet.rectangle(
-        N, N, material=material, springs=calibrate(material, spacing_x=a, spacing_y=a), pinned=pinned
-    )
+    a = side / (points - 1)
+    springs = calibrate(material, spacing_x=a, spacing_y=a)
+    return Sheet.rectangle(points, points, material=material, springs=springs, pinned=pinned)
 
 
 def moved(sheet: Sheet, forces: Forces, x, seconds: float, *, velocity=0.0, kind=Implicit, **options):
@@ -62,40 +66,28 @@ def test_free_fall_is_exact() -> None:
         assert np.abs(v - [0.0, -9.81, 0.0]).max() < 1e-4 * 9.81
 
 
-def swing(kind, step: float, frame_rate: float = 5.0, **options) -> np.ndarray:
-    """A sheet let go beside its hanging position, stretched a little, after 0.2 s."""
-    sheet = square(0.05, top=True)
+@pytest.mark.parametrize(("order", "steps"), [(1, (2e-3, 1e-3, 5e-4)), (2, (8e-3, 4e-3, 2e-3))])
+def test_the_error_falls_with_the_power_of_the_step(order: int, steps: tuple[float, ...]) -> None:
+    """A very soft sheet let go beside its hanging position, bent, after 0.2 s: its stretch waves, too, are resolved by
+    these steps. Against Verlet in float64 with 1 % of its longest step: slopes of the root mean square within 0.35 of
+    the order; what is left is the next order's share (1.68, 1.93, 1.96 and 0.86, 0.87, 0.91 were measured)."""
+    sheet, forces = square(5e-4, top=True), Forces(gravity=(0.0, 2.0, 0.0))
     x = sheet.flat()
-    x[..., 2] = 0.2 * x[..., 1]
-    x[..., 1] *= 1.01
-    forces = world(gravity=(0.0, 9.81, 0.0))
-    return moved(sheet, forces, x, 0.2, kind=kind, frame_rate=frame_rate, step=step, **options)[0]
-
-
-@lru_cache
-def settled() -> np.ndarray:
-    return swing(Verlet, 2e-5)
-
-
-@pytest.mark.parametrize(
-    ("kind", "order", "steps"), [(Implicit, 1, (8e-4, 4e-4, 2e-4)), (Verlet, 2, (4e-4, 2e-4, 1e-4))]
-)
-def test_the_error_falls_with_the_power_of_the_step(kind, order: int, steps) -> None:
-    if kind is Implicit:
-        pytest.xfail("measured slopes 0.0 and 0.4 at these steps: not in its asymptotic range, cause not found")
-    """On the nonlinear sheet, against Verlet with 2e-5 s: slopes of the root mean square within 0.35 of the order."""
-    errors = [float(np.sqrt(np.mean((swing(kind, h) - settled()) ** 2))) for h in steps]
+    x[..., 2] = 0.1 * x[..., 1] + 0.02 * np.sin(np.pi * x[..., 1] / 0.3) * np.cos(np.pi * x[..., 0] / 0.3)
+    exact, _ = reference(sheet, forces, x, 0.2, share=0.01)
+    runs = [moved(sheet, forces, x, 0.2, frame_rate=5.0, step=h, order=order)[0] for h in steps]
+    errors = [float(np.sqrt(np.mean((y - exact) ** 2))) for y in runs]
     slopes = np.log2(np.array(errors[:-1]) / errors[1:])
     assert np.abs(slopes - order).max() < 0.35, f"slopes {slopes}, errors {errors}"
 
 
 def test_a_curtain_hangs_as_far_as_its_stiffness_says() -> None:
-    """ρ g L²/2E at the bottom, at real and at a hundredfold stiffness and at several steps. Tolerance 2 %."""
-    for stiffness, step in ((1.0, 1e-3), (1.0, 2e-3), (100.0, 1e-3)):
+    """ρ g L²/2E at the bottom, at real and at 10⁴ × the stiffness and at two steps. Tolerance 2 %."""
+    for stiffness, step in ((1.0, 1 / 60), (1.0, 1 / 240), (1e4, 1 / 60)):
         sheet = square(stiffness, top=True, side=1.0, air_damping=8.0)
-        x, _ = moved(sheet, world(gravity=(0.0, 9.81, 0.0)), sheet.flat(), 3.0, step=step)
+        x, _ = moved(sheet, world(gravity=(0.0, 9.81, 0.0)), sheet.flat(), 1.5, step=step)
         exact = 0.15 * 9.81 / (2 * 1000.0 * stiffness)
-        assert x[-1, :, 1].mean() - 1.0 == pytest.approx(exact, rel=0.02, abs=1e-6), (stiffness, step)
+        assert x[-1, :, 1].mean() - 1.0 == pytest.approx(exact, rel=0.02, abs=1e-7), (stiffness, step)
 
 
 def test_momentum_is_conserved_without_external_forces() -> None:
@@ -118,7 +110,13 @@ def test_a_stiff_sheet_swings_as_far_as_a_soft_one() -> None:
     sheet = square(1e4, top=True, side=length)
     x = sheet.flat()
     x = np.stack([x[..., 0], 0.0 * x[..., 0], x[..., 1]], axis=-1)
-    speeds = [float(np.linalg.norm(moved(sheet, world(), x, k / 60)[1][-1].mean(axis=0))) for k in range(12, 22)]
+    forces = world()
+    solver = Implicit(sheet, forces, step=1 / 120)
+    simulation = Simulation(sheet, solver, forces=forces, positions=x)
+    speeds = []
+    for _ in range(21):
+        simulation.step()
+        speeds.append(float(np.linalg.norm(sheet.steps(simulation.state)[-1].mean(axis=0))) / solver.step)
     assert max(speeds) == pytest.approx((3 * 9.81 * length) ** 0.5, rel=0.03)
 
 
@@ -153,21 +151,43 @@ def starts(sheet: Sheet) -> dict[str, np.ndarray]:
     }
 
 
-@pytest.mark.parametrize("stiffness", [1.0, 1e4, 1e8])
-@pytest.mark.parametrize("name", ["point", "line", "shuffled", "stretched", "inverted", "twisted"])
-def test_bad_starts_end_finite_and_at_rest(name: str, stiffness: float) -> None:
-    """After 3 s with air, held along the top: finite and slower than 0.2 m/s in the mean. It may rest in a tangle, as
-    cloth here passes through cloth, so nothing is asked of its threads."""
-    if (name, stiffness) == ("shuffled", 1e8):
-        pytest.xfail("a tangle of 10⁸ × the stiffness still moves at 1 m/s after 3 s")
-    sheet = square(stiffness, top=True, air_damping=4.0)
+def rest_of(name: str, stiffness: float) -> tuple[Sheet, np.ndarray]:
+    """A sheet of 9 × 9 and its positions 3 s after a bad start, held along the top, with air. At rest: below 5 cm/s in
+    the mean, which is a pendulum's swing of 1 cm, and no more than its air takes away a little later."""
+    sheet = square(stiffness, points=9, top=True, air_damping=4.0)
     x = starts(sheet)[name]
     x[0] = sheet.flat()[0]
-    y, v = moved(sheet, world(), x, 3.0)
+    y, v = moved(sheet, Forces(), x, 3.0, step=1 / 60)
     assert np.isfinite(y).all()
     assert np.isfinite(v).all()
     speed = float(np.linalg.norm(v, axis=-1).mean())
-    assert speed < 0.2, f"{speed:.3g} m/s"
+    assert speed < 0.05, f"{speed:.3g} m/s"
+    return sheet, y
+
+
+STIFF = [1.0, pytest.param(1e4, marks=pytest.mark.slow), 1e8]
+
+
+@pytest.mark.parametrize("stiffness", STIFF)
+@pytest.mark.parametrize("name", ["point", "line", "twisted"])
+def test_bad_starts_recover(name: str, stiffness: float) -> None:
+    """Nothing stands in their way: 95 % of the threads are within 10 % of their length."""
+    sheet, y = rest_of(name, stiffness)
+    strain = np.concatenate([np.abs(part).ravel() for part in sheet.stretch(y)])
+    assert np.percentile(strain, 95) < 0.1, np.percentile(strain, 95)
+
+
+@pytest.mark.parametrize("stiffness", STIFF)
+@pytest.mark.parametrize("name", ["shuffled", "stretched", "inverted"])
+def test_bad_starts_that_end_in_a_tangle_end_in_a_true_equilibrium(name: str, stiffness: float) -> None:
+    """Cloth passes through cloth here, so the springs may lock each other: a state with stretched threads is right if
+    all forces on every key point cancel, to 1 % of the strongest pull (float32 positions, a last slow swing)."""
+    sheet, y = rest_of(name, stiffness)
+    forces = elastic_forces(sheet, y) + sheet.mass[..., None] * [0.0, -9.81, 0.0]
+    pull = max(float((part * (1000.0 * stiffness * 0.3 / 8)).max()) for part in sheet.stretch(y))
+    free = sheet.inverse_mass > 0
+    left = float(np.abs(forces[free]).max())
+    assert left < 0.01 * max(pull, 9.81 * float(sheet.mass.max())), (left, pull)
 
 
 @pytest.mark.parametrize("step", [1 / 240, 1 / 60, 1 / 10])
@@ -185,7 +205,7 @@ def test_any_step_and_any_force_stay_finite(step: float, stiffness: float) -> No
         y, v = moved(sheet, forces, sheet.flat(), 2.0, velocity=(0.0, -50.0, 0.0), frame_rate=1 / step, step=step)
         assert np.isfinite(y).all()
         assert np.isfinite(v).all()
-        assert np.abs(y).max() < 1e4, np.abs(y).max()
+        assert np.abs(y).max() < 100.0, np.abs(y).max()
 
 
 def test_a_sheet_rests_on_a_slope_or_slides_as_coulomb_says() -> None:
@@ -225,12 +245,11 @@ def test_a_resumed_run_gives_the_same_bytes_and_pins_are_led(tmp_path) -> None:
 
 
 def test_settings_that_cannot_be_are_refused() -> None:
-    for options in ({"frame_rate": 0.0}, {"step": -1.0}, {"sweeps": 0}, {"step": float("nan")}):
+    for options in ({"frame_rate": 0.0}, {"step": -1.0}, {"tolerance": 0.0}, {"order": 3}, {"step": float("nan")}):
         with pytest.raises(InputError):
             Implicit(square(), world(), **options)  # pyright: ignore[reportArgumentType]
 
 
-@pytest.mark.slow
 def test_a_step_of_the_paper_s_springs_and_of_damped_ones_is_stable_too() -> None:
     """bending = "spring" has chains of second neighbours; damping along the springs only takes energy away."""
     for bending, tau in (("spring", 0.0), ("hinge", 1e-2)):
@@ -243,3 +262,54 @@ def test_a_step_of_the_paper_s_springs_and_of_damped_ones_is_stable_too() -> Non
         here = np.abs(x - sheet.flat()).max()
         assert np.isfinite(v).all()
         assert here < 0.02, here
+
+
+def test_the_bytes_do_not_depend_on_threads() -> None:
+    """Taichi's and those of the linear algebra, 1 and 2, in processes of their own."""
+    code = """
+import hashlib, sys
+from taichi_cloth import runtime
+from taichi_cloth.scenes.report_solvers import run, scene
+from taichi_cloth.solvers.implicit import Implicit
+runtime.start("cpu", threads=int(sys.argv[1]))
+sheet, forces, start = scene("drape", 100.0, 16)
+print(hashlib.sha256(run(sheet, forces, start, Implicit(sheet, forces), 0.05)[0].tobytes()).hexdigest())
+"""
+    found = set()
+    for threads in ("1", "2"):
+        environment = os.environ | dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"), threads)
+        command = [sys.executable, "-c", code, threads]
+        done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True, timeout=300)
+        found.add(done.stdout.split()[-1])
+    assert len(found) == 1
+
+
+def test_a_saved_state_is_of_its_solver_s_settings(tmp_path) -> None:
+    sheet, forces = square(top=True), Forces()
+
+    def made(order: int) -> Simulation:
+        return Simulation(sheet, Implicit(sheet, forces, order=order), forces=forces, positions=sheet.flat())
+
+    made(2).save(tmp_path / "state.npz")
+    made(2).restore(tmp_path / "state.npz")
+    with pytest.raises(InputError, match="another"):
+        made(1).restore(tmp_path / "state.npz")
+
+
+def test_a_scene_names_it() -> None:
+    """10⁸ × the stiffness of a preset, with a step of a frame; the plan says so, and what it has not is refused."""
+    small = ["cloth.rows=9", "cloth.columns=9", "cloth.threads_per_key_point=2", "output.frames=4"]
+    small += ["cloth.representation=mesh", "solver.name=implicit"]
+    stiff = ["cloth.properties.tensile_warp_n_per_m=1e11", "cloth.properties.tensile_weft_n_per_m=1e11"]
+    scene = load_scene("drape", [*small, *stiff])
+    assert any("implicit, " in stage.why for stage in plan(scene).stages if stage.name == "solver")
+    simulation = simulation_of(scene)
+    start = simulation.positions[..., 1].mean()
+    for _ in range(4):
+        simulation.step()
+    assert isinstance(simulation.solver, Implicit)
+    assert simulation.positions[..., 1].mean() < start - 1e-3
+    with pytest.raises(InputError, match="safety"):
+        load_scene("drape", [*small, "solver.safety=0.5"])
+    with pytest.raises(InputError, match="body"):
+        load_scene("tshirt", ["solver.name=implicit"])

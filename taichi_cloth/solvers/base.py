@@ -20,6 +20,11 @@ class Solver(ABC):
     staggered: bool = True
     """Whether the steps in the state belong to the time half a step before that of the positions."""
 
+    @property
+    def settings(self) -> tuple[object, ...]:
+        """What else the motion depends on: a saved state is of a solver with the same."""
+        return ()
+
     @abstractmethod
     def advance(self, state: SheetState, forces: FrameForces) -> None:
         """Moves the state on by one frame, in place.

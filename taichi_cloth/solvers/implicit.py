@@ -1,60 +1,66 @@
-"""Implicit steps for stiff cloth, by whole threads: finite for any stiffness and any step.
+"""Implicit steps for stiff cloth: stable for any stiffness and any step, of second order where the motion is smooth.
 
-Order 1, the default: implicit Euler, V⁺ = V + h² a, u = V⁺, with V = h v and u = x(t + h) − x(t); gravity moves x by
-g h²/2, so that free fall is exact. It settles from every start that was tried (tests/test_stiff.py).
+The method is SDIRK2 (Alexander 1977): two stages with γ = 1 − 1/√2, L-stable, of order 2, and it needs no step but the
+last. A stage with base position X and base velocity V looks for
 
-Order 2: BDF2, with s the u and V₋ the V before,
+    v = V + τ a(x, v),      x = X + τ v,      τ = γ h,
+    stage 1: X = x₀, V = v₀;      stage 2: X = x₀ + (1 − γ) h v₁, V = v₀ + (1 − γ) h a₁,
 
-    V⁺ = (4 V − V₋ + 2 h² a) / 3,      u = s/3 + 2 V⁺/3
+the lowest point of  Φ(x) = Σ m |x − X − τ V|² / 2τ² + energy of springs, hinges, gravity and bodies  (springs and
+hinges damp with x − X). It is found by Newton's method: a sparse direct solve (`assembly.py`), so that no momentum is
+lost in solves that were broken off, and a line search that never goes uphill.
 
-(Euler in the first step of a frame, where pins change course, and for key points that touch a body). It holds back
-what moves slowly less, but a violent start (a sheet collapsed to a point) can keep it flying for ever: for sheets that
-start whole.
+A step that lands key points on a body, or would make energy, is taken anew by implicit Euler (γ = 1, one stage): of
+order 1, but its Φ cannot end above where it starts, so that energy only falls, from any start and at any stiffness.
 
-Springs: one Gauss–Seidel sweep over whole threads (`lines.py`) a step; more sweeps solve the step more exactly. Air
-drag is linearised, F(v) − D (v⁺ − v), with D = 1.5 |F|/|v|; what it adds to the mass also weakens the springs' hold in
-the step, so that a steady wind gets its steady answer.
+Bodies push with a stiff one-sided spring in the step; what is left of the depth is taken away after it. Friction is
+Coulomb's with the push of the iteration before. Air drag is F(v) − D (v⁺ − v) with D = 1.5 |F|/|v|.
 
-A step runs on one thread, and the bytes cannot depend on their number.
+It runs on the host in float64, beside Taichi; the bytes do not depend on Taichi's threads.
 """
 
-# pyright: reportOptionalCall=false, reportOperatorIssue=false, reportGeneralTypeIssues=false, reportCallIssue=false
-
-from functools import lru_cache
-from math import ceil
+from math import ceil, sqrt
 
 import numpy as np
-import taichi as ti
+from numpy.linalg import LinAlgError
 from numpy.typing import NDArray
 
-from taichi_cloth import runtime
-from taichi_cloth.arrays import F32x2, F32x3, Float, Int, Template
 from taichi_cloth.errors import InputError
 from taichi_cloth.forces import Forces, FrameForces
-from taichi_cloth.sheet import LANES, PAD, Sheet, SheetState
+from taichi_cloth.sheet import PAD, Sheet, SheetState
+from taichi_cloth.solvers.air import air_forces
+from taichi_cloth.solvers.assembly import Assembly
 from taichi_cloth.solvers.base import Solver
-from taichi_cloth.solvers.lines import KINDS, Lines
-from taichi_cloth.solvers.stencil import Features, Numbers, contact, load, store
-from taichi_cloth.solvers.verlet import spring_numbers
 
 __all__ = ["Implicit"]
 
-STEP = 1.0e-3
+F64 = NDArray[np.float64]
+
+STEP = 1 / 240
 """Longest step [s] that is taken where none is asked for."""
 
+GAMMA = 1 - sqrt(0.5)
+ITERATIONS = 40
 DRAG = 1.5
 """D |v| / |F| of the air; stable from ½ of dF/dv on, which is 2 for drag."""
 
 TOUCHING = 1.0e-5
 """Distance [m] from a body at which a key point counts as lying on it."""
 
+PUSH = 1.0e4
+"""Stiffness of a body in units of m/τ²: its own weight pushes a key point g τ² / 10⁴ deep."""
+
+GAIN = 1.0e-3
+"""Share of its energy that a step of second order may make before it is taken by Euler: it is as large in smooth
+motion, by the method's error."""
+
 
 class Implicit(Solver):
-    """Whole threads solved implicitly, for one sheet.
+    """SDIRK2 by Newton's method, for one sheet.
 
-    frame_rate: frames a second [1/s]. step: the longest allowed [s]. sweeps: over all threads, a step.
-    order: 1, implicit Euler; 2, BDF2 with weft and warp taking turns at being solved last.
-    Raises InputError on numbers that are not above 0, or another order.
+    frame_rate: frames a second [1/s]. step: the longest allowed [s]. order: 2; 1 takes every step by implicit Euler.
+    tolerance: Newton stops where it moves key points by less than this share of the step's own movement.
+    Raises InputError on numbers that are not above 0, another order, or forces it has not.
     """
 
     staggered = False
@@ -66,244 +72,196 @@ class Implicit(Solver):
         *,
         frame_rate: float = 60.0,
         step: float | None = None,
-        sweeps: int = 1,
-        order: int = 1,
+        order: int = 2,
+        tolerance: float = 1e-3,
     ) -> None:
-        for name, value in (("frame_rate", frame_rate), ("step", STEP if step is None else step), ("sweeps", sweeps)):
+        given = {"frame_rate": frame_rate, "step": STEP if step is None else step, "tolerance": tolerance}
+        for name, value in given.items():
             if not (np.isfinite(value) and value > 0):
                 raise InputError(f"solver.{name}: {value!r}; allowed: above 0")
         if order not in (1, 2):
-            raise InputError(f"solver.order: {order!r}; allowed: 1 (settles from any start) or 2 (BDF2)")
+            raise InputError(f"solver.order: {order!r}; allowed: 1 (implicit Euler) or 2 (SDIRK2)")
         for name in ("body", "strain_limit", "self_contact"):
             if getattr(forces, name) is not None:
                 what = name.replace("_", " ")
                 raise InputError(f'solver.name: "implicit" has no {what}; use "verlet", or leave it out')
-        self.sheet, self.frame_rate, self.sweeps, self.order = sheet, frame_rate, sweeps, order
-        self.substeps = max(1, ceil(1 / frame_rate / (step or STEP) - 1e-9))
+        self.sheet, self.forces, self.frame_rate = sheet, forces, frame_rate
+        self.order, self.tolerance = order, tolerance
+        self.substeps = max(1, ceil(1 / frame_rate / given["step"] - 1e-9))
         self.step = 1 / frame_rate / self.substeps
-        self._features = Features(
-            hinges=sheet.springs.law == "hinge",
-            fibre_damping=False,
-            wind=forces.wind is not None,
-            sphere=forces.sphere is not None,
-            plane=forces.plane is not None,
-            limit=False,
-        )
-        self._numbers = Numbers(**spring_numbers(sheet, forces, self.step))
+        self.solves = 0
+        """Linear systems factorised so far."""
+        self.euler_steps = 0
+        """Steps that Euler had to take in place of SDIRK2."""
+        self._assembly: Assembly | None = None
+        self._mass = sheet.mass.ravel()
+        self._free = sheet.inverse_mass.ravel() > 0
+        self._gravity = np.asarray(forces.gravity, np.float64)
+
+    @property
+    def settings(self) -> tuple[object, ...]:
+        return (self.order, self.tolerance)
 
     def advance(self, state: SheetState, forces: FrameForces) -> None:
-        sheet, work = self.sheet, _workspace(runtime.generation(), self.sheet.padded_shape)
-        if work.holder is not self:
-            weights = np.stack([sheet.padded(v) for v in sheet.weights])
-            work.take_model(
-                _shares(sheet), sheet.padded(sheet.inverse_mass), weights, _table(sheet, self.step, sheet.width)
-            )
-            work.holder = self
-        wind, last = np.asarray(forces.wind_start), np.asarray(forces.wind_end)
-        change = (last - wind) / self.substeps
-        damping = sheet.material.air_damping * self.step
-        several = self.sweeps > 1
-        with runtime.plain_code():
-            work.frame(
-                *(self._numbers, damping, *wind.tolist(), *change.tolist(), self.substeps, self.sweeps, self.order),
-                *(self._features, several, state.values),
-            )
+        if self._assembly is None:
+            self._assembly = Assembly(self.sheet)
+        inside = state.values[:, PAD:-PAD, : self.sheet.shape[1]]
+        x, u = (np.moveaxis(part, 0, -1).reshape(-1, 3).astype(np.float64) for part in (inside[:3], inside[3:]))
+        gone = ~self.sheet.present.ravel()
+        x[gone], u[gone] = 0.0, 0.0
+        v = u / self.step
+        first, last = np.asarray(forces.wind_start), np.asarray(forces.wind_end)
+        for k in range(self.substeps):
+            x, v = self._advanced(x, v, first + (last - first) * ((k + 0.5) / self.substeps))
+        here = self._free.reshape(self.sheet.shape)
+        inside[3:, here] = (v * self.step)[self._free].T
+        moves = self.sheet.present
+        inside[:3, moves] = x[moves.ravel()].T
 
+    def _advanced(self, x0: F64, v0: F64, wind: F64) -> tuple[F64, F64]:
+        """Positions and velocities a step later, (P, 3)."""
+        h = self.step
+        touching = self._gaps(x0)[0] <= TOUCHING
+        if self.order == 2:
+            tau = GAMMA * h
+            one, settled = self._stage(x0, v0, tau, x0, x0 + tau * v0, v0, wind)
+            v1 = (one - x0) / tau
+            a1 = (v1 - v0) / tau
+            base, speed = x0 + (1 - GAMMA) * h * v1, v0 + (1 - GAMMA) * h * a1
+            if settled:
+                two, settled = self._stage(base, speed, tau, x0, one + (h - tau) * v1, v1, wind)
+                v2 = np.where(self._free[:, None], (two - base) / tau, v0)
+                if settled and not self._must_fall_back(x0, v0, two, v2, touching):
+                    return self._lifted(two), v2
+            self.euler_steps += 1
+        out, _ = self._stage(x0, v0, h, x0, np.where(self._free[:, None], x0, x0 + h * v0), v0, wind)
+        return self._lifted(out), np.where(self._free[:, None], (out - x0) / h, v0)
 
-def _shares(sheet: Sheet) -> NDArray[np.float32]:
-    """(KINDS, rows, cols): share of a kind's constant at the key point where a spring starts, or a hinge's middle."""
-    east, north, cell = sheet.weights
-    falling = np.zeros_like(cell)
-    falling[:, 1:] = cell[:, :-1]
-    next_east, next_north = np.roll(east, -1, 1), np.roll(north, -1, 0)  # what comes round is 0
-    last_east, last_north = np.roll(east, 1, 1), np.roll(north, 1, 0)
-    bend_x, bend_y = np.minimum(last_east, east), np.minimum(last_north, north)
-    second_x, second_y = np.minimum(east, next_east), np.minimum(north, next_north)
-    return np.stack([bend_x, east, second_x, bend_y, second_y, cell, falling, north]).astype(np.float32)
+    def _must_fall_back(self, x0: F64, v0: F64, x: F64, v: F64, touching: NDArray[np.bool_]) -> bool:
+        assert self._assembly is not None
+        gaps = self._gaps(x)[0]
+        if ((gaps < 0) & ~touching).any():
+            return True
+        springs = self._assembly
+        m, held = self._mass[:, None], ~self._free
+        before = 0.5 * float((m * v0**2).sum()) + springs.energy(x0)
+        after = 0.5 * float((m * v**2).sum()) + springs.energy(x)
+        moved = x - x0
+        work = float((m * moved).sum(0) @ self._gravity)
+        if held.any() and v0[held].any():
+            pull = 0.5 * (springs.gradient(x0) + springs.gradient(x))
+            work += float((pull[held] * moved[held]).sum())
+        if self.forces.wind is not None:
+            work += abs(float((self._air_now * moved).sum()))
+        return not after - before - work <= GAIN * max(before, after)
 
+    def _gaps(self, x: F64) -> tuple[F64, F64]:
+        """Distance (P,) [m] from the nearest body, large where there is none, and its normal there (P, 3)."""
+        gap, normal = np.full(len(x), 1e30), np.zeros_like(x)
+        ball, plane = self.forces.sphere, self.forces.plane
+        if ball is not None:
+            d = x - np.asarray(ball.centre)
+            length = np.maximum(np.sqrt(np.einsum("pi,pi->p", d, d)), 1e-12)
+            gap, normal = length - ball.radius - ball.gap, d / length[:, None]
+        if plane is not None:
+            n = np.asarray(plane.normal)
+            over = x @ n - plane.height - plane.gap
+            nearer = over < gap
+            gap = np.where(nearer, over, gap)
+            normal = np.where(nearer[:, None], n, normal)
+        return gap, normal
 
-def _table(sheet: Sheet, step: float, width: int) -> NDArray[np.float32]:
-    """(KINDS, 5): offset, constant × h² [N s²/m], length [m] and direction (2) at rest."""
-    s, row = sheet.springs, width
-    a, b, l = s.spacing_x, s.spacing_y, s.diagonal_length  # noqa: E741
-    rows = [
-        (1, s.hinge_x, a, 1.0, 0.0),
-        (1, s.structural_x, a, 1.0, 0.0),
-        (2, s.second_x, 2 * a, 1.0, 0.0),
-        (row, s.hinge_y, b, 0.0, 1.0),
-        (2 * row, s.second_y, 2 * b, 0.0, 1.0),
-        (row + 1, s.diagonal, l, a / l, b / l),
-        (row - 1, s.diagonal, l, -a / l, b / l),
-        (row, s.structural_y, b, 0.0, 1.0),
-    ]
-    return np.array([(o, k * step**2, r, x, y) for o, k, r, x, y in rows], np.float32)
+    def _friction(self, x: F64) -> F64:
+        """µ of the nearest body (P,)."""
+        ball, plane = self.forces.sphere, self.forces.plane
+        if ball is None or plane is None:
+            return np.full(len(x), (ball or plane).friction if ball or plane else 0.0)  # pyright: ignore
+        n = np.asarray(plane.normal)
+        to_ball = np.linalg.norm(x - np.asarray(ball.centre), axis=-1) - ball.radius - ball.gap
+        return np.where(x @ n - plane.height - plane.gap < to_ball, plane.friction, ball.friction)
 
+    def _lifted(self, x: F64) -> F64:
+        """What lies inside a body, put on its surface."""
+        if self.forces.sphere is None and self.forces.plane is None:
+            return x
+        gap, normal = self._gaps(x)
+        return x - np.where(self._free, np.minimum(gap, 0.0), 0.0)[:, None] * normal
 
-@lru_cache(maxsize=16)
-def _workspace(generation: int, shape: tuple[int, int]) -> "_Workspace":
-    """Fields and kernels for grids of that shape. generation: of the Taichi runtime; a new start throws them away."""
-    rows, width = shape
-    return _Workspace(rows, width)
+    def _stage(
+        self, base: F64, speed: F64, tau: float, start: F64, guess: F64, flow: F64, wind: F64
+    ) -> tuple[F64, bool]:
+        """The lowest point of Φ near a guess (P, 3), and whether Newton got there."""
+        springs, free = self._assembly, self._free
+        assert springs is not None
+        m, damping, lag = self._mass, self.sheet.material.air_damping, self.sheet.material.fibre_damping / tau
+        air, drag = np.zeros_like(base), np.zeros(len(m))
+        if self.forces.wind is not None:
+            shape = (*self.sheet.shape, 3)
+            at = (float(wind[0]), float(wind[1]), float(wind[2]))
+            force, drag = air_forces(self.sheet, self.forces.wind, at, guess.reshape(shape), flow.reshape(shape))
+            air, drag = force.reshape(-1, 3), DRAG * drag.ravel()
+            self._air_now = air
+            air = air + drag[:, None] * flow
+        inertia = m * (1 + tau * damping) / tau**2 + drag / tau
+        push = (PUSH / tau**2) * m * free
+        steady = m[:, None] * (speed / tau + self._gravity) + air
+        bodies = self.forces.sphere is not None or self.forces.plane is not None
+        course = springs.spans(guess)[1] if lag else None
+        x = guess
+        least = 1e-5 * float(np.linalg.norm(self._gravity)) * tau**2 + 1e-10
+        for _ in range(ITERATIONS):
+            gap, normal = self._gaps(x) if bodies else (np.zeros(0), np.zeros(0))
+            grip = np.zeros(len(m))
+            if bodies:
+                depth = np.maximum(-gap, 0.0)
+                slid = x - start
+                slid = slid - (slid * normal).sum(-1, keepdims=True) * normal
+                far = np.sqrt(np.einsum("pi,pi->p", slid, slid))
+                grip = self._friction(x) * push * depth / np.maximum(far, 1e-9)
 
+            def value(
+                at: F64, grip: F64 = grip, normal: F64 = normal, course: F64 | None = course, inertia: F64 = inertia
+            ) -> float:
+                d = at - base
+                out = 0.5 * float((inertia[:, None] * d**2)[free].sum()) - float((steady * d)[free].sum())
+                out += springs.energy(at)
+                if course is not None:
+                    u = d[springs.second] - d[springs.first]
+                    out += 0.5 * lag * float(springs.constant @ (u * course).sum(-1) ** 2)
+                    out += 0.5 * lag * float(np.vdot(d, springs.bending @ d))
+                if bodies:
+                    out += 0.5 * float(push @ np.minimum(self._gaps(at)[0], 0.0) ** 2)
+                    t = at - start
+                    t = t - (t * normal).sum(-1, keepdims=True) * normal
+                    out += 0.5 * float(grip @ (t**2).sum(-1))
+                return out
 
-@ti.data_oriented
-class _Workspace(Lines):
-    """The kernels of a frame. rows, width: of the sheet's padded grid."""
-
-    def __init__(self, rows: int, width: int) -> None:
-        self.own = rows
-        super().__init__(2 * PAD + -(-(rows - 2 * PAD) // LANES) * LANES, width)
-        self.last = [ti.field(ti.f32, self.size) for _ in range(3)]
-        self.former = [ti.field(ti.f32, self.size) for _ in range(3)]
-        self.held = ti.field(ti.f32, self.size)
-        self.holder: Implicit | None = None
-
-    @ti.kernel
-    def take_model(self, shares: F32x3, inverse_mass: F32x2, weights: F32x3, table: F32x2):
-        ti.loop_config(serialize=True)
-        for k in range(KINDS):
-            self.offset[k] = ti.cast(table[k, 0], ti.i32)
-            self.constant[k] = table[k, 1]
-            self.rest[k] = table[k, 2]
-            self.rest_x[k] = table[k, 3]
-            self.rest_y[k] = table[k, 4]
-            for i in range(shares.shape[1]):
-                for j in range(shares.shape[2]):
-                    self.share[k * self.size + (i + PAD) * self.width + j] = shares[k, i, j]
-        for i in range(self.own):
-            for j in range(self.width):
-                p = i * self.width + j
-                self.east[p] = weights[0, i, j]
-                self.north[p] = weights[1, i, j]
-                self.inverse_mass[p] = inverse_mass[i, j]
-
-    @ti.func
-    def distance(self, features: Template, p, n: Template):
-        """From the nearest body [m]; large where there is none."""
-        x, y, z = load(self.position[0], p), load(self.position[1], p), load(self.position[2], p)
-        out = 0.0 * x + 1e30
-        if ti.static(features.sphere):
-            u, v, w = x - n.sphere_x, y - n.sphere_y, z - n.sphere_z
-            out = ti.min(out, ti.sqrt(u * u + v * v + w * w) - n.sphere_radius)
-        if ti.static(features.plane):
-            out = ti.min(out, x * n.plane_x + y * n.plane_y + z * n.plane_z - n.plane_height)
-        return out
-
-    @ti.func
-    def predict(self, features: Template, p, first, damping, wind, n: Template):
-        """u of the lanes at p without springs, and the weight w that the step gives them."""
-        inverse = load(self.inverse_mass, p)
-        free = ti.min(inverse * 1e30, 1.0)
-        if first > 0.5:
-            near = self.distance(features, p, n)
-            store(self.held, p, ti.select(near < TOUCHING, 1.0, 0.0))
-        held = load(self.held, p)
-        euler = ti.max(held, first)
-        half = 0.5 * first * (1.0 - held)
-        share = (2.0 + euler) / 3.0
-        v0, v1, v2 = load(self.step[0], p), load(self.step[1], p), load(self.step[2], p)
-        fx, fy, fz = 0.0 * v0, 0.0 * v1, 0.0 * v2
-        drag = 0.0 * v0
-        if ti.static(features.wind):
-            fx, fy, fz = self.air(p, p, v0, v1, v2, wind, n)
-            ux, uy, uz = wind[0] - n.rate * v0, wind[1] - n.rate * v1, wind[2] - n.rate * v2
-            drag = DRAG * n.rate * inverse
-            drag *= ti.sqrt((fx * fx + fy * fy + fz * fz) / (ux * ux + uy * uy + uz * uz + 1e-30))
-            fx, fy, fz = inverse * fx, inverse * fy, inverse * fz
-        scale = 1.0 / (1.0 + share * (drag + damping))
-        for axis, v, f, g in ti.static(((0, v0, fx, n.gravity_x), (1, v1, fy, n.gravity_y), (2, v2, fz, n.gravity_z))):
-            before, s = load(self.former[axis], p), load(self.last[axis], p)
-            base = ti.select(euler > 0.5, v, (4.0 * v - before) / 3.0)
-            after = scale * (base + share * (f + drag * v + g))
-            u = ti.select(euler > 0.5, after - half * g, (s + 2.0 * after) / 3.0)
-            store(self.iterate[axis], p, ti.select(free > 0.5, u, v))
-        store(self.weight, p, inverse * share * share * scale)
-
-    @ti.func
-    def touch(self, features: Template, p, n: Template):
-        """Bodies: what lies inside is pushed out, and friction holds it. From the iterate to buffer 1."""
-        free = ti.min(load(self.inverse_mass, p) * 1e30, 1.0)
-        px, py, pz = load(self.position[0], p), load(self.position[1], p), load(self.position[2], p)
-        dx, dy, dz = load(self.iterate[0], p), load(self.iterate[1], p), load(self.iterate[2], p)
-        if ti.static(features.sphere):
-            x, y, z = px + dx - n.sphere_x, py + dy - n.sphere_y, pz + dz - n.sphere_z
-            distance = ti.sqrt(ti.max(x * x + y * y + z * z, 1e-12))
-            depth = free * ti.max(n.sphere_radius - distance, 0.0)
-            scale = 1.0 / distance
-            dx, dy, dz = contact(features, x * scale, y * scale, z * scale, depth, n.sphere_friction, dx, dy, dz)
-        if ti.static(features.plane):
-            x, y, z = px + dx, py + dy, pz + dz
-            depth = free * ti.max(n.plane_height - (x * n.plane_x + y * n.plane_y + z * n.plane_z), 0.0)
-            dx, dy, dz = contact(features, n.plane_x, n.plane_y, n.plane_z, depth, n.plane_friction, dx, dy, dz)
-        for axis, x, d in ti.static(((0, px, dx), (1, py, dy), (2, pz, dz))):
-            store(self.step[axis], self.size + p, d)
-            store(self.position[axis], self.size + p, x + d)
-
-    @ti.func
-    def finish(self, p, first, n: Template):
-        """Velocities of the lanes at p, and the step's end becomes the next one's start."""
-        free = ti.min(load(self.inverse_mass, p) * 1e30, 1.0)
-        held = load(self.held, p)
-        half = 0.5 * first * (1.0 - held)
-        pushed = 0.0 * free
-        for axis in ti.static(range(3)):
-            pushed += ti.abs(load(self.step[axis], self.size + p) - load(self.iterate[axis], p))
-        touched = ti.min(pushed * 1e30, 1.0)
-        simple = ti.max(touched, held)
-        for axis, g in ti.static(((0, n.gravity_x), (1, n.gravity_y), (2, n.gravity_z))):
-            u, s, v = load(self.step[axis], self.size + p), load(self.last[axis], p), load(self.step[axis], p)
-            after = ti.select(ti.max(simple, first) > 0.5, u + (1.0 - simple) * half * g, 1.5 * u - 0.5 * s)
-            store(self.former[axis], p, v)
-            store(self.last[axis], p, u)
-            store(self.step[axis], p, ti.select(free > 0.5, after, v))
-            store(self.position[axis], p, load(self.position[axis], self.size + p))
-        store(self.held, p, touched)
-
-    @ti.kernel
-    def frame(
-        self,
-        # in
-        n: Numbers,
-        damping: Float,
-        wind_x: Float,
-        wind_y: Float,
-        wind_z: Float,
-        change_x: Float,
-        change_y: Float,
-        change_z: Float,
-        steps: Int,
-        sweeps: Int,
-        order: Int,
-        features: Template,
-        several: Template,
-        # in and out
-        values: F32x3,
-    ):
-        ti.loop_config(serialize=True)
-        for _once in range(1):
-            for i in range(self.own):
-                for j in range(self.width):
-                    for c in ti.static(range(3)):
-                        self.position[c][i * self.width + j] = values[c, i, j]
-                        self.step[c][i * self.width + j] = values[3 + c, i, j]
-            low = PAD * self.width // LANES
-            high = (self.rows - PAD) * self.width // LANES
-            for done in range(steps):
-                first = ti.select(done == 0 or order == 1, 1.0, 0.0)
-                wind = ti.Vector([wind_x + done * change_x, wind_y + done * change_y, wind_z + done * change_z])
-                for b in range(low, high):
-                    self.predict(features, b * LANES, first, damping, wind, n)
-                if ti.static(several):
-                    for q in range(3 * KINDS * self.size):
-                        self.total[q] = 0.0
-                for turn in range(sweeps):
-                    self.sweep(ti.select(order == 1, turn, done + turn) % 2, features.hinges, several, n.lag)
-                for b in range(low, high):
-                    self.touch(features, b * LANES, n)
-                for b in range(low, high):
-                    self.finish(b * LANES, first, n)
-            for i in range(PAD, self.own - PAD):
-                for j in range(self.width):
-                    for c in ti.static(range(3)):
-                        values[c, i, j] = self.position[c][i * self.width + j]
-                        values[3 + c, i, j] = self.step[c][i * self.width + j]
+            d = x - base
+            slope = inertia[:, None] * d - steady + springs.gradient(x)
+            blocks = inertia[:, None, None] * np.eye(3)
+            if course is not None:
+                u = ((d[springs.second] - d[springs.first]) * course).sum(-1)
+                slope += lag * (springs.gather @ ((springs.constant * u)[:, None] * course) + springs.bending @ d)
+            if bodies:
+                slope -= (push * depth)[:, None] * normal
+                slope += grip[:, None] * slid
+                outer = normal[:, :, None] * normal[:, None, :]
+                blocks = blocks + (push * (depth > 0))[:, None, None] * outer
+                blocks += grip[:, None, None] * (np.eye(3) - outer)
+            self.solves += 1
+            try:
+                factor = springs.factorise(springs.matrix(x, blocks[springs.free], lag))
+            except LinAlgError:
+                return x, False
+            move = -springs.solve(factor, slope)
+            downhill = float((move * slope)[free].sum())
+            here, share = value(x), 1.0
+            while not value(x + share * move) <= here + 1e-4 * share * downhill + 1e-13 * abs(here):
+                share *= 0.5
+                if share < 1e-6:
+                    return x, False
+            x = x + share * move
+            went = share * float(np.abs(move).max())
+            if went <= self.tolerance * float(np.abs(x - start)[free].max(initial=0.0)) + least:
+                return x, True
+        return x, False
