@@ -30,12 +30,14 @@ PAPER = {
 
 @dataclass(frozen=True)
 class Measured:
-    """Ours for one garment. times: [ms] of each frame, by stage; see `tables.measure`."""
+    """Ours for one garment. times: [ms] of each frame, by stage; see `tables.measure`.
+    restarts: frames at which the motion tore the garment, so that it began anew."""
 
     key_points: int
     particles: int
     substeps: int
     times: dict[str, list[float]] = field(default_factory=dict)
+    restarts: tuple[int, ...] = ()
 
     def median(self, plus: str, minus: str | None = None) -> float:
         """Of a stage, or of the difference of two frame by frame [ms]."""
@@ -113,6 +115,11 @@ def tables_of(measured: dict[str, Measured]) -> list[Table]:
             (
                 "Ours: forces, contact and solver, then vertex normals (mesh) or every fibre particle (fibre); "
                 "without drawing.",
+                *(
+                    f"{name}: torn by the motion, begun anew {len(m.restarts)} times, first at frame {m.restarts[0]}."
+                    for name, m in measured.items()
+                    if m.restarts
+                ),
             ),
         ),
         _stages(measured),
