@@ -315,7 +315,7 @@ class Response:
 
     @ti.func
     def merge(self, work: Template, at, strip, b, e, i):
-        """Entry e − 1 of the block takes, for each key point, the plane of entry e (of primitive i) if that is nearer."""
+        """Entry e − 1 takes, for each key point of the block, the plane of entry e, of primitive i, where nearer."""
         other = self.posed(strip * self.capacity + self.plane_of[e - 1], 0)
         mine = self.posed(strip * self.capacity + i, 0)
         for lane in range(LANES):
