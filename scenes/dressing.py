@@ -116,7 +116,9 @@ def simulation_of(scene: Scene, dressed: Dressed) -> Simulation:
     still = moves.name == "rest"
     colliders = _colliders(scene, dressed.primitives)
     if not still:
-        colliders = replace(colliders, motion=lambda time: dressed.body.bone_transforms(moves.pose(time)))
+        poses = [dressed.body.bone_transforms(moves.pose(time)) for time in (0.1, 0.37, 1.0, 2.3)]
+        name = f"{moves.name} {digest(poses)}"
+        colliders = replace(colliders, motion=lambda time: dressed.body.bone_transforms(moves.pose(time)), name=name)
     forces: Forces = replace(forces_of(scene.forces), body=colliders)
     garment = dressed.garment
     names = garment.holds()[3]

@@ -141,8 +141,8 @@ class Response:
                     self.keep(q + 4 * LANES, along, px, py, py)
                     if ti.static(k == GRID):
                         for lane in range(q + 4 * LANES, q + 5 * LANES):
-                            px1, py1, along1 = (self.scratch[lane + m * LANES] for m in ti.static((1, 2, 0)))
-                            d1, u1, v1, w1 = self.sample(i, px1, py1, along1)
+                            along1, px1 = self.scratch[lane], self.scratch[lane + LANES]
+                            d1, u1, v1, w1 = self.sample(i, px1, self.scratch[lane + 2 * LANES], along1)
                             for m, value in ti.static(enumerate((d1, u1, v1, w1))):
                                 self.scratch[lane + (m - 4) * LANES] = value
                     else:
@@ -315,7 +315,7 @@ class Response:
 
     @ti.func
     def merge(self, work: Template, at, strip, b, e, i):
-        """Entry e − 1 of the block takes, for each key point, the plane of entry e (of primitive i) if that is nearer."""
+        """Entry e − 1 takes, for each key point of the block, the plane of entry e, of primitive i, where nearer."""
         other = self.posed(strip * self.capacity + self.plane_of[e - 1], 0)
         mine = self.posed(strip * self.capacity + i, 0)
         for lane in range(LANES):

@@ -167,10 +167,15 @@ class Simulation:
         self.frame = frame
 
     def _fingerprint(self) -> str:
-        """Of everything the motion follows from, except the paths of pins."""
+        """Of everything the motion follows from, except the paths of pins and, where the body has a name for it, how
+        that moves."""
         digest = hashlib.sha256()
         for array in (self.sheet.cells, self.sheet.pinned):
             digest.update(repr(array.shape).encode() + array.tobytes())
         parts = (self.sheet.material, self.sheet.springs, self.forces, type(self.solver).__name__)
         digest.update(repr((*parts, self.solver.step, self.solver.substeps, *self.solver.settings)).encode())
+        if self.forces.body is not None:
+            digest.update(self.forces.body.made_of().encode())
+        for one in self.solver.passes:
+            digest.update(one.made_of().encode())
         return digest.hexdigest()

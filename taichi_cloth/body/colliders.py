@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from taichi_cloth.body.grid import DistanceGrid
 from taichi_cloth.body.primitives import Primitive
+from taichi_cloth.cache import digest
 from taichi_cloth.errors import InputError
 
 __all__ = ["BoneFrame", "Colliders", "Motion"]
@@ -29,7 +30,7 @@ class Colliders:
     """A body that cloth can touch. Raises InputError on one that cannot be.
 
     primitives, grids: what it is made of, at rest. motion: time [s] → (bones, 4, 4), where rest positions go, rigid;
-    None: the body stands still.
+    None: the body stands still. name: of the motion, which tells one from another where a run is resumed.
     friction: Coulomb's µ. gap: kept between the body and the key points [m], the thickness of the cloth and what hair
     and skin need. recovery: the fastest that key points which start inside are let out [m/s].
     """
@@ -37,6 +38,7 @@ class Colliders:
     primitives: tuple[Primitive, ...] = ()
     grids: tuple[DistanceGrid, ...] = field(default=(), repr=False)
     motion: Motion | None = field(default=None, repr=False)
+    name: str = ""
     friction: float = 0.3
     gap: float = 0.0
     recovery: float = 0.5
@@ -50,6 +52,12 @@ class Colliders:
                 raise InputError(f"body.{name}: {value!r}; allowed: a finite number, 0 or more")
         if self.motion is not None:
             self.during(0.0, 0.0)
+
+    def made_of(self) -> str:
+        """A hash of what cloth meets. Of a motion that has no name, where it leads in the first seconds."""
+        moves = [self.name] if self.name or self.motion is None else [self.at(t) for t in (0.0, 0.1, 0.37, 1.0, 2.3)]
+        grids = [(g.origin, g.spacing, g.values, g.part, g.bone) for g in self.grids]
+        return digest(list(self.primitives), grids, moves, self.friction, self.gap, self.recovery)
 
     def at(self, time: float) -> F64:
         """(bones, 4, 4) at a time [s]. Raises InputError where the motion gives something that is not rigid."""

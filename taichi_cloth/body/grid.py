@@ -1,8 +1,9 @@
 """Distance grids: the mesh itself in contact, a grid of signed distances a part, moving rigidly with its bone.
 
 Made once, on the host: the distance from each node to the nearest triangle (Ericson 2005, 5.1.5), exact up to three
-spacings, beyond to the size of a triangle, with the sign
-of the generalised winding number (Jacobson et al. 2013), which needs a closed mesh. A part's grid knows the triangles
+spacings, beyond to the size of a triangle. The sign, which needs a closed mesh, is that of the pseudo-normal of the
+nearest face, edge or vertex (Baerentzen & Aanaes 2005) near the surface, and of the generalised winding number
+(Jacobson et al. 2013) for the rest, once for all nodes that no surface parts. A part's grid knows the triangles
 of the part and those within `overlap` of it; where another part is nearer the distance is kept positive, as that
 part's grid answers there.
 """
@@ -82,7 +83,7 @@ def grid_of_mesh(
         )
     nodes = origin + spacing * np.stack(np.meshgrid(*(np.arange(n) for n in count), indexing="ij"), -1).reshape(-1, 3)
     distance, nearest = _unsigned(v[f], nodes, 3 * spacing)
-    distance *= _signs(v[f], nodes, distance, tuple(count), spacing)
+    distance *= _signs(v, f, nodes, distance, nearest, tuple(count), spacing)
     if not mine.all():
         grown = cKDTree(corners).query(v[f].mean(axis=1))[0] <= overlap
         foreign = ~(mine | grown)[nearest]
@@ -96,17 +97,74 @@ def mesh_distance(vertices: F64, faces: NDArray[np.int64], points: F64) -> tuple
     return np.where(_inside(vertices[faces], points), -distance, distance), nearest
 
 
-def _signs(triangles: F64, nodes: F64, distance: F64, shape: tuple[int, ...], spacing: float) -> F64:
+def _signs(
+    vertices: F64,
+    faces: NDArray[np.int64],
+    nodes: F64,
+    distance: F64,
+    nearest: NDArray[np.int64],
+    shape: tuple[int, ...],
+    spacing: float,
+) -> F64:
     """−1 inside, 1 outside. Neighbours that are both further from the surface than half a spacing are on one side."""
     groups, count = label((distance > 0.6 * spacing).reshape(shape))  # pyright: ignore[reportGeneralTypeIssues]
     groups = groups.ravel()
-    _, asked = np.unique(groups, return_index=True)
+    found, asked = np.unique(groups, return_index=True)
+    asked = asked[found > 0]
     sides = np.ones(count + 1)
-    sides[groups[asked]] = np.where(_inside(triangles, nodes[asked]), -1.0, 1.0)
+    sides[groups[asked]] = np.where(_inside(vertices[faces], nodes[asked]), -1.0, 1.0)
     out = sides[groups]
     near = groups == 0
-    out[near] = np.where(_inside(triangles, nodes[near]), -1.0, 1.0)
+    out[near] = _sides(vertices, faces, nodes[near], nearest[near])
     return out
+
+
+def _sides(vertices: F64, faces: NDArray[np.int64], points: F64, nearest: NDArray[np.int64]) -> F64:
+    """−1 inside, 1 outside, by the angle-weighted normal at the nearest place of the triangle `nearest` (n,)."""
+    t = vertices[faces]
+    normal = np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0])
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+    at_vertex = np.zeros_like(vertices)
+    for k in range(3):
+        one, two = t[:, (k + 1) % 3] - t[:, k], t[:, (k + 2) % 3] - t[:, k]
+        lengths = np.linalg.norm(one, axis=1) * np.linalg.norm(two, axis=1)
+        angle = np.arccos(np.clip((one * two).sum(1) / np.maximum(lengths, 1e-300), -1, 1))
+        np.add.at(at_vertex, faces[:, k], angle[:, None] * normal)
+    ends = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1), axis=-1).reshape(-1, 2)
+    _, edge = np.unique(ends, axis=0, return_inverse=True)
+    edge = edge.reshape(-1, 3)
+    at_edge = np.zeros((int(edge.max()) + 1, 3))
+    for k in range(3):
+        np.add.at(at_edge, edge[:, k], normal)
+    foot, share = _foot(points, t[nearest])
+    on = share > 1e-9
+    n = np.where(on.all(axis=1)[:, None], normal[nearest], 0.0)
+    for k in range(3):
+        two = on[:, k] & on[:, (k + 1) % 3] & ~on[:, (k + 2) % 3]
+        n[two] = at_edge[edge[nearest[two], k]]
+        alone = on[:, k] & ~on[:, (k + 1) % 3] & ~on[:, (k + 2) % 3]
+        n[alone] = at_vertex[faces[nearest[alone], k]]
+    return np.where(((points - foot) * n).sum(1) < 0, -1.0, 1.0)
+
+
+def _foot(p: F64, t: F64) -> tuple[F64, F64]:
+    """The nearest place (n, 3) of triangles t (n, 3, 3) to p (n, 3), and its barycentric shares (n, 3)."""
+    a, b, c = t[:, 0], t[:, 1], t[:, 2]
+    normal = np.cross(b - a, c - a)
+    size = np.maximum((normal * normal).sum(1), 1e-300)
+    share = np.stack([(np.cross(t[:, (k + 2) % 3] - t[:, (k + 1) % 3], p - t[:, (k + 1) % 3]) * normal).sum(1) / size
+                      for k in range(3)], axis=1)  # fmt: skip
+    best = np.full(len(p), np.inf)
+    best[(share >= 0).all(axis=1)] = -1.0
+    for k in range(3):
+        one, along = t[:, k], t[:, (k + 1) % 3] - t[:, k]
+        part = np.clip(((p - one) * along).sum(1) / np.maximum((along * along).sum(1), 1e-300), 0, 1)
+        far = ((p - one - part[:, None] * along) ** 2).sum(1)
+        nearer = far < best
+        best[nearer] = far[nearer]
+        share[nearer] = 0.0
+        share[nearer, k], share[nearer, (k + 1) % 3] = 1 - part[nearer], part[nearer]
+    return np.einsum("nk,nkc->nc", share, t), share
 
 
 def _unsigned(triangles: F64, points: F64, band: float) -> tuple[F64, NDArray[np.int64]]:

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from taichi_cloth import runtime
 from taichi_cloth.arrays import F32x2, Template
+from taichi_cloth.cache import digest
 from taichi_cloth.errors import InputError
 from taichi_cloth.forces import FrameForces
 from taichi_cloth.sheet import PAD, Sheet, SheetState
@@ -84,6 +85,9 @@ class Ties(Pass):
 
     def __hash__(self) -> int:
         return id(self.memory)
+
+    def made_of(self) -> str:
+        return digest(self.index, self.weight, self.share, self.places, self.bones, self.reach)
 
     def targets(self, bones: F64 | None) -> F64:
         """Places (n, 3) [m] with the bones there, (bones, 4, 4) or None for rest; 0 for ties between two points."""

@@ -4,6 +4,7 @@ from abc import ABC, abstractmethod
 
 from taichi_cloth.forces import FrameForces
 from taichi_cloth.sheet import SheetState
+from taichi_cloth.solvers.passes import Pass
 
 __all__ = ["Solver"]
 
@@ -19,6 +20,9 @@ class Solver(ABC):
 
     staggered: bool = True
     """Whether the steps in the state belong to the time half a step before that of the positions."""
+
+    passes: tuple[Pass, ...] = ()
+    """What acts on key points beside springs, after each step."""
 
     @property
     def settings(self) -> tuple[object, ...]:

@@ -33,6 +33,10 @@ class Pass:
     local = False
     paired = False
 
+    def made_of(self) -> str:
+        """A hash of what the motion follows from beside the sheet and the forces; "" where that is all."""
+        return ""
+
     def begin(self, state: SheetState, forces: FrameForces) -> None:
         """On the host, before each frame. What it leaves must follow from its arguments, or a resumed run differs."""
 
