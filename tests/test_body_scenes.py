@@ -10,15 +10,18 @@ from taichi_cloth import contact_response
 from taichi_cloth.body import build
 from taichi_cloth.body.build import built_in_body
 from taichi_cloth.body.distance import nearest_distance
+from taichi_cloth.body.grid import mesh_distance
 from taichi_cloth.body.primitive_file import primitives_json
 from taichi_cloth.body.primitives import Primitive
 from taichi_cloth.body.query import PrimitiveQuery
 from taichi_cloth.body.ready import fit_body, ready_primitives
 from taichi_cloth.errors import InputError
+from taichi_cloth.scenes import standing
 from taichi_cloth.scenes.cloth import ClothModel
 from taichi_cloth.scenes.load import built_in_scenes, load_scene
 from taichi_cloth.scenes.moving import simulation_of, standing_in
 from taichi_cloth.scenes.plan import plan
+from taichi_cloth.scenes.report_body import garment_points
 
 SMALL = ["cloth.representation=mesh", "cloth.columns=31", "cloth.rows=21"]
 """Changes of a built-in scene that make it quick."""
@@ -173,6 +176,27 @@ def test_primitives_of_a_file_are_touched(tmp_path: Path) -> None:
     path.write_bytes(primitives_json([replace(found[0], start=found[0].start + 1, end=found[0].end + 1)]))
     with pytest.raises(InputError, match="off the body"):
         standing_in(scene)
+
+
+@pytest.mark.slow
+def test_grids_of_a_body_know_its_skin(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """With nodes 40 mm apart the nearest of all grids is within half of that of the exact distance to the skin."""
+    monkeypatch.setenv("TAICHI_CLOTH_CACHE", str(tmp_path))
+    monkeypatch.setattr(standing, "GRID_SPACING", 0.04)
+    scene = load_scene("drape-body", [*SMALL, "body.contact=grid"])
+    met = standing_in(scene)
+    assert met is not None
+    grids, body = met.colliders.grids, met.body
+    assert not met.colliders.primitives
+    assert len(grids) == 17
+    assert {g.part: body.skeleton.names[g.bone] for g in grids}["left hand"] == "hand_l"
+    points = garment_points(body, 400)
+    exact, _ = mesh_distance(body.vertices, body.faces.astype(np.int64), points)
+    off = np.min([g.at(points)[0] for g in grids], axis=0) - exact
+    assert np.abs(off).max() < 0.02
+    again = standing_in(scene)
+    assert again is not None
+    np.testing.assert_array_equal(again.colliders.grids[3].values, grids[3].values)
 
 
 @pytest.mark.slow
