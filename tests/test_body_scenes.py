@@ -216,13 +216,14 @@ def test_ready_primitives_are_those_that_a_fit_gives(gender: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "frames"), [("drape-body", 90), ("sheet-walk", 300)])
 def test_sheets_on_a_body_stay_outside_and_whole(name: str, frames: int) -> None:
-    """Free key points are never deeper than 0.5 mm in a primitive (the gap keeps 4 mm between), the body standing or
+    """From the tenth frame on (the towel starts with its edge in the neck, and is let out) free key points are never
+    deeper than 0.5 mm in a primitive (the gap keeps 4 mm between), the body standing or
     walking, and threads stay within 15 %."""
     model = ClothModel(load_scene(name, ["cloth.representation=mesh", f"output.frames={frames}"]))
     deepest = stretch = 0.0
     for frame in range(1, frames + 1):
         model.step(frame)
-        if frame % 5 == 0:
+        if frame % 5 == 0 and frame >= 10:
             deepest = max(deepest, depth(model))
             stretch = max(
                 stretch, *(float(s.max()) for s in model.simulation.sheet.stretch(model.simulation.positions))
