@@ -110,7 +110,7 @@ def exact_rows(
         return np.min([grid.at(points)[0] for grid in grids], axis=0)
 
     rays = type(mesh.ray).__module__.rsplit(".", 1)[-1]
-    ways: list[tuple[str, Callable[[], F64]]] = [
+    ways: list[tuple[str, Callable[[], NDArray]]] = [
         (f"{len(primitives)} primitives, all of them, kernel", lambda: query(points)[0]),
         (f"{len(primitives)} primitives, all of them, numpy", lambda: nearest_distance(primitives, points)[0]),
         *([(f"{len(grids)} distance grids, numpy", of_grids)] if grids else []),
