@@ -1,4 +1,4 @@
-"""Sewing on the built-in bodies: where panels start; slow: every pattern closed, clear of the body, hardly stretched."""
+"""Sewing on the built-in bodies: where panels start; slow: every pattern closed, clear of the body, not stretched."""
 
 from dataclasses import replace
 from functools import cache

@@ -25,7 +25,7 @@ from taichi_cloth.simulation import Simulation, Unstable
 from taichi_cloth.solvers.verlet import Verlet
 from taichi_cloth.springs import calibrate
 
-__all__ = ["OPEN", "Garment", "Worn", "sew"]
+__all__ = ["DEEPEST", "OPEN", "TAUT", "Garment", "Worn", "misfit", "sew"]
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -33,6 +33,11 @@ I64 = NDArray[np.int64]
 
 OPEN = 2e-3
 """A seam is closed when its gap is no wider than this [m]."""
+
+DEEPEST = 3e-3
+"""In the body, of any key point of a garment that fits [m]."""
+TAUT = 0.08
+"""Largest strain at rest of a garment that fits."""
 
 CLOSING = 240  # frames at most
 SETTLING = 300
@@ -218,6 +223,27 @@ def sew(
         speed=speed,
         frames=frames,
     )
+
+
+def misfit(garment: Garment, worn: Worn) -> str | None:
+    """Why a garment does not fit the body it was sewn on, in one line with numbers and where; None: it fits."""
+    faults = []
+    if worn.gap > OPEN:
+        nodes, weights = garment.seams()
+        ends = np.einsum("nkc,nk->nc", worn.positions[nodes[..., 0], nodes[..., 1]], weights)
+        row, col = nodes[int(np.argmax(np.linalg.norm(ends, axis=1))), 0]
+        name = garment.pattern.panels[garment.atlas.owner()[row, col]].name
+        faults.append(f"a seam of {name} stays {1e3 * worn.gap:.1f} mm open (allowed {1e3 * OPEN:g})")
+    if worn.depth > DEEPEST:
+        faults.append(f"cloth lies {1e3 * worn.depth:.1f} mm in the body (allowed {1e3 * DEEPEST:g})")
+    if worn.stretch > TAUT:
+        strain = max(garment.sheet().stretch(worn.positions), key=lambda s: s.max())
+        row, col = np.unravel_index(int(np.argmax(strain)), strain.shape)
+        name = garment.pattern.panels[garment.atlas.owner()[row, col]].name
+        x, y, z = worn.positions[row, col]
+        where = f"at ({x:.2f}, {y:.2f}, {z:.2f}) m"
+        faults.append(f"threads of {name} are {100 * worn.stretch:.1f} % longer {where} (allowed {100 * TAUT:g})")
+    return "; ".join(faults) or None
 
 
 def _gap(simulation: Simulation) -> float:
