@@ -209,7 +209,7 @@ def _sector(name: str, waist: float, hem: float, long: float, f: Figure, *, back
 
 def _skirt(f: Figure, cut: Cut) -> Pattern:
     waist = _perimeter(f.sections["waist"], SNUG)
-    hem = f.hip * _set(cut.flare, 2.0) * (1 + _set(cut.ease, 0.0))
+    hem = f.hip * _set(cut.flare, 1.9) * (1 + _set(cut.ease, 0.0))
     long = _set(cut.length, 0.26 * f.stature)
     panels = [
         _sector(name, waist / 2, hem / 2, long, f, back=name == "back", height=f.waist_height)
@@ -220,17 +220,17 @@ def _skirt(f: Figure, cut: Cut) -> Pattern:
 
 
 def _dress(f: Figure, cut: Cut) -> Pattern:
-    girth, waist = f.chest * (1 + _set(cut.ease, 0.09)), f.waist * 1.12
+    girth, waist = f.chest * (1 + _set(cut.ease, 0.07)), f.waist * 1.12
     down = f.neck_height - f.waist_height + 0.035  # over the bust and the shoulder blades
     long = _set(cut.length, down + 0.33 * f.stature)
     if long <= down + 0.05:
         raise InputError(f"garment.length: {long:g}; allowed: above {down + 0.05:.3f} m, below the waist")
-    hem = f.hip * _set(cut.flare, 2.4)
-    reach = f.neck_height - f.underarm_height + 0.045
-    neck = f.neck / (2 * pi) + 0.045
+    hem = f.hip * _set(cut.flare, 1.8)
+    reach = f.neck_height - f.underarm_height + 0.06
+    neck = f.neck / (2 * pi) + 0.035
     panels = []
     for name, deep in (("front", 0.12), ("back", 0.05)):
-        top = _Top(girth / 4, f.shoulder / 2 - 0.02, neck, f.neck_height - f.shoulder_height, reach, deep, 0.04)
+        top = _Top(girth / 4, f.shoulder / 2 - 0.035, neck, f.neck_height - f.shoulder_height, reach, deep, 0.05)
         w, v = top.chest, waist / 4
         side = bezier([(v, -down), (v, -down + 0.3 * (down - reach)), (w, -reach - 0.4 * (down - reach)), (w, -reach)])
         edges = [_line((-v, -down), (v, -down)), side, *top.upper(), _mirrored(side)]

@@ -308,7 +308,7 @@ def _round_waist(pattern: Pattern, figure: Figure) -> Pattern:
         edge = pattern.edge(side)
         at = (centre + girth / 2) % girth - girth / 2
         origin = np.array([0.0, figure.waist_height, section.middle])
-        middle, top = float(edge[[0, -1], 0].mean()), float(edge[:, 1].mean())
+        middle, top = (float(v) for v in edge[[0, -1]].mean(axis=0))
         change[side.panel] = Wrap(
             origin, UP, np.array([0.0, 0.0, 1.0]), ring, middle=middle, taper=taper, at=at, top=top
         )

@@ -108,7 +108,7 @@ class Cone:
         wide, deep = down * slope, down * np.sqrt(1 - slope * slope)
         mean = (a + b) / 2 + np.maximum(wide, 0.0)
         spare = np.maximum(((a + b) / 2 + np.maximum(down, 0.0) * whole) / mean - 1, 0.0)
-        wide = wide + 2 * mean / self.folds * np.sqrt(spare) * np.cos(self.folds * turn)
+        wide = wide - 2 * mean / self.folds * np.sqrt(spare) * np.cos(self.folds * turn)
         return (
             self.origin
             + ((a + wide) * np.cos(around))[:, None] * self.outward
