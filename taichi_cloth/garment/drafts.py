@@ -116,7 +116,7 @@ class _Top:
         hole = bezier(
             [
                 (w, -reach),
-                (w - 0.8 * (w - s + 0.012), -reach),
+                (w - (0.8 if self.hollow < 0.03 else 0.95) * (w - s + 0.012), -reach),
                 (s - self.hollow, -drop - 0.5 * (reach - drop)),
                 (s, -drop),
             ]
@@ -226,11 +226,11 @@ def _dress(f: Figure, cut: Cut) -> Pattern:
     if long <= down + 0.05:
         raise InputError(f"garment.length: {long:g}; allowed: above {down + 0.05:.3f} m, below the waist")
     hem = f.hip * _set(cut.flare, 1.8)
-    reach = f.neck_height - f.underarm_height + 0.06
+    reach = f.neck_height - f.underarm_height + 0.08
     neck = f.neck / (2 * pi) + 0.035
     panels = []
     for name, deep in (("front", 0.12), ("back", 0.05)):
-        top = _Top(girth / 4, f.shoulder / 2 - 0.035, neck, f.neck_height - f.shoulder_height, reach, deep, 0.05)
+        top = _Top(girth / 4, f.shoulder / 2 - 0.035, neck, f.neck_height - f.shoulder_height, reach, deep, 0.06)
         w, v = top.chest, waist / 4
         side = bezier([(v, -down), (v, -down + 0.3 * (down - reach)), (w, -reach - 0.4 * (down - reach)), (w, -reach)])
         edges = [_line((-v, -down), (v, -down)), side, *top.upper(), _mirrored(side)]

@@ -41,6 +41,8 @@ TAUT = 0.08
 
 CLOSING = 240  # frames at most
 SETTLING = 300
+SWINGING = 120
+"""Frames after which what still swings is settled in thick air."""
 STILL = 0.01  # [m/s] root mean square from frame to frame at which cloth is at rest
 THICK, THIN = 6.0, 2.0  # [1/s] damping by the air while closing and while settling
 LAG = 3e-5  # [s] least damping of the threads: what seams and skin strike dies out in a few milliseconds
@@ -189,19 +191,22 @@ def sew(
                 each("sewing", frame + 1, closing)
             if _gap(simulation) < OPEN:
                 break
-        simulation = garment.simulation(
-            Forces(body=still), simulation.positions, places=places, held=early, bones=bones, air_damping=THIN
-        )
-        frame_time = simulation.solver.step * simulation.solver.substeps
         speed = 0.0
-        for frame in range(settling):
-            before = simulation.positions.copy()
-            simulation.step()
-            frames += 1
-            if each:
-                each("settling", frame + 1, settling)
-            speed = _speed(simulation, before, frame_time)
-            if frame >= 60 and speed < STILL:
+        for first, last, air in ((0, SWINGING, THIN), (SWINGING, settling, THICK)):
+            simulation = garment.simulation(
+                Forces(body=still), simulation.positions, places=places, held=early, bones=bones, air_damping=air
+            )
+            frame_time = simulation.solver.step * simulation.solver.substeps
+            for frame in range(first, min(last, settling)):
+                before = simulation.positions.copy()
+                simulation.step()
+                frames += 1
+                if each:
+                    each("settling", frame + 1, settling)
+                speed = _speed(simulation, before, frame_time)
+                if frame >= 60 and speed < STILL:
+                    break
+            if speed < STILL:
                 break
     except Unstable as error:
         raise InputError(
