@@ -101,7 +101,7 @@ def _placed(pattern: Pattern, change: dict[str, Flat | Wrap]) -> Pattern:
 
 
 def _lifted(pattern: Pattern, by: float) -> Pattern:
-    moved = {
+    moved: dict[str, Flat | Wrap] = {
         p.name: Flat(p.place.rotation, p.place.translation + by * UP)
         for p in pattern.panels
         if isinstance(p.place, Flat)
@@ -118,7 +118,7 @@ def _stacked(pattern: Pattern, figure: Figure) -> Pattern:
             if one.panel in tops and other.panel not in tops:
                 y = [pattern.panel(s.panel).place.points(pattern.edge(s))[:, 1].mean() for s in (one, other)]
                 offsets.setdefault(other.panel, []).append(float(y[0] - y[1]))
-    moved = {
+    moved: dict[str, Flat | Wrap] = {
         p.name: Flat(p.place.rotation, p.place.translation + (np.mean(offsets[p.name]) - 0.01) * UP)
         for p in pattern.panels
         if p.name in offsets and isinstance(p.place, Flat)
