@@ -9,6 +9,7 @@ from taichi_cloth.blocks import build_fabric
 from taichi_cloth.colour_order import thread_repeat
 from taichi_cloth.follow import FibreFollower
 from taichi_cloth.garment.cut import Atlas
+from taichi_cloth.garment.sew import misfit
 from taichi_cloth.garment.surface import Surface
 from taichi_cloth.garment.weaving import Colours, Weaving, crossings_shape
 from taichi_cloth.simulation import Simulation
@@ -143,6 +144,9 @@ class GarmentModel:
             Fact("largest stretch", f"{100 * worn.stretch:.1f} %"),
             Fact("substeps a frame", f"{solver.substeps} of {1e6 * solver.step:.1f} µs"),
         ]
+        wrong = misfit(garment, worn)
+        if wrong is not None:
+            facts.append(Fact("does not fit", wrong))
         if self.prepared is not None:
             layout = self.prepared.layout
             facts += yarn_facts(layout.warp.yarn, "warp yarn") + fabric_facts(layout)

@@ -98,7 +98,8 @@ def _before(f: Figure, height: float, *, back: bool) -> Flat:
 
 @dataclass(frozen=True)
 class _Top:
-    """Half a bodice: half widths at the chest, shoulder and neck, depths below the neck's side [m]."""
+    """Half a bodice: half widths at the chest, shoulder and neck, depths below the neck's side; how far the armhole is
+    hollowed out within the shoulder's width [m]."""
 
     chest: float
     shoulder: float
@@ -106,6 +107,7 @@ class _Top:
     slope: float
     armhole: float
     neck_depth: float
+    hollow: float = 0.016
 
     def upper(self) -> list[F64]:
         """From the underarm on the right over shoulder, neck and shoulder to that on the left."""
@@ -114,8 +116,8 @@ class _Top:
         hole = bezier(
             [
                 (w, -reach),
-                (w - 0.8 * (w - s + 0.012), -reach),
-                (s - 0.016, -drop - 0.5 * (reach - drop)),
+                (w - (0.8 if self.hollow < 0.03 else 0.95) * (w - s + 0.012), -reach),
+                (s - self.hollow, -drop - 0.5 * (reach - drop)),
                 (s, -drop),
             ]
         )
@@ -142,7 +144,7 @@ def _tshirt(f: Figure, cut: Cut) -> Pattern:
         holes += length(edges[2])
         place = _before(f, f.neck_height + 0.02, back=name == "back")
         panels.append(Panel(name, tuple(edges), place, hems=(0, 4)))
-    width, short = min(f.upper_arm * 1.5 + 0.03, 0.9 * holes), _set(cut.sleeve, 0.11)
+    width, short = min(f.upper_arm * 1.6 + 0.03, 0.92 * holes), _set(cut.sleeve, 0.11)
     for which, name in enumerate(("left", "right")):
         panels.append(_sleeve(f, which, f"{name}_sleeve", width, short, holes * 1.015))
     seams = [
@@ -207,7 +209,7 @@ def _sector(name: str, waist: float, hem: float, long: float, f: Figure, *, back
 
 def _skirt(f: Figure, cut: Cut) -> Pattern:
     waist = _perimeter(f.sections["waist"], SNUG)
-    hem = f.hip * _set(cut.flare, 2.0) * (1 + _set(cut.ease, 0.0))
+    hem = f.hip * _set(cut.flare, 1.9) * (1 + _set(cut.ease, 0.0))
     long = _set(cut.length, 0.26 * f.stature)
     panels = [
         _sector(name, waist / 2, hem / 2, long, f, back=name == "back", height=f.waist_height)
@@ -218,17 +220,17 @@ def _skirt(f: Figure, cut: Cut) -> Pattern:
 
 
 def _dress(f: Figure, cut: Cut) -> Pattern:
-    girth, waist = f.chest * (1 + _set(cut.ease, 0.06)), f.waist * 1.07
-    down = f.neck_height - f.waist_height
+    girth, waist = f.chest * (1 + _set(cut.ease, 0.07)), f.waist * 1.12
+    down = f.neck_height - f.waist_height + 0.035  # over the bust and the shoulder blades
     long = _set(cut.length, down + 0.33 * f.stature)
     if long <= down + 0.05:
         raise InputError(f"garment.length: {long:g}; allowed: above {down + 0.05:.3f} m, below the waist")
-    hem = f.hip * _set(cut.flare, 2.6)
-    reach = f.neck_height - f.underarm_height + 0.045
-    neck = f.neck / (2 * pi) + 0.045
+    hem = f.hip * _set(cut.flare, 1.8)
+    reach = f.neck_height - f.underarm_height + 0.08
+    neck = f.neck / (2 * pi) + 0.035
     panels = []
     for name, deep in (("front", 0.12), ("back", 0.05)):
-        top = _Top(girth / 4, f.shoulder / 2 - 0.02, neck, f.neck_height - f.shoulder_height, reach, deep)
+        top = _Top(girth / 4, f.shoulder / 2 - 0.035, neck, f.neck_height - f.shoulder_height, reach, deep, 0.06)
         w, v = top.chest, waist / 4
         side = bezier([(v, -down), (v, -down + 0.3 * (down - reach)), (w, -reach - 0.4 * (down - reach)), (w, -reach)])
         edges = [_line((-v, -down), (v, -down)), side, *top.upper(), _mirrored(side)]
@@ -256,7 +258,7 @@ def _trousers(f: Figure, cut: Cut) -> Pattern:
     panels = []
     for side, sign in (("left", 1.0), ("right", -1.0)):
         for name, share, fork, away in (("front", 0.245, 0.05, 0.16), ("back", 0.255, 0.10, -0.18)):
-            hip, waist, hem = f.hip * ease * share, f.waist * 1.04 * share + 0.01, f.thigh * 0.42
+            hip, waist, hem = f.hip * ease * share, f.waist * 1.07 * share + 0.01, f.thigh * 0.42
             crotch = fork * f.hip * ease
             middle = hip / 2 + 0.25 * crotch - crotch / 2  # of the leg
             # x from the centre line of the body outwards; the loop: hem, outer side, waist, centre, inner leg

@@ -24,7 +24,7 @@ MOST = 1.6
 """A pattern that has to be widened by more than this is none for the figure."""
 BELOW = 0.04
 """Of an armhole's lowest point under the arm where a top starts [m]; pulls at the armpit otherwise."""
-TALLER = 1.5  # a top is lengthened by this at most for its armholes' sake
+TALLER, BARE = 1.5, 1.25  # a top with sleeves, or without, is lengthened by this at most for its armholes' sake
 CLEAR = 0.010  # between the body and a waistband [m]
 DROP = 0.02  # from the neck's side, where it starts, to the neck where a top rests [m]
 UP = np.array([0.0, 1.0, 0.0])
@@ -59,19 +59,19 @@ def fitted(pattern: Pattern, figure: Figure) -> Pattern:
         )
         return _round_waist(out.scaled(max(1.0, tight), 1.0) if tight > 1.02 else out, figure)
     deep = figure.neck_height + DROP - figure.underarm_height + BELOW
-    out = out.scaled(1.0, min(max(1.0, deep / max(high - _underarm(out, figure), 0.05)), TALLER))
+    most = TALLER if any(_is_sleeve(p, figure) for p in out.panels) else BARE
+    out = out.scaled(1.0, min(max(1.0, deep / max(high - _underarm(out, figure), 0.05)), most))
     high = _reach(out)[1]
     out = _lifted(out, figure.neck_height + DROP - high)
+    out = _stacked(out, figure)
+    heights = np.arange(figure.crotch_height + 0.02, figure.underarm_height - 0.02, 0.01)
+    known = [figure.hip_height, figure.waist_height, figure.underarm_height - 0.02]
+    girths = np.interp(heights, known, [figure.hip, figure.waist, figure.chest])
     need = 1.0
-    levels = {
-        figure.underarm_height - 0.02: figure.chest,
-        figure.waist_height: figure.waist,
-        figure.hip_height: figure.hip,
-    }
-    for height, girth in levels.items():
-        own = _girth(out, height, figure)
-        if own > 0.4 * girth:  # less: the panels start apart, or the garment ends above
-            need = max(need, (1 + EASE) * girth / own)
+    for height, girth in zip(heights, girths, strict=True):
+        own = _girth(out, float(height), figure)
+        if own > 0.4 * girth:  # less: the garment ends above, or is sewn of parts that do not meet yet
+            need = max(need, (1 + EASE) * float(girth) / own)
     _check(pattern, need * figure.chest / OWN_CHEST)
     out = _along_arms(_clear(out.scaled(need, 1.0), figure), figure)
     return replace(out, holds=_shoulders(out, figure))
@@ -101,10 +101,27 @@ def _placed(pattern: Pattern, change: dict[str, Flat | Wrap]) -> Pattern:
 
 
 def _lifted(pattern: Pattern, by: float) -> Pattern:
-    moved = {
+    moved: dict[str, Flat | Wrap] = {
         p.name: Flat(p.place.rotation, p.place.translation + by * UP)
         for p in pattern.panels
         if isinstance(p.place, Flat)
+    }
+    return _placed(pattern, moved)
+
+
+def _stacked(pattern: Pattern, figure: Figure) -> Pattern:
+    """Skirts of dresses raised or lowered to the bodices that they are sewn to."""
+    tops = {p.name for p in pattern.panels if _world(p)[:, 1].max() > figure.underarm_height}
+    offsets: dict[str, list[float]] = {}
+    for seam in pattern.seams:
+        for one, other in ((seam.first, seam.second), (seam.second, seam.first)):
+            if one.panel in tops and other.panel not in tops:
+                y = [pattern.panel(s.panel).place.points(pattern.edge(s))[:, 1].mean() for s in (one, other)]
+                offsets.setdefault(other.panel, []).append(float(y[0] - y[1]))
+    moved: dict[str, Flat | Wrap] = {
+        p.name: Flat(p.place.rotation, p.place.translation + (np.mean(offsets[p.name]) - 0.01) * UP)
+        for p in pattern.panels
+        if p.name in offsets and isinstance(p.place, Flat)
     }
     return _placed(pattern, moved)
 
@@ -291,7 +308,7 @@ def _round_waist(pattern: Pattern, figure: Figure) -> Pattern:
         edge = pattern.edge(side)
         at = (centre + girth / 2) % girth - girth / 2
         origin = np.array([0.0, figure.waist_height, section.middle])
-        middle, top = float(edge[[0, -1], 0].mean()), float(edge[:, 1].mean())
+        middle, top = (float(v) for v in edge[[0, -1]].mean(axis=0))
         change[side.panel] = Wrap(
             origin, UP, np.array([0.0, 0.0, 1.0]), ring, middle=middle, taper=taper, at=at, top=top
         )

@@ -25,7 +25,7 @@ from taichi_cloth.simulation import Simulation, Unstable
 from taichi_cloth.solvers.verlet import Verlet
 from taichi_cloth.springs import calibrate
 
-__all__ = ["OPEN", "Garment", "Worn", "sew"]
+__all__ = ["DEEPEST", "OPEN", "TAUT", "Garment", "Worn", "misfit", "sew"]
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -34,8 +34,15 @@ I64 = NDArray[np.int64]
 OPEN = 2e-3
 """A seam is closed when its gap is no wider than this [m]."""
 
+DEEPEST = 3e-3
+"""In the body, of any key point of a garment that fits [m]."""
+TAUT = 0.08
+"""Largest strain at rest of a garment that fits."""
+
 CLOSING = 240  # frames at most
 SETTLING = 300
+SWINGING = 120
+"""Frames after which what still swings is settled in thick air."""
 STILL = 0.01  # [m/s] root mean square from frame to frame at which cloth is at rest
 THICK, THIN = 6.0, 2.0  # [1/s] damping by the air while closing and while settling
 LAG = 3e-5  # [s] least damping of the threads: what seams and skin strike dies out in a few milliseconds
@@ -184,19 +191,22 @@ def sew(
                 each("sewing", frame + 1, closing)
             if _gap(simulation) < OPEN:
                 break
-        simulation = garment.simulation(
-            Forces(body=still), simulation.positions, places=places, held=early, bones=bones, air_damping=THIN
-        )
-        frame_time = simulation.solver.step * simulation.solver.substeps
         speed = 0.0
-        for frame in range(settling):
-            before = simulation.positions.copy()
-            simulation.step()
-            frames += 1
-            if each:
-                each("settling", frame + 1, settling)
-            speed = _speed(simulation, before, frame_time)
-            if frame >= 60 and speed < STILL:
+        for first, last, air in ((0, SWINGING, THIN), (SWINGING, settling, THICK)):
+            simulation = garment.simulation(
+                Forces(body=still), simulation.positions, places=places, held=early, bones=bones, air_damping=air
+            )
+            frame_time = simulation.solver.step * simulation.solver.substeps
+            for frame in range(first, min(last, settling)):
+                before = simulation.positions.copy()
+                simulation.step()
+                frames += 1
+                if each:
+                    each("settling", frame + 1, settling)
+                speed = _speed(simulation, before, frame_time)
+                if frame >= 60 and speed < STILL:
+                    break
+            if speed < STILL:
                 break
     except Unstable as error:
         raise InputError(
@@ -218,6 +228,27 @@ def sew(
         speed=speed,
         frames=frames,
     )
+
+
+def misfit(garment: Garment, worn: Worn) -> str | None:
+    """Why a garment does not fit the body it was sewn on, in one line with numbers and where; None: it fits."""
+    faults = []
+    if worn.gap > OPEN:
+        nodes, weights = garment.seams()
+        ends = np.einsum("nkc,nk->nc", worn.positions[nodes[..., 0], nodes[..., 1]], weights)
+        row, col = nodes[int(np.argmax(np.linalg.norm(ends, axis=1))), 0]
+        name = garment.pattern.panels[garment.atlas.owner()[row, col]].name
+        faults.append(f"a seam of {name} stays {1e3 * worn.gap:.1f} mm open (allowed {1e3 * OPEN:g})")
+    if worn.depth > DEEPEST:
+        faults.append(f"cloth lies {1e3 * worn.depth:.1f} mm in the body (allowed {1e3 * DEEPEST:g})")
+    if worn.stretch > TAUT:
+        strain = max(garment.sheet().stretch(worn.positions), key=lambda s: s.max())
+        row, col = np.unravel_index(int(np.argmax(strain)), strain.shape)
+        name = garment.pattern.panels[garment.atlas.owner()[row, col]].name
+        x, y, z = worn.positions[row, col]
+        where = f"at ({x:.2f}, {y:.2f}, {z:.2f}) m"
+        faults.append(f"threads of {name} are {100 * worn.stretch:.1f} % longer {where} (allowed {100 * TAUT:g})")
+    return "; ".join(faults) or None
 
 
 def _gap(simulation: Simulation) -> float:
