@@ -58,6 +58,8 @@ def draw(rows: Sequence[SolverRow], path: Path | str) -> None:
                 panel.set_xlabel("CPU time for a simulated second [ms]")
             if j == 0:
                 panel.set_ylabel(f"error after {CASES[case]:g} s, rms [mm]")
-    entries = {label: line for panel in panels.ravel() for line, label in zip(*panel.get_legend_handles_labels())}
+    entries = {
+        label: line for panel in panels.ravel() for line, label in zip(*panel.get_legend_handles_labels(), strict=True)
+    }
     figure.legend(entries.values(), entries.keys(), loc="outside lower center", ncols=4, frameon=False, fontsize=10)
     figure.savefig(Path(path), dpi=110)

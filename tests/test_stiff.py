@@ -13,11 +13,11 @@ from taichi_cloth.energy import elastic_energy, elastic_forces, kinetic_energy
 from taichi_cloth.errors import InputError
 from taichi_cloth.forces import Forces, Plane, Sphere, Wind
 from taichi_cloth.pins import Pins
-from taichi_cloth.sheet import Sheet, SheetState
 from taichi_cloth.scenes.load import load_scene
 from taichi_cloth.scenes.moving import simulation_of
 from taichi_cloth.scenes.plan import plan
 from taichi_cloth.scenes.report_reference import reference
+from taichi_cloth.sheet import Sheet, SheetState
 from taichi_cloth.simulation import Simulation
 from taichi_cloth.solvers.implicit import Implicit
 from taichi_cloth.springs import calibrate
