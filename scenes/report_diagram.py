@@ -61,5 +61,12 @@ def draw(rows: Sequence[SolverRow], path: Path | str) -> None:
     entries = {
         label: line for panel in panels.ravel() for line, label in zip(*panel.get_legend_handles_labels(), strict=True)
     }
-    figure.legend(entries.values(), entries.keys(), loc="outside lower center", ncols=max(2, (3 * len(stiffnesses) + 1) // 2), frameon=False, fontsize=10)
+    figure.legend(
+        entries.values(),
+        entries.keys(),
+        loc="outside lower center",
+        ncols=max(2, (3 * len(stiffnesses) + 1) // 2),
+        frameon=False,
+        fontsize=10,
+    )
     figure.savefig(Path(path), dpi=110)
