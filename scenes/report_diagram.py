@@ -13,6 +13,7 @@ STYLES = {
     "verlet": ("#c0392b", "*"),
     "implicit": ("#1f4e9c", "o"),
     "implicit, order 1": ("#5fa8e8", "s"),
+    "threads, 1 sweep": ("#f2b970", "<"),
     "threads, 2 sweeps": ("#e08e2b", "^"),
     "threads, 8 sweeps": ("#8a5a16", "v"),
     "projective, 2 iterations": ("#7fbf7b", "D"),
@@ -40,24 +41,32 @@ def draw(rows: Sequence[SolverRow], path: Path | str) -> None:
             here = [row for row in rows if (row.case, row.stiffness) == (case, stiffness)]
             for name in dict.fromkeys(row.solver for row in here):
                 runs = sorted((r.ms_per_s, 1e3 * r.error) for r in here if r.solver == name and r.error == r.error)
+                if not runs:
+                    continue
                 if name == "reference":
-                    panel.axhline(
-                        runs[0][1] if runs else 1e-9, color="0.55", ls="--", lw=1.2, label="reference, step × 2"
-                    )
+                    panel.axhline(runs[0][1], color="0.55", ls="--", lw=1.2, label="reference, step × 2")
                     continue
                 colour, marker = STYLES.get(name, ("0.3", "x"))
                 size = 13 if marker == "*" else 6
-                panel.plot(
-                    *zip(*runs, strict=True), color=colour, marker=marker, ms=size, lw=1.6, label=name
-                ) if runs else None
+                panel.plot(*zip(*runs, strict=True), color=colour, marker=marker, ms=size, lw=1.6, label=name)
             panel.set_xscale("log")
             panel.set_yscale("log")
             panel.grid(which="major", color="0.88")
-            panel.set_title(f"{case}, {stiffness:,.0f} × cotton", fontsize=11)
+            points = here[0].points if here else 0
+            panel.set_title(f"{case}, {stiffness:,.0f} × cotton, {points} × {points} key points", fontsize=10)
             if i == len(cases) - 1:
                 panel.set_xlabel("CPU time for a simulated second [ms]")
             if j == 0:
                 panel.set_ylabel(f"error after {CASES[case]:g} s, rms [mm]")
-    entries = {label: line for panel in panels.ravel() for line, label in zip(*panel.get_legend_handles_labels())}
-    figure.legend(entries.values(), entries.keys(), loc="outside lower center", ncols=4, frameon=False, fontsize=10)
+    entries = {
+        label: line for panel in panels.ravel() for line, label in zip(*panel.get_legend_handles_labels(), strict=True)
+    }
+    figure.legend(
+        entries.values(),
+        entries.keys(),
+        loc="outside lower center",
+        ncols=max(2, (3 * len(stiffnesses) + 1) // 2),
+        frameon=False,
+        fontsize=10,
+    )
     figure.savefig(Path(path), dpi=110)

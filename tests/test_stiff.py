@@ -13,11 +13,11 @@ from taichi_cloth.energy import elastic_energy, elastic_forces, kinetic_energy
 from taichi_cloth.errors import InputError
 from taichi_cloth.forces import Forces, Plane, Sphere, Wind
 from taichi_cloth.pins import Pins
-from taichi_cloth.sheet import Sheet, SheetState
 from taichi_cloth.scenes.load import load_scene
 from taichi_cloth.scenes.moving import simulation_of
 from taichi_cloth.scenes.plan import plan
 from taichi_cloth.scenes.report_reference import reference
+from taichi_cloth.sheet import Sheet, SheetState
 from taichi_cloth.simulation import Simulation
 from taichi_cloth.solvers.implicit import Implicit
 from taichi_cloth.springs import calibrate
@@ -181,13 +181,15 @@ def test_bad_starts_recover(name: str, stiffness: float) -> None:
 @pytest.mark.parametrize("name", ["shuffled", "stretched", "inverted"])
 def test_bad_starts_that_end_in_a_tangle_end_in_a_true_equilibrium(name: str, stiffness: float) -> None:
     """Cloth passes through cloth here, so the springs may lock each other: a state with stretched threads is right if
-    all forces on every key point cancel, to 1 % of the strongest pull (float32 positions, a last slow swing)."""
+    all forces on every key point cancel, to 1 % of the strongest pull (a last slow swing) and what float32 positions
+    leave, 1e-7 m × the stiffness."""
     sheet, y = rest_of(name, stiffness)
     forces = elastic_forces(sheet, y) + sheet.mass[..., None] * [0.0, -9.81, 0.0]
     pull = max(float((part * (1000.0 * stiffness * 0.3 / 8)).max()) for part in sheet.stretch(y))
     free = sheet.inverse_mass > 0
     left = float(np.abs(forces[free]).max())
-    assert left < 0.01 * max(pull, 9.81 * float(sheet.mass.max())), (left, pull)
+    rounding = 1000.0 * stiffness * 1e-7
+    assert left < 0.01 * max(pull, 9.81 * float(sheet.mass.max())) + rounding, (left, pull)
 
 
 @pytest.mark.parametrize("step", [1 / 240, 1 / 60, 1 / 10])

@@ -121,6 +121,8 @@ class Implicit(Solver):
     def _advanced(self, x0: F64, v0: F64, wind: F64) -> tuple[F64, F64]:
         """Positions and velocities a step later, (P, 3)."""
         h = self.step
+        if not self._free.any():
+            return x0 + h * v0, v0
         touching = self._gaps(x0)[0] <= TOUCHING
         if self.order == 2:
             tau = GAMMA * h
@@ -211,7 +213,7 @@ class Implicit(Solver):
         least = 1e-5 * float(np.linalg.norm(self._gravity)) * tau**2 + 1e-10
         for _ in range(ITERATIONS):
             gap, normal = self._gaps(x) if bodies else (np.zeros(0), np.zeros(0))
-            grip = np.zeros(len(m))
+            grip, depth, slid = np.zeros(len(m)), np.zeros(len(m)), np.zeros_like(x)
             if bodies:
                 depth = np.maximum(-gap, 0.0)
                 slid = x - start
