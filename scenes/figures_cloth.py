@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..render.caption import label
+from ..render.caption import label, legend
 from .cloth import ClothModel
 from .load import load_scene
 from .models import FabricModel, build
@@ -27,11 +27,11 @@ def picture(name: str, *overrides: str, size: tuple[int, int], frames: list[int]
 
 def fibre(quick: bool) -> Image:
     spacing = 0.8 if quick else 0.5
-    rows = []
+    images = []
     for kind in ("cotton", "wool", "silk"):
-        own = [f"fibre.kind={kind}", "fibre.length_um=120", f"fibre.spacing_um={spacing}"]
-        rows.append(label(picture("fibre", *own, size=(1200, 380))[0], kind, (60.0, 350.0)))
-    return np.concatenate(rows, axis=0)
+        own = [f"fibre.kind={kind}", "fibre.length_um=80", f"fibre.spacing_um={spacing}", "camera.margin=0.06"]
+        images += picture("fibre", *own, size=(800, 1200))
+    return np.concatenate(images, axis=1)
 
 
 def twist(quick: bool) -> Image:
@@ -39,7 +39,8 @@ def twist(quick: bool) -> Image:
 
 
 def weaves(quick: bool) -> Image:
-    own = ["weave.ends=18", "weave.picks=18", "camera.zoom=1.35", "fabric.pose=flat", "camera.elevation_deg=52"]
+    own = ["weave.ends=18", "weave.picks=18", "camera.zoom=1.1", "fabric.pose=flat", "camera.elevation_deg=60"]
+    own += ["camera.azimuth_deg=12"]
     if not quick:
         own += ["yarn.fibres=24", "fabric.steps=12"]
     images = []
@@ -56,15 +57,16 @@ def springs(quick: bool) -> Image:
     """The mass-spring network of six by six key points, drawn over the weave it stands for."""
     own = ["weave.ends=6", "weave.picks=6", "fabric.pose=flat", "fabric.fringe=0.8", "camera.elevation_deg=58"]
     own += ["camera.azimuth_deg=18", "yarn.fibres=24", "fabric.steps=16", "weave.warp_colours='#e6dfcf'"]
-    own += ["weave.weft_colours='#c9d3dc'"]
+    own += ["weave.weft_colours='#c9d3dc'", "yarn.hairiness.ends_per_m=0", "yarn.hairiness.loops_per_m=0"]
+    own += ["camera.zoom=1.12"]
     model = build(load_scene("plain", own))
     assert isinstance(model, FabricModel)
     view = View(model, (1200, 1000))
     ((_, plain),) = view.turntable(1, [0])
     (shot,) = view.shots()
     camera = shot.camera
-    top = model.points + np.array([0.0, 0.0, 0.0])
-    seen = camera.project(top.reshape(-1, 3))[:, :2].reshape(*top.shape[:2], 2)
+    rows, cols = model.points.shape[:2]
+    seen = camera.project(model.points.reshape(-1, 3))[:, :2].reshape(rows, cols, 2)
     left, right = plain.copy(), plain.copy()
     right[:] = 255 - (255 - right) // 2
     for ends, ink, bend, wide in _network(seen):
@@ -74,11 +76,9 @@ def springs(quick: bool) -> Image:
             centre = tuple(int(v) for v in np.round(at * (1 << SHIFT)))
             cv2.circle(image, centre, 11 << SHIFT, (255, 255, 255), -1, cv2.LINE_AA, SHIFT)
             cv2.circle(image, centre, 8 << SHIFT, (30, 30, 34), -1, cv2.LINE_AA, SHIFT)
-    for k, (name, ink) in enumerate(INKS.items()):
-        at = (60 + 330 * k, 955)
-        cv2.line(right, at, (at[0] + 56, at[1]), ink, 7, cv2.LINE_AA)
-        right = label(right, name, (at[0] + 150.0, at[1] + 12.0))
-    return np.concatenate([left, right], axis=1)
+    both = np.concatenate([left, right], axis=1)
+    strip = legend(both.shape[1], [(f"{n} springs", [v / 255 for v in ink]) for n, ink in INKS.items()], height=64)
+    return np.concatenate([both, strip], axis=0)
 
 
 def _network(at: NDArray) -> list[tuple[NDArray, tuple[int, int, int], float, int]]:
@@ -86,7 +86,7 @@ def _network(at: NDArray) -> list[tuple[NDArray, tuple[int, int, int], float, in
     out = []
     rows, cols = at.shape[:2]
     kinds = (
-        ("bending", ((0, 2), (2, 0)), 0.11, 3),
+        ("bending", ((0, 2), (2, 0)), 0.07, 3),
         ("shear", ((1, 1), (1, -1)), 0.0, 4),
         ("structural", ((0, 1), (1, 0)), 0.0, 6),
     )
