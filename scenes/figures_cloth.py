@@ -35,7 +35,7 @@ def fibre(quick: bool) -> Image:
 
 
 def twist(quick: bool) -> Image:
-    return np.concatenate(picture("twist", size=(1200, 260), frames=[0, 12, 30, 71]), axis=0)
+    return np.concatenate(picture("twist", size=(2400, 520), frames=[0, 12, 30, 71]), axis=0)
 
 
 def weaves(quick: bool) -> Image:

@@ -25,7 +25,7 @@ __all__ = ["body_parts", "dressed_twice", "magnified", "moving", "primitives", "
 
 Image = NDArray[np.uint8]
 TALL = (600, 900)
-MOMENTS = (0, 34, 44, 54)
+MOMENTS: tuple[int, ...] = (0, 34, 44, 54)
 """Frames of the walk."""
 
 

@@ -150,8 +150,9 @@ def _inside(outline: F64, piece: CutPanel) -> NDArray[np.bool_]:
     from taichi_cloth.garment.cut import intervals
 
     out = np.zeros(piece.share.shape, bool)
-    middle = piece.origin[0] + (np.arange(out.shape[1]) + 0.5) * piece.spacing[0]
-    for i in range(out.shape[0]):
+    rows, cols = piece.shape
+    middle = piece.origin[0] + (np.arange(cols - 1) + 0.5) * piece.spacing[0]
+    for i in range(rows - 1):
         for left, right in intervals(outline, float(piece.origin[1] + (i + 0.5) * piece.spacing[1]), 1):
             out[i] |= (middle > left) & (middle < right)
     return out
