@@ -1,4 +1,4 @@
-"""The command line: `taichi-cloth scenes | plan | turntable | animate | zoom | still | profile | body`."""
+"""The command line: `taichi-cloth scenes | plan | turntable | animate | zoom | still | profile | figures | body`."""
 
 import contextlib
 import os
@@ -186,6 +186,22 @@ def profile(
 
     for line in profile_lines(scene, overrides, repeats=repeats, arch=arch, threads=threads):
         typer.echo(line)
+
+
+@app.command("figures")
+def figures(
+    out: Annotated[Path, typer.Option("--out", help="Folder for the figures and index.html.")] = Path("out/figures"),
+    only: Annotated[str | None, typer.Option("--only", help="Numbers, such as 5,9 or 10-12; default: all.")] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="Coarser, to see what they show.")] = False,
+    arch: Arch = "cpu",
+    threads: Threads = None,
+) -> None:
+    """Make the paper's Figures 1 to 16, on one page with captions and commands."""
+    from .figures import make_figures
+
+    status = make_figures(out=out, only=only, quick=quick, arch=arch, threads=threads)
+    if status:
+        raise typer.Exit(status)
 
 
 @app.callback(invoke_without_command=True)

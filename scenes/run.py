@@ -31,7 +31,7 @@ from .sequence import Sequence, fingerprint
 from .view import View
 from .zoom import zoom
 
-__all__ = ["image_size", "run"]
+__all__ = ["image_size", "progress", "run"]
 
 Command = Literal["turntable", "animate", "zoom"]
 
@@ -60,7 +60,7 @@ def run(
     folder = out or Path("out") / (Path(name).stem + ("-zoom" if command == "zoom" else ""))
     sequence = Sequence.open(folder, fingerprint(scene, command), count, resume=resume)
     runtime.start(arch, threads=threads)
-    with _progress() as bar:
+    with progress() as bar:
         stages: dict[str, TaskID] = {}
 
         def each(stage: str, done: int, most: int) -> None:
@@ -84,7 +84,7 @@ def run(
         frames = zoom(view, count, todo)
     else:
         frames = view.animation(todo)
-    with _progress() as bar:
+    with progress() as bar:
         task = bar.add_task("frames", total=count, completed=count - len(todo))
         for _ in sequence.write(frames):
             bar.advance(task)
@@ -106,7 +106,8 @@ def image_size(text: str) -> tuple[int, int]:
     raise InputError(f"--size: {text[:40]!r}; allowed: WIDTHxHEIGHT with 1 to 16384 pixels each, such as 1280x720")
 
 
-def _progress() -> Progress:
+def progress() -> Progress:
+    """A bar on standard error, if that is a terminal."""
     return Progress(
         TextColumn("{task.description}"),
         BarColumn(),

@@ -68,7 +68,14 @@ def table_lines(
     measured: dict[str, Measured] = {}
     for name in PAPER:
         yield f"{name}: building"
-        measured[name] = measure(scene_of(name), frames)
+        try:
+            measured[name] = ours = measure(scene_of(name), frames)
+        except (InputError, Unstable) as error:
+            yield f"{name}: not timed: {error}"
+            continue
+        yield f"{name}: mesh {ours.median('mesh'):.2f} ms, fibre {ours.median('fibre'):.2f} ms"
+    if not measured:
+        raise InputError("profile --tables: none of the garments could be timed; the lines above say why")
     tables = tables_of(measured)
     for table in tables:
         yield ""

@@ -85,6 +85,17 @@ class View:
             shot, _ = self._shoot(k, camera)
             yield shot
 
+    def camera(self) -> Camera:
+        """That of an animation, for the first panel, without the scene's zoom."""
+        self._load()
+        azimuth, (width, height) = self.scene.camera.azimuth_deg, (self._splatters[0].width, self._splatters[0].height)
+        return frame(self._panels[0].bounds, width=width, height=height, azimuth=azimuth, **self._lens())
+
+    def seen_by(self, camera: Camera) -> Image:
+        """The first panel as it is now, from any camera of the image's size."""
+        self._load()
+        return self._shoot(0, camera)[1]
+
     def animation(self, numbers: list[int]) -> Iterator[tuple[int, Image]]:
         """The frames `numbers`, in rising order, from one standing camera."""
         for k in numbers:

@@ -1,0 +1,127 @@
+"""Figures 10 to 16: the body and its primitives, garments as mesh and as fibres, magnified, stretched and in motion."""
+
+import tempfile
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_cloth.body.build import built_in_body
+from taichi_cloth.body.segment import segment
+
+from ..render.caption import label
+from ..render.mesh import Mesh
+from .body_fit import GREY
+from .body_picture import HUES, KIND_COLOURS, Shown, draw_panels, part_mesh, primitive_meshes
+from .dressing import primitives_of
+from .garment import GarmentModel
+from .load import load_scene
+from .models import build
+from .view import View
+
+__all__ = ["body_parts", "dressed_twice", "magnified", "moving", "primitives", "skirt_and_shirt", "stretched"]
+
+Image = NDArray[np.uint8]
+TALL = (600, 900)
+MOMENTS: tuple[int, ...] = (0, 34, 44, 54)
+"""Frames of the walk."""
+
+
+def body_parts(quick: bool) -> Image:
+    body, parts = _body()
+    plain = Mesh(body.vertices, body.faces.astype(np.int64), GREY)
+    mesh = part_mesh(body.vertices, body.faces.astype(np.int64), np.asarray(plain.normals), parts.labels)
+    shown = [Shown(mesh, 25.0, f"{len(parts.names)} parts"), Shown(mesh, 205.0)]
+    return _panels(shown, body, [(name, HUES[k % len(HUES)]) for k, name in enumerate(parts.names)])
+
+
+def primitives(quick: bool) -> Image:
+    body, _ = _body()
+    plain = Mesh(body.vertices, body.faces.astype(np.int64), GREY)
+    solids = primitives_of(body)
+    mesh = primitive_meshes(solids)
+    shown = [Shown(mesh, 25.0, f"{len(solids)} primitives under the skin", plain), Shown(mesh, 205.0)]
+    words = {"cylinder": "cylinders", "sphere": "spheres", "elliptic": "elliptic cylinders"}
+    counts = {kind: sum(p.kind == kind for p in solids) for kind in KIND_COLOURS}
+    return _panels(shown, body, [(f"{n} {words[kind]}", KIND_COLOURS[kind]) for kind, n in counts.items() if n])
+
+
+@lru_cache(maxsize=1)
+def _body():
+    body = built_in_body(gender="female")
+    return body, segment(body.vertices, body.faces.astype(np.int64))
+
+
+def _panels(shown: list[Shown], body, entries: list) -> Image:
+    box = (body.vertices.min(axis=0), body.vertices.max(axis=0))
+    with tempfile.TemporaryDirectory() as folder:
+        return draw_panels(shown, box, Path(folder) / "body.png", size=(600, 860), entries=entries)
+
+
+@lru_cache(maxsize=1)
+def _garment(name: str, *overrides: str) -> GarmentModel:
+    """The last garment that was drawn; another takes its place."""
+    model = build(load_scene(name, list(overrides)))
+    assert isinstance(model, GarmentModel)
+    return model
+
+
+def _at_rest(model: GarmentModel, size: tuple[int, int]) -> Image:
+    model.step(0)
+    return next(image for _, image in View(model, size).turntable(1, [0]))
+
+
+def dressed_twice(quick: bool) -> Image:
+    model = _garment("dress")
+    model.step(0)
+    fibres = _at_rest(model, TALL)
+    follower, model.follower = model.follower, None
+    try:
+        mesh = _at_rest(model, TALL)
+    finally:
+        model.follower = follower
+    return np.concatenate([label(mesh, "mesh", (300.0, 875.0)), label(fibres, "fibres", (300.0, 875.0))], axis=1)
+
+
+def magnified(quick: bool) -> Image:
+    """Whole, then nearer and nearer to a place on the chest; threads as many as the scene says."""
+    model = _garment("tshirt")
+    model.step(0)
+    size = (600, 600)
+    view = View(model, size, scale=1 if quick else 2)
+    camera = view.camera()
+    points = model.simulation.positions[model.simulation.sheet.present]
+    seen = camera.project(points)
+    low, high = points.min(axis=0), points.max(axis=0)
+    aim = low + np.array([0.56, 0.62, 1.0]) * (high - low)
+    apart = np.abs(points[:, :2] - aim[:2]).sum(axis=1) + np.where(seen[:, 2] < np.median(seen[:, 2]), 0.0, 1.0)
+    x, y, _ = seen[apart.argmin()]
+    images = []
+    for times in (1, 4, 16, 60):
+        share = 0.0 if times == 1 else 1.0
+        cx = camera.width / 2 + times * (camera.cx - (share * x + (1 - share) * camera.width / 2))
+        cy = camera.height / 2 + times * (camera.cy - (share * y + (1 - share) * camera.height / 2))
+        image = view.seen_by(replace(camera, focal=times * camera.focal, cx=float(cx), cy=float(cy)))
+        words = "whole" if times == 1 else f"{times} ×"
+        images.append(label(image, words.replace("×", "x"), (0.5 * image.shape[1], 0.96 * image.shape[0])))
+    return np.concatenate([np.concatenate(images[:2], axis=1), np.concatenate(images[2:], axis=1)], axis=0)
+
+
+def stretched(quick: bool) -> Image:
+    scene = load_scene("stretch", [])
+    model = build(scene)
+    last = 30 if quick else model.frames - 1
+    return np.concatenate([image for _, image in View(model, (1200, 560)).animation([0, last])], axis=0)
+
+
+def skirt_and_shirt(quick: bool) -> Image:
+    shirt = _at_rest(_garment("tshirt"), TALL)
+    return np.concatenate([_at_rest(_garment("skirt"), TALL), shirt], axis=1)
+
+
+def moving(quick: bool) -> Image:
+    model = _garment("dress", "body.motion=walk")
+    moments = [k // 2 for k in MOMENTS] if quick else list(MOMENTS)
+    return np.concatenate([image for _, image in View(model, (300, 640), scale=1).animation(moments)], axis=1)
