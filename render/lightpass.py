@@ -19,23 +19,18 @@ from .camera import Camera
 from .errors import RenderError
 from .finish import Finish
 from .light import Lighting
+from .light_sizes import KEY_STRIDE, MAP_SIZE, SKY_STRIDE
 from .mesh import Mesh
 from .meshlight import stand_ins
-from .occlusion import MAP_SIZE as SKY_SIZE
-from .occlusion import SKY_DIRECTIONS, STRIDE, SkyMaps, occlude
+from .occlusion import SkyMaps, occlude
 from .shade import MOST_OTHERS, Shading
-from .shadow import MAP_SIZE, ShadowMap, cast
-from .sky import SCRATCH_ROWS
+from .shadow import ShadowMap, cast
 from .thin import chained, spread, thin
-from .transmittance import LAYERS, STAMP_ROWS
 
-__all__ = ["NO_LIGHT", "LightMaps", "LightPass", "light_bytes", "shading_of"]
+__all__ = ["NO_LIGHT", "LightMaps", "LightPass", "shading_of"]
 
 NO_LIGHT = np.ones((1, 1, LANES), np.float32)
 """What `project` gets where no light pass is needed."""
-
-KEY_STRIDE = 2
-"""Of elongated particles, every so many along a fibre throws and receives the shadows of a distant light."""
 
 MOST_STAND_INS = 60_000
 """Points that stand for a mesh before the sky."""
@@ -70,17 +65,6 @@ def shading_of(lighting: Lighting, finish: Finish) -> Shading:
         lobes=finish.model == "marschner",
         dome=lighting.horizon is not None and lighting.fill > 0,
     )
-
-
-def light_bytes(particles: int, *, shadows: int, occlusion: bool, chunks: int = 2) -> int:
-    """About the memory that the light pass of particles in chains takes: its maps, what it keeps of every particle,
-    and what it works with. shadows: lights that cast one. A map has no more than four texels a particle."""
-    texels = 1.2 * min(MAP_SIZE**2, 4 * particles) * 4 / 3
-    one = texels * (LAYERS + 1) * 4 + particles * 4
-    few = particles / KEY_STRIDE * (STAMP_ROWS + 15) * 4
-    dome = SKY_DIRECTIONS * 1.2 * min(SKY_SIZE**2, 4 * particles) * (LAYERS + 2) * 4 + particles * 4
-    working = particles / STRIDE * (15 + chunks * SCRATCH_ROWS) * 4
-    return int(shadows * one + (few if shadows else 0) + (dome + working if occlusion else 0))
 
 
 class LightPass:
@@ -143,7 +127,7 @@ class LightPass:
             lights.append(self._maps[mark] if row >= 0 else None)
         self._maps = {mark: one for mark, one in self._maps.items() if mark in marks}
         if shading.sky >= 0 and self._sky is None:
-            few, stretch = self._thinned(layout, blocks, STRIDE)
+            few, stretch = self._thinned(layout, blocks, SKY_STRIDE)
             if self._mesh is not None:
                 spacing = float((box[1] - box[0]).max()) / 200
                 few = np.concatenate([few, stand_ins(self._mesh, layout, spacing, MOST_STAND_INS)])
@@ -163,7 +147,7 @@ class LightPass:
             (row, one, KEY_STRIDE) for row, one in zip(shading.shadows, maps.lights, strict=True) if row >= 0
         ]
         if shading.sky >= 0:
-            rows.append((shading.sky, maps.sky, STRIDE))
+            rows.append((shading.sky, maps.sky, SKY_STRIDE))
         for row, one, stride in rows:
             if one is None:
                 raise RenderError("light: the maps that are held have none for this light; cast them with it")

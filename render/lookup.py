@@ -7,7 +7,8 @@ import taichi as ti
 
 from .arrays import LANES, Float, Floats1, Floats2, Floats3, Int, Ints2, Switch
 from .blocks import NORMAL, POSITION, RADIUS
-from .transmittance import AWAY, LAYERS, ORIGIN, RIGHT, SCALE, UP, layer_of
+from .light_sizes import LAYERS
+from .transmittance import AWAY, ORIGIN, RIGHT, SCALE, UP, layer_of
 
 __all__ = ["gather", "look_up"]
 

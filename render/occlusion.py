@@ -17,19 +17,12 @@ from .arrays import LANES
 from .blocks import Layout
 from .errors import RenderError
 from .fit import fit, typical_radius
-from .transmittance import LAYERS
+from .light_sizes import LAYERS, SCRATCH_ROWS, SKY_DIRECTIONS, SKY_SIZE
 
-__all__ = ["SKY_DIRECTIONS", "STRIDE", "SkyMaps", "half_sphere", "occlude"]
+__all__ = ["SkyMaps", "half_sphere", "occlude"]
 
-SKY_DIRECTIONS = 10
-"""Maps; each is read from both ends, and a surface sees one end of every one."""
-
-STRIDE = 8
-"""Of particles in chains, every so many along a fibre blocks the sky and reads it: on the T-shirt of 377,508 as near
-to a fine map of all of them (0.07 rms of 0.83) as every fourth is."""
-
-MAP_SIZE, TEXEL = 384, 3.0
-"""Texels along a map, and the smallest texel in radii: coarser than for a shadow, which has one direction."""
+TEXEL = 3.0
+"""The smallest texel in radii."""
 
 FINE = 6.0
 """Depth [texels] in which the layers near either side of a texel are fine."""
@@ -107,7 +100,7 @@ def occlude(
     chunks: int,
     directions: int = SKY_DIRECTIONS,
     stretch: float = 1.0,
-    resolution: int = MAP_SIZE,
+    resolution: int = SKY_SIZE,
     texel_radii: float = TEXEL,
 ) -> SkyMaps:
     """The maps of packed particles in a box (2, 3) [m], of which each stands for `stretch` along its fibre."""
@@ -119,7 +112,7 @@ def occlude(
     texels, texel = int(sizes.sum()), max(f.texel for f in fits)
     first, last = np.empty(texels, np.float32), np.empty(texels, np.float32)
     depth = np.empty((texels, LAYERS), np.float32)
-    scratch = np.empty((max(1, chunks * len(blocks)), sky.SCRATCH_ROWS, LANES), np.float32)
+    scratch = np.empty((max(1, chunks * len(blocks)), SCRATCH_ROWS, LANES), np.float32)
     sky.fill(
         layout, chunks, stretch, blocks, len(blocks), axes, table, FINE * texel, scratch, scratch, first, last, depth,
         depth.reshape(-1, 1, LAYERS),

@@ -17,14 +17,12 @@ from .arrays import LANES
 from .blocks import Layout
 from .errors import RenderError
 from .fit import fit, typical_radius
+from .light_sizes import LAYERS, MAP_SIZE, STAMP_ROWS
 from .mesh import Mesh
 from .meshlight import first_depths
-from .transmittance import EMPTY, LAYERS, STAMP_ROWS
+from .transmittance import EMPTY
 
-__all__ = ["MAP_SIZE", "ShadowMap", "cast"]
-
-MAP_SIZE = 512
-"""Texels along the longer side of a map; fewer where a texel would be smaller than TEXEL radii."""
+__all__ = ["ShadowMap", "cast"]
 
 TEXEL = 1.5
 """Smallest texel, in radii of a typical particle."""

@@ -18,16 +18,14 @@ import taichi as ti
 from .arrays import LANES, Blocks, Float, Floats1, Floats2, Floats3, Int, Ints2, Switch, Vec16
 from .blocks import NORMAL, POSITION, RADIUS, TANGENT
 from .fibre import decay
+from .light_sizes import LAYERS
 from .sort import CHUNK_STEPS, share
-from .transmittance import AWAY, EMPTY, LAYERS, ORIGIN, RIGHT, SCALE, UP
+from .transmittance import AWAY, EMPTY, ORIGIN, RIGHT, SCALE, UP
 
-__all__ = ["SCRATCH_ROWS", "fill", "look", "look_at"]
+__all__ = ["fill", "look", "look_at"]
 
 DENSITY = 1.6
 """Optical depth of a texel covered once by an opaque fibre: spread evenly, as a fibre that covers its middle is."""
-
-SCRATCH_ROWS = 8
-"""Of a particle on a map: u, v [texels], depth [m], optical depth of a point, steps of u, v, depth, points."""
 
 MOST_POINTS = 12.0
 APART = 2.0

@@ -24,12 +24,12 @@ from .constants import set_constants
 from .errors import RenderError
 from .finish import Finish
 from .light import Background, Lighting
+from .light_sizes import MAP_SIZE
 from .lightpass import LightMaps, LightPass, shading_of
 from .mesh import Mesh
 from .particles import Particles
 from .planes import borrow
 from .raster import LUT_STEPS, clear, count_opaque, raster, resolve_linear
-from .shadow import MAP_SIZE
 from .sort import BINS, count_high, count_tiles, fill_tiles, scan, scan_tiles, scatter_high, scatter_low
 from .sprites import CRISP, Profile, SpriteSheet
 from .tone import WHITE, Tone, tone_table

@@ -24,12 +24,10 @@ import taichi as ti
 from .arrays import LANES, Blocks, Float, Floats1, Floats2, Floats3, Int, Ints1, Ints2, Switch, Vec16
 from .blocks import POSITION, RADIUS, TANGENT
 from .fibre import decay
+from .light_sizes import LAYERS
 from .sort import CHUNK_STEPS, share
 
-__all__ = ["EMPTY", "LAYERS", "STAMP_ROWS", "coarsen", "deposit", "layer_of", "stamp"]
-
-LAYERS = LANES
-"""Boundaries of layers in a texel."""
+__all__ = ["EMPTY", "coarsen", "deposit", "layer_of", "stamp"]
 
 EMPTY = 1e30
 """First depth [m] of a texel that no light is stopped in."""
@@ -37,7 +35,6 @@ EMPTY = 1e30
 # Rows of a stamp, a block of particles on the map: u, v [texels], depth [m], optical depth, half height of its box,
 # the rows s and t that turn an offset into -1..1, its edge, half width.
 U, V, BEHIND, OPTICAL, REACH, S_X, S_Y, T_X, T_Y, EDGE, WIDE = range(11)
-STAMP_ROWS = 11
 
 SMALL = 0.75
 """A particle of smaller semi-axes [texels] is spread over four texels."""

@@ -8,7 +8,7 @@ from taichi_cloth.memory import memory_limit
 from taichi_cloth.sphere_set import sphere_set_from_rows
 from taichi_cloth.yarn import Yarn
 
-from ..render.lightpass import light_bytes
+from ..render.light_sizes import light_bytes
 from .prepare import DRAW_BYTES, Prepared, fibre_kind, has_floor, prepare_fabric, yarn_of
 from .schema import Scene
 

@@ -14,7 +14,8 @@ from taichi_cloth.render.errors import RenderError
 from taichi_cloth.render.fibre import decay, lobes
 from taichi_cloth.render.finish import FINISHES, Finish
 from taichi_cloth.render.light import Background, KeyLight, Lighting
-from taichi_cloth.render.lightpass import NO_LIGHT, light_bytes, shading_of
+from taichi_cloth.render.light_sizes import light_bytes
+from taichi_cloth.render.lightpass import NO_LIGHT, shading_of
 from taichi_cloth.render.occlusion import half_sphere, occlude
 from taichi_cloth.render.particles import Particles, concatenate
 from taichi_cloth.render.shade import PLAIN
