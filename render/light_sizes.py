@@ -35,7 +35,7 @@ SKY_STRIDE = 8
 to a fine map of all of them (0.07 rms of 0.83) as every fourth is."""
 
 SCRATCH_ROWS = 8
-"""Of a particle on a map of the sky: u, v [texels], depth [m], optical depth of a point, steps of u, v, depth, points."""
+"""Of a particle on a map of the sky: u, v [texels], depth [m], optical depth of a point, steps of these, points."""
 
 
 def light_bytes(particles: int, *, shadows: int, occlusion: bool, chunks: int = 2) -> int:
