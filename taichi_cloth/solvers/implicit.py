@@ -263,7 +263,7 @@ class Implicit(Solver):
                 if share < 1e-6:
                     return x, False
             x = x + share * move
-            went = share * float(np.abs(move).max())
+            went = float(np.abs(move).max())  # whole: a move that a body cut short has not arrived
             if went <= self.tolerance * float(np.abs(x - start)[free].max(initial=0.0)) + least:
                 return x, True
         return x, False
