@@ -22,7 +22,7 @@ STYLES = {
 
 
 def draw(rows: Sequence[SolverRow], path: Path | str) -> None:
-    """A panel for each case (row) and stiffness (column), log–log. Raises InputError without matplotlib."""
+    """A panel for each case and stiffness, log–log. Raises InputError without matplotlib."""
     try:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
@@ -30,34 +30,33 @@ def draw(rows: Sequence[SolverRow], path: Path | str) -> None:
         raise InputError(
             'report: diagrams need matplotlib; install it with: pip install "taichi-cloth[report]"'
         ) from None
-    cases = [case for case in CASES if any(row.case == case for row in rows)]
-    stiffnesses = sorted({row.stiffness for row in rows})
-    figure = Figure(figsize=(4.4 * len(stiffnesses), 3.7 * len(cases) + 0.9), layout="constrained")
+    pairs = list(dict.fromkeys((row.case, row.stiffness) for row in rows))
+    columns = min(2, len(pairs))
+    lines = -(-len(pairs) // columns)
+    figure = Figure(figsize=(5.2 * columns, 3.7 * lines + 0.9), layout="constrained")
     FigureCanvasAgg(figure)
-    panels = figure.subplots(len(cases), len(stiffnesses), sharex=True, sharey="row", squeeze=False)
-    for i, case in enumerate(cases):
-        for j, stiffness in enumerate(stiffnesses):
-            panel = panels[i][j]
-            here = [row for row in rows if (row.case, row.stiffness) == (case, stiffness)]
-            for name in dict.fromkeys(row.solver for row in here):
-                runs = sorted((r.ms_per_s, 1e3 * r.error) for r in here if r.solver == name and r.error == r.error)
-                if not runs:
-                    continue
-                if name == "reference":
-                    panel.axhline(runs[0][1], color="0.55", ls="--", lw=1.2, label="reference, step × 2")
-                    continue
-                colour, marker = STYLES.get(name, ("0.3", "x"))
-                size = 13 if marker == "*" else 6
-                panel.plot(*zip(*runs, strict=True), color=colour, marker=marker, ms=size, lw=1.6, label=name)
-            panel.set_xscale("log")
-            panel.set_yscale("log")
-            panel.grid(which="major", color="0.88")
-            points = here[0].points if here else 0
-            panel.set_title(f"{case}, {stiffness:,.0f} × cotton, {points} × {points} key points", fontsize=10)
-            if i == len(cases) - 1:
-                panel.set_xlabel("CPU time for a simulated second [ms]")
-            if j == 0:
-                panel.set_ylabel(f"error after {CASES[case]:g} s, rms [mm]")
+    panels = figure.subplots(lines, columns, sharex=True, sharey=True, squeeze=False)
+    for panel in panels.ravel()[len(pairs) :]:
+        panel.set_visible(False)
+    for panel, (case, stiffness) in zip(panels.ravel(), pairs, strict=False):
+        here = [row for row in rows if (row.case, row.stiffness) == (case, stiffness)]
+        for name in dict.fromkeys(row.solver for row in here):
+            runs = sorted((r.ms_per_s, 1e3 * r.error) for r in here if r.solver == name and r.error == r.error)
+            if not runs:
+                continue
+            if name == "reference":
+                panel.axhline(runs[0][1], color="0.55", ls="--", lw=1.2, label="reference, step × 2")
+                continue
+            colour, marker = STYLES.get(name, ("0.3", "x"))
+            size = 13 if marker == "*" else 6
+            panel.plot(*zip(*runs, strict=True), color=colour, marker=marker, ms=size, lw=1.6, label=name)
+        panel.set_xscale("log")
+        panel.set_yscale("log")
+        panel.grid(which="major", color="0.88")
+        points = here[0].points
+        panel.set_title(f"{case}, {stiffness:,.0f} × cotton, {points} × {points} key points", fontsize=10)
+        panel.set_xlabel("CPU time for a simulated second [ms]")
+        panel.set_ylabel(f"error after {CASES[case]:g} s, rms [mm]")
     entries = {
         label: line for panel in panels.ravel() for line, label in zip(*panel.get_legend_handles_labels(), strict=True)
     }
@@ -65,7 +64,7 @@ def draw(rows: Sequence[SolverRow], path: Path | str) -> None:
         entries.values(),
         entries.keys(),
         loc="outside lower center",
-        ncols=max(2, (3 * len(stiffnesses) + 1) // 2),
+        ncols=2 * columns,
         frameon=False,
         fontsize=10,
     )

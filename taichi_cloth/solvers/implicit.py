@@ -263,7 +263,11 @@ class Implicit(Solver):
                 if share < 1e-6:
                     return x, False
             x = x + share * move
-            went = share * float(np.abs(move).max())
-            if went <= self.tolerance * float(np.abs(x - start)[free].max(initial=0.0)) + least:
+            went = float(np.abs(move).max())  # whole: a move that a body cut short has not arrived
+            if depth.any():  # the push is told from the depth: to a hundredth of a key point's own weight
+                near = 1e3 * least / PUSH
+            else:
+                near = self.tolerance * float(np.abs(x - start)[free].max(initial=0.0)) + least
+            if went <= near:
                 return x, True
         return x, False
