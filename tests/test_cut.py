@@ -173,6 +173,19 @@ def test_surface_is_cut_along_the_outline():
     assert np.linalg.norm(points, axis=1).max() == pytest.approx(0.1, abs=1e-5)
 
 
+def test_surface_on_a_cylinder_has_its_normals():
+    """Half a spacing's turn off at most: at an outline a key point's difference is one-sided."""
+    spacing, radius = 0.01, 0.25
+    atlas = cut(Pattern("p", (disc(),), ()), (spacing, spacing))
+    surface = Surface(atlas)
+    x, y = np.moveaxis(atlas.panels[0].lattice(), -1, 0)
+    points, normals = surface.points(np.stack([radius * np.sin(x / radius), y, radius * np.cos(x / radius)], -1))
+    out = points * [1, 0, 1] / np.linalg.norm(points[:, [0, 2]], axis=1, keepdims=True)
+    angle = np.arccos(np.clip((normals * out).sum(axis=1), -1, 1))
+    assert angle.max() < 0.5 * spacing / radius + 2e-3
+    assert np.median(angle) < 1e-3  # central differences on a circle are exact; blends all but
+
+
 def test_threads_end_at_the_outline():
     from taichi_cloth.blocks import build_fabric
     from taichi_cloth.scenes.load import make_scene
