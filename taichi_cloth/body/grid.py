@@ -1,6 +1,6 @@
 """Distance grids: the mesh itself in contact, a grid of signed distances a part, moving rigidly with its bone.
 
-Made once, on the host: the distance from each node to the nearest triangle (Ericson 2005, 5.1.5), exact up to three
+Made once, on the host: the distance from each node to the nearest triangle (Ericson 2005, 5.1.5), exact up to two
 spacings, beyond to the size of a triangle. The sign, which needs a closed mesh, is that of the pseudo-normal of the
 nearest face, edge or vertex (Baerentzen & Aanaes 2005) near the surface, and of the generalised winding number
 (Jacobson et al. 2013) for the rest, once for all nodes that no surface parts. A part's grid knows the triangles
@@ -82,7 +82,7 @@ def grid_of_mesh(
             f"body.grid: {count.tolist()} nodes; allowed: 4000000; use a larger spacing than {spacing:g} m"
         )
     nodes = origin + spacing * np.stack(np.meshgrid(*(np.arange(n) for n in count), indexing="ij"), -1).reshape(-1, 3)
-    distance, nearest = _unsigned(v[f], nodes, 3 * spacing)
+    distance, nearest = _unsigned(v[f], nodes, 2 * spacing)
     distance *= _signs(v, f, nodes, distance, nearest, tuple(count), spacing)
     if not mine.all():
         grown = cKDTree(corners).query(v[f].mean(axis=1))[0] <= overlap
@@ -178,7 +178,8 @@ def _unsigned(triangles: F64, points: F64, band: float) -> tuple[F64, NDArray[np
     close = np.flatnonzero(near <= band + reach)
     for begin in range(0, len(close), 4096):
         part = close[begin : begin + 4096]
-        lists = tree.query_ball_point(points[part], near[part] + reach)
+        least = _to_triangles(points[part], triangles[nearest[part]])
+        lists = tree.query_ball_point(points[part], least + reach * (1 + 1e-9))
         sizes = np.array([len(one) for one in lists])
         whose = np.repeat(np.arange(len(sizes)), sizes)
         tried = np.concatenate([np.asarray(one, np.int64) for one in lists])
