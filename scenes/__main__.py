@@ -10,7 +10,7 @@ from typing import Annotated, Any, NoReturn
 import typer
 
 import taichi_cloth
-from taichi_cloth.errors import InputError
+from taichi_cloth.errors import InputError, Unstable
 
 from .body_command import body_app
 
@@ -231,8 +231,6 @@ def _terminate(number: int, frame: object) -> NoReturn:
 
 def _status(arguments: list[str]) -> int:
     from typer.exceptions import TyperException
-
-    from taichi_cloth.simulation import Unstable
 
     from ..render.errors import RenderError
 

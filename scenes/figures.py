@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_cloth import runtime
-from taichi_cloth.errors import InputError
-from taichi_cloth.simulation import Unstable
+from taichi_cloth.errors import InputError, Unstable
 
 from ..render.errors import RenderError
 from ..render.image import write_bytes, write_png

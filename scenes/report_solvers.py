@@ -15,11 +15,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_cloth.errors import InputError
+from taichi_cloth.errors import InputError, Unstable
 from taichi_cloth.forces import Forces, Sphere
 from taichi_cloth.materials import named_material
 from taichi_cloth.sheet import Sheet
-from taichi_cloth.simulation import Simulation, Unstable
+from taichi_cloth.simulation import Simulation
 from taichi_cloth.solvers.base import Solver
 from taichi_cloth.solvers.implicit import Implicit
 from taichi_cloth.solvers.verlet import Verlet

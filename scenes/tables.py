@@ -14,11 +14,11 @@ from typing import Any
 from taichi_cloth import runtime
 from taichi_cloth.blocks import build_fabric
 from taichi_cloth.contact import Contact
-from taichi_cloth.errors import InputError
+from taichi_cloth.errors import InputError, Unstable
 from taichi_cloth.follow import FibreFollower
 from taichi_cloth.garment.weaving import Weaving
 from taichi_cloth.sheet import SheetState
-from taichi_cloth.simulation import Simulation, Unstable
+from taichi_cloth.simulation import Simulation
 from taichi_cloth.solvers.verlet import Verlet
 
 from ..render.blocks import ParticleBlocks

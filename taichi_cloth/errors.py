@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from difflib import get_close_matches
 
-__all__ = ["InputError", "did_you_mean"]
+__all__ = ["InputError", "Unstable", "did_you_mean"]
 
 
 class InputError(ValueError):
@@ -17,3 +17,11 @@ def did_you_mean(value: str, known: Iterable[str]) -> str:
     """The nearest right spelling as ' (did you mean "twill"?)', or '' when nothing is near."""
     near = get_close_matches(value, list(known), n=1, cutoff=0.6)
     return f' (did you mean "{near[0]}"?)' if near else ""
+
+
+class Unstable(RuntimeError):
+    """A state that is no cloth any more. frame: the one that failed; `Simulation.state` is that before it."""
+
+    def __init__(self, message: str, frame: int) -> None:
+        super().__init__(message)
+        self.frame = frame

@@ -14,26 +14,18 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from taichi_cloth.energy import elastic_forces
-from taichi_cloth.errors import InputError
+from taichi_cloth.errors import InputError, Unstable
 from taichi_cloth.forces import Forces
 from taichi_cloth.pins import Pins
 from taichi_cloth.sheet import PAD, Sheet, SheetState
 from taichi_cloth.solvers.base import Solver
 
-__all__ = ["Simulation", "Unstable"]
+__all__ = ["Simulation"]
 
 F32 = NDArray[np.float32]
 
 LARGEST_STRETCH = 1.0
 """Strain of a thread beyond which a run is stopped: twice its length. No cloth comes near it and stays whole."""
-
-
-class Unstable(RuntimeError):
-    """A state that is no cloth any more. frame: the one that failed; `Simulation.state` is that before it."""
-
-    def __init__(self, message: str, frame: int) -> None:
-        super().__init__(message)
-        self.frame = frame
 
 
 class Simulation:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from taichi_cloth import runtime
-from taichi_cloth.errors import InputError
+from taichi_cloth.errors import InputError, Unstable
 from taichi_cloth.materials import named_material
 from taichi_cloth.render.blocks import ParticleBlocks
 from taichi_cloth.scenes import __main__ as command_line
@@ -14,7 +14,7 @@ from taichi_cloth.scenes.cloth import STATE, ClothModel
 from taichi_cloth.scenes.load import load_scene
 from taichi_cloth.scenes.moving import material_of, simulation_of, start_of
 from taichi_cloth.scenes.plan import plan
-from taichi_cloth.simulation import Simulation, Unstable
+from taichi_cloth.simulation import Simulation
 
 SCENES = ("drape", "flag", "hanging", "stretch")
 SMALL = ["cloth.rows=9", "cloth.columns=9", "cloth.threads_per_key_point=2", "output.frames=4"]

@@ -7,11 +7,11 @@ import pytest
 from scipy.optimize import brentq
 from strips import COLS, NOTHING, PLAIN, ROWS, run, simulate, strip
 
-from taichi_cloth.errors import InputError
+from taichi_cloth.errors import InputError, Unstable
 from taichi_cloth.forces import Forces, Plane, Sphere, Wind
 from taichi_cloth.pins import Pins
 from taichi_cloth.sheet import Sheet
-from taichi_cloth.simulation import Simulation, Unstable
+from taichi_cloth.simulation import Simulation
 from taichi_cloth.solvers.verlet import Verlet
 from taichi_cloth.springs import calibrate
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from taichi_cloth.body.colliders import Colliders
 from taichi_cloth.body.distance import nearest_distance
-from taichi_cloth.errors import InputError
+from taichi_cloth.errors import InputError, Unstable
 from taichi_cloth.forces import Forces
 from taichi_cloth.garment.curves import along, length
 from taichi_cloth.garment.cut import Atlas, turned
@@ -21,7 +21,7 @@ from taichi_cloth.garment.pattern import Pattern, Side
 from taichi_cloth.garment.ties import Ties
 from taichi_cloth.materials import Material
 from taichi_cloth.sheet import Sheet
-from taichi_cloth.simulation import Simulation, Unstable
+from taichi_cloth.simulation import Simulation
 from taichi_cloth.solvers.verlet import Verlet
 from taichi_cloth.springs import calibrate
 
