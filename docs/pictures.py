@@ -101,6 +101,12 @@ def drape(*overrides: str, size: tuple[int, int] = (1080, 960)) -> np.ndarray:
     return np.concatenate(images, axis=1)
 
 
+def worn(name: str, *overrides: str, size: tuple[int, int], views: list[int]) -> np.ndarray:
+    """A garment at rest, some of twelve views round it side by side."""
+    view = View(build(load_scene(name, list(overrides))), size)
+    return np.concatenate([image for _, image in view.turntable(12, views)], axis=1)
+
+
 def zoomed() -> np.ndarray:
     """Twelve frames of `taichi-cloth zoom swatch`."""
     view = View(build(load_scene("swatch", [])), (960, 640))
@@ -108,6 +114,10 @@ def zoomed() -> np.ndarray:
 
 
 PICTURES = {
+    "tshirt": lambda: worn("tshirt", size=(840, 1120), views=[0, 2, 6]),
+    "skirt": lambda: worn("skirt", size=(840, 1120), views=[0, 2]),
+    "dress": lambda: worn("dress", size=(840, 1120), views=[0, 2]),
+    "trousers": lambda: worn("trousers", size=(840, 1120), views=[0, 2]),
     "materials": materials,
     "distances": distances,
     "fringe": fringe,
