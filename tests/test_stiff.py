@@ -195,7 +195,8 @@ def test_bad_starts_that_end_in_a_tangle_end_in_a_true_equilibrium(name: str, st
 @pytest.mark.parametrize("step", [1 / 240, 1 / 60, 1 / 10])
 @pytest.mark.parametrize("stiffness", [1.0, 1e8])
 def test_any_step_and_any_force_stay_finite(step: float, stiffness: float) -> None:
-    """20 steps of a frame each; thrown at 50 m/s in 100 m/s of wind onto a ball and a floor; 0.1 mm apart; mass ratio 10⁶."""
+    """20 steps of a frame each; thrown at 50 m/s in 100 m/s of wind at a ball and a floor; 0.1 mm apart;
+    mass ratio 10⁶. Bound: 100 m."""
     forces = Forces(
         wind=Wind(velocity=(100.0, 0.0, 0.0), gusts=0.2),
         sphere=Sphere(centre=(0.1, -0.3, 0.1), radius=0.2),
