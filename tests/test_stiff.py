@@ -195,7 +195,8 @@ def test_bad_starts_that_end_in_a_tangle_end_in_a_true_equilibrium(name: str, st
 @pytest.mark.parametrize("step", [1 / 240, 1 / 60, 1 / 10])
 @pytest.mark.parametrize("stiffness", [1.0, 1e8])
 def test_any_step_and_any_force_stay_finite(step: float, stiffness: float) -> None:
-    """One step a frame; thrown at 50 m/s in 100 m/s of wind onto a ball and a floor; 0.1 mm apart; mass ratio 10⁶."""
+    """20 steps of a frame each; thrown at 50 m/s in 100 m/s of wind at a ball and a floor; 0.1 mm apart;
+    mass ratio 10⁶. Bound: 100 m."""
     forces = Forces(
         wind=Wind(velocity=(100.0, 0.0, 0.0), gusts=0.2),
         sphere=Sphere(centre=(0.1, -0.3, 0.1), radius=0.2),
@@ -204,7 +205,7 @@ def test_any_step_and_any_force_stay_finite(step: float, stiffness: float) -> No
     for side, ratio in ((0.3, 1.0), (1e-4 * (N - 1), 1.0), (0.3, 1e6)):
         sheet = square(stiffness, top=True, side=side, air_damping=1.0)
         sheet.__dict__["mass"] = sheet.mass * np.where(RNG.uniform(size=(N, N)) < 0.5, 1.0, ratio)
-        y, v = moved(sheet, forces, sheet.flat(), 2.0, velocity=(0.0, -50.0, 0.0), frame_rate=1 / step, step=step)
+        y, v = moved(sheet, forces, sheet.flat(), 20 * step, velocity=(0.0, -50.0, 0.0), frame_rate=1 / step, step=step)
         assert np.isfinite(y).all()
         assert np.isfinite(v).all()
         assert np.abs(y).max() < 100.0, np.abs(y).max()
