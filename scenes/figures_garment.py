@@ -120,8 +120,7 @@ def magnified(quick: bool) -> Image:
 def stretched(quick: bool) -> Image:
     scene = load_scene("stretch", [])
     model = build(scene)
-    last = 30 if quick else model.frames - 1
-    return np.concatenate([image for _, image in View(model, (1200, 560)).animation([0, last])], axis=0)
+    return np.concatenate([image for _, image in View(model, (1200, 480)).animation([0, model.frames - 1])], axis=0)
 
 
 def skirt_and_shirt(quick: bool) -> Image:
