@@ -82,7 +82,16 @@ def dressed_twice(quick: bool) -> Image:
         mesh = _at_rest(model, TALL)
     finally:
         model.follower = follower
-    return np.concatenate([label(mesh, "mesh", (300.0, 875.0)), label(fibres, "fibres", (300.0, 875.0))], axis=1)
+    return np.concatenate([_named(mesh, "mesh"), _named(fibres, "fibres")], axis=1)
+
+
+def _named(image: Image, words: str) -> Image:
+    """The picture with words on a light plate in its lower left corner."""
+    height, width = image.shape[:2]
+    out = image.copy()
+    top, right = round(0.92 * height), round(0.24 * width)
+    out[top:, :right] = 255 - (255 - out[top:, :right].astype(np.uint16)) // 5
+    return label(out, words, (0.12 * width, 0.97 * height))
 
 
 def magnified(quick: bool) -> Image:
@@ -104,16 +113,14 @@ def magnified(quick: bool) -> Image:
         cx = camera.width / 2 + times * (camera.cx - (share * x + (1 - share) * camera.width / 2))
         cy = camera.height / 2 + times * (camera.cy - (share * y + (1 - share) * camera.height / 2))
         image = view.seen_by(replace(camera, focal=times * camera.focal, cx=float(cx), cy=float(cy)))
-        words = "whole" if times == 1 else f"{times} ×"
-        images.append(label(image, words.replace("×", "x"), (0.5 * image.shape[1], 0.96 * image.shape[0])))
+        images.append(_named(image, "whole" if times == 1 else f"{times} x"))
     return np.concatenate([np.concatenate(images[:2], axis=1), np.concatenate(images[2:], axis=1)], axis=0)
 
 
 def stretched(quick: bool) -> Image:
     scene = load_scene("stretch", [])
     model = build(scene)
-    last = 30 if quick else model.frames - 1
-    return np.concatenate([image for _, image in View(model, (1200, 560)).animation([0, last])], axis=0)
+    return np.concatenate([image for _, image in View(model, (1200, 480)).animation([0, model.frames - 1])], axis=0)
 
 
 def skirt_and_shirt(quick: bool) -> Image:
