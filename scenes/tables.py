@@ -115,9 +115,9 @@ def scene_of(name: str) -> Scene:
     share = count(4, 7, 0.0) / 28
     fitting = [pair for pair in BY_HAND if pair[0] * pair[1] * share <= paper.particles]
     pair = max(fitting, key=lambda p: (p[0] * p[1], -abs(p[1] - 7)))
-    low, high = 0.0, 80.0
+    low, high = 0.0, 640.0
     ends, found = low, count(*pair, low)
-    for _ in range(8):
+    for _ in range(12):
         if abs(found / paper.particles - 1) < 0.005:
             break
         ends = (low + high) / 2

@@ -14,6 +14,7 @@ the thinnest primitive.
 """
 
 # In kernels a vector is a Taichi expression, which type checkers cannot follow.
+# pyright: reportReturnType=false, reportArgumentType=false
 # pyright: reportOptionalCall=false, reportOperatorIssue=false, reportGeneralTypeIssues=false, reportCallIssue=false
 
 import numpy as np

@@ -10,6 +10,7 @@ so that strips on several threads share nothing they write.
 """
 
 # In kernels a vector is a Taichi expression, which type checkers cannot follow.
+# pyright: reportArgumentType=false, reportOptionalSubscript=false, reportIndexIssue=false
 # pyright: reportOptionalCall=false, reportOperatorIssue=false, reportGeneralTypeIssues=false, reportCallIssue=false
 
 from functools import lru_cache

@@ -281,7 +281,7 @@ print(hashlib.sha256(run(sheet, forces, start, Implicit(sheet, forces), 0.05)[0]
     found = set()
     for threads in ("1", "2"):
         environment = os.environ | dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"), threads)
-        command = [sys.executable, "-c", code, threads]
+        command = [sys.executable, "-P", "-c", code, threads]
         done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True, timeout=300)
         found.add(done.stdout.split()[-1])
     assert len(found) == 1

@@ -5,6 +5,9 @@ based region growing approach", IEEE TPAMI 29(12), 2007 (the paper's reference 2
 Funkhouser, "A benchmark for 3D mesh segmentation", ACM TOG 28(3), 2009.
 """
 
+# SciPy and NumPy say less about their types than they do.
+# pyright: reportAttributeAccessIssue=false
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix

@@ -7,6 +7,9 @@ out through the skin is pulled back. Part by part first; then the worst is split
 that is its own mirror image one half is fitted, and what stands in the middle stays symmetric.
 """
 
+# SciPy and NumPy say less about their types than they do.
+# pyright: reportArgumentType=false
+
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 

@@ -8,6 +8,9 @@ of the part and those within `overlap` of it; where another part is nearer the d
 part's grid answers there.
 """
 
+# SciPy and NumPy say less about their types than they do.
+# pyright: reportAttributeAccessIssue=false, reportCallIssue=false, reportArgumentType=false, reportIndexIssue=false
+
 from dataclasses import dataclass
 
 import numpy as np

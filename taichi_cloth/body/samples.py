@@ -1,5 +1,8 @@
 """Points on, outside and inside a skin, that a fit is judged by."""
 
+# SciPy and NumPy say less about their types than they do.
+# pyright: reportArgumentType=false, reportIndexIssue=false, reportGeneralTypeIssues=false
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,5 +1,8 @@
 """A body's mesh in parts (paper 4.1): a label for every face, and a name for every label."""
 
+# SciPy and NumPy say less about their types than they do.
+# pyright: reportArgumentType=false
+
 from dataclasses import dataclass
 from typing import Literal, get_args
 

@@ -19,6 +19,7 @@ that cross between key points are not seen, and a fold tighter than the key poin
 Everything runs in one thread, in order: no atomics.
 """
 
+# pyright: reportIndexIssue=false, reportOptionalMemberAccess=false, reportArgumentType=false, reportAttributeAccessIssue=false
 # pyright: reportOptionalCall=false, reportOperatorIssue=false, reportGeneralTypeIssues=false, reportCallIssue=false
 
 from math import ceil, pi
