@@ -170,6 +170,7 @@ def clustered(vertices, faces, side):
     return mesh.vertices, mesh.faces
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("other", ["finer", "coarser"])
 def test_a_body_meshed_anew_has_the_same_parts(other):
     """Every face in four, or vertices in cubes of 15 mm made one: 98 % of the area keeps its part. Cuts run

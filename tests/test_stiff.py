@@ -192,6 +192,7 @@ def test_bad_starts_that_end_in_a_tangle_end_in_a_true_equilibrium(name: str, st
     assert left < 0.01 * max(pull, 9.81 * float(sheet.mass.max())) + rounding, (left, pull)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("step", [1 / 240, 1 / 60, 1 / 10])
 @pytest.mark.parametrize("stiffness", [1.0, 1e8])
 def test_any_step_and_any_force_stay_finite(step: float, stiffness: float) -> None:

@@ -194,6 +194,7 @@ def test_zoom_writes_its_frames(tmp_path: Path) -> None:
         assert image.std() > 1
 
 
+@pytest.mark.slow
 def test_the_camera_comes_nearer_by_the_same_factor(model: FabricModel) -> None:
     view = View(model, SIZE)
     source = source_of(model)
@@ -206,6 +207,7 @@ def test_the_camera_comes_nearer_by_the_same_factor(model: FabricModel) -> None:
     assert cameras[-1].project([end])[0, :2] == pytest.approx([SIZE[0] / 2, SIZE[1] / 2], abs=1e-3)
 
 
+@pytest.mark.slow
 def test_refining_keeps_coverage_and_brightness(model: FabricModel) -> None:
     skin = skin_of(contour("cotton", length_m=350e-6))
     assert np.sqrt(np.mean(skin**2)) == pytest.approx(1.0, abs=0.01)
