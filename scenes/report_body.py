@@ -4,6 +4,9 @@ The points are those of a garment: as many as the paper's T-shirt has key points
 in it, Philox by a fixed seed. Times are CPU time of one thread, medians.
 """
 
+# matplotlib is an extra.
+# pyright: reportMissingImports=false
+
 import csv
 import time
 from collections.abc import Callable, Sequence

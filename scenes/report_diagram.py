@@ -1,5 +1,8 @@
 """The solvers' diagram of error against run time, from the rows that `report_solvers` measured."""
 
+# matplotlib is an extra.
+# pyright: reportMissingImports=false
+
 from collections.abc import Sequence
 from pathlib import Path
 

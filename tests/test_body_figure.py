@@ -1,5 +1,8 @@
 """The built-in body: closed, symmetric, as big as asked for, and reproducible."""
 
+# Tests hand over words and mixed rows that the types of options do not take.
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false
+
 import numpy as np
 import pytest
 import trimesh

@@ -1,5 +1,8 @@
 """Bodies and motions from files: recognised, repaired with a word for each repair, or refused in one line."""
 
+# Tests hand over words and mixed rows that the types of options do not take.
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false
+
 from itertools import pairwise
 from pathlib import Path
 

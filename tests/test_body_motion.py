@@ -1,5 +1,8 @@
 """Skeleton, skinning and motions: rigid, joined, seamless, soft at the start."""
 
+# Tests hand over words and mixed rows that the types of options do not take.
+# pyright: reportArgumentType=false, reportCallIssue=false
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation

@@ -1,5 +1,8 @@
 """Sheets that meet a body: built where the scene has one, pinned to it, and never far inside it."""
 
+# Tests hand over words and mixed rows that the types of options do not take.
+# pyright: reportArgumentType=false
+
 from dataclasses import replace
 from pathlib import Path
 

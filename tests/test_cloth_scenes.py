@@ -1,5 +1,8 @@
 """Scenes whose cloth moves: what they refuse, mesh and fibres on one sheet, and a run that was killed goes on."""
 
+# Tests hand over words and mixed rows that the types of options do not take.
+# pyright: reportOptionalMemberAccess=false
+
 from pathlib import Path
 
 import numpy as np

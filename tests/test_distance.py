@@ -1,5 +1,8 @@
 """Signed distances against surfaces sampled by brute force, against finite differences, and on the device."""
 
+# Tests hand over words and mixed rows that the types of options do not take.
+# pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
+
 from dataclasses import replace
 
 import numpy as np

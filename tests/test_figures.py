@@ -1,5 +1,8 @@
 """`taichi-cloth figures`: the page, and what becomes of a figure that fails."""
 
+# Tests hand over words and mixed rows that the types of options do not take.
+# pyright: reportPrivateImportUsage=false
+
 import re
 from dataclasses import replace
 from html import unescape

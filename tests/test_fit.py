@@ -1,5 +1,8 @@
 """Primitives fitted to a skin: solids are found again, a person is wrapped within the bounds, the report is true."""
 
+# Tests hand over words and mixed rows that the types of options do not take.
+# pyright: reportArgumentType=false
+
 import json
 
 import numpy as np

@@ -1,5 +1,8 @@
 """Shadows, the sky between yarns, the lobes of a fibre and tone: against closed forms."""
 
+# Tests hand over words and mixed rows that the types of options do not take.
+# pyright: reportArgumentType=false
+
 from dataclasses import replace
 from math import pi, radians, sin
 

@@ -1,5 +1,8 @@
 """Parts of a body: against a figure whose parts are known, and against itself turned, scaled, remeshed and bent."""
 
+# Tests hand over words and mixed rows that the types of options do not take.
+# pyright: reportArgumentType=false, reportAssignmentType=false, reportAttributeAccessIssue=false
+
 import numpy as np
 import pytest
 import trimesh

@@ -1,5 +1,8 @@
 """Sewing on the built-in bodies: where panels start; slow: every pattern closed, clear of the body, not stretched."""
 
+# Tests hand over words and mixed rows that the types of options do not take.
+# pyright: reportPrivateImportUsage=false
+
 from dataclasses import replace
 from functools import cache
 from pathlib import Path

@@ -1,5 +1,8 @@
 """Streaming: batches and windows against one picture, culling, level of detail against full detail, refinement."""
 
+# Tests hand over words and mixed rows that the types of options do not take.
+# pyright: reportArgumentType=false, reportCallIssue=false, reportReturnType=false
+
 from dataclasses import replace
 from pathlib import Path
 
