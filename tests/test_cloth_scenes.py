@@ -195,7 +195,8 @@ def test_pleats_keep_the_length_of_the_sheet() -> None:
 
 
 def test_pulled_edges_part_by_what_the_scene_says() -> None:
-    simulation = simulation_of(load_scene("stretch", [*SMALL, "cloth.pins.pull_s=0.1", "cloth.length_m=0.5"]))
+    square = ["cloth.pins.pull_s=0.1", "cloth.pins.pull_mm=50", "cloth.length_m=0.25"]
+    simulation = simulation_of(load_scene("stretch", [*SMALL, *square]))
     start = simulation.positions
     for _ in range(4):
         simulation.step()
