@@ -1,7 +1,5 @@
 """A woven cloth that moves: the same sheet drawn as a mesh, or as the fibres that follow it (paper, Figure 9)."""
 
-from pathlib import Path
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,29 +14,27 @@ from ..render.blocks import ParticleBlocks
 from ..render.mesh import Mesh
 from ..render.particles import Particles
 from .facts import Fact, fabric_facts, yarn_facts
+from .kept import KeptRun
 from .models import Numbers, Panel
 from .moving import simulation_of, standing_in, start_of, woven_scene
 from .prepare import Prepared, draft_of, fibre_kind, prepare_fabric
 from .schema import Scene
 
-__all__ = ["STATE", "ClothModel", "ball_mesh", "nothing"]
+__all__ = ["ClothModel", "ball_mesh", "nothing"]
 
 F32 = NDArray[np.float32]
-STATE = "state.npz"
-"""Where a sequence keeps the state of its last frame."""
-
 ALBEDO = 0.7
 """Brightness of a mesh over that of its fibres: between fibres light is lost that a smooth surface would return."""
 
 
-class ClothModel:
+class ClothModel(KeptRun):
     """A sheet in motion, drawn as its scene says."""
 
     def __init__(self, scene: Scene, prepared: Prepared | None = None) -> None:
         assert scene.cloth is not None
         self.scene, self.cloth, self.frames = scene, scene.cloth, scene.output.frames
         self.body = standing_in(scene)
-        self.simulation: Simulation = simulation_of(scene, self.body)
+        self.simulation = self.at_start()
         self.prepared: Prepared | None = None
         self.follower: FibreFollower | None = None
         if scene.cloth.representation == "fibre":
@@ -56,36 +52,14 @@ class ClothModel:
         self.ball = ball_mesh(ball.centre_m, ball.radius_m, colour(ball.colour)) if ball else None
         box = scene.camera.box_m
         self.bounds = np.asarray(self._extent() if box is None else _corners(box), np.float32)
-        self._kept: Path | None = None
+
+    def at_start(self) -> Simulation:
+        return simulation_of(self.scene, self.body)
 
     def _extent(self) -> NDArray:
         """Points that a picture frames: the sheet at its start, and the body."""
         points = self.simulation.positions.reshape(-1, 3)
         return points if self.body is None else np.concatenate([points, self.body.skin(0.0)])
-
-    def keep(self, folder: Path, first: int) -> None:
-        """Keep the state of every frame in a folder, and go on from the one there unless it is beyond frame `first`.
-
-        Raises InputError when what is there is not of this scene.
-        """
-        self._kept = folder / STATE
-        if self._kept.exists():
-            self.simulation.restore(self._kept)
-            if self.simulation.frame > first:
-                self.simulation = simulation_of(self.scene, self.body)
-        self._save()
-
-    def step(self, frame: int) -> None:
-        """On to a frame of the video; frame 0 is the start. Raises Unstable."""
-        if frame < self.simulation.frame:
-            self.simulation = simulation_of(self.scene, self.body)
-        while self.simulation.frame < frame:
-            self.simulation.step()
-            self._save()
-
-    def _save(self) -> None:
-        if self._kept is not None:
-            self.simulation.save(self._kept)
 
     def crossings(self) -> F32:
         """Where the threads cross now, (picks, ends, 3) [m]."""

@@ -1,6 +1,6 @@
 """A garment worn by a body (paper 4): sewn once, then moved with it; drawn as a mesh or as its fibres."""
 
-from pathlib import Path
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +17,10 @@ from taichi_cloth.simulation import Simulation
 from ..render.blocks import ParticleBlocks
 from ..render.mesh import Mesh
 from .body_section import BodySection
-from .cloth import STATE, nothing
+from .cloth import nothing
 from .dressing import Dressed, Progress, dress, motion_of, simulation_of
 from .facts import Fact, fabric_facts, yarn_facts
+from .kept import KeptRun
 from .models import Numbers, Panel
 from .prepare import Prepared, fibre_kind, prepare_fabric
 from .schema import FabricSection, Scene
@@ -30,7 +31,7 @@ __all__ = ["GarmentModel", "woven_garment"]
 F32 = NDArray[np.float32]
 
 
-class GarmentModel:
+class GarmentModel(KeptRun):
     """A garment in motion on its body."""
 
     def __init__(
@@ -44,7 +45,7 @@ class GarmentModel:
         self.scene, self.section, self.frames = scene, scene.garment, scene.output.frames
         self.dressed = dressed or dress(scene, each)
         self.motion = motion_of(scene, self.dressed.body)
-        self.simulation: Simulation = simulation_of(scene, self.dressed)
+        self.simulation = self.at_start()
         atlas = self.dressed.garment.atlas
         self.prepared: Prepared | None = None
         self.follower: FibreFollower | None = None
@@ -64,31 +65,10 @@ class GarmentModel:
             )
         self.surface = Surface(atlas)
         self.bounds = self._bounds()
-        self._kept: Path | None = None
 
-    def keep(self, folder: Path, first: int) -> None:
-        """Keep the state of every frame in a folder, and go on from the one there unless it is beyond frame `first`.
-
-        Raises InputError when what is there is not of this scene.
-        """
-        self._kept = folder / STATE
-        if self._kept.exists():
-            self.simulation.restore(self._kept)
-            if self.simulation.frame > first:
-                self.simulation = simulation_of(self.scene, self.dressed)
-        self._save()
-
-    def step(self, frame: int) -> None:
-        """On to a frame of the video; frame 0 is the rested garment. Raises Unstable."""
-        if frame < self.simulation.frame:
-            self.simulation = simulation_of(self.scene, self.dressed)
-        while self.simulation.frame < frame:
-            self.simulation.step()
-            self._save()
-
-    def _save(self) -> None:
-        if self._kept is not None:
-            self.simulation.save(self._kept)
+    def at_start(self) -> Simulation:
+        """The garment at rest."""
+        return simulation_of(self.scene, self.dressed)
 
     def panels(self) -> list[Panel]:
         positions = self.simulation.positions
@@ -108,9 +88,11 @@ class GarmentModel:
     def mesh(self, positions: F32) -> Mesh:
         """The garment as triangles with smooth normals, cut along its outlines."""
         points, normals = self.surface.points(positions)
-        return Mesh(points, self.surface.faces, self.mesh_colours(), normals)
+        return Mesh(points, self.surface.faces, self.mesh_colours, normals)
 
+    @cached_property
     def mesh_colours(self) -> F32:
+        """At each point of the surface, (n, 3): the mean of its panel's threads."""
         own = np.asarray(fibre_kind(self.scene).colour, np.float32)
         colours = colours_of(self.scene, self.dressed)
         shades = np.tile(own, (len(self.surface.panel), 1))

@@ -29,7 +29,7 @@ from .prepare import prepare_fabric
 from .schema import Scene
 from .view import View
 
-__all__ = ["garment", "profile_lines", "woven_of_at_least"]
+__all__ = ["cpu_name", "garment", "profile_lines", "woven_of_at_least"]
 
 SIZE = (1280, 720)
 FABRIC_PARTICLES = 500_000
@@ -54,7 +54,7 @@ def profile_lines(
         prepare_fabric(scene)
     started = runtime.start(arch, threads=threads, pin=True)
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    yield f"{_cpu_name()}, {cores} cores; Taichi on {started.arch}, {started.threads} threads"
+    yield f"{cpu_name()}, {cores} cores; Taichi on {started.arch}, {started.threads} threads"
     yield f"medians of {repeats} (least to greatest)"
     if scene.subject == "cloth":
         from .profile_cloth import cloth_profile_lines
@@ -214,7 +214,8 @@ def _verdict(times: list[float], limit_ms: float) -> str:
     return "met" if np.median(times) < limit_ms else "not met"
 
 
-def _cpu_name() -> str:
+def cpu_name() -> str:
+    """What this processor calls itself."""
     try:
         with open("/proc/cpuinfo", encoding="utf-8", errors="replace") as lines:
             for line in lines:

@@ -21,8 +21,7 @@ from taichi_cloth.errors import InputError
 from ..render.image import contact_sheet, write_png
 from ..render.video import write_mp4
 from ..render.webp import write_webp
-from .cloth import ClothModel
-from .garment import GarmentModel
+from .kept import KeptRun
 from .load import load_scene
 from .models import build, shown_frame
 from .plan import plan
@@ -75,7 +74,7 @@ def run(
         print(line)
 
     todo = sequence.missing()
-    if isinstance(model, ClothModel | GarmentModel) and command == "animate":
+    if isinstance(model, KeptRun) and command == "animate":
         model.keep(folder, todo[0] if todo else count)
     if command == "turntable":
         model.step(shown_frame(scene, model))

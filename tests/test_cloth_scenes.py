@@ -13,7 +13,8 @@ from taichi_cloth.errors import InputError, Unstable
 from taichi_cloth.materials import named_material
 from taichi_cloth.render.blocks import ParticleBlocks
 from taichi_cloth.scenes import __main__ as command_line
-from taichi_cloth.scenes.cloth import STATE, ClothModel
+from taichi_cloth.scenes.cloth import ClothModel
+from taichi_cloth.scenes.kept import STATE
 from taichi_cloth.scenes.load import load_scene
 from taichi_cloth.scenes.moving import material_of, simulation_of, start_of
 from taichi_cloth.scenes.plan import plan

@@ -117,10 +117,9 @@ def pair():
 
 def tied(pair, **options):
     sheet, positions = pair
-    plain = Verlet(sheet, no_forces(), frame_rate=100.0)
     nodes = np.array([[[0, 1], [1, 1], [0, 3], [1, 3]]])
     weights = np.array([[0.5, 0.5, -0.5, -0.5]])
-    ties = Ties(sheet, nodes, weights, substeps=plain.substeps, frame_time=0.01, **options)
+    ties = Ties(sheet, nodes, weights, **options)
     return Verlet(sheet, no_forces(), frame_rate=100.0, passes=(ties,)), ties, sheet.state(positions)
 
 
@@ -145,10 +144,7 @@ def test_a_place_holds_and_is_carried_by_its_bone(pair):
     sheet = pair[0]
     places = np.array([[0.0, 0.01, 0.0]])
     nodes, weights = np.array([[[1, 0]]]), np.array([[1.0]])
-    plain = Verlet(sheet, no_forces(), frame_rate=100.0)
-    ties = Ties(
-        sheet, nodes, weights, substeps=plain.substeps, frame_time=0.01, places=places, bones=np.array([1]), speed=9.0
-    )
+    ties = Ties(sheet, nodes, weights, places=places, bones=np.array([1]), speed=9.0)
     turn = np.tile(np.eye(4), (2, 1, 1))
     turn[1, :3, 3] = (0.0, 0.0, 0.004)
     assert ties.targets(turn)[0] == pytest.approx([0.0, 0.01, 0.004])
@@ -157,7 +153,7 @@ def test_a_place_holds_and_is_carried_by_its_bone(pair):
 
 def test_bad_ties_are_refused(pair):
     with pytest.raises(InputError, match="ties"):
-        Ties(pair[0], np.zeros((0, 2, 2), np.int64), np.zeros((0, 2)), substeps=2, frame_time=0.01)
+        Ties(pair[0], np.zeros((0, 2, 2), np.int64), np.zeros((0, 2)))
 
 
 def test_surface_is_cut_along_the_outline():

@@ -96,7 +96,7 @@ class Garment:
         piece = self.atlas.panel(side.panel)
         return piece.embed(turned(points, piece.panel.grain))
 
-    def ties(self, solver: Verlet, places: F64, held: NDArray[np.bool_], bones: NDArray, speed: float) -> Ties | None:
+    def ties(self, sheet: Sheet, places: F64, held: NDArray[np.bool_], bones: NDArray, speed: float) -> Ties | None:
         """Seams, and those holds that are `held`, at `places` (n, 3) [m], carried by `bones` (n,)."""
         seams, seam_weights = self.seams()
         nodes, weights = self.holds()[:2]
@@ -104,11 +104,9 @@ class Garment:
         if count + int(held.sum()) == 0:
             return None
         return Ties(
-            solver.sheet,
+            sheet,
             np.concatenate([seams, np.pad(nodes[held], ((0, 0), (0, 4), (0, 0)))]),
             np.concatenate([seam_weights, np.pad(weights[held], ((0, 0), (0, 4)))]),
-            substeps=solver.substeps,
-            frame_time=solver.step * solver.substeps,
             speed=speed,
             places=np.concatenate([np.full((count, 3), np.nan), places[held]]),
             bones=np.concatenate([np.full(count, -1), bones[held]]),
@@ -132,8 +130,7 @@ class Garment:
         air = own.air_damping if air_damping is None else air_damping
         material = replace(own, air_damping=air, fibre_damping=max(own.fibre_damping, LAG))
         sheet = self.sheet(material)
-        plain = Verlet(sheet, replace(forces, body=None), frame_rate=frame_rate, safety=safety)
-        ties = self.ties(plain, places, held, bones, speed)
+        ties = self.ties(sheet, places, held, bones, speed)
         passes = () if ties is None else (ties,)
         solver = Verlet(sheet, forces, frame_rate=frame_rate, safety=safety, passes=passes)
         return Simulation(sheet, solver, forces=forces, positions=positions)

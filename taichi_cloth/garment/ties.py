@@ -40,7 +40,7 @@ and how far it moves, width allowed at the start [m] and how that changes."""
 
 class Ties(Pass):
     """nodes: int (n, m ≤ 8, 2) rows and columns of key points. weights: (n, m); those of a tie sum to 0, or to 1 where
-    it has a place. substeps: of a frame. frame_time: [s]. speed: at which gaps are closed [m/s].
+    it has a place. speed: at which gaps are closed [m/s].
     places: (n, 3) [m] at rest for a tie to a place, NaN for one between two points; None: all of the latter.
     bones: (n,) the bone that carries each place, −1 for none; None: none are carried.
 
@@ -48,6 +48,8 @@ class Ties(Pass):
     """
 
     local = False
+    substeps: int
+    reach: float
 
     def __init__(
         self,
@@ -55,8 +57,6 @@ class Ties(Pass):
         nodes: NDArray[np.int64],
         weights: F64,
         *,
-        substeps: int,
-        frame_time: float,
         speed: float = 0.5,
         places: F64 | None = None,
         bones: NDArray[np.int64] | None = None,
@@ -65,7 +65,7 @@ class Ties(Pass):
         if nodes.shape != (n, m, 2) or m > NODES or n == 0:
             shapes = f"{nodes.shape} and {weights.shape}"
             raise InputError(f"ties: nodes and weights of shapes {shapes}; allowed: (n, m, 2) and (n, m), m at most 8")
-        self.count, self.substeps, self.reach = n, substeps, speed * frame_time
+        self.count, self.speed = n, speed
         self.index = np.zeros((n, NODES), np.int32)
         self.weight = np.zeros((n, NODES), np.float32)
         self.index[:, :m] = (nodes[..., 0] + PAD) * sheet.width + nodes[..., 1]
@@ -103,6 +103,9 @@ class Ties(Pass):
         flat = state.values[:3].reshape(3, -1)
         points = np.einsum("cnk,nk->nc", flat[:, self.index], self.weight.astype(np.float64))
         return np.linalg.norm(points - self.targets(bones), axis=1)
+
+    def join(self, substeps: int, step: float) -> None:
+        self.substeps, self.reach = substeps, self.speed * step * substeps
 
     def begin(self, state: SheetState, forces: FrameForces) -> None:
         frame = forces.body

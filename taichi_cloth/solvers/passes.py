@@ -37,6 +37,9 @@ class Pass:
         """A hash of what the motion follows from beside the sheet and the forces; "" where that is all."""
         return ""
 
+    def join(self, substeps: int, step: float) -> None:
+        """By the solver that takes the pass, once: `substeps` a frame, of `step` [s]."""
+
     def begin(self, state: SheetState, forces: FrameForces) -> None:
         """On the host, before each frame. What it leaves must follow from its arguments, or a resumed run differs."""
 

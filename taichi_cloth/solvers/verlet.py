@@ -95,7 +95,9 @@ class Verlet(Solver):
             limit=forces.strain_limit is not None,
         )
         self.limit_passes = forces.strain_limit.passes if forces.strain_limit else 0
-        self._numbers = Numbers(**spring_numbers(sheet, forces, self.step, _acting(m.air_damping, self.step)))
+        self._numbers = Numbers(**_numbers(sheet, forces, self.step))
+        for one in self.passes:
+            one.join(self.substeps, self.step)
 
     def advance(self, state: SheetState, forces: FrameForces) -> None:
         work = _workspace(runtime.generation(), self.sheet.padded_shape, self.strips, self.passes)
@@ -131,9 +133,10 @@ def _acting(air_damping: float, step: float) -> float:
     return -expm1(-air_damping * step) / (air_damping * step) if air_damping > 0 else 1.0
 
 
-def spring_numbers(sheet: Sheet, forces: Forces, step: float, acting: float = 1.0) -> dict[str, float]:
-    """The values of `stencil.Numbers`. acting: what forces are multiplied by."""
-    s, m, h2 = sheet.springs, sheet.material, acting * step * step
+def _numbers(sheet: Sheet, forces: Forces, step: float) -> dict[str, float]:
+    """The values of `stencil.Numbers`."""
+    s, m = sheet.springs, sheet.material
+    h2 = step * step * _acting(m.air_damping, step)
     scaled = ("structural_x", "structural_y", "diagonal", "second_x", "second_y", "hinge_x", "hinge_y")
     out = {name: getattr(s, name) * h2 for name in scaled}
     out |= {name: getattr(s, name) for name in ("spacing_x", "spacing_y", "diagonal_length")}
