@@ -2,7 +2,7 @@
 
 from typing import Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from taichi_cloth.body.names import JOINTS
 from taichi_cloth.errors import did_you_mean
@@ -123,6 +123,23 @@ class PlaneSection(Section):
     gap_mm: float = Field(default=2.0, ge=0, description="kept between it and the key points [mm]")
 
 
+class StrainLimitSection(Section):
+    percent: float = Field(default=10.0, ge=0, le=100, description="by how much a thread may grow at most [%]")
+    passes: int = Field(default=3, ge=1, le=101, description="over the sheet each substep, odd; more keep closer to it")
+
+    @field_validator("passes")
+    @classmethod
+    def odd(cls, passes: int) -> int:
+        if passes % 2 == 0:
+            raise ValueError("allowed: an odd number from 1 to 101")
+        return passes
+
+
+class SelfContactSection(Section):
+    thickness_mm: Positive = Field(default=2.0, description="kept between layers, at most 4 times the spacing [mm]")
+    friction: float = Field(default=0.3, ge=0, le=5)
+
+
 class ForcesSection(Section):
     """What acts on the sheet from outside; what is left out is not in the kernels either."""
 
@@ -130,6 +147,8 @@ class ForcesSection(Section):
     wind: WindSection | None = None
     sphere: SphereSection | None = None
     plane: PlaneSection | None = Field(default=None, description="a level floor")
+    strain_limit: StrainLimitSection | None = Field(default=None, description="threads that grow no longer (Provot)")
+    self_contact: SelfContactSection | None = Field(default=None, description="cloth that does not pass through cloth")
 
 
 class SolverSection(Section):

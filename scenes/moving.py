@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 from scipy.special import j0
 
 from taichi_cloth.errors import InputError
-from taichi_cloth.forces import Forces, Plane, Sphere, Wind
+from taichi_cloth.forces import Forces, Plane, SelfContact, Sphere, StrainLimit, Wind
 from taichi_cloth.materials import Material, named_material
 from taichi_cloth.pins import Pins
 from taichi_cloth.sheet import Sheet
@@ -88,6 +88,7 @@ def sheet_of(cloth: ClothSection) -> Sheet:
 def forces_of(section: ForcesSection | None) -> Forces:
     section = section or ForcesSection()
     wind, ball, floor = section.wind, section.sphere, section.plane
+    limit, layers = section.strain_limit, section.self_contact
     return Forces(
         gravity=(0.0, -section.gravity_m_per_s2, 0.0),
         wind=wind
@@ -102,6 +103,8 @@ def forces_of(section: ForcesSection | None) -> Forces:
         sphere=ball
         and Sphere(centre=ball.centre_m, radius=ball.radius_m, friction=ball.friction, gap=1e-3 * ball.gap_mm),
         plane=floor and Plane(height=floor.height_m, friction=floor.friction, gap=1e-3 * floor.gap_mm),
+        strain_limit=limit and StrainLimit(strain=1e-2 * limit.percent, passes=limit.passes),
+        self_contact=layers and SelfContact(thickness=1e-3 * layers.thickness_mm, friction=layers.friction),
     )
 
 

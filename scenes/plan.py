@@ -143,7 +143,8 @@ def plan(scene: Scene, *, streamed: bool = False) -> Plan:
     left["passes"] = "no depth, normal or id buffers; `still --passes` asks for them"
     order = (
         *("fibre lattice", "yarn", "hairs", "twist", "weave", "fibre blocks"),
-        *("body", "pattern", "sheet", "seams", "solver", "pins", "wind", "contact", "motion"),
+        *("body", "pattern", "sheet", "seams", "solver", "pins", "wind", "strain limit", "contact"),
+        *("cloth on cloth", "motion"),
         *("light pass", "occlusion", "floor", "meshes", "splatter", "passes"),
     )
     stages = tuple(

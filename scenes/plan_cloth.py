@@ -1,9 +1,26 @@
 """What a moving cloth will build, in words."""
 
+from taichi_cloth.forces import Forces
+
 from .moving import forces_of, sheet_of, solver_of
 from .schema import Scene
 
-__all__ = ["sheet_stages"]
+__all__ = ["force_stages", "sheet_stages"]
+
+
+def force_stages(forces: Forces) -> tuple[dict[str, str], dict[str, str]]:
+    """What acts beside springs and contact: what is built of it, and what is left out."""
+    built: dict[str, str] = {}
+    wind, limit, layers = forces.wind, forces.strain_limit, forces.self_contact
+    if wind:
+        speed = sum(v * v for v in wind.velocity) ** 0.5
+        built["wind"] = f"{speed:.1f} m/s, gusts of {100 * wind.gusts:.0f} %"
+    if limit:
+        built["strain limit"] = f"{100 * limit.strain:g} %, {limit.passes} passes a substep"
+    if layers:
+        built["cloth on cloth"] = f"{1e3 * layers.thickness:g} mm apart, friction {layers.friction:g}"
+    keys = {"wind": "wind", "strain limit": "strain_limit", "cloth on cloth": "self_contact"}
+    return built, {stage: f"the scene has no [forces.{key}]" for stage, key in keys.items() if stage not in built}
 
 
 def sheet_stages(scene: Scene) -> tuple[dict[str, str], dict[str, str]]:
@@ -37,11 +54,8 @@ def sheet_stages(scene: Scene) -> tuple[dict[str, str], dict[str, str]]:
         built["pins"] = f"{held} key points at {', '.join(at)}{pull}"
     else:
         left["pins"] = "cloth.pins names none"
-    if forces.wind:
-        speed = sum(v * v for v in forces.wind.velocity) ** 0.5
-        built["wind"] = f"{speed:.1f} m/s, gusts of {100 * forces.wind.gusts:.0f} %"
-    else:
-        left["wind"] = "the scene has no [forces.wind]"
+    for stages, more in zip((built, left), force_stages(forces), strict=True):
+        stages |= more
     ball = f"a ball of {forces.sphere.radius:g} m" if forces.sphere else ""
     floor = f"a floor at {forces.plane.height:g} m" if forces.plane else ""
     person = f"the body's {body.contact}, µ {cloth.friction:g}, {cloth.gap_mm:g} mm apart" if body else ""

@@ -3,6 +3,7 @@
 from .dressing import dressed_parts, motion_of
 from .garment import woven_garment
 from .moving import forces_of
+from .plan_cloth import force_stages
 from .schema import Scene
 
 __all__ = ["garment_stages"]
@@ -32,11 +33,8 @@ def garment_stages(scene: Scene) -> tuple[dict[str, str], dict[str, str], int, S
         left["motion"] = 'body.motion is "rest": the garment hangs as it was sewn'
     else:
         built["motion"] = moves.name
-    forces = forces_of(scene.forces)
-    if forces.wind:
-        built["wind"] = f"{sum(v * v for v in forces.wind.velocity) ** 0.5:.1f} m/s"
-    else:
-        left["wind"] = "the scene has no [forces.wind]"
+    for stages, more in zip((built, left), force_stages(forces_of(scene.forces)), strict=True):
+        stages |= more
     cloth = woven_garment(scene, atlas) if section.representation == "fibre" else None
     if cloth is None:
         left["fibre blocks"] = 'garment.representation is "mesh"'

@@ -10,13 +10,14 @@ import pytest
 
 from taichi_cloth import runtime
 from taichi_cloth.errors import InputError, Unstable
+from taichi_cloth.forces import SelfContact, StrainLimit
 from taichi_cloth.materials import named_material
 from taichi_cloth.render.blocks import ParticleBlocks
 from taichi_cloth.scenes import __main__ as command_line
 from taichi_cloth.scenes.cloth import ClothModel
 from taichi_cloth.scenes.kept import STATE
 from taichi_cloth.scenes.load import load_scene
-from taichi_cloth.scenes.moving import material_of, simulation_of, start_of
+from taichi_cloth.scenes.moving import forces_of, material_of, simulation_of, start_of
 from taichi_cloth.scenes.plan import plan
 from taichi_cloth.simulation import Simulation
 
@@ -178,6 +179,18 @@ def test_a_settled_drape_stays_out_of_the_ball_and_hardly_stretches(n: int) -> N
     assert moved < 0.1
 
 
+def test_strain_limit_and_cloth_on_cloth_are_asked_for_by_the_scene() -> None:
+    forces = ["forces.strain_limit.percent=4", "forces.self_contact={thickness_mm=3, friction=0.2}"]
+    scene = load_scene("drape", [*PLANNED, *forces])
+    made = forces_of(scene.forces)
+    assert made.strain_limit == StrainLimit(strain=0.04, passes=3)
+    assert made.self_contact == SelfContact(thickness=0.003, friction=0.2)
+    for changes, built in ((forces, True), ([], False)):
+        stages = {stage.name: stage for stage in plan(load_scene("drape", [*PLANNED, *changes])).stages}
+        assert stages["strain limit"].built is built
+        assert stages["cloth on cloth"].built is built
+
+
 def test_properties_replace_those_of_the_preset() -> None:
     cloth = load_scene("drape", ["cloth.properties.bending_warp_un_m=50", "cloth.material=denim"]).cloth
     assert cloth is not None
@@ -217,6 +230,9 @@ def test_pulled_edges_part_by_what_the_scene_says() -> None:
         (["cloth.pins.pull_mm=3"], "left"),
         (["cloth.pleats=3"], "upright"),
         (["solver.step_ms=5"], "at most"),
+        (["forces.strain_limit.passes=4"], "odd"),
+        (["forces.self_contact.thickness_mm=100"], "4 times"),
+        (["forces.self_contact={}", "solver.name=implicit"], "verlet"),
         (["forces.sphere.radius_m=-1"], "radius_m"),
         (["output.frame=120"], "119"),
     ],

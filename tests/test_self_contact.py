@@ -12,6 +12,7 @@ from taichi_cloth.forces import Forces, Plane, SelfContact
 from taichi_cloth.materials import Material
 from taichi_cloth.sheet import Sheet
 from taichi_cloth.simulation import Simulation
+from taichi_cloth.solvers.self_contact import ClothContact
 from taichi_cloth.solvers.verlet import Verlet
 from taichi_cloth.springs import calibrate
 
@@ -86,6 +87,24 @@ def test_contact_keeps_momentum() -> None:
 def test_a_second_run_gives_the_same_bytes() -> None:
     """With what the first has left in the lists; asking for 2 threads changes nothing, as the sheet is one strip."""
     assert len(set(fallen()[3])) == 1
+
+
+@pytest.mark.slow
+def test_sewn_edges_are_let_lie_on_each_other() -> None:
+    """Two panels 1 mm apart, the first row of the upper one sewn: what is beyond the reach of the seam is pushed to the
+    thickness of 3 mm, the seam's own surroundings are where they were."""
+    sheet, x, _ = layers(0.0)
+    upper = np.arange(ROWS) >= 18
+    x[upper, :, 1] = 0.001
+    seams = np.zeros(sheet.shape, bool)
+    seams[18] = True
+    contact = ClothContact(sheet, SelfContact(thickness=THICKNESS), seams)
+    forces = Forces(gravity=(0.0, 0.0, 0.0))
+    simulation = Simulation(sheet, Verlet(sheet, forces, passes=(contact,)), forces=forces, positions=x)
+    simulation.step()
+    rise = simulation.positions[18:35, :, 1] - 0.001  # where the lower panel, of 17 rows, is below
+    assert np.abs(rise[0]).max() < 1e-4
+    assert rise[contact.reach + 4 : 14].min() > 0.0005
 
 
 @pytest.mark.slow

@@ -22,6 +22,7 @@ from taichi_cloth.garment.ties import Ties
 from taichi_cloth.materials import Material
 from taichi_cloth.sheet import Sheet
 from taichi_cloth.simulation import Simulation
+from taichi_cloth.solvers.self_contact import ClothContact
 from taichi_cloth.solvers.verlet import Verlet
 from taichi_cloth.springs import calibrate
 
@@ -73,6 +74,13 @@ class Garment:
         if not nodes:
             return np.zeros((0, 8, 2), np.int64), np.zeros((0, 8))
         return np.concatenate(nodes), np.concatenate(weights)
+
+    def sewn(self) -> NDArray[np.bool_]:
+        """Key points (rows, cols) that the seams join."""
+        nodes, weights = self.seams()
+        out = np.zeros((self.atlas.cells.shape[0] + 1, self.atlas.cells.shape[1] + 1), bool)
+        out[tuple(nodes[weights != 0].T)] = True
+        return out
 
     def holds(self) -> tuple[I64, F64, F64, list[str], NDArray[np.bool_]]:
         """Points of the edges that the body carries: blends (n, 4, 2) and (n, 4), where they start (n, 3) [m], the name
@@ -132,7 +140,10 @@ class Garment:
         sheet = self.sheet(material)
         ties = self.ties(sheet, places, held, bones, speed)
         passes = () if ties is None else (ties,)
-        solver = Verlet(sheet, forces, frame_rate=frame_rate, safety=safety, passes=passes)
+        if forces.self_contact:  # with the seams known, and before the ties, which have the last word
+            passes = (ClothContact(sheet, forces.self_contact, self.sewn()), *passes)
+        alone = replace(forces, self_contact=None)
+        solver = Verlet(sheet, alone, frame_rate=frame_rate, safety=safety, passes=passes)
         return Simulation(sheet, solver, forces=forces, positions=positions)
 
 

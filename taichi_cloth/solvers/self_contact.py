@@ -26,6 +26,7 @@ from math import ceil, pi
 
 import numpy as np
 import taichi as ti
+from numpy.typing import NDArray
 from scipy import ndimage
 
 from taichi_cloth.arrays import Template
@@ -60,14 +61,16 @@ MEND = 0.25
 class ClothContact(Pass):
     """The contact of one sheet. thickness, friction: see `SelfContact`.
 
-    Key points of the same panel within `reach` cells of a face do not touch it: they are its own neighbourhood.
+    Key points of the same panel within `reach` cells of a face do not touch it: they are its own neighbourhood. So
+    are those on both sides of a seam. seams: bool (rows, cols), key points that are sewn to others; they and all within
+    `reach` of them touch no other cloth.
     Raises InputError on a thickness that the key points of a flat sheet would already violate.
     """
 
     local = False
     paired = True
 
-    def __init__(self, sheet: Sheet, options: SelfContact) -> None:
+    def __init__(self, sheet: Sheet, options: SelfContact, seams: NDArray[np.bool_] | None = None) -> None:
         s = sheet.springs
         spacing = min(s.spacing_x, s.spacing_y)
         self.thickness, self.friction = options.thickness, options.friction
@@ -80,14 +83,16 @@ class ClothContact(Pass):
         self.cell = max(s.spacing_x, s.spacing_y) + self.thickness + spacing
         rows, self.width = sheet.padded_shape
         self.size = rows * self.width
-        panels = np.zeros(sheet.shape, np.int32)
-        labels, _ = ndimage.label(sheet.cells, np.ones((3, 3)))  # pyright: ignore[reportGeneralTypeIssues]
-        for i in (0, 1):
-            for j in (0, 1):
-                panels = np.maximum(panels, np.pad(labels, ((i, 1 - i), (j, 1 - j))))
+        labels = np.asarray(ndimage.label(sheet.cells, np.ones((3, 3)))[0])  # pyright: ignore[reportIndexIssue]
+        corners = [np.pad(labels, ((i, 1 - i), (j, 1 - j))) for i in (0, 1) for j in (0, 1)]
+        panels, faces = np.maximum.reduce(corners), corners[0]
+        if seams is not None and seams.any():
+            apart = ~ndimage.binary_dilation(seams, np.ones((3, 3)), iterations=self.reach)
+            panels = panels * apart
+            faces = faces * np.pad(apart[:-1, :-1] & apart[1:, :-1] & apart[:-1, 1:] & apart[1:, 1:], ((0, 1), (0, 1)))
         count = int(sheet.present.sum())
         self.pair_room, self.contact_room = _PAIRS * count, _CONTACTS * count
-        self.panel, self.order, self.bucket = (ti.field(ti.i32, self.size) for _ in range(3))
+        self.panel, self.patch, self.order, self.bucket = (ti.field(ti.i32, self.size) for _ in range(4))
         self.start = ti.field(ti.i32, 2 ** (3 * _BITS) + 1)
         self.cursor = ti.field(ti.i32, 2 ** (3 * _BITS))
         self.reference = [ti.field(ti.f32, self.size) for _ in range(3)]
@@ -99,12 +104,13 @@ class ClothContact(Pass):
             ti.field(ti.i32, ()) for _ in range(5)
         )
         self.margin = ti.field(ti.f32, ())  # of the last search, beyond the band [m]
-        self._panels = sheet.padded(panels).astype(np.int32).ravel()
+        self._labels = [sheet.padded(labels).astype(np.int32).ravel() for labels in (panels, faces)]
         self._loaded = False
 
     def begin(self, state: SheetState, forces) -> None:
         if not self._loaded:
-            self.panel.from_numpy(self._panels)
+            self.panel.from_numpy(self._labels[0])
+            self.patch.from_numpy(self._labels[1])
             self._loaded = True
         self.searches[None] = 0
         self.most_contacts[None] = 0
@@ -195,7 +201,7 @@ class ClothContact(Pass):
         found = 0
         wide = self.thickness + self.band + self.margin[None]
         for f in range(first, last):
-            if work.cell[f] > 0:
+            if self.patch[f] > 0:
                 a, b, c, d = (
                     self.at(x, at + f),
                     self.at(x, at + f + 1),
@@ -217,7 +223,7 @@ class ClothContact(Pass):
                                 p = self.order[o]
                                 di, dj = p // row - fi, p % row - fj
                                 other = ti.max(ti.abs(2 * di - 1), ti.abs(2 * dj - 1)) > 2 * self.reach + 1
-                                if other or self.panel[p] != self.panel[f]:  # nested: `and` works out all of it
+                                if other or self.panel[p] != self.patch[f]:  # nested: `and` works out all of it
                                     y = self.at(x, at + p)
                                     if (y >= low).all() and (y <= high).all():
                                         rise = (y - middle).dot(across)
