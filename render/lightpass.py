@@ -21,7 +21,6 @@ from .finish import Finish
 from .light import Lighting
 from .light_sizes import KEY_STRIDE, MAP_SIZE, SKY_STRIDE
 from .mesh import Mesh
-from .meshlight import stand_ins
 from .occlusion import SkyMaps, occlude
 from .shade import MOST_OTHERS, Shading
 from .shadow import ShadowMap, cast
@@ -31,9 +30,6 @@ __all__ = ["NO_LIGHT", "LightMaps", "LightPass", "shading_of"]
 
 NO_LIGHT = np.ones((1, 1, LANES), np.float32)
 """What `project` gets where no light pass is needed."""
-
-MOST_STAND_INS = 60_000
-"""Points that stand for a mesh before the sky."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,10 +124,7 @@ class LightPass:
         self._maps = {mark: one for mark, one in self._maps.items() if mark in marks}
         if shading.sky >= 0 and self._sky is None:
             few, stretch = self._thinned(layout, blocks, SKY_STRIDE)
-            if self._mesh is not None:
-                spacing = float((box[1] - box[0]).max()) / 200
-                few = np.concatenate([few, stand_ins(self._mesh, layout, spacing, MOST_STAND_INS)])
-            self._sky = occlude(layout, few, box, opacity=opacity, chunks=chunks, stretch=stretch)
+            self._sky = occlude(layout, few, box, opacity=opacity, chunks=chunks, stretch=stretch, mesh=self._mesh)
         return LightMaps(tuple(lights), self._sky if shading.sky >= 0 else None)
 
     def on_particles(

@@ -1,7 +1,7 @@
-"""What a mesh does to the light of others: its first depths on the map of a light, and points that stand for it.
+"""What a mesh does to the light of others: the depths at which parallel light meets it first and leaves it last.
 
-Seen from a distant light a triangle's depth, and the shares b0, b1, b2 of its corners, are linear in the texel's
-place; it covers the texels in whose middle no share is negative.
+Seen from a distant light a triangle's depth, and the shares b1, b2 of its corners, are linear in the texel's place; it
+covers the texels in whose middle no share is negative.
 """
 
 # In kernels a name stands for a Taichi expression, which type checkers cannot follow.
@@ -11,82 +11,78 @@ import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
 
-from .arrays import LANES, Floats1, Floats2, Int, Ints2
-from .blocks import COLOUR, NORMAL, POSITION, RADIUS, TANGENT, Layout
-from .fit import Fit
+from .arrays import Floats1, Floats2, Floats3, Int, Ints2
 from .mesh import Mesh
-from .transmittance import EMPTY
+from .sort import CHUNK_STEPS, share
+from .transmittance import AWAY, EMPTY, ORIGIN, RIGHT, SCALE, UP
 
-__all__ = ["first_depths", "stand_ins"]
+__all__ = ["walls"]
 
 
-def first_depths(mesh: Mesh, at: Fit) -> NDArray[np.float32]:
-    """Depth [m] at which the light of a map first meets a mesh, EMPTY where it does not, shape (texels,)."""
-    place = mesh.vertices.astype(np.float64) @ at.frame.T - at.origin
-    place[:, :2] = place[:, :2] / at.texel - 0.5
-    finite = np.isfinite(place).all(axis=1)[mesh.faces].all(axis=1)
-    v = np.nan_to_num(place[mesh.faces], posinf=0, neginf=0)  # (f, corners, u v depth)
-    one, two = v[:, 1] - v[:, 0], v[:, 2] - v[:, 0]
-    area = one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0]
-    low = np.ceil(v[..., :2].min(axis=1)).clip(0)
-    high = np.floor(v[..., :2].max(axis=1)).clip(-1, (at.width - 1, at.height - 1))
-    used = finite & (np.abs(area) > 1e-12) & (high >= low).all(axis=1)
-    v, one, two, area, low, high = (a[used] for a in (v, one, two, area, low, high))
-    slope = np.stack(
-        [
-            np.stack([two[:, 1], -two[:, 0]], 1) / area[:, None],
-            np.stack([-one[:, 1], one[:, 0]], 1) / area[:, None],
-        ],
-        1,
-    )  # of b1 and b2, along u and v
-    rows = np.concatenate([v[:, 0], slope.reshape(-1, 4), one[:, 2:], two[:, 2:]], 1).astype(np.float32)
-    boxes = np.concatenate([low, high], 1).astype(np.int32)
-    wall = np.full(at.width * at.height, EMPTY, np.float32)
-    _walls(len(rows), at.width, rows, boxes, wall)
-    return wall
+def walls(
+    mesh: Mesh, axes: NDArray[np.float32], maps: NDArray[np.int32], *, chunks: int
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """First and last depth [m] of a mesh in the texels of all maps, EMPTY and -EMPTY where it is not, (texels,) each.
+
+    axes: (maps, 5, 3), see `transmittance`. maps: (maps, 3), first texel, width and height of each.
+    """
+    finite = np.isfinite(mesh.vertices).all(axis=1)
+    vertices = np.ascontiguousarray(np.where(finite[:, None], mesh.vertices, 0.0), np.float32)
+    faces = np.ascontiguousarray(mesh.faces[finite[mesh.faces].all(axis=1)], np.int32)
+    texels = int((maps[:, 1] * maps[:, 2]).sum())
+    first, last = np.full(texels, EMPTY, np.float32), np.full(texels, -EMPTY, np.float32)
+    if len(faces):
+        _walls(chunks, vertices, faces, axes, maps, first, last)
+    return first, last
+
+
+@ti.func
+def _place(vertices: Floats2, p, axes: Floats3, m):
+    """Column, row [texels, whole in their middles] and depth [m] of a vertex."""
+    at = ti.Vector([0.0, 0.0, 0.0])
+    for k in ti.static((RIGHT, UP, AWAY)):
+        for c in ti.static(range(3)):
+            at[k] += vertices[p, c] * axes[m, k, c]
+        at[k] -= axes[m, ORIGIN, k]
+    return ti.Vector([at[0] * axes[m, SCALE, 0] - 0.5, at[1] * axes[m, SCALE, 0] - 0.5, at[2]])
 
 
 @ti.kernel
-def _walls(count: Int, width: Int, rows: Floats2, boxes: Ints2, wall_out: Floats1):
-    """rows: u, v, depth of a corner; d b1 / du, dv; d b2 / du, dv; what b1 and b2 add to the depth."""
-    ti.loop_config(serialize=True)
-    for i in range(count):
-        for y in range(boxes[i, 1], boxes[i, 3] + 1):
-            for x in range(boxes[i, 0], boxes[i, 2] + 1):
-                u = x - rows[i, 0]
-                v = y - rows[i, 1]
-                b1 = rows[i, 3] * u + rows[i, 4] * v
-                b2 = rows[i, 5] * u + rows[i, 6] * v
-                if b1 >= -1e-5 and b2 >= -1e-5 and b1 + b2 <= 1.00001:
-                    depth = rows[i, 2] + b1 * rows[i, 7] + b2 * rows[i, 8]
-                    wall_out[y * width + x] = ti.min(wall_out[y * width + x], depth)
-
-
-def stand_ins(mesh: Mesh, layout: Layout, spacing: float, most: int) -> NDArray[np.float32]:
-    """Blocks of opaque discs that cover a mesh, about `spacing` [m] apart, at most about `most`, always the same."""
-    corner = mesh.vertices[mesh.faces].astype(np.float64)
-    good = np.isfinite(corner).all(axis=(1, 2))
-    corner = corner[good]
-    cross = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]) / 2
-    area = np.linalg.norm(cross, axis=1)
-    total = float(area.sum())
-    if not total > 0:
-        return np.zeros((0, layout.rows, LANES), np.float32)
-    count = max(LANES, min(most, int(total / spacing**2)))
-    random = np.random.Generator(np.random.Philox(key=[0, 12]))
-    pick = np.searchsorted(np.cumsum(area), (np.arange(count) + 0.5) / count * total).clip(0, len(area) - 1)
-    a, b = random.random((2, count, 1))
-    a, b = np.where(a + b > 1, 1 - a, a), np.where(a + b > 1, 1 - b, b)
-    place = corner[pick, 0] + a * (corner[pick, 1] - corner[pick, 0]) + b * (corner[pick, 2] - corner[pick, 0])
-    columns = np.zeros((layout.rows, -(-count // LANES) * LANES), np.float32)
-    columns[POSITION : POSITION + 3, :count] = place.T
-    columns[RADIUS, :count] = radius = (1.5 * total / count) ** 0.5
-    columns[COLOUR : COLOUR + 3], columns[TANGENT] = 0.5, 1.0
-    columns[NORMAL : NORMAL + 3, :count] = (cross[pick] / np.maximum(area[pick], 1e-30)[:, None]).T
-    if layout.elliptic:
-        columns[layout.half_length_row] = radius
-    if layout.openness:
-        columns[layout.openness_row] = 1.0
-    if layout.opacity:
-        columns[layout.opacity_row] = 1.0
-    return np.ascontiguousarray(columns.reshape(layout.rows, -1, LANES).transpose(1, 0, 2))
+def _walls(
+    chunks: Int,
+    vertices: Floats2,
+    faces: Ints2,
+    axes: Floats3,
+    maps: Ints2,
+    # out:
+    first_out: Floats1,
+    last_out: Floats1,
+):
+    for step in range(chunks * CHUNK_STEPS):
+        if step % CHUNK_STEPS != 0:
+            continue
+        chunk = step // CHUNK_STEPS
+        for m in range(share(maps.shape[0], chunk, chunks), share(maps.shape[0], chunk + 1, chunks)):
+            width = maps[m, 1]
+            high = maps[m, 2]
+            for i in range(faces.shape[0]):
+                a = _place(vertices, faces[i, 0], axes, m)
+                b = _place(vertices, faces[i, 1], axes, m) - a
+                c = _place(vertices, faces[i, 2], axes, m) - a
+                area = b[0] * c[1] - b[1] * c[0]
+                left = ti.max(ti.ceil(a[0] + ti.min(b[0], c[0], 0.0), ti.i32), 0)
+                right = ti.min(ti.floor(a[0] + ti.max(b[0], c[0], 0.0), ti.i32), width - 1)
+                top = ti.max(ti.ceil(a[1] + ti.min(b[1], c[1], 0.0), ti.i32), 0)
+                bottom = ti.min(ti.floor(a[1] + ti.max(b[1], c[1], 0.0), ti.i32), high - 1)
+                if ti.abs(area) > 1e-12:
+                    for y in range(top, bottom + 1):
+                        for x in range(left, right + 1):
+                            u = x - a[0]
+                            v = y - a[1]
+                            b1 = (u * c[1] - v * c[0]) / area
+                            b2 = (v * b[0] - u * b[1]) / area
+                            if b1 >= -1e-4 and b2 >= -1e-4 and b1 + b2 <= 1.0001:
+                                depth = a[2] + b1 * b[2] + b2 * c[2]
+                                cell = maps[m, 0] + y * width + x
+                                first_out[cell] = ti.min(first_out[cell], depth)
+                                last_out[cell] = ti.max(last_out[cell], depth)

@@ -18,6 +18,8 @@ from .blocks import Layout
 from .errors import RenderError
 from .fit import fit, typical_radius
 from .light_sizes import LAYERS, SCRATCH_ROWS, SKY_DIRECTIONS, SKY_SIZE
+from .mesh import Mesh
+from .meshlight import walls
 
 __all__ = ["SkyMaps", "half_sphere", "occlude"]
 
@@ -26,6 +28,9 @@ TEXEL = 3.0
 
 FINE = 6.0
 """Depth [texels] in which the layers near either side of a texel are fine."""
+
+
+NO_WALLS = np.zeros(1, np.float32), np.zeros(1, np.float32)
 
 
 def half_sphere(count: int) -> NDArray[np.float64]:
@@ -62,6 +67,8 @@ class SkyMaps:
     """Depths [m] between which something stands, shape (texels,); 1e30 and -1e30 where nothing does."""
     depth: NDArray[np.float32]
     """Optical depth up to the end of each layer, shape (texels, 16); undefined where nothing stands."""
+    walls: tuple[NDArray[np.float32], NDArray[np.float32]] | None
+    """First and last depth [m] of a mesh, shape (texels,) each; None without a mesh."""
     texel: float
     """Width of the coarsest map's texel [m]."""
 
@@ -69,8 +76,8 @@ class SkyMaps:
         """Write the share of the sky that packed particles see, 0..1, to light_out (blocks, rows, 16), at `row`."""
         if len(blocks):
             sky.look(
-                blocks, self.axes, self.maps, 0.5 * self.texel, FINE * self.texel, self.first, self.last, self.depth,
-                row, light_out,
+                self.walls is not None, blocks, self.axes, self.maps, 0.5 * self.texel, FINE * self.texel,
+                self.first, self.last, self.depth, *(self.walls or NO_WALLS), row, light_out,
             )  # fmt: skip
 
     def seen_from(self, points: ArrayLike, normals: ArrayLike) -> NDArray[np.float32]:
@@ -81,14 +88,14 @@ class SkyMaps:
         light = np.ones(len(points), np.float32)
         if len(points):
             sky.look_at(
-                points, normals, self.axes, self.maps, 0.5 * self.texel, FINE * self.texel, self.first, self.last,
-                self.depth, light,
+                self.walls is not None, points, normals, self.axes, self.maps, 0.5 * self.texel, FINE * self.texel,
+                self.first, self.last, self.depth, *(self.walls or NO_WALLS), light,
             )  # fmt: skip
         return light
 
     @property
     def nbytes(self) -> int:
-        return self.first.nbytes + self.last.nbytes + self.depth.nbytes
+        return sum(a.nbytes for a in (self.first, self.last, self.depth, *(self.walls or ())))
 
 
 def occlude(
@@ -102,8 +109,10 @@ def occlude(
     stretch: float = 1.0,
     resolution: int = SKY_SIZE,
     texel_radii: float = TEXEL,
+    mesh: Mesh | None = None,
 ) -> SkyMaps:
-    """The maps of packed particles in a box (2, 3) [m], of which each stands for `stretch` along its fibre."""
+    """The maps of packed particles in a box (2, 3) [m], of which each stands for `stretch` along its fibre, and of an
+    opaque mesh among them."""
     radius = typical_radius(blocks)
     fits = [fit(d, box, radius, resolution=resolution, texel_radii=texel_radii)[0] for d in half_sphere(directions)]
     sizes = np.array([f.width * f.height for f in fits])
@@ -117,4 +126,5 @@ def occlude(
         layout, chunks, stretch, blocks, len(blocks), axes, table, FINE * texel, scratch, scratch, first, last, depth,
         depth.reshape(-1, 1, LAYERS),
     )  # fmt: skip
-    return SkyMaps(axes, table, first, last, depth, texel)
+    solid = None if mesh is None else walls(mesh, axes, table, chunks=chunks)
+    return SkyMaps(axes, table, first, last, depth, solid, texel)

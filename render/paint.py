@@ -34,7 +34,7 @@ LARGEST = 16384
 LIFT = 1.5
 """Texels of the sky's maps that a vertex is lifted off the skin it belongs to."""
 SPREAD = 6
-"""Rounds by which a vertex's sky is evened out with its neighbours': the sky changes slowly, the maps are coarse."""
+"""Rounds by which a vertex's sky is evened out with its neighbours': there are few directions."""
 CONSTANT_ROWS = 10  # FLOOR: height, centre x and z [m], then in the next row cells per metre
 
 
@@ -89,13 +89,11 @@ def paint(
         for j, one in enumerate(lights):
             if one is not None:
                 passing[j, row, column] = one.shadow_on(at, normal)
-    open_sky = np.ones(len(mesh.vertices), np.float32)
+    open_sky = np.ones((len(mesh.vertices), 2), np.float32)  # of the side that the normals point to, of the other
     if maps is not None and maps.sky is not None:
-        normals = np.asarray(mesh.normals)
-        toward = ((camera.eye - mesh.vertices) * normals).sum(axis=1, keepdims=True) > 0
-        normals = np.where(toward, normals, -normals)
-        open_sky = maps.sky.seen_from(mesh.vertices + LIFT * maps.sky.texel * normals, normals)
-        open_sky = spread(open_sky, mesh.faces, SPREAD)
+        for side, normals in enumerate((mesh.normals, -mesh.normals)):
+            seen = maps.sky.seen_from(mesh.vertices + LIFT * maps.sky.texel * normals, normals)
+            open_sky[:, side] = spread(seen, mesh.faces, SPREAD)
     _shade(width, any(lights), c, lamps, mesh.faces, mesh.colour, mesh.normals, open_sky, edges, face, passing, colour)
     return Backdrop(colour, tiled(depth), face, edges)
 
@@ -194,7 +192,7 @@ def _shade(
     faces: Ints2,
     albedo: Floats2,
     normals: Floats2,
-    open_sky: Floats1,
+    open_sky: Floats2,
     edges: Floats2,
     # pixels:
     face: Ints2,
@@ -212,12 +210,12 @@ def _shade(
             u = (x + 0.5 - c[LENS, 1]) / c[LENS, 0]
             v = (y + 0.5 - c[LENS, 2]) / c[LENS, 0]
             ray = ti.Vector([u * c[0, k] + v * c[1, k] + c[2, k] for k in ti.static(range(3))])
-            if n.dot(ray) > 0.0:
-                n = -n
+            side = ti.cast(n.dot(ray) > 0.0, ti.i32)
+            n *= 1.0 - 2.0 * side
             upward = 0.5 + 0.5 * n[1]
             seen = 0.0
             for j in ti.static(range(3)):
-                seen += b[j] * open_sky[faces[f, j]]
+                seen += b[j] * open_sky[faces[f, j], side]
             lit = ti.Vector([c[GROUND, k] + (c[SKY, k] - c[GROUND, k]) * upward for k in ti.static(range(3))])
             above = rise(n[1])
             for k in ti.static(range(3)):

@@ -19,7 +19,7 @@ from .errors import RenderError
 from .fit import fit, typical_radius
 from .light_sizes import LAYERS, MAP_SIZE, STAMP_ROWS
 from .mesh import Mesh
-from .meshlight import first_depths
+from .meshlight import walls
 from .transmittance import EMPTY
 
 __all__ = ["ShadowMap", "cast"]
@@ -135,7 +135,8 @@ def cast(
     rows = np.zeros((chunks, at.height), np.int32)
     nearest = np.empty(first, np.float32)
     through = np.empty((first, LAYERS), np.float32)
-    wall = NO_WALL if mesh is None else first_depths(mesh, at)
+    whole = np.array([(0, at.width, at.height)], np.int32)
+    wall = NO_WALL if mesh is None else walls(mesh, axes[None], whole, chunks=1)[0]
     if len(blocks) == 0 and mesh is None:
         nearest[:] = EMPTY
     else:

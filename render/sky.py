@@ -165,10 +165,13 @@ def fill(
 
 @ti.func
 def _seen(
-    px, py, pz, nx, ny, nz, offset, lag,
-    axes: Floats3, maps: Ints2, fine, first: Floats1, last: Floats1, depth_of: Floats2,
+    walled: Switch, px, py, pz, nx, ny, nz, offset, lag, axes: Floats3, maps: Ints2, fine,
+    first: Floats1, last: Floats1, depth_of: Floats2, wall_first: Floats1, wall_last: Floats1,
 ):  # fmt: skip
-    """The share of the sky, by the cosine to the normal, that is seen from a place moved `offset` out along it."""
+    """The share of the sky, by the cosine to the normal, that is seen from a place moved `offset` out along it.
+
+    walled: whether there is a mesh, met first and left last at depths `wall_first` and `wall_last`.
+    """
     total = 0.0
     weight = 0.0
     px += offset * nx
@@ -208,7 +211,11 @@ def _seen(
                 optical = before + (k - low) * (depth_of[c, low] - before)
                 if not front:
                     optical = depth_of[c, LAYERS - 1] - optical
-            passing += part * decay(optical)
+            through = decay(optical)
+            if ti.static(walled):  # noqa: SIM102
+                if (front and depth > wall_first[c]) or (not front and depth < wall_last[c]):
+                    through = 0.0
+            passing += part * through
         total += cosine * passing
         weight += cosine
     return total / ti.max(weight, 1e-6)
@@ -216,6 +223,7 @@ def _seen(
 
 @ti.kernel
 def look(
+    walled: Switch,
     particles: Floats3,
     axes: Floats3,
     maps: Ints2,
@@ -224,6 +232,8 @@ def look(
     first: Floats1,
     last: Floats1,
     depth_of: Floats2,
+    wall_first: Floats1,
+    wall_last: Floats1,
     row: Int,
     # out:
     light_out: Floats3,
@@ -236,15 +246,18 @@ def look(
         size = particles[b, RADIUS, lane]
         if size > 0.0:
             value = _seen(
+                walled,
                 particles[b, POSITION, lane], particles[b, POSITION + 1, lane], particles[b, POSITION + 2, lane],
                 particles[b, NORMAL, lane], particles[b, NORMAL + 1, lane], particles[b, NORMAL + 2, lane],
                 offset + 0.5 * size, offset + 0.25 * size, axes, maps, fine, first, last, depth_of,
+                wall_first, wall_last,
             )  # fmt: skip
         light_out[b, row, lane] = value
 
 
 @ti.kernel
 def look_at(
+    walled: Switch,
     points: Floats2,
     normals: Floats2,
     axes: Floats3,
@@ -254,12 +267,14 @@ def look_at(
     first: Floats1,
     last: Floats1,
     depth_of: Floats2,
+    wall_first: Floats1,
+    wall_last: Floats1,
     # out:
     light_out: Floats1,
 ):
     """light_out[i]: the share of the sky that points (n, 3) [m] with normals (n, 3) see, 0..1."""
     for i in range(points.shape[0]):
         light_out[i] = _seen(
-            points[i, 0], points[i, 1], points[i, 2], normals[i, 0], normals[i, 1], normals[i, 2],
-            offset, offset, axes, maps, fine, first, last, depth_of,
+            walled, points[i, 0], points[i, 1], points[i, 2], normals[i, 0], normals[i, 1], normals[i, 2],
+            offset, offset, axes, maps, fine, first, last, depth_of, wall_first, wall_last,
         )  # fmt: skip

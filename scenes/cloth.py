@@ -20,7 +20,7 @@ from .moving import simulation_of, standing_in, start_of, woven_scene
 from .prepare import Prepared, draft_of, fibre_kind, prepare_fabric
 from .schema import Scene
 
-__all__ = ["ClothModel", "ball_mesh", "nothing"]
+__all__ = ["ALBEDO", "ClothModel", "ball_mesh", "nothing"]
 
 F32 = NDArray[np.float32]
 ALBEDO = 0.7

@@ -17,7 +17,7 @@ from taichi_cloth.simulation import Simulation
 from ..render.blocks import ParticleBlocks
 from ..render.mesh import Mesh
 from .body_section import BodySection
-from .cloth import nothing
+from .cloth import ALBEDO, nothing
 from .dressing import Dressed, Progress, dress, motion_of, simulation_of
 from .facts import Fact, fabric_facts, yarn_facts
 from .kept import KeptRun
@@ -100,7 +100,7 @@ class GarmentModel(KeptRun):
             repeat = colours.get(piece.panel.name)
             if repeat is not None:
                 shades[self.surface.panel == number] = (repeat.warp.mean(axis=0) + repeat.weft.mean(axis=0)) / 2
-        return shades
+        return ALBEDO * shades
 
     def numbers(self) -> Numbers:
         """Yarn: by panel, its warp ends, then its weft picks. Part: number of the panel. -1 for places not drawn."""

@@ -7,7 +7,7 @@ from taichi_cloth.render.camera import look_at
 from taichi_cloth.render.light import Lighting
 from taichi_cloth.render.lightpass import LightMaps
 from taichi_cloth.render.mesh import Mesh
-from taichi_cloth.render.paint import paint
+from taichi_cloth.render.paint import LIFT, paint
 from taichi_cloth.render.particles import Particles
 from taichi_cloth.render.splat import Splatter
 
@@ -54,6 +54,23 @@ def test_patch_shadows_the_ball_beneath() -> None:
     assert dark.colour[row + 1, column].max() < 0.5 * bare.colour[row + 1, column].min()
     splatter.render(VIEW, lighting=ABOVE, backdrop=dark)
     assert splatter.light.passes == 2
+
+
+def test_ball_does_not_stand_before_its_own_sky() -> None:
+    """Seen from anywhere on a ball the sky is whole, and from within it is not there, whatever hangs in chains of long
+    particles beside it."""
+    mesh, count = ball(), 4096
+    along = np.linspace(-0.1, 0.1, count)
+    line = np.stack([along, np.full(count, -0.3), np.zeros(count)], 1)
+    chain = Particles(line, 2e-4, (0.5, 0.5, 0.5), (1, 0, 0), (0, 1, 0), opacity=1.0, half_length=1e-4)
+    for particles in (patch(-0.3, 0.01), chain):
+        _, maps = maps_of(particles, mesh)
+        assert maps.sky is not None
+        normals = np.asarray(mesh.normals)
+        out, into = (maps.sky.seen_from(mesh.vertices + LIFT * maps.sky.texel * n, n) for n in (normals, -normals))
+        assert out.min() > 0.9
+        assert out.mean() > 0.99
+        assert into.max() < 0.1
 
 
 def test_ball_shadows_the_patch_beneath() -> None:
