@@ -91,7 +91,7 @@ def paint(
                 passing[j, row, column] = one.shadow_on(at, normal)
     open_sky = np.ones((len(mesh.vertices), 2), np.float32)  # of the side that the normals point to, of the other
     if maps is not None and maps.sky is not None:
-        for side, normals in enumerate((mesh.normals, -mesh.normals)):
+        for side, normals in enumerate((np.asarray(mesh.normals), -np.asarray(mesh.normals))):
             seen = maps.sky.seen_from(mesh.vertices + LIFT * maps.sky.texel * normals, normals)
             open_sky[:, side] = spread(seen, mesh.faces, SPREAD)
     _shade(width, any(lights), c, lamps, mesh.faces, mesh.colour, mesh.normals, open_sky, edges, face, passing, colour)
