@@ -24,6 +24,8 @@ F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
 FRAY = 1.6  # how much wider a yarn is at its free end
 LEAN = 0.45  # how far free ends stray from straight, in thread widths
+LAYERS = 1.5  # fibres that lie before one another across a drawn yarn, at least
+MOST_OF_THICKNESS = 0.9  # of the yarn, that a drawn fibre takes
 WANDER = 0.10  # bend of a fibre between block ends that tells variants apart, in yarn radii
 
 
@@ -160,7 +162,11 @@ def _core(
     section_yz = gather(spun.position[..., 1:])
     size = np.stack([layout.kinds.width[kind], layout.kinds.thickness[kind]], -1)[:, None, None, :]
     scale = size / _yarn(layout, kind[0]).diameter
-    section_yz = section_yz * scale
+    thick = spun.radius.mean() * np.sqrt(scale[..., 0] * scale[..., 1])[..., 0]  # (t, 1)
+    grown = _covering(thick, rows, size[:, 0, 0, :])
+    # Thicker fibres lie so much further in that the yarn keeps its outline.
+    inset = (size / 2 - (grown * thick)[..., None, None]) / (size / 2 - thick[..., None, None])
+    section_yz = section_yz * scale * np.clip(inset, 0.0, 1.0)
     if section == BODY:
         rng = np.random.Generator(np.random.Philox(key=[seed, 2]))
         bend = rng.standard_normal((max(1, layout.detail.variants), rows, 1, 2)).clip(-2, 2)
@@ -184,11 +190,21 @@ def _core(
         offset=offset,
         tangent=tangent,
         normal=normal,
-        radius=np.broadcast_to(spun.radius[None, :, None] * np.sqrt(scale[..., 0] * scale[..., 1]), shape),
+        radius=np.broadcast_to(
+            spun.radius[None, :, None] * np.sqrt(scale[..., 0] * scale[..., 1]) * grown[..., None], shape
+        ),
         half_length=gather(spun.half_length) * stretch * np.sqrt(1.0 + slope**2)[:, None, :],
         openness=open_,
         tone=np.broadcast_to(spun.tone[None, :, None], shape),
     )
+
+
+def _covering(radius: F64, fibres: int, size: F64) -> F64:
+    """How much thicker drawn fibres of a radius (t, 1) [m] must be for a yarn of a size (t, 2) [m], width and
+    thickness, to let no light through, (t, 1): 1 where they are many enough. A real yarn has dozens before one another.
+    """
+    wanted = LAYERS * size[:, :1] / (2 * fibres)
+    return np.maximum(1.0, np.minimum(wanted, MOST_OF_THICKNESS * size[:, 1:] / 2) / radius)
 
 
 def _hair(
