@@ -164,9 +164,10 @@ def _core(
     scale = size / _yarn(layout, kind[0]).diameter
     thick = spun.radius.mean() * np.sqrt(scale[..., 0] * scale[..., 1])[..., 0]  # (t, 1)
     grown = _covering(thick, rows, size[:, 0, 0, :])
-    # Thicker fibres lie so much further in that the yarn keeps its outline.
-    inset = (size / 2 - (grown * thick)[..., None, None]) / (size / 2 - thick[..., None, None])
-    section_yz = section_yz * scale * np.clip(inset, 0.0, 1.0)
+    # Thicker fibres are laid so that they just fill the yarn's outline.
+    inside = 1.0 - spun.radius.mean() / (_yarn(layout, kind[0]).diameter / 2)
+    filling = np.maximum(size / 2 - (grown * thick)[..., None, None], 0.0) / (inside * size / 2)
+    section_yz = section_yz * scale * np.where(grown[..., None, None] > 1.0, filling, 1.0)
     if section == BODY:
         rng = np.random.Generator(np.random.Philox(key=[seed, 2]))
         bend = rng.standard_normal((max(1, layout.detail.variants), rows, 1, 2)).clip(-2, 2)
