@@ -16,16 +16,17 @@ from ..render.mesh import Mesh
 from .body_fit import GREY
 from .body_picture import HUES, KIND_COLOURS, Shown, draw_panels, part_mesh, primitive_meshes
 from .dressing import primitives_of
-from .garment import GarmentModel
+from .garment import GarmentModel, woven_garment
 from .load import load_scene
 from .models import build
+from .prepare import prepare_fabric
 from .view import View
 
 __all__ = ["body_parts", "dressed_twice", "magnified", "moving", "primitives", "skirt_and_shirt", "stretched"]
 
 Image = NDArray[np.uint8]
 TALL = (600, 900)
-MOMENTS: tuple[int, ...] = (0, 34, 44, 54)
+MOMENTS: tuple[int, ...] = (36, 45, 54, 63)
 """Frames of the walk."""
 
 
@@ -73,8 +74,16 @@ def _at_rest(model: GarmentModel, size: tuple[int, int]) -> Image:
     return next(image for _, image in View(model, size).turntable(1, [0]))
 
 
+def _from_head_to_foot(model: GarmentModel) -> GarmentModel:
+    """The same garment, in pictures as tall as who wears it."""
+    skin = model.dressed.body.vertices[:, 1]
+    model.bounds = np.array(model.bounds)
+    model.bounds[:, 1] = skin.min(), skin.max()
+    return model
+
+
 def dressed_twice(quick: bool) -> Image:
-    model = _garment("dress")
+    model = _from_head_to_foot(_garment("dress"))
     model.step(0)
     fibres = _at_rest(model, TALL)
     follower, model.follower = model.follower, None
@@ -95,7 +104,7 @@ def _named(image: Image, words: str) -> Image:
 
 
 def magnified(quick: bool) -> Image:
-    """Whole, then nearer and nearer to a place on the chest; threads as many as the scene says."""
+    """Whole, then nearer and nearer to a place on the chest; from 16 times on with more fibres in each thread."""
     model = _garment("tshirt")
     model.step(0)
     size = (600, 600)
@@ -106,15 +115,25 @@ def magnified(quick: bool) -> Image:
     low, high = points.min(axis=0), points.max(axis=0)
     aim = low + np.array([0.56, 0.62, 1.0]) * (high - low)
     apart = np.abs(points[:, :2] - aim[:2]).sum(axis=1) + np.where(seen[:, 2] < np.median(seen[:, 2]), 0.0, 1.0)
+    place = points[apart.argmin()]
     x, y, _ = seen[apart.argmin()]
     images = []
     for times in (1, 4, 16, 60):
+        if times == 16 and not quick:
+            view = View(_finer(model, place), size, scale=2)
         share = 0.0 if times == 1 else 1.0
         cx = camera.width / 2 + times * (camera.cx - (share * x + (1 - share) * camera.width / 2))
         cy = camera.height / 2 + times * (camera.cy - (share * y + (1 - share) * camera.height / 2))
         image = view.seen_by(replace(camera, focal=times * camera.focal, cx=float(cx), cy=float(cy)))
         images.append(_named(image, "whole" if times == 1 else f"{times} x"))
     return np.concatenate([np.concatenate(images[:2], axis=1), np.concatenate(images[2:], axis=1)], axis=0)
+
+
+def _finer(model: GarmentModel, place: NDArray) -> GarmentModel:
+    """The surroundings of a place, their threads of as many fibres as a near picture shows."""
+    scene = load_scene("tshirt", ["yarn.fibres=20", "fabric.steps=8"])
+    prepared = prepare_fabric(woven_garment(scene, model.dressed.garment.atlas), streamed=True)
+    return GarmentModel(scene, prepared, model.dressed, near=(place, 0.05))
 
 
 def stretched(quick: bool) -> Image:
@@ -129,6 +148,6 @@ def skirt_and_shirt(quick: bool) -> Image:
 
 
 def moving(quick: bool) -> Image:
-    model = _garment("dress", "body.motion=walk")
+    model = _from_head_to_foot(_garment("dress", "body.motion=walk"))
     moments = [k // 2 for k in MOMENTS] if quick else list(MOMENTS)
-    return np.concatenate([image for _, image in View(model, (300, 640), scale=1).animation(moments)], axis=1)
+    return np.concatenate([image for _, image in View(model, (320, 640)).animation(moments)], axis=1)

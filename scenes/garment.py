@@ -32,7 +32,10 @@ F32 = NDArray[np.float32]
 
 
 class GarmentModel(KeptRun):
-    """A garment in motion on its body."""
+    """A garment in motion on its body.
+
+    near: a place [m] and a distance [m]; only what is woven within it of the garment at rest is drawn as fibres.
+    """
 
     def __init__(
         self,
@@ -40,6 +43,7 @@ class GarmentModel(KeptRun):
         prepared: Prepared | None = None,
         dressed: Dressed | None = None,
         each: Progress | None = None,
+        near: tuple[NDArray, float] | None = None,
     ) -> None:
         assert scene.garment is not None
         self.scene, self.section, self.frames = scene, scene.garment, scene.output.frames
@@ -53,6 +57,11 @@ class GarmentModel(KeptRun):
             self.prepared = prepared or prepare_fabric(woven_garment(scene, atlas))
             k = self.section.threads_per_key_point
             self.weaving = Weaving(atlas, build_fabric(self.prepared.layout), k, colours_of(scene, self.dressed))
+            if near is not None:
+                crossings = self.weaving.crossings(self.simulation.positions).reshape(-1, 3)
+                blocks = self.weaving.fabric.layout.blocks
+                away = np.linalg.norm(crossings[blocks.key0] - near[0], axis=1)
+                self.weaving.spans[~(away < near[1])] = 1.0, 0.0
             rest = None
             if self.section.follow == "paper":
                 rest = self.weaving.crossings(atlas.start().astype(np.float32))
