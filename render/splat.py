@@ -27,6 +27,7 @@ from .light import Background, Lighting
 from .light_sizes import MAP_SIZE
 from .lightpass import LightMaps, LightPass, shading_of
 from .mesh import Mesh
+from .neutral import resolve_neutral
 from .particles import Particles
 from .planes import borrow
 from .raster import LUT_STEPS, clear, count_opaque, raster, resolve_linear
@@ -279,6 +280,20 @@ class Splatter:
             *self._planes,
             self._canvas,
         )
+        if lighting.tone == "neutral" and self._batch != "more":
+            resolve_neutral(
+                self._tiles_x,
+                self._tiles,
+                self.height,
+                self._batch == "last",
+                self._starts,
+                *self._planes,
+                background.ends(),
+                self._table("neutral"),
+                backdrop is not None,
+                NO_COLOUR if backdrop is None else backdrop.colour,
+                self._canvas,
+            )
         image = self._pixels(out)
         clock.append(time.perf_counter())
         self.stats = RenderStats(self._count, drawn, entries, *(1e3 * np.diff(clock)).tolist())
