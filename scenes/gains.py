@@ -19,14 +19,16 @@ from ..render.light import Lighting
 from ..render.splat import Splatter
 from ..render.stream import Source, stream
 
-__all__ = ["colours_at", "crossings", "fit_gains", "fit_surface", "seen_at"]
+__all__ = ["colours_at", "crossings", "fit_gains", "fit_near", "seen_at"]
 
 F64 = NDArray[np.float64]
 SIZE = 320, 192
 ELEVATIONS = (90.0, 75.0, 60.0, 45.0, 30.0, 18.0)
 LEVELS = 9
 MEASURED = (1, 2, 3, 4, 5, 6, 8)
-"""Levels at which gains are measured; between them they are interpolated."""
+"""Levels at which gains are measured; between them they are interpolated, beyond the last they are its own."""
+FARTHEST = 0.03
+"""Radius of a particle [px] below which a cloth is too small to measure gains."""
 ROUNDS = 5
 CLOSE = 0.005
 SLOPE = np.array([[0.4, 0, 0, 0], [0.4, 1, 0, 1], [0.8, 0, 1, 1.5], [0.6, 0, 0, 0.8]])
@@ -35,7 +37,9 @@ gains and with the fourth."""
 LARGEST_STEP = 0.3
 OPENED = -0.5, 0.9
 CROSSINGS = 6
-MOST = 2_000_000
+PARTED = 12.0
+"""Radius of a drawn fibre [px] at which real ones have parted and show no surface yet."""
+MOST = 4_000_000
 PATCH, MEASURED_SIDE = 24, 16
 """Of a fabric of more than so many particles, gains are measured on so many threads each way, in the middle of which
 they are those of a large cloth."""
@@ -67,8 +71,9 @@ def fit_gains(
     whole, thin = FabricStream(patch, points, target=0.0), FabricStream(patch, points, target=target)
     factor = np.tile(UNCHANGED, (len(ELEVATIONS), LEVELS, 1))
     tilt = np.zeros(len(ELEVATIONS))
+    measured = [level for level in MEASURED if target * 0.5 ** (level / 2) > FARTHEST] or [1]
     for a, elevation in enumerate(ELEVATIONS):
-        for level in MEASURED:
+        for level in measured:
             camera = seen_at(patch, points, target * 0.5 ** (level / 2), elevation=elevation, about=middle)
             tilt[a] = whole.survey(camera).tilt  # pyright: ignore[reportArgumentType]
             window = _window(camera, inner)
@@ -86,7 +91,7 @@ def fit_gains(
                 return np.log(np.maximum(got, 1e-9) / np.maximum(want, 1e-9))
 
             factor[a, level:] = _solved(error, factor[max(a - 1, 0), level if a else level - 1])
-        nodes = (0, *MEASURED)
+        nodes = (0, *measured)
         for c in range(4):
             factor[a, :, c] = np.interp(range(LEVELS), nodes, factor[a, nodes, c])
     order = np.argsort(tilt, kind="stable")
@@ -146,28 +151,34 @@ def _window(camera: Camera, inner: NDArray | None) -> tuple[slice, slice]:
     return slice(max(0, top), bottom), slice(max(0, left), right)
 
 
-def fit_surface(
+def fit_near(
     fabric: Fabric,
     points: NDArray,
     skin: NDArray[np.float32],
     *,
     lighting: Lighting | None = None,
     finish: Finish | None = None,
-) -> float:
-    """The `surface_gain` by which fibres with a surface are together as bright as the splats they replace."""
+) -> tuple[float, float]:
+    """The `parted_gain` and `surface_gain` by which real fibres, and those with a surface, are together as bright as
+    the splats they replace."""
     yarn, fibres = fabric.layout.warp.yarn, fabric.layout.detail.fibres
     drawn = float(np.median(fabric.bank.radius[fabric.bank.openness < 1.0]))
     real = drawn / max(1.0, yarn.fibres_in_section / fibres) ** 0.5
-    pixels = 1.3 * SURFACE[0] * float(fabric.bank.radius.mean()) / real
-    splatter = Splatter(*SIZE)
-    light = [
-        sum(
-            colours_at(splatter, source, camera, lighting=lighting, finish=finish)[:3].sum()
-            for camera in crossings(fabric, points, pixels)
-        )
-        for source in (FabricStream(fabric, points), RefiningStream(fabric, points, skin))
-    ]
-    return float(np.clip(light[0] / max(light[1], 1e-9), 0.5, 1.5))
+    with_surface = 1.3 * SURFACE[0] * float(fabric.bank.radius.mean()) / real
+    splatter, plain, fine = Splatter(*SIZE), FabricStream(fabric, points), RefiningStream(fabric, points, skin)
+
+    def factor(pixels: float) -> float:
+        light = [
+            sum(
+                colours_at(splatter, source, camera, lighting=lighting, finish=finish)[:3].sum()
+                for camera in crossings(fabric, points, pixels)
+            )
+            for source in (plain, fine)
+        ]
+        return float(np.clip(light[0] / max(light[1], 1e-9), 0.5, 1.5))
+
+    fine.parted_gain = factor(PARTED)
+    return fine.parted_gain, factor(with_surface)
 
 
 def colours_at(

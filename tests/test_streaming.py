@@ -17,7 +17,7 @@ from taichi_cloth.render.particles import Particles
 from taichi_cloth.render.passes import render_passes
 from taichi_cloth.render.splat import Splatter
 from taichi_cloth.render.stream import stream, stream_passes
-from taichi_cloth.scenes.gains import colours_at, crossings, fit_gains, fit_surface, seen_at
+from taichi_cloth.scenes.gains import colours_at, crossings, fit_gains, fit_near, seen_at
 from taichi_cloth.scenes.load import load_scene
 from taichi_cloth.scenes.models import FabricModel, build
 from taichi_cloth.scenes.sequence import Sequence
@@ -214,6 +214,27 @@ def test_zoom_writes_its_frames(tmp_path: Path) -> None:
         assert image.std() > 1
 
 
+@pytest.mark.parametrize("pixels", [5.0, 40.0])
+def test_numbers_of_parted_fibres_lie_on_the_colour_picture(model: FabricModel, pixels: float) -> None:
+    """Warp red and weft green: what the numbers say of a pixel is what it looks like; at 40 px of a surface."""
+    ends = model.points.shape[1]
+    warp = np.arange(len(model.fabric.thread_colour)) < ends
+    fabric = replace(model.fabric, thread_colour=np.stack([warp, ~warp, 0 * warp], axis=1).astype(np.float32))
+    source = RefiningStream(fabric, model.points, np.ones((8, 8), np.float32))
+    camera = replace(seen_at(fabric, model.points, pixels, fov=4), width=160, height=96, cx=80, cy=48)
+    image, passes = stream_passes(Splatter(160, 96), camera, source, ("mask", "id"), most=200_000)
+    assert passes.mask is not None
+    assert passes.yarn is not None
+    assert passes.part is not None
+    there = passes.mask > 0.95
+    assert there.mean() > 0.5
+    assert (passes.part[there] == (passes.yarn[there] >= ends)).all()
+    red = image[..., 0].astype(int) > image[..., 1]
+    assert 0.2 < red[there].mean() < 0.8
+    assert (red == (passes.part == 0))[there].mean() > 0.97
+    assert ((passes.yarn >= 0) == (passes.part >= 0)).all()
+
+
 @pytest.mark.slow
 def test_the_camera_comes_nearer_by_the_same_factor(model: FabricModel) -> None:
     view = View(model, SIZE)
@@ -231,8 +252,8 @@ def test_the_camera_comes_nearer_by_the_same_factor(model: FabricModel) -> None:
 def test_refining_keeps_coverage_and_brightness(model: FabricModel) -> None:
     skin = skin_of(contour("cotton", length_m=350e-6))
     assert np.sqrt(np.mean(skin**2)) == pytest.approx(1.0, abs=0.01)
-    bright = fit_surface(model.fabric, model.points, skin)
-    fine = RefiningStream(model.fabric, model.points, skin, surface_gain=bright)
+    parted, surface = fit_near(model.fabric, model.points, skin)
+    fine = RefiningStream(model.fabric, model.points, skin, parted_gain=parted, surface_gain=surface)
     plain, splatter = FabricStream(model.fabric, model.points), Splatter(*SIZE)
     for pixels in (3.0, 4.0, 6.0, 9.0, 12.0, 20.0, 26.0, 34.0):
         cameras = list(crossings(model.fabric, model.points, pixels))
@@ -240,5 +261,5 @@ def test_refining_keeps_coverage_and_brightness(model: FabricModel) -> None:
             np.sum([colours_at(splatter, source, camera) for camera in cameras], axis=0) for source in (plain, fine)
         )
         assert after[3] == pytest.approx(before[3], rel=0.02)
-        assert after[:3].sum() == pytest.approx(before[:3].sum(), rel=0.04)
-        assert after[:3] == pytest.approx(before[:3], rel=0.06)
+        assert after[:3].sum() == pytest.approx(before[:3].sum(), rel=0.02)
+        assert after[:3] == pytest.approx(before[:3], rel=0.04)
