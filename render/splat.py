@@ -6,7 +6,6 @@ chunks and threads: sorts are stable, nothing is added up atomically, and a tile
 """
 
 import time
-from dataclasses import dataclass
 from typing import Any
 
 import cv2
@@ -23,10 +22,12 @@ from .camera import Camera, check_size
 from .constants import set_constants
 from .errors import RenderError
 from .finish import Finish
+from .frame import RenderStats, SplatLists
 from .light import Background, Lighting
 from .light_sizes import MAP_SIZE
 from .lightpass import LightMaps, LightPass, shading_of
 from .mesh import Mesh
+from .neutral import resolve_neutral
 from .particles import Particles
 from .planes import borrow
 from .raster import LUT_STEPS, clear, count_opaque, raster, resolve_linear
@@ -34,48 +35,13 @@ from .sort import BINS, count_high, count_tiles, fill_tiles, scan, scan_tiles, s
 from .sprites import CRISP, Profile, SpriteSheet
 from .tone import WHITE, Tone, tone_table
 
-__all__ = ["RenderStats", "SplatLists", "Splatter"]
+__all__ = ["Splatter"]
 
 MAX_TILE_ENTRIES = 2**31 - 1
 """Longest list of all tiles together; Taichi counts with 32 bits."""
 
 LIMB_DARKENING = 0.5
 """How much darker the sides of a round thread are than its middle, at roundness 1."""
-
-
-@dataclass(frozen=True)
-class RenderStats:
-    """What the last frame took: particles loaded and drawn, entries in the tile lists, milliseconds a stage."""
-
-    particles: int
-    drawn: int
-    tile_entries: int
-    light_ms: float
-    project_ms: float
-    sort_ms: float
-    bin_ms: float
-    raster_ms: float
-
-
-@dataclass(frozen=True, eq=False)
-class SplatLists:
-    """What `raster` read for the last frame, for `passes`; valid until the next one."""
-
-    layout: Layout
-    profile: str
-    edge: float
-    tiles_x: int
-    tiles: int
-    starts: NDArray[np.int32]
-    entries: NDArray[np.int32]
-    splats: NDArray[np.float32]
-    blocks: NDArray[np.float32]
-    keys: NDArray[np.int32]
-    nearest: float
-    key_depth: float
-    sheet: NDArray[np.float32]
-    levels: NDArray[np.int32]
-    sprite_size: int
 
 
 class Splatter:
@@ -314,6 +280,20 @@ class Splatter:
             *self._planes,
             self._canvas,
         )
+        if lighting.tone == "neutral" and self._batch != "more":
+            resolve_neutral(
+                self._tiles_x,
+                self._tiles,
+                self.height,
+                self._batch == "last",
+                self._starts,
+                *self._planes,
+                background.ends(),
+                self._table("neutral"),
+                backdrop is not None,
+                NO_COLOUR if backdrop is None else backdrop.colour,
+                self._canvas,
+            )
         image = self._pixels(out)
         clock.append(time.perf_counter())
         self.stats = RenderStats(self._count, drawn, entries, *(1e3 * np.diff(clock)).tolist())

@@ -1,6 +1,6 @@
 """How much wider and brighter the particles of a thinned block must be: measured on the fabric itself."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,7 +10,8 @@ from taichi_cloth.blocks import Fabric
 from taichi_cloth.fabric import Blocks, pose_points
 from taichi_cloth.pieces import SURFACE
 from taichi_cloth.refine import RefiningStream
-from taichi_cloth.streaming import UNCHANGED, FabricStream, Gains
+from taichi_cloth.streaming import FabricStream
+from taichi_cloth.thinning import UNCHANGED, Gains, thinned_to
 
 from ..render.camera import Camera, frame
 from ..render.finish import Finish
@@ -18,19 +19,31 @@ from ..render.light import Lighting
 from ..render.splat import Splatter
 from ..render.stream import Source, stream
 
-__all__ = ["colours_at", "crossings", "fit_gains", "fit_surface", "seen_at"]
+__all__ = ["colours_at", "crossings", "fit_gains", "fit_near", "seen_at"]
 
+F64 = NDArray[np.float64]
 SIZE = 320, 192
 ELEVATIONS = (90.0, 75.0, 60.0, 45.0, 30.0, 18.0)
 LEVELS = 9
 MEASURED = (1, 2, 3, 4, 5, 6, 8)
-"""Levels at which gains are measured; between them they are interpolated."""
-ROUNDS = 4
+"""Levels at which gains are measured; between them they are interpolated, beyond the last they are its own."""
+FARTHEST = 0.03
+"""Radius of a particle [px] below which a cloth is too small to measure gains."""
+ROUNDS = 5
 CLOSE = 0.005
+SLOPE = np.array([[0.4, 0, 0, 0], [0.4, 1, 0, 1], [0.8, 0, 1, 1.5], [0.6, 0, 0, 0.8]])
+"""About how the logarithms of coverage, light by warp, by weft, and without colour change with those of the first three
+gains and with the fourth."""
+LARGEST_STEP = 0.3
+OPENED = -0.5, 0.9
 CROSSINGS = 6
+PARTED = 12.0
+"""Radius of a drawn fibre [px] at which real ones have parted and show no surface yet."""
+MOST = 4_000_000
 PATCH, MEASURED_SIDE = 24, 16
-"""Gains are measured on no more threads than this each way, of a larger fabric on those in the middle of them."""
-SAMPLES = 3
+"""Of a fabric of more than so many particles, gains are measured on so many threads each way, in the middle of which
+they are those of a large cloth."""
+SAMPLES = 6
 """Samples of a patch that are averaged: what chance does to one of a few threads is none of the fabric's."""
 PROBE = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 """Colours of warp and weft by which what comes from either is told apart; blue is what has no colour."""
@@ -40,15 +53,16 @@ def fit_gains(
     fabric: Fabric,
     points: NDArray,
     *,
-    target: float = 0.5,
+    target: float | None = None,
     lighting: Lighting | None = None,
     finish: Finish | None = None,
 ) -> Gains:
     """Gains by which the cloth, at the distance where a share is drawn, has the coverage and the brightness of all its
     particles, in any colours: warp is red, weft green, and both are black in blue, so that one picture tells their
-    parts and the sheen. Measured from `ELEVATIONS`, on key points (picks, ends, 3) [m] or, where the fabric is large,
-    on a patch of it that lies flat.
+    parts and the sheen. Measured from `ELEVATIONS` on key points (picks, ends, 3) [m], as how a cloth is folded tells
+    where it gleams; where the fabric is large, on a patch of it that lies flat.
     """
+    target = thinned_to(fabric.particles) if target is None else target
     patch, points, inner = _patch(fabric, points)
     middle = None if inner is None else inner.mean(axis=0)
     edges = min(1.0, PATCH / min(fabric.layout.cloth.warp_up.shape)) if inner is not None else 1.0
@@ -57,28 +71,52 @@ def fit_gains(
     whole, thin = FabricStream(patch, points, target=0.0), FabricStream(patch, points, target=target)
     factor = np.tile(UNCHANGED, (len(ELEVATIONS), LEVELS, 1))
     tilt = np.zeros(len(ELEVATIONS))
+    measured = [level for level in MEASURED if target * 0.5 ** (level / 2) > FARTHEST] or [1]
     for a, elevation in enumerate(ELEVATIONS):
-        for level in MEASURED:
+        for level in measured:
             camera = seen_at(patch, points, target * 0.5 ** (level / 2), elevation=elevation, about=middle)
             tilt[a] = whole.survey(camera).tilt  # pyright: ignore[reportArgumentType]
             window = _window(camera, inner)
             want = eye.parts(camera, whole, window)
-            now = factor[max(a - 1, 0), level if a else level - 1].copy()
-            for _ in range(ROUNDS):
+
+            def error(
+                now: F64,
+                camera: Camera = camera,
+                window: tuple[slice, slice] = window,
+                want: F64 = want,
+                times: int = samples if level > 2 else 1,
+            ) -> F64:
                 thin.gains = Gains(np.ones(1), np.tile(now, (1, 2, 1)))
-                got = eye.parts(camera, thin, window, samples if level > 2 else 1)
-                if (np.abs(got - want) < CLOSE * want).all():
-                    break
-                cover, warp, weft = np.clip(want[:3] / np.maximum(got[:3], 1e-9), 0.8, 1.25)
-                now[:3] *= cover**1.5, warp / cover, weft / cover
-                sheen = float(np.clip(want[3] / max(got[3], 1e-9), 0.8, 1.25)) / cover
-                now[3] = np.clip(now[3] + 1.2 * (sheen - 1), -0.5, 0.9)
-            factor[a, level:] = now
-        nodes = (0, *MEASURED)
+                got = eye.parts(camera, thin, window, times)
+                return np.log(np.maximum(got, 1e-9) / np.maximum(want, 1e-9))
+
+            factor[a, level:] = _solved(error, factor[max(a - 1, 0), level if a else level - 1])
+        nodes = (0, *measured)
         for c in range(4):
             factor[a, :, c] = np.interp(range(LEVELS), nodes, factor[a, nodes, c])
     order = np.argsort(tilt, kind="stable")
     return Gains(tilt[order], factor[order])
+
+
+def _solved(error: Callable[[F64], F64], start: F64) -> F64:
+    """Gains with no `error` (logarithms of coverage, light by warp, by weft, and without colour, over what they should
+    be): Broyden's method (C. G. Broyden, "A class of methods for solving nonlinear simultaneous equations", 1965)."""
+    x = np.concatenate([np.log(start[:3]), start[3:]])
+    slope, step, before = SLOPE.copy(), np.zeros(4), np.zeros(4)
+    best, least = start, np.inf
+    for _ in range(ROUNDS):
+        now = np.concatenate([np.exp(x[:3]), x[3:]])
+        y = error(now)
+        if step.any():
+            slope += np.outer(y - before - slope @ step, step) / (step @ step)
+        if np.abs(y).max() < least:
+            best, least = now, float(np.abs(y).max())
+        if least < CLOSE:
+            break
+        step = np.clip(np.linalg.solve(slope, -y), -LARGEST_STEP, LARGEST_STEP)
+        step[3] = np.clip(x[3] + step[3], *OPENED) - x[3]
+        x, before = x + step, y
+    return best
 
 
 def _patch(fabric: Fabric, points: NDArray) -> tuple[Fabric, NDArray, NDArray | None]:
@@ -87,7 +125,7 @@ def _patch(fabric: Fabric, points: NDArray) -> tuple[Fabric, NDArray, NDArray | 
     layout = fabric.layout
     picks, ends = points.shape[:2]
     inner = None
-    if picks * ends > PATCH * PATCH:
+    if fabric.particles > MOST and min(picks, ends) > PATCH:
         row, column = np.divmod(layout.blocks.key0, ends)
         inside = (np.abs(row - picks // 2) <= PATCH // 2) & (np.abs(column - ends // 2) <= PATCH // 2)
         chosen = np.flatnonzero(inside)
@@ -113,28 +151,34 @@ def _window(camera: Camera, inner: NDArray | None) -> tuple[slice, slice]:
     return slice(max(0, top), bottom), slice(max(0, left), right)
 
 
-def fit_surface(
+def fit_near(
     fabric: Fabric,
     points: NDArray,
     skin: NDArray[np.float32],
     *,
     lighting: Lighting | None = None,
     finish: Finish | None = None,
-) -> float:
-    """The `surface_gain` by which fibres with a surface are together as bright as the splats they replace."""
+) -> tuple[float, float]:
+    """The `parted_gain` and `surface_gain` by which real fibres, and those with a surface, are together as bright as
+    the splats they replace."""
     yarn, fibres = fabric.layout.warp.yarn, fabric.layout.detail.fibres
     drawn = float(np.median(fabric.bank.radius[fabric.bank.openness < 1.0]))
     real = drawn / max(1.0, yarn.fibres_in_section / fibres) ** 0.5
-    pixels = 1.3 * SURFACE[0] * float(fabric.bank.radius.mean()) / real
-    splatter = Splatter(*SIZE)
-    light = [
-        sum(
-            colours_at(splatter, source, camera, lighting=lighting, finish=finish)[:3].sum()
-            for camera in crossings(fabric, points, pixels)
-        )
-        for source in (FabricStream(fabric, points), RefiningStream(fabric, points, skin))
-    ]
-    return float(np.clip(light[0] / max(light[1], 1e-9), 0.5, 1.5))
+    with_surface = 1.3 * SURFACE[0] * float(fabric.bank.radius.mean()) / real
+    splatter, plain, fine = Splatter(*SIZE), FabricStream(fabric, points), RefiningStream(fabric, points, skin)
+
+    def factor(pixels: float) -> float:
+        light = [
+            sum(
+                colours_at(splatter, source, camera, lighting=lighting, finish=finish)[:3].sum()
+                for camera in crossings(fabric, points, pixels)
+            )
+            for source in (plain, fine)
+        ]
+        return float(np.clip(light[0] / max(light[1], 1e-9), 0.5, 1.5))
+
+    fine.parted_gain = factor(PARTED)
+    return fine.parted_gain, factor(with_surface)
 
 
 def colours_at(

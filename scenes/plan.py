@@ -134,7 +134,9 @@ def plan(scene: Scene, *, streamed: bool = False) -> Plan:
         why = "light.occlusion is false" if not scene.light.occlusion else "light.fill_strength is 0"
         left["occlusion"] = f"{why}; the depth in the yarn stands for it"
     if has_floor(scene):
-        built["floor"] = "six layers of shadow under the subject"
+        layers = "from layers of the subject by height"
+        alike = f"shadows of the key light and of the sky {layers}"
+        built["floor"] = f"the key light's shadow from its map, the sky's {layers}" if scene.light.shadows else alike
     else:
         lies = subject == "fabric"
         left["floor"] = "stage.ground is false" if lies else "only fabrics lie on one, and cloth with [forces.plane]"

@@ -170,7 +170,7 @@ class Light(Section):
     occlusion: bool = Field(default=True, description="fibres hide the sky from one another")
     shading: Literal["kajiya", "marschner"] = Field(default="marschner", description="model of a fibre's highlight")
     tone: Tone = Field(
-        default="shoulder", description="srgb, shoulder or aces: how bright highlights are kept from clipping"
+        default="shoulder", description="srgb, shoulder, neutral or aces: how bright highlights are kept from clipping"
     )
     exposure: float = Field(default=0.0, ge=-20, le=20, description="in stops")
     background: tuple[str, str] = Field(default=("#f4f2ee", "#cfccc6"), description="top and bottom of the backdrop")

@@ -13,10 +13,11 @@ from ..render.backdrop import Backdrop
 from ..render.camera import Camera, frame, orbit
 from ..render.caption import caption, label
 from ..render.finish import FINISHES, Finish, finish_for
+from ..render.frame import RenderStats
 from ..render.light import Background, KeyLight, Lighting
 from ..render.mesh import Mesh, join
 from ..render.paint import paint
-from ..render.splat import RenderStats, Splatter
+from ..render.splat import Splatter
 from ..render.sprites import CRISP, SOFT, SpriteSheet, fibre_sprite, round_sprite, sheet_from_png
 from ..render.stage import Stage, stage_under
 from ..render.tone import tone_inverse

@@ -22,7 +22,7 @@ from ..render.paint import paint
 from ..render.splat import Splatter
 from ..render.stage import stage_under
 from ..render.stream import STREAMED, lay_all, stream
-from .gains import fit_gains, fit_surface
+from .gains import fit_gains, fit_near
 from .models import FabricModel, Model
 from .prepare import fibre_kind, has_floor
 from .view import View
@@ -86,8 +86,8 @@ def source_of(model: Model, lighting: Lighting | None = None, finish: Finish | N
     )
     skin, options = skin_of(spheres), {"lighting": lighting, "finish": finish}
     gains = fit_gains(model.fabric, model.points, **options)
-    bright = fit_surface(model.fabric, model.points, skin, **options)
-    return RefiningStream(model.fabric, model.points, skin, gains=gains, surface_gain=bright)
+    parted, surface = fit_near(model.fabric, model.points, skin, **options)
+    return RefiningStream(model.fabric, model.points, skin, gains=gains, parted_gain=parted, surface_gain=surface)
 
 
 def path(view: View, source: RefiningStream, count: int) -> list[Camera]:

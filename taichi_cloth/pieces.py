@@ -15,16 +15,18 @@ from taichi_cloth.arrays import F32x1, F32x2, F32x3, Float, I16x2, I32x1, I32x2,
 from taichi_cloth.laying import block_ends, frame_at, placed, row, turned
 from taichi_cloth.streaming import LANES, ROWS, TILE
 
-__all__ = ["WIDTH", "place", "split", "surface"]
+__all__ = ["THREAD", "WIDTH", "place", "split", "surface"]
 
 SURFACE = (7.0, 16.0)
 """Radius of a real fibre [px] at which its surface begins to show, and at which it is all there."""
 SPACING = 2.0
 """Distance between points on a fibre's surface [px]."""
-WIDTH = 22
+GROWN = 30.0
+"""The real fibres beside the first have their full radius when they have parted this many times less than wholly."""
+WIDTH, THREAD = 23, 22
 """Numbers of a piece: position, radius, colour, tangent, normal, half length, openness (as `streaming.ROWS`), its
 place along the skin's period, the period [m], its turn [rad], whether it has a skin, how far it has parted, and how
-far before and after it its neighbours on the fibre stand in the list, 0 at a block's end."""
+far before and after it its neighbours on the fibre stand in the list, 0 at a block's end; at THREAD its thread."""
 ARC = 220.0 / 180.0 * pi
 """How much of a fibre's circumference gets points: the side towards the camera, and a little more."""
 
@@ -44,6 +46,7 @@ def split(
     ids: I32x1,
     starts: I32x1,
     parted: F32x1,
+    gain: Float,
     # key points
     point: F32x2,
     along_weft: F32x2,
@@ -67,7 +70,10 @@ def split(
     # out
     pieces_out: F32x2,
 ):
-    """Lay blocks as `blocks` does, each drawn fibre as `each` real ones: an even spiral in its section (Vogel)."""
+    """Lay blocks as `blocks` does, each drawn fibre as `each` real ones: an even spiral in its section (Vogel).
+
+    gain: factor for the colour of those that have parted.
+    """
     for step in range(chunks * 1024):
         if step % 1024 != 0:
             continue
@@ -105,7 +111,10 @@ def split(
                         z = ti.sin(angle) * rho * (radius - fine) + (_hash(line * 64 + j, b + 7919) - 0.5) * 0.7 * bulge
                         here += parted[i] * (y * normal + z * side)
                         r = radius + parted[i] * (fine - radius)
+                        if j > 0:  # where all still lie on one another, one is enough
+                            r *= ti.min(GROWN * parted[i], 1.0)
                         outward = (normal + parted[i] * 0.6 * (y * normal + z * side) / radius).normalized()
+                        tone *= 1.0 + parted[i] * (gain - 1.0)
                         tone *= 1.0 + parted[i] * 0.12 * (_hash(line * 64 + j, yarn + 31) - 0.5)
                         far = parted[i]
                     for c in ti.static(range(3)):
@@ -123,6 +132,7 @@ def split(
                     pieces_out[q, 19] = far
                     pieces_out[q, 20] = count if is_core and m % steps[b] > 0 else 0
                     pieces_out[q, 21] = count if is_core and m % steps[b] < steps[b] - 1 else 0
+                    pieces_out[q, THREAD] = yarn
                     q += 1
                 m += 1
 

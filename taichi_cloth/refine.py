@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from taichi_cloth.blocks import Fabric
 from taichi_cloth.fabric import BODY, Blocks
-from taichi_cloth.pieces import WIDTH, place, split, surface
+from taichi_cloth.pieces import THREAD, WIDTH, place, split, surface
 from taichi_cloth.streaming import COLUMNS, LANES, ROWS, FabricStream, Pinhole, Survey
 from taichi_cloth.templates import build_templates
 
@@ -45,8 +45,8 @@ class RefiningStream:
     """A fabric that streams as `FabricStream` does and is refined where the camera is near.
 
     skin: the fibre's height map (see `skin.skin_of`). steps: pieces of a real fibre in a block.
-    surface_gain: factor for the colour of points on a surface. They hide what is behind them better than splats do,
-    so that more of the picture is fibres that lie open.
+    parted_gain, surface_gain: factors for the colour of real fibres, and of points on their surface besides. They hide
+    what is behind them better than what they replace, so that more of the picture is fibres that lie open.
     """
 
     def __init__(
@@ -56,13 +56,14 @@ class RefiningStream:
         skin: F32,
         *,
         steps: int = STEPS,
+        parted_gain: float = 1.0,
         surface_gain: float = 1.0,
         chunks: int = 2,
         **options: object,
     ) -> None:
         self.base = FabricStream(fabric, points, chunks=chunks, **options)  # pyright: ignore[reportArgumentType]
         self.skin, self.steps, self.chunks = np.ascontiguousarray(skin, np.float32), steps, chunks
-        self.surface_gain = float(surface_gain)
+        self.parted_gain, self.surface_gain = float(parted_gain), float(surface_gain)
         self._known = np.zeros(0, np.int64)
         self._near: FabricStream | None = None
         self._batch = np.zeros((0, ROWS, LANES), np.float32)
@@ -136,6 +137,22 @@ class RefiningStream:
             batch[-1, 3, filled:] = 0.0
         return batch, (rows + more) * LANES
 
+    def numbers(self, survey: Refined, chosen: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+        """As `FabricStream.numbers`, of what `lay` makes of these; -1 for a place that stays empty."""
+        first = len(survey.blocks.counts)
+        parts = self.base.numbers(survey.blocks, chosen[chosen < first])
+        mine = chosen[chosen >= first] - first
+        if not len(mine):
+            return parts
+        of_piece = survey.pieces[mine, THREAD].astype(np.int32)
+        family = (of_piece >= self.base.fabric.layout.cloth.warp_up.shape[1]).astype(np.int32)
+        counts = survey.counts[first:][mine]
+        laid, more = (
+            [np.pad(one, (0, -len(one) % LANES), constant_values=-1) for one in pair]
+            for pair in (parts, (np.repeat(of_piece, counts), np.repeat(family, counts)))
+        )
+        return np.concatenate([laid[0], more[0]]), np.concatenate([laid[1], more[1]])
+
     @property
     def allocated(self) -> int:
         """Bytes of the batches' arrays."""
@@ -193,6 +210,7 @@ class RefiningStream:
             where,
             starts.astype(np.int32),
             parted,
+            self.parted_gain,
             base.points,
             weft,
             warp,

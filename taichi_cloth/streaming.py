@@ -4,14 +4,8 @@
 and how many of its template's particles are worth drawing there. `FabricStream.lay` makes the particles of chosen
 blocks, in an array that is used again and again. Nothing is kept per particle but one batch.
 
-Level of detail, after R. L. Cook, J. Halstead, M. Planck, D. Ryu, "Stochastic simplification of aggregate detail",
-SIGGRAPH 2007: a template's particles stand in a ring of which every arc is an even sample of all, and each block
-begins elsewhere on it, so that what one block leaves out another shows. A block whose particles are smaller than
-`target` pixels draws a share λ of them, each enlarged so that the areas add up to the same; the last of them fade in
-with λ, so nothing pops. Particles keep their own normal and tangent, so the mean answer to any light stays. What a
-sample cannot keep, how particles hide each other and stand out beyond the yarn's edge, is put right by measured gains
-(`gains`). A thread sends to the eye a share of its colour and a sheen without colour, which a sample changes
-differently, so the colour is multiplied and openness, on which both hang, is led towards 1.
+Level of detail: see `thinning`. A template's particles stand in a ring of which every arc is an even sample of all, and
+each block begins elsewhere on it, so that what one block leaves out another shows.
 """
 
 # In kernels a name stands for a Taichi expression, which type checkers cannot follow.
@@ -29,8 +23,9 @@ from taichi_cloth.arrays import F32x1, F32x2, F32x3, Float, I16x2, I32x1, I64x1,
 from taichi_cloth.blocks import Fabric
 from taichi_cloth.fabric import frames
 from taichi_cloth.laying import block_ends, frame_at, placed, row, turned
+from taichi_cloth.thinning import FADE, FULL, UNCHANGED, Gains, gain, thinned_to
 
-__all__ = ["FULL", "LANES", "ROWS", "UNCHANGED", "FabricStream", "Gains", "Pinhole", "Survey"]
+__all__ = ["LANES", "ROWS", "FabricStream", "Pinhole", "Survey"]
 
 F32 = NDArray[np.float32]
 I32 = NDArray[np.int32]
@@ -38,17 +33,11 @@ LANES = 16
 ROWS = 15
 """Rows of a block of 16 particles: position 0–2, radius 3, colour 4–6, tangent 7–9, normal 10–12, half length 13,
 openness 14."""
-FULL = 1.3
-"""The share λ from which on all particles are drawn whole: the last 23 % of a share are fading."""
-FADE = 1.0 - 1.0 / FULL
 COLUMNS = ("u", "offset", "tangent", "normal", "radius", "half_length", "openness", "tone")
 GOLDEN = 0.6180339887498949
 ROOT_2 = 1779033703
 """The fraction of √2 in 32 bits: a block's multiple of it is where it begins on its template's ring."""
 LOG2 = log(2.0)
-UNCHANGED = (1.0, 1.0, 1.0, 0.0)
-"""What `Gains` that change nothing have at every share: factors for the radius and for the colour of warp and weft,
-and how far openness is led towards 1 (towards 0 where negative)."""
 CHUNK_STEPS = 1024  # Taichi on a CPU gives a thread at least 512 iterations (see render/sort.py)
 TILE = 16
 
@@ -67,29 +56,11 @@ class Pinhole(Protocol):
 
 
 @dataclass(frozen=True)
-class Gains:
-    """What a thinned cloth's particles are changed by. tilt: (n,) rising, the mean cosine between the cloth's normal
-    and the view. factor: (n, levels, 4), at λ = 1, 1/2, 1/4, …, of what `UNCHANGED` names."""
-
-    tilt: NDArray[np.float64]
-    factor: NDArray[np.float64]
-
-    def at(self, tilt: float) -> F32:
-        """(levels, 4) for one view."""
-        right = int(np.clip(np.searchsorted(self.tilt, tilt), 1, max(1, len(self.tilt) - 1)))
-        left = min(right - 1, len(self.tilt) - 1)
-        right = min(right, len(self.tilt) - 1)
-        span = max(float(self.tilt[right] - self.tilt[left]), 1e-9)
-        part = float(np.clip((tilt - self.tilt[left]) / span, 0.0, 1.0))
-        return np.asarray(self.factor[left] + part * (self.factor[right] - self.factor[left]), np.float32)
-
-
-@dataclass(frozen=True)
 class Survey:
     """What a camera sees of each block. boxes: (blocks, 4) int16 first and last tile column and row, last < first
     where it is out of view. counts: (blocks,) int32 particles worth drawing, 0 out of view. depth: (blocks,)
     float32 [m] of the middle. share: (blocks,) float32 λ, `FULL` for everything. tilt: mean cosine between the cloth's
-    normal and the view."""
+    normal and the view, the same from both sides."""
 
     boxes: NDArray[np.int16]
     counts: I32
@@ -101,7 +72,8 @@ class Survey:
 class FabricStream:
     """The blocks of a fabric on key points (picks, ends, 3) [m], to be made as they are needed.
 
-    target: radius [px] that drawn particles are thinned to; 0 draws every particle whatever its size.
+    target: radius [px] that drawn particles are thinned to; 0 draws every particle whatever its size, None chooses
+    (`thinned_to`).
     gains: what puts right the coverage and the brightness of thinned blocks; None changes nothing.
     """
 
@@ -110,12 +82,13 @@ class FabricStream:
         fabric: Fabric,
         points: NDArray,
         *,
-        target: float = 0.5,
+        target: float | None = None,
         gains: Gains | None = None,
         chunks: int = 2,
     ) -> None:
         layout, bank = fabric.layout, fabric.bank
-        self.fabric, self.target, self.chunks = fabric, float(target), int(chunks)
+        self.fabric, self.chunks = fabric, int(chunks)
+        self.target = thinned_to(fabric.particles) if target is None else float(target)
         self.gains = gains or Gains(np.ones(1), np.tile(UNCHANGED, (1, 2, 1)))
         self.points = np.ascontiguousarray(points, np.float32).reshape(-1, 3)
         frame = frames(points)
@@ -360,13 +333,10 @@ def _lay(
             fading = ti.cast(count - whole, ti.f32)
             area = whole + fading * (drawn - 0.5 * (whole + count - 1)) / (FADE * drawn)
             level = ti.max(-ti.log(share) / LOG2, 0.0)
-            low = ti.min(ti.cast(level, ti.i32), gains.shape[0] - 2)
-            part = ti.min(level - low, 1.0)
             larger = n / ti.max(area, 1e-6)
-            wider = gains[low, 0] + part * (gains[low + 1, 0] - gains[low, 0])
-            mine = 1 + family[b]
-            brighter = gains[low, mine] + part * (gains[low + 1, mine] - gains[low, mine])
-            opened = gains[low, 3] + part * (gains[low + 1, 3] - gains[low, 3])
+            wider = gain(gains, level, 0)
+            brighter = gain(gains, level, 1 + family[b])
+            opened = gain(gains, level, 3)
             most = 1.0 if opened > 0.0 else 0.0
             opened = ti.abs(opened)
             red = thread_colour[yarn, 0] * brighter

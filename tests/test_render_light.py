@@ -16,6 +16,7 @@ from taichi_cloth.render.camera import Camera, look_at
 from taichi_cloth.render.errors import RenderError
 from taichi_cloth.render.fibre import decay, lobes
 from taichi_cloth.render.finish import FINISHES, Finish
+from taichi_cloth.render.image import linear_to_srgb
 from taichi_cloth.render.light import Background, KeyLight, Lighting
 from taichi_cloth.render.light_sizes import light_bytes
 from taichi_cloth.render.lightpass import NO_LIGHT, shading_of
@@ -392,16 +393,48 @@ def test_materials_differ() -> None:
 
 @pytest.mark.parametrize("tone", TONES)
 def test_tone_curves(tone) -> None:
-    x = np.linspace(0, WHITE[tone], 1000)
+    x = np.repeat(np.linspace(0, WHITE[tone], 1000)[:, None], 3, axis=1)
     shown = tone_curve(tone, x)
-    assert shown[0] == 0
-    assert shown[-1] <= 1
-    assert np.all(np.diff(shown) >= 0)
+    assert shown[0] == pytest.approx(0)
+    assert shown[-1].max() <= 1
+    assert np.all(np.diff(shown, axis=0) >= 0)
     colours = np.array([0.05, 0.4, 0.9])
     np.testing.assert_allclose(tone_curve(tone, tone_inverse(tone, colours)), colours, atol=1e-4)
     assert len(tone_table(tone, 4096)) == 4097
     if tone == "shoulder":
         np.testing.assert_allclose(tone_curve(tone, colours[:2]), colours[:2])
+
+
+def test_neutral_is_the_published_mapper() -> None:
+    """Worked by hand from its published formula: the toe, the straight part, compression and loss of hue."""
+    assert tone_curve("neutral", [0.04, 0.05, 0.06]) == pytest.approx([0.01, 0.02, 0.03])  # f = 0.04 - 6.25 0.04^2
+    assert tone_curve("neutral", [0.1, 0.5, 0.79]) == pytest.approx([0.06, 0.46, 0.75])
+    assert tone_curve("neutral", [1.0, 1.0, 1.0]) == pytest.approx(1 - 0.0576 / 0.44)  # p = 0.96, grey stays grey
+    keep = 1 / (0.15 * (1.48 - 0.94) + 1)  # p = 1.48, p' = 1 - 0.24^2 / 0.96 = 0.94
+    expected = [0.94, 0.94 + keep * (0.94 / 2 - 0.94), 0.94 - keep * 0.94]
+    assert tone_curve("neutral", [1.48, 0.74, 0.0]) == pytest.approx(expected)
+    light = 4 * np.random.default_rng(1).random((200, 3)) ** 3
+    assert tone_inverse("neutral", tone_curve("neutral", light)) == pytest.approx(light, abs=1e-7)
+    assert tone_curve("neutral", tone_inverse("neutral", [1.0, 1.0, 1.0])) == pytest.approx(0.999)
+
+
+def test_a_picture_in_neutral_is_its_linear_light_mapped() -> None:
+    """The kernel against the curve: particles, an open background and a picture that comes in batches."""
+    camera = look_at((0, 0, 1.0), (0, 0, 0), width=40, height=24, fov=40)
+    rng = np.random.default_rng(2)
+    near = Particles(rng.uniform(-0.1, 0.1, (40, 3)), 0.03, rng.random((40, 3)), (1, 0, 0), (0, 0, 1), opacity=0.7)
+    lighting = Lighting(tone="neutral", key=3.0)
+    background = Background(top=(2.0, 0.3, 0.1), bottom=(0.02, 0.3, 0.5))
+    splatter = Splatter(40, 24).load(near)
+    image = splatter.render(camera, lighting=lighting, background=background)
+    rgba, ends = splatter.linear(), background.ends()
+    behind = ends[:3] + (ends[3:] - ends[:3]) * ((np.arange(24) + 0.5) / 24)[:, None, None]
+    expected = 255 * linear_to_srgb(tone_curve("neutral", rgba[..., :3] + (1 - rgba[..., 3:]) * behind))
+    assert rgba[..., :3].max() > 1.2
+    assert (rgba[..., 3] == 0).any()
+    assert np.abs(image - expected).max() < 1.6  # the table has 4096 steps: up to one of 255 in the dark
+    splatter.begin(camera, lighting=lighting, background=background).add(near)
+    assert np.abs(splatter.finish().astype(int) - image).max() <= 1
 
 
 def test_errors() -> None:
