@@ -6,12 +6,14 @@ from math import radians, tan
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_cloth.cache import digest, kept
 from taichi_cloth.contours import contour
 from taichi_cloth.errors import InputError
 from taichi_cloth.fabric import BODY
 from taichi_cloth.refine import RefiningStream
 from taichi_cloth.skin import skin_of
 from taichi_cloth.sphere_set import sphere_set_from_rows
+from taichi_cloth.thinning import Gains
 
 from ..render.arrays import LANES
 from ..render.blocks import unpacked
@@ -36,6 +38,8 @@ END_WIDTHS = 5.5
 TURN = 0.7
 """How far the camera turns from the scene's view towards the cloth's normal on its way."""
 SKIN_LENGTH = 350e-6
+FITTED = 1
+"""Version of how gains are fitted, which takes long: they are kept."""
 RESOLUTION = 1024
 """Texels along a shadow map: more than for a still, for the camera comes near."""
 
@@ -84,10 +88,18 @@ def source_of(model: Model, lighting: Lighting | None = None, finish: Finish | N
     spheres = (
         sphere_set_from_rows(rows) if rows is not None else contour(fibre_kind(model.scene).name, length_m=SKIN_LENGTH)
     )
-    skin, options = skin_of(spheres), {"lighting": lighting, "finish": finish}
-    gains = fit_gains(model.fabric, model.points, **options)
-    parted, surface = fit_near(model.fabric, model.points, skin, **options)
-    return RefiningStream(model.fabric, model.points, skin, gains=gains, parted_gain=parted, surface_gain=surface)
+    skin = skin_of(spheres)
+    fabric, points, options = model.fabric, model.points, {"lighting": lighting, "finish": finish}
+
+    def fit() -> dict[str, NDArray]:
+        far, near = fit_gains(fabric, points, **options), fit_near(fabric, points, skin, **options)
+        return {"tilt": far.tilt, "factor": far.factor, "near": np.array(near)}
+
+    made_of = digest(FITTED, fabric.bank, fabric.layout.blocks, points, skin, lighting, finish)
+    fitted, _ = kept("gains", made_of, fit)
+    parted, surface = fitted["near"].tolist()
+    gains = Gains(fitted["tilt"], fitted["factor"])
+    return RefiningStream(fabric, points, skin, gains=gains, parted_gain=parted, surface_gain=surface)
 
 
 def path(view: View, source: RefiningStream, count: int) -> list[Camera]:
