@@ -8,10 +8,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from taichi_cloth.body.build import built_in_body
+from taichi_cloth.body.laplacian import cotangent_laplacian
 from taichi_cloth.body.legs import sole_height
 from taichi_cloth.body.motion import MOTIONS, _turns, motion
 from taichi_cloth.body.skeleton import JOINTS, PARENTS, Pose, mirror_name
-from taichi_cloth.body.skinning import cotangent_laplacian
 from taichi_cloth.errors import InputError
 
 

@@ -13,7 +13,7 @@ from taichi_cloth import contact_response
 from taichi_cloth.body import build
 from taichi_cloth.body.build import built_in_body
 from taichi_cloth.body.distance import nearest_distance
-from taichi_cloth.body.grid import mesh_distance
+from taichi_cloth.body.grid import signed_mesh_distance
 from taichi_cloth.body.primitive_file import primitives_json
 from taichi_cloth.body.primitives import Primitive
 from taichi_cloth.body.query import PrimitiveQuery
@@ -194,7 +194,7 @@ def test_grids_of_a_body_know_its_skin(monkeypatch: pytest.MonkeyPatch, tmp_path
     assert len(grids) == 17
     assert {g.part: body.skeleton.names[g.bone] for g in grids}["left hand"] == "hand_l"
     points = garment_points(body, 400)
-    exact, _ = mesh_distance(body.vertices, body.faces.astype(np.int64), points)
+    exact, _ = signed_mesh_distance(body.vertices, body.faces.astype(np.int64), points)
     off = np.min([g.at(points)[0] for g in grids], axis=0) - exact
     assert np.abs(off).max() < 0.02
     again = standing_in(scene)

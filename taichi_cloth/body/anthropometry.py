@@ -12,10 +12,9 @@ from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.sparse import csr_matrix
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull, QhullError
 
+from taichi_cloth.body.sections import section_pieces
 from taichi_cloth.errors import InputError, did_you_mean
 
 __all__ = ["FEMALE", "MALE", "Gender", "Measures", "measures_of", "tape"]
@@ -108,28 +107,10 @@ def tape(vertices: F64, faces: NDArray[np.integer], point: ArrayLike, normal: Ar
     """
     point, normal = np.asarray(point, np.float64), np.asarray(normal, np.float64)
     normal = normal / np.linalg.norm(normal)
-    height = (vertices - point) @ normal
-    height = np.where(height == 0, 1e-12, height)
-    above = height > 0
-    cut = faces[(above[faces].sum(1) % 3) != 0]
-    if len(cut) == 0:
-        return float("nan")
-    edges = np.sort(np.concatenate([cut[:, [0, 1]], cut[:, [1, 2]], cut[:, [2, 0]]]), axis=1)
-    triangle = np.tile(np.arange(len(cut)), 3)
-    crossed = above[edges[:, 0]] != above[edges[:, 1]]
-    edges, triangle = edges[crossed], triangle[crossed]
-    unique, number = np.unique(edges, axis=0, return_inverse=True)
-    number = number.ravel()
-    a, b = vertices[unique[:, 0]], vertices[unique[:, 1]]
-    ha, hb = height[unique[:, 0]], height[unique[:, 1]]
-    where = a + (ha / (ha - hb))[:, None] * (b - a)
-    order = np.argsort(triangle, kind="stable")
-    pairs = number[order].reshape(-1, 2)
-    graph = csr_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(unique), len(unique)))
-    label = connected_components(graph, directed=False)[1]
     across = np.linalg.svd(normal[None])[2][1:]
-    flat = (where - point) @ across.T
-    pieces = [flat[label == k] for k in range(label.max() + 1)]
+    pieces = [(piece - point) @ across.T for piece in section_pieces(vertices, faces, point, normal)]
+    if not pieces:
+        return float("nan")
     best = min(pieces, key=lambda p: np.linalg.norm((p.max(0) + p.min(0)) / 2))
     try:
         return float(ConvexHull(best).area)  # in two dimensions the "area" is the perimeter

@@ -18,9 +18,10 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import label
 from scipy.spatial import cKDTree
 
+from taichi_cloth.body.triangles import triangle_distance
 from taichi_cloth.errors import InputError
 
-__all__ = ["DistanceGrid", "grid_of_mesh", "mesh_distance"]
+__all__ = ["DistanceGrid", "grid_of_mesh", "signed_mesh_distance"]
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -94,7 +95,7 @@ def grid_of_mesh(
     return DistanceGrid(origin, spacing, distance.reshape(tuple(count)).astype(np.float32), part, bone)
 
 
-def mesh_distance(vertices: F64, faces: NDArray[np.int64], points: F64) -> tuple[F64, NDArray[np.int64]]:
+def signed_mesh_distance(vertices: F64, faces: NDArray[np.int64], points: F64) -> tuple[F64, NDArray[np.int64]]:
     """Exact signed distance (n,) [m] from points to a closed mesh, and the nearest triangle (n,)."""
     distance, nearest = _unsigned(vertices[faces], points, np.inf)
     return np.where(_inside(vertices[faces], points), -distance, distance), nearest
@@ -181,32 +182,16 @@ def _unsigned(triangles: F64, points: F64, band: float) -> tuple[F64, NDArray[np
     close = np.flatnonzero(near <= band + reach)
     for begin in range(0, len(close), 4096):
         part = close[begin : begin + 4096]
-        least = _to_triangles(points[part], triangles[nearest[part]])
+        least = triangle_distance(points[part], triangles[nearest[part]])
         lists = tree.query_ball_point(points[part], least + reach * (1 + 1e-9))
         sizes = np.array([len(one) for one in lists])
         whose = np.repeat(np.arange(len(sizes)), sizes)
         tried = np.concatenate([np.asarray(one, np.int64) for one in lists])
-        d = _to_triangles(points[part][whose], triangles[tried])
+        d = triangle_distance(points[part][whose], triangles[tried])
         order = np.lexsort((tried, d, whose))
         best = order[np.concatenate([[0], np.cumsum(sizes)[:-1]])]
         distance[part], nearest[part] = d[best], tried[best]
     return distance, nearest
-
-
-def _to_triangles(p: F64, t: F64) -> F64:
-    """Distance (n,) from p (n, 3) to triangles (n, 3, 3): to the plane where the foot lies inside, else to an edge."""
-    a, b, c = t[:, 0], t[:, 1], t[:, 2]
-    normal = np.cross(b - a, c - a)
-    size = np.linalg.norm(normal, axis=1)
-    height = ((p - a) * normal).sum(1) / np.maximum(size, 1e-300)
-    within = np.ones(len(p), bool)
-    edge = np.full(len(p), np.inf)
-    for one, two in ((a, b), (b, c), (c, a)):
-        along, way = two - one, p - one
-        within &= (np.cross(along, way) * normal).sum(1) >= 0
-        share = np.clip((way * along).sum(1) / np.maximum((along * along).sum(1), 1e-300), 0, 1)
-        edge = np.minimum(edge, np.linalg.norm(way - share[:, None] * along, axis=1))
-    return np.where(within & (size > 0), np.abs(height), edge)
 
 
 def _inside(triangles: F64, points: F64) -> NDArray[np.bool_]:

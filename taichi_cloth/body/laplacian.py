@@ -10,19 +10,42 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix, diags
+from scipy.sparse import coo_matrix, csr_matrix, diags
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import eigsh, splu
 
 from taichi_cloth.errors import InputError
 
-__all__ = ["Surface"]
+__all__ = ["Surface", "cotangent_laplacian"]
 
 F64 = NDArray[np.float64]
 LARGEST_COTANGENT = 1e4
 """A corner sharper than this counts as one of this cotangent: slivers must not drown their neighbours."""
 HEAT_REACH = 0.04
 """How far heat spreads, of the root of the mesh's area: wide enough for far ends to feel it, and meshing not to."""
+
+
+def cotangent_laplacian(
+    vertices: F64, faces: NDArray[np.integer], *, least: float = -LARGEST_COTANGENT, most: float = LARGEST_COTANGENT
+) -> tuple[csr_matrix, F64]:
+    """Positive semi-definite L (n, n), and each vertex's third of the area round it [m²], (n,).
+
+    least, most: half cotangents beyond these count as these.
+    """
+    n = len(vertices)
+    corner = vertices[faces]
+    area = np.linalg.norm(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1) / 2
+    rows, columns, values = [], [], []
+    for k in range(3):
+        a, b, c = faces[:, k], faces[:, (k + 1) % 3], faces[:, (k + 2) % 3]
+        to_b, to_c = vertices[b] - vertices[a], vertices[c] - vertices[a]
+        half = np.clip((to_b * to_c).sum(1) / np.maximum(4 * area, 1e-300), least, most)
+        rows += [b, c]
+        columns += [c, b]
+        values += [half, half]
+    edges = csr_matrix((np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))), shape=(n, n))
+    mass = np.bincount(faces.ravel(), np.repeat(area / 3, 3), minlength=n).astype(np.float64)
+    return csr_matrix(diags(np.asarray(edges.sum(1)).ravel()) - edges), mass
 
 
 class Surface:
@@ -73,7 +96,7 @@ class Surface:
     @cached_property
     def vertex_areas(self) -> F64:
         """A third of the faces round each vertex [m²], shape (v,)."""
-        return np.bincount(self.faces.ravel(), np.repeat(self.areas / 3, 3), len(self.vertices)).astype(np.float64)
+        return self._laplace[1]
 
     @cached_property
     def vertex_normals(self) -> F64:
@@ -89,16 +112,6 @@ class Surface:
         return total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-300)
 
     @cached_property
-    def neighbours(self) -> NDArray[np.int64]:
-        """Pairs of faces that share an edge, shape (n, 2)."""
-        f = self.faces
-        edges = np.sort(f[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-        key = edges[:, 0] * len(self.vertices) + edges[:, 1]
-        order = np.argsort(key, kind="stable")
-        same = key[order][1:] == key[order][:-1]
-        return np.stack([order[:-1][same] // 3, order[1:][same] // 3], axis=1)
-
-    @cached_property
     def adjacency(self) -> Any:
         """Which vertices share an edge: sparse rows, shape (v, v), ones."""
         f, n = self.faces, len(self.vertices)
@@ -110,19 +123,11 @@ class Surface:
     @cached_property
     def laplacian(self) -> Any:
         """Cotangent Laplacian, positive semi-definite: sparse columns, shape (v, v)."""
-        v, f = self.vertices, self.faces
-        rows, columns, values = [], [], []
-        for k in range(3):
-            i, j, at = f[:, (k + 1) % 3], f[:, (k + 2) % 3], f[:, k]
-            p, q = v[i] - v[at], v[j] - v[at]
-            sine = np.linalg.norm(np.cross(p, q), axis=1)
-            half = (p * q).sum(axis=1) / np.maximum(sine, 1e-300) / 2
-            half = np.clip(half, -LARGEST_COTANGENT, LARGEST_COTANGENT)
-            rows += [i, j, i, j]
-            columns += [j, i, i, j]
-            values += [-half, -half, half, half]
-        shape = (len(v), len(v))
-        return coo_matrix((np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))), shape).tocsc()
+        return self._laplace[0].tocsc()
+
+    @cached_property
+    def _laplace(self) -> tuple[Any, F64]:
+        return cotangent_laplacian(self.vertices, self.faces)
 
     def coordinates(self, count: int = 6) -> F64:
         """Global point signature: the first `count` eigenfunctions that are not constant, each over the root of its

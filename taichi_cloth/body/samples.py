@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
+from taichi_cloth.body.triangles import triangle_distance
+
 __all__ = ["SkinSpace", "mesh_distance", "mirror_plane", "skin_samples", "skin_space"]
 
 F64 = NDArray[np.float64]
@@ -171,21 +173,5 @@ def mesh_distance(points: F64, vertices: NDArray, faces: NDArray) -> F64:
     _, near = tree.query(points, k=8)
     best = np.full(len(points), np.inf)
     for k in range(near.shape[1]):
-        a, b, c = corner[owner[near[:, k]]].transpose(1, 0, 2)
-        best = np.minimum(best, _triangle_distance(points, a, b, c))
+        best = np.minimum(best, triangle_distance(points, corner[owner[near[:, k]]]))
     return best
-
-
-def _triangle_distance(p: F64, a: F64, b: F64, c: F64) -> F64:
-    """Distance (n,) from each point to its triangle: the plane's where its foot is inside, else the nearest edge's."""
-    normal = np.cross(b - a, c - a)
-    square = np.maximum((normal**2).sum(axis=1), 1e-300)
-    inside = np.ones(len(p), bool)
-    nearest = np.full(len(p), np.inf)
-    for u, v in ((a, b), (b, c), (c, a)):
-        edge = v - u
-        inside &= (np.cross(edge, p - u) * normal).sum(axis=1) >= 0
-        along = ((p - u) * edge).sum(axis=1) / np.maximum((edge**2).sum(axis=1), 1e-300)
-        nearest = np.minimum(nearest, np.linalg.norm(p - u - np.clip(along, 0, 1)[:, None] * edge, axis=1))
-    plane = np.abs(((p - a) * normal).sum(axis=1)) / np.sqrt(square)
-    return np.where(inside, plane, nearest)

@@ -86,12 +86,6 @@ class Skeleton:
             )
         return self.names.index(joint)
 
-    def rest_transforms(self) -> F64:
-        """Joint frames at rest, world from joint, shape (joints, 4, 4): the identity turned nowhere, moved there."""
-        frames = np.tile(np.eye(4), (len(self.joints), 1, 1))
-        frames[:, :3, 3] = self.joints
-        return frames
-
     def transforms(self, pose: Pose) -> F64:
         """Rigid motion of each bone from rest to the pose, shape (joints, 4, 4), in the world [m]."""
         local = Rotation.from_rotvec(pose.rotations).as_matrix()

@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
+from taichi_cloth.body.laplacian import cotangent_laplacian
 from taichi_cloth.body.skeleton import Pose, Skeleton
 from taichi_cloth.errors import InputError
 
-__all__ = ["Body", "bone_distances", "cotangent_laplacian", "heat_weights"]
+__all__ = ["Body", "bone_distances", "heat_weights"]
 
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
@@ -68,26 +69,6 @@ class Body:
         return np.einsum("nij,nj->ni", blend[:, :, :3], self.vertices) + blend[:, :, 3]
 
 
-def cotangent_laplacian(vertices: F64, faces: I32) -> tuple[sparse.csr_matrix, F64]:
-    """Positive semi-definite L (n, n), and each vertex's third of the area round it [m²], (n,)."""
-    n = len(vertices)
-    corner = vertices[faces]
-    area = np.linalg.norm(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1) / 2
-    rows, columns, values = [], [], []
-    for k in range(3):
-        a, b, c = faces[:, k], faces[:, (k + 1) % 3], faces[:, (k + 2) % 3]
-        to_b, to_c = vertices[b] - vertices[a], vertices[c] - vertices[a]
-        half = (to_b * to_c).sum(1) / np.maximum(4 * area, 1e-15)
-        half = np.clip(half, 1e-4, 1e3)  # slivers and obtuse corners of foreign meshes would turn weights negative
-        rows += [b, c]
-        columns += [c, b]
-        values += [half, half]
-    edges = sparse.csr_matrix((np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))), shape=(n, n))
-    laplacian = sparse.diags(np.asarray(edges.sum(1)).ravel()) - edges
-    mass = np.bincount(faces.ravel(), np.repeat(area / 3, 3), minlength=n).astype(np.float64)
-    return sparse.csr_matrix(laplacian), mass
-
-
 def bone_distances(points: F64, starts: F64, ends: F64, radii: F64) -> F64:
     """From each point to each round bone [m], (n, bones): to the segment less the radius, at least a tenth of it."""
     axis = ends - starts
@@ -105,7 +86,8 @@ def heat_weights(vertices: F64, faces: I32, skeleton: Skeleton, *, sharpness: fl
     nearest = np.zeros((len(vertices), len(skeleton.names)))
     nearest[np.arange(len(vertices)), owner[closest]] = 1
     far = near[np.arange(len(vertices)), closest] + 0.02
-    laplacian, mass = cotangent_laplacian(vertices, faces)
+    # Slivers and obtuse corners of foreign meshes would turn weights negative.
+    laplacian, mass = cotangent_laplacian(vertices, faces, least=1e-4, most=1e3)
     heat = sharpness * np.maximum(mass, 1e-12) / far**2
     weights = splu(sparse.csc_matrix(laplacian + sparse.diags(heat))).solve(heat[:, None] * nearest)
     weights = np.maximum(weights, 0)

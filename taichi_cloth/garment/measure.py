@@ -5,10 +5,9 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
-from scipy.sparse import csr_matrix
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull
 
+from taichi_cloth.body.sections import section_pieces
 from taichi_cloth.body.skinning import Body
 from taichi_cloth.errors import InputError
 from taichi_cloth.garment.figure import Figure, Limb, Section
@@ -69,23 +68,8 @@ class _Skin:
         self.vertices, self.faces = body.vertices, body.faces
 
     def loops(self, point: F64, normal: F64) -> list[F64]:
-        """Points (n, 3) of each piece of the section through a point, square to the normal."""
-        height = (self.vertices - point) @ normal
-        above = height > 0
-        cut = self.faces[(above[self.faces].sum(axis=1) % 3) != 0]
-        edges = np.sort(np.concatenate([cut[:, [0, 1]], cut[:, [1, 2]], cut[:, [2, 0]]]), axis=1)
-        triangle = np.tile(np.arange(len(cut)), 3)
-        crossed = above[edges[:, 0]] != above[edges[:, 1]]
-        edges, triangle = edges[crossed], triangle[crossed]
-        unique, number = np.unique(edges, axis=0, return_inverse=True)
-        a, b = height[unique[:, 0]], height[unique[:, 1]]
-        where = self.vertices[unique[:, 0]] + (a / (a - b))[:, None] * (
-            self.vertices[unique[:, 1]] - self.vertices[unique[:, 0]]
-        )
-        pairs = number.ravel()[np.argsort(triangle, kind="stable")].reshape(-1, 2)
-        graph = csr_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(unique), len(unique)))
-        label = connected_components(graph, directed=False)[1]
-        pieces = [where[label == k] for k in range(label.max(initial=-1) + 1)]
+        """Points (n, 3) of each piece of the section through a point, square to the normal; none that only grazes."""
+        pieces = section_pieces(self.vertices, self.faces, point, normal)
         return [piece for piece in pieces if len(piece) >= 8]
 
     def level(self, y: float) -> list[F64]:
