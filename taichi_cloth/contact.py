@@ -1,9 +1,9 @@
 """Cloth against a body (paper 4.1): key points are kept out of its primitives, with Coulomb friction, no restitution.
 
 Once a frame the bounding boxes of the body's tree follow it (`body/hierarchy.py`), each swept over the whole frame.
-Every few milliseconds each block of 8 neighbouring key points walks the tree and lists the primitives that it can reach
-before the next walk. Every half millisecond it measures its distance from those that it could touch before the next
-time, which leaves a plane for each key point; every substep it meets only the planes (`contact_response.py`).
+Every 8 milliseconds each block of 8 neighbouring key points walks the tree and lists the primitives that it can reach
+before the next walk, and from when on. From then it measures its distance from them, again when it has slid over them,
+which leaves a plane for each key point; every substep it meets only the planes (`contact_response.py`).
 
 Response of a key point that stands deeper than the gap: out along the normal, which takes the velocity towards the
 surface and no more (what started inside is let out at `recovery`), and against its slip over the moving surface by at
@@ -17,6 +17,8 @@ the thinnest primitive.
 # pyright: reportReturnType=false, reportArgumentType=false
 # pyright: reportOptionalCall=false, reportOperatorIssue=false, reportGeneralTypeIssues=false, reportCallIssue=false
 
+from typing import Any
+
 import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
@@ -24,10 +26,12 @@ from numpy.typing import NDArray
 from taichi_cloth import runtime
 from taichi_cloth.arrays import Template
 from taichi_cloth.body.colliders import BoneFrame, Colliders
+from taichi_cloth.body.distance import newton_steps
 from taichi_cloth.body.grid import DistanceGrid
 from taichi_cloth.body.hierarchy import build, corners
 from taichi_cloth.body.primitives import Primitive
-from taichi_cloth.contact_response import CONE, ELLIPTIC, GRID, MOTION, ROW, SHAPE, SLENDER, response
+from taichi_cloth.contact_response import response
+from taichi_cloth.contact_surface import CONE, ELLIPTIC, GRID, MOTION, ROW, SHAPE
 from taichi_cloth.forces import FrameForces
 from taichi_cloth.sheet import SheetState
 from taichi_cloth.solvers.passes import MEETING, Pass
@@ -38,11 +42,12 @@ Solid = Primitive | DistanceGrid
 
 F64 = NDArray[np.float64]
 
-SLENDEREST = 0.4  # ratio of semi-axes down to which shapes.NEAR is enough
-
-LONGEST_WAIT = 5e-3  # [s] between two walks of the tree
-LONGEST_PLANE = 0.6e-3  # [s] for which a plane stands for the surface
+LONGEST_WAIT = 8e-3  # [s] between two walks of the tree
+LEAST_WAIT = 0.4e-3  # [s] between two looks at one primitive
 SPARE = 0.5  # [m/s] that a key point may gain meanwhile, beside a quarter of its speed; what gains more is met late
+SLIDE = 0.01  # of the least radius of curvature a key point may slide while a plane lasts
+FLAT = 0.03  # [m] of radius for which an edge between flank and cap counts at least
+TURN = 0.05  # [rad] that a plane may turn from its look on, to second order: 2 µm at 0.1 m from the anchor
 FASTEST = 20.0  # [m/s] past the body, for which a step is called short
 
 
@@ -64,15 +69,15 @@ class Contact(Pass):
         capacity = -(-len(primitives) // 16) * 16
         long_steps = step * FASTEST > thinnest / 2
         self.memory = response(runtime.generation(), size * strips, strips, capacity, kinds, bool(long_steps), nodes)
-        wait = 2 * MEETING
-        while wait > 2 and wait * step > LONGEST_WAIT:
-            wait //= 2
+        wait = max(2, int(LONGEST_WAIT / step))
+        wait = wait // MEETING * MEETING if wait >= MEETING else 1 << (wait.bit_length() - 1)
         every = 1 if long_steps else min(wait, MEETING)
-        while every > 1 and every * step > LONGEST_PLANE:
+        while every > 1 and every * step > LEAST_WAIT:
             every //= 2
         self._settings = np.array(
-            [len(primitives), wait, SPARE * step, body.gap, body.recovery * step, thinnest, every, body.friction]
-        )
+            [len(primitives), wait, SPARE * step, body.gap, body.recovery * step, thinnest, every, body.friction,
+             TURN]
+        )  # fmt: skip
         self._points, self._radii = corners(primitives)
         self._tree = build(self._points.mean(axis=1))
         self._bones = np.array([p.bone for p in primitives])
@@ -126,6 +131,9 @@ class Contact(Pass):
         out[:, b : b + 3], out[:, b + 3 : b + 6] = (both - radii).min(axis=1), (both + radii).max(axis=1)
         return out
 
+    def exchange(self, cuts: Any, halo: int, width: int) -> None:
+        self.memory.share(cuts, halo, width)
+
     @ti.func
     def after(self, work: Template, at, first, last, shift, done, n: Template):
         self.memory.touch(work, at, first, last, shift, done)
@@ -166,13 +174,14 @@ def _shapes(body: Colliders) -> F64:
         r1, r2 = p.radii
         if p.kind == "elliptic":
             long, short = max(r1, r2) - p.rounding, min(r1, r2) - p.rounding
-            kind = ELLIPTIC if short >= SLENDEREST * long else SLENDER
-            row[:5] = kind, long, short, length / 2 - p.rounding, p.rounding
+            steps = newton_steps(long, short, p.rounding)
+            row[:6] = ELLIPTIC, long, short, length / 2 - p.rounding, p.rounding, steps
         elif p.kind == "sphere" or length <= abs(r1 - r2):
             row[:5] = CONE, r1 if p.kind == "sphere" else max(r1, r2), 0.0, 0.0, 0.0
         else:
             sine = (r1 - r2) / length
             row[:5] = CONE, r1, sine, sine / np.sqrt(1 - sine**2), length
+    out[:, 7] = [SLIDE * _sharpness(row) for row in out]
     return out
 
 
@@ -184,6 +193,15 @@ def _capsule(row: F64) -> F64:
     if row[0] == CONE:
         return np.array([max(row[1], row[1] - row[2] * row[4]), 0.0, row[4]])
     return np.array([row[1] + row[4], -row[3], row[3]])
+
+
+def _sharpness(row: F64) -> float:
+    """Least radius of curvature of a primitive [m]; of a grid four spacings."""
+    if row[0] == GRID:
+        return float(4 * row[2])
+    if row[0] == CONE:
+        return float(row[1] - max(row[2], 0.0) * row[4])
+    return float(min(row[2] ** 2 / row[1] + row[4], max(row[4], FLAT)))
 
 
 def _thickness(row: F64) -> float:

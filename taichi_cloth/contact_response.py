@@ -1,12 +1,16 @@
 """What `contact.Contact` runs inside the frame's kernel, for 8 neighbouring key points at once, a block.
 
-Four stages, ever more often and ever cheaper: a block's list of primitives from the tree (`walk`); exact distances to
-those of the list that could be met before the next time (`measure`), which leave a plane for each key point, moving as
-the surface under it does; and after every substep the response to the planes (`respond`). A plane is off by s²/2R where
-a key point slides by s over a surface of radius R before the next: 3 µm at 1 m/s on a limb of 40 mm.
+Four stages, ever more often and ever cheaper: a block's list of primitives from the tree (`walk`), with the time before
+which none of its key points can touch each; exact distances to those whose time has come (`look`), which leave a plane
+for each key point; whether one has `moved` too far for its plane; and after every substep the response to the planes
+(`respond`), which move with the primitive.
 
-Rows of numbers a primitive come from the host once a frame. A strip of the sheet has its own poses, lists and planes,
-so that strips on several threads share nothing they write.
+A plane lasts until its key point has slid by a hundredth of the least radius of curvature, or by half of its distance
+when it was looked at: of one that touches the normal is then off by 10 mrad, and it lies 2 µm off a limb of 40 mm.
+Cloth that sticks to a limb keeps its planes.
+
+A strip of the sheet has its own poses, lists and planes, so that strips on several threads share nothing they write.
+When they meet each takes what the others know of the rows around its own (`share`): so their number does not show.
 """
 
 # In kernels a vector is a Taichi expression, which type checkers cannot follow.
@@ -17,24 +21,20 @@ from functools import lru_cache
 
 import taichi as ti
 
-from taichi_cloth.arrays import F32x2, Template
-from taichi_cloth.body.shapes import EVERYWHERE, NEAR, cone, ellipse, local, prism
+from taichi_cloth.arrays import I32x2, Int, Template
+from taichi_cloth.contact_surface import BOX, ROW, SCRATCH, SHAPE, BodySurface
 from taichi_cloth.sheet import LANES
-from taichi_cloth.solvers.passes import MEETING
 from taichi_cloth.solvers.stencil import load, store
 
-__all__ = ["BOX", "CONE", "ELLIPTIC", "GRID", "MOTION", "ROW", "SHAPE", "SLENDER", "Response", "response"]
+__all__ = ["Response", "response"]
 
-CONE, ELLIPTIC, SLENDER, GRID = 0, 1, 2, 3
-
-SHAPE, MOTION, BOX, ROW = 8, 18, 6, 40
-"""Numbers of a primitive: kind, 6 of its shape; motion and the capsule around it (see `Contact.begin`); box; with room
-to spare."""
-
-POSE = 12  # anchor, axis, across, other
-SLOTS = 4  # planes a block may have for each key point; of more than that the nearest stay
-PLANE = 7  # normal, offset, step of the surface [m]
-SCRATCH = 10
+KEPT = 4
+"""Planes a block may have for each key point and keep. Of more than that the nearest are merged into one, which lasts
+until the next look; beside it there is room for the plane that is merged."""
+SLOTS = KEPT + 2
+PLANE = 8  # normal at the look, offset from the anchor, place against the anchor, how far from there it lasts [m]
+SOON = 6
+"""Substeps. What may touch within them gets its planes now: a response to them costs a fifth of a look."""
 GROWTH = 1.25  # of the approach to a surface until the next look at it
 TURNING = 0.25  # share of the slip that may become approach meanwhile
 
@@ -48,152 +48,28 @@ def response(
 
 
 @ti.data_oriented
-class Response:
+class Response(BodySurface):
     """What the kernel works on."""
 
     def __init__(
         self, size: int, strips: int, capacity: int, kinds: tuple[int, ...], long_steps: bool, nodes: int
     ) -> None:
-        self.nodes = ti.field(ti.f32, max(1, nodes))
-        self.holder: object = None
-        self.capacity, self.kinds, self.long_steps = capacity, kinds, long_steps
+        super().__init__(strips, capacity, kinds, nodes)
+        self.long_steps = long_steps
         self.strip_size, blocks = size // strips, size // LANES
-        self.buffer = ti.ndarray(ti.f32, (3 * capacity + 1, ROW))
-        self.row = ti.field(ti.f32, capacity * ROW)
-        self.setting = ti.field(ti.f32, ROW)
-        self.skip = ti.field(ti.i32, 2 * capacity)
-        self.leaf = ti.field(ti.i32, 2 * capacity)
-        self.box = ti.field(ti.f32, 2 * capacity * BOX)
-        self.pose = ti.field(ti.f32, strips * capacity * POSE)
-        self.scratch = ti.field(ti.f32, strips * SCRATCH * LANES)
-        self.count = ti.field(ti.i32, blocks)
+        self.count, self.next = ti.field(ti.i32, blocks), ti.field(ti.i32, blocks)
         self.list, self.due = ti.field(ti.i32, blocks * capacity), ti.field(ti.i32, blocks * capacity)
-        self.planes = ti.field(ti.i32, strips)
-        self.plane_block, self.plane_of = ti.field(ti.i32, blocks * SLOTS + 1), ti.field(ti.i32, blocks * SLOTS + 1)
-        self.plane = ti.field(ti.f32, (blocks * SLOTS + 1) * PLANE * LANES)
-
-    @ti.kernel
-    def take(self, rows: F32x2):
-        """A frame's rows of `Contact.begin`; boxes of the tree from its leaves up."""
-        ti.loop_config(serialize=True)
-        for _ in range(1):
-            for k in range(ROW):
-                self.setting[k] = rows[3 * self.capacity, k]
-            for i in range(self.capacity):
-                for k in range(ROW):
-                    self.row[i * ROW + k] = rows[i, k]
-            nodes = int(self.setting[10])
-            for back in range(nodes):
-                node = nodes - 1 - back
-                self.skip[node] = int(rows[self.capacity + node, 0])
-                leaf = int(rows[self.capacity + node, 1])
-                self.leaf[node] = leaf
-                for k in range(BOX):
-                    if leaf >= 0:
-                        self.box[node * BOX + k] = rows[leaf, SHAPE + MOTION + k]
-                    else:
-                        one = self.box[(node + 1) * BOX + k]
-                        two = self.box[self.skip[node + 1] * BOX + k]
-                        self.box[node * BOX + k] = ti.min(one, two) if k < 3 else ti.max(one, two)
-
-    @ti.func
-    def vector(self, i, k: Template):
-        return ti.Vector([self.row[i * ROW + k], self.row[i * ROW + k + 1], self.row[i * ROW + k + 2]])
-
-    @ti.func
-    def posed(self, p, k: Template):
-        return ti.Vector([self.pose[p * POSE + k], self.pose[p * POSE + k + 1], self.pose[p * POSE + k + 2]])
-
-    @ti.func
-    def follow(self, strip, done):
-        """Poses at the end of substep `done`: anchors on a line, axes turned about one vector (Rodrigues)."""
-        for i in range(int(self.setting[0])):
-            anchor = self.vector(i, SHAPE) + (done + 1.0) * self.vector(i, SHAPE + 9)
-            turn = (done + 1.0) * self.vector(i, SHAPE + 12)
-            angle = turn.norm()
-            axis, across = self.vector(i, SHAPE + 3), self.vector(i, SHAPE + 6)
-            if angle > 0.0:
-                about, cosine, sine = turn / angle, ti.cos(angle), ti.sin(angle)
-                axis = cosine * axis + sine * about.cross(axis) + (1.0 - cosine) * about.dot(axis) * about
-                across = cosine * across + sine * about.cross(across) + (1.0 - cosine) * about.dot(across) * about
-            other = axis.cross(across)
-            p = strip * self.capacity + i
-            for k in ti.static(range(3)):
-                self.pose[p * POSE + k] = anchor[k]
-                self.pose[p * POSE + 3 + k] = axis[k]
-                self.pose[p * POSE + 6 + k] = across[k]
-                self.pose[p * POSE + 9 + k] = other[k]
-
-    @ti.func
-    def measure(self, i, p, q, x, y, z):
-        """Signed distance [m] and normal of primitive i, at pose p, at points relative to its anchor, into the scratch
-        lanes q, q + 1, q + 2 and q + 3. Lanes are stored half-way: what ends in stores becomes vector code."""
-        row = i * ROW
-        axis, across, other = self.posed(p, 3), self.posed(p, 6), self.posed(p, 9)
-        one, two, three, four = self.row[row + 1], self.row[row + 2], self.row[row + 3], self.row[row + 4]
-        kind = int(self.row[row])
-        for k in ti.static(self.kinds):
-            if kind == k:
-                if ti.static(k == CONE):
-                    d, nx, ny, nz = cone(x, y, z, axis, across, one, two, three, four)
-                    self.keep(q, d, nx, ny, nz)
-                else:
-                    along, px, py = local(x, y, z, axis), local(x, y, z, across), local(x, y, z, other)
-                    self.keep(q + 4 * LANES, along, px, py, py)
-                    if ti.static(k == GRID):
-                        for lane in range(q + 4 * LANES, q + 5 * LANES):
-                            along1, px1 = self.scratch[lane], self.scratch[lane + LANES]
-                            d1, u1, v1, w1 = self.sample(i, px1, self.scratch[lane + 2 * LANES], along1)
-                            for m, value in ti.static(enumerate((d1, u1, v1, w1))):
-                                self.scratch[lane + (m - 4) * LANES] = value
-                    else:
-                        flank, nu, nv = ellipse(px, py, one, two, ti.static(NEAR if k == ELLIPTIC else EVERYWHERE))
-                        self.keep(q + 4 * LANES, flank, nu, nv, along)
-                        d, nu, nv, end = prism(flank, nu, nv, along, three, four)
-                        self.keep(q, d, nu, nv, end)
-        if kind != CONE:
-            nu, nv, end = (
-                load(self.scratch, q + LANES),
-                load(self.scratch, q + 2 * LANES),
-                load(self.scratch, q + 3 * LANES),
-            )
-            store(self.scratch, q + LANES, nu * across[0] + nv * other[0] + end * axis[0])
-            store(self.scratch, q + 2 * LANES, nu * across[1] + nv * other[1] + end * axis[1])
-            store(self.scratch, q + 3 * LANES, nu * across[2] + nv * other[2] + end * axis[2])
-
-    @ti.func
-    def keep(self, q, one, two, three, four):
-        store(self.scratch, q, one)
-        store(self.scratch, q + LANES, two)
-        store(self.scratch, q + 2 * LANES, three)
-        store(self.scratch, q + 3 * LANES, four)
-
-    @ti.func
-    def sample(self, i, x, y, z):
-        """Trilinear distance [m] and unit gradient at a point relative to the middle of grid i; beyond it, the way to
-        it is added."""
-        row = i * ROW
-        begin, spacing = int(self.row[row + 1]), self.row[row + 2]
-        count = ti.Vector([int(self.row[row + 3]), int(self.row[row + 4]), int(self.row[row + 5])])
-        top = ti.cast(count - 1, ti.f32)
-        place = ti.Vector([x, y, z]) / spacing + 0.5 * top
-        inside = ti.min(ti.max(place, 0.0), top)
-        cell = ti.min(ti.cast(inside, ti.i32), count - 2)
-        f = inside - ti.cast(cell, ti.f32)
-        value, slope = 0.0, ti.Vector([0.0, 0.0, 0.0])
-        for a, b, c in ti.static(ti.ndrange(2, 2, 2)):
-            here = self.nodes[begin + ((cell[0] + a) * count[1] + cell[1] + b) * count[2] + cell[2] + c]
-            u = f[0] if ti.static(a == 1) else 1.0 - f[0]
-            v = f[1] if ti.static(b == 1) else 1.0 - f[1]
-            w = f[2] if ti.static(c == 1) else 1.0 - f[2]
-            value += u * v * w * here
-            slope += ti.Vector([(2.0 * a - 1.0) * v * w, (2.0 * b - 1.0) * u * w, (2.0 * c - 1.0) * u * v]) * here
-        slope /= ti.max(slope.norm(), 1e-20)
-        return value + spacing * (place - inside).norm(), slope[0], slope[1], slope[2]
+        self.used = ti.field(ti.i32, blocks)  # a bit a slot
+        self.owner, self.pair, self.looked = (ti.field(ti.i32, blocks * SLOTS) for _ in range(3))
+        self.plane = ti.field(ti.f32, blocks * SLOTS * PLANE * LANES)
+        # What a substep meets, one after the other in memory: blocks, their primitives, and normals and offsets now.
+        self.entries = ti.field(ti.i32, strips)
+        self.entry_block, self.entry_of = ti.field(ti.i32, blocks * SLOTS), ti.field(ti.i32, blocks * SLOTS)
+        self.entry = ti.field(ti.f32, blocks * SLOTS * 4 * LANES)
 
     @ti.func
     def walk(self, work: Template, at, strip, b, done):
-        """The list of block b: what it can reach until the next walk, by boxes and then by capsules."""
+        """The list of block b: what it can reach until the next walk, by boxes and then by capsules, and when."""
         low, high = ti.Vector([1e30, 1e30, 1e30]), ti.Vector([-1e30, -1e30, -1e30])
         fastest, slow, fast = 0.0, ti.Vector([1e30, 1e30, 1e30]), ti.Vector([-1e30, -1e30, -1e30])
         for k in range(b * LANES, (b + 1) * LANES):
@@ -204,11 +80,10 @@ class Response:
                 low, high = ti.min(low, here), ti.max(high, here)
                 slow, fast = ti.min(slow, step), ti.max(fast, step)
                 fastest = ti.max(fastest, step.norm_sqr())
-        count = 0
+        count, soonest = 0, 1 << 24
         if low[0] < 1e29:
             wait = self.setting[1]
-            least = self.setting[3] + wait * self.setting[2]
-            margin = least + GROWTH * wait * ti.sqrt(fastest)
+            margin = self.setting[3] + wait * (self.setting[2] + GROWTH * ti.sqrt(fastest))
             middle, radius = 0.5 * (low + high), 0.5 * (high - low).norm()
             step, spread = 0.5 * (slow + fast), 0.5 * (fast - slow).norm()
             node, nodes = 0, int(self.setting[10])
@@ -222,31 +97,37 @@ class Response:
                 else:
                     i = self.leaf[node]
                     if i >= 0:
-                        p = strip * self.capacity + i
-                        here, row = middle - self.posed(p, 0), i * ROW + SHAPE
+                        here = middle - self.posed(strip * self.capacity + i, 0)
                         u, v, w = self.slip(i, here[0], here[1], here[2], step[0], step[1], step[2])
                         slip = ti.sqrt(u * u + v * v + w * w) + spread + radius * self.vector(i, SHAPE + 12).norm()
-                        axis = self.posed(p, 3)
-                        along = ti.min(ti.max(here.dot(axis), self.row[row + 16]), self.row[row + 17])
-                        away = (here - along * axis).norm() - self.row[row + 15]
-                        if away < least + GROWTH * wait * slip + radius:
+                        rate = self.setting[2] + GROWTH * slip
+                        free = (self.apart(work, at, strip, b, i) - self.setting[3]) / rate
+                        if free < wait:
+                            due = done + ti.max(int(free), 0)
                             self.list[b * self.capacity + count] = i
-                            self.due[b * self.capacity + count] = done
+                            self.due[b * self.capacity + count] = due
+                            soonest = ti.min(soonest, due)
                             count += 1
                     node += 1
-        self.count[b] = count
+        self.count[b], self.next[b], self.used[b] = count, soonest, 0
 
     @ti.func
-    def slip(self, i, x, y, z, u, v, w):
-        """Step (u, v, w) less that of the surface, at points relative to the anchor; its turn to second order."""
-        shift, turn = self.vector(i, SHAPE + 9), self.vector(i, SHAPE + 12)
-        ax, ay, az = turn[1] * z - turn[2] * y, turn[2] * x - turn[0] * z, turn[0] * y - turn[1] * x
-        ax, ay, az = (
-            ax - 0.5 * (turn[1] * az - turn[2] * ay),
-            ay - 0.5 * (turn[2] * ax - turn[0] * az),
-            az - 0.5 * (turn[0] * ay - turn[1] * ax),
-        )
-        return u - shift[0] - ax, v - shift[1] - ay, w - shift[2] - az
+    def apart(self, work: Template, at, strip, b, i):
+        """Least distance [m] of the block's free key points from the capsule around primitive i."""
+        a, m = work.lanes(b * LANES, at), work.lanes(b * LANES, 0)
+        q = ti.min(ti.max(strip, 0), 1 << 10) * SCRATCH * LANES
+        p, row = strip * self.capacity + i, i * ROW + SHAPE
+        c, axis = self.posed(p, 0), self.posed(p, 3)
+        x, y, z = load(work.position[0], a) - c[0], load(work.position[1], a) - c[1], load(work.position[2], a) - c[2]
+        along = x * axis[0] + y * axis[1] + z * axis[2]
+        along = ti.min(ti.max(along, self.row[row + 16]), self.row[row + 17])
+        x, y, z = x - along * axis[0], y - along * axis[1], z - along * axis[2]
+        free = ti.min(load(work.inverse_mass, m) * 1e30, 1.0)
+        store(self.scratch, q, x * x + y * y + z * z + (1.0 - free) * 1e12)
+        least = self.scratch[q]
+        for k in range(q + 1, q + LANES):
+            least = ti.min(least, self.scratch[k])
+        return ti.sqrt(least) - self.row[row + 15]
 
     @ti.func
     def change(self, u, v, w, nx, ny, nz, push):
@@ -282,11 +163,11 @@ class Response:
             store(work.step[axis], a, load(work.step[axis], a) + more)
 
     @ti.func
-    def look(self, work: Template, at, strip, b, i, e):
-        """Planes of block b on primitive i, into entry e; the substeps until one of them could be touched."""
+    def look(self, work: Template, at, strip, b, i, slot):
+        """Planes of block b on primitive i, into a slot. Returns the substeps until one of them could be touched."""
         a, m = work.lanes(b * LANES, at), work.lanes(b * LANES, 0)
         q = ti.min(ti.max(strip, 0), 1 << 10) * SCRATCH * LANES
-        o = ti.min(ti.max(e, 0), 1 << 20) * PLANE * LANES
+        o = ti.min(ti.max(slot, 0), 1 << 22) * PLANE * LANES
         p = strip * self.capacity + i
         c = self.posed(p, 0)
         free = ti.min(load(work.inverse_mass, m) * 1e30, 1.0)
@@ -302,43 +183,112 @@ class Response:
         store(self.plane, o + LANES, ny)
         store(self.plane, o + 2 * LANES, nz)
         store(self.plane, o + 3 * LANES, x * nx + y * ny + z * nz - d - (1.0 - free) * 1e6)
-        store(self.plane, o + 4 * LANES, dx - u)
-        store(self.plane, o + 5 * LANES, dy - v)
-        store(self.plane, o + 6 * LANES, dz - w)
+        away, pinned = ti.max(d - self.setting[3], 0.0), (1.0 - free) * 1e6
+        store(self.plane, o + 4 * LANES, x)
+        store(self.plane, o + 5 * LANES, y)
+        store(self.plane, o + 6 * LANES, z)
+        lasts = 0.0 * away if ti.static(self.long_steps) else ti.max(0.5 * away, self.row[i * ROW + 7])
+        store(self.plane, o + 7 * LANES, lasts + pinned)
         along = u * nx + v * ny + w * nz
         share = ti.static(GROWTH if self.long_steps else TURNING)
         rate = self.setting[2] + GROWTH * ti.max(-along, 0.0) + share * ti.sqrt(u * u + v * v + w * w)
-        store(self.scratch, q, ti.max(d - self.setting[3], 0.0) / rate + (1.0 - free) * 1e6)
-        wait = float(MEETING)
+        store(self.scratch, q, away / rate + pinned)
+        arrives = 1e6
         for k in range(q, q + LANES):
-            wait = ti.min(wait, self.scratch[k])
-        return wait
+            arrives = ti.min(arrives, self.scratch[k])
+        return arrives
 
     @ti.func
-    def merge(self, work: Template, at, strip, b, e, i):
-        """Entry e − 1 takes, for each key point of the block, the plane of entry e, of primitive i, where nearer."""
-        other = self.posed(strip * self.capacity + self.plane_of[e - 1], 0)
-        mine = self.posed(strip * self.capacity + i, 0)
+    def moved(self, work: Template, at, strip, slot, done):
+        """Whether a key point has slid further over the primitive from where it was looked at than its plane lasts."""
+        a = work.lanes(slot // SLOTS * LANES, at)
+        o = ti.min(ti.max(slot, 0), 1 << 22) * PLANE * LANES
+        q = ti.min(ti.max(strip, 0), 1 << 10) * SCRATCH * LANES
+        i = self.owner[slot]
+        c, m = self.posed(strip * self.capacity + i, 0), self.turned(i, float(done - self.looked[slot]))
+        x, y, z = load(work.position[0], a) - c[0], load(work.position[1], a) - c[1], load(work.position[2], a) - c[2]
+        u = m[0, 0] * x + m[1, 0] * y + m[2, 0] * z - load(self.plane, o + 4 * LANES)
+        v = m[0, 1] * x + m[1, 1] * y + m[2, 1] * z - load(self.plane, o + 5 * LANES)
+        w = m[0, 2] * x + m[1, 2] * y + m[2, 2] * z - load(self.plane, o + 6 * LANES)
+        out = u * load(self.plane, o) + v * load(self.plane, o + LANES) + w * load(self.plane, o + 2 * LANES)
+        lasts = load(self.plane, o + 7 * LANES)
+        store(self.scratch, q, u * u + v * v + w * w - out * out - lasts * lasts)
+        most = self.scratch[q]
+        for k in range(q + 1, q + LANES):
+            most = ti.max(most, self.scratch[k])
+        return most >= 0.0
+
+    @ti.func
+    def turned(self, i, age):
+        """Rotation of primitive i over some substeps, to second order."""
+        t = age * self.vector(i, SHAPE + 12)
+        half = 0.5 * t
+        x, y, z = t[0] * half[0], t[1] * half[1], t[2] * half[2]
+        xy, yz, zx = t[0] * half[1], t[1] * half[2], t[2] * half[0]
+        return ti.Matrix(
+            [
+                [1.0 - y - z, xy - t[2], zx + t[1]],
+                [xy + t[2], 1.0 - z - x, yz - t[0]],
+                [zx - t[1], yz + t[0], 1.0 - x - y],
+            ]
+        )
+
+    @ti.func
+    def merge(self, work: Template, at, strip, b, kept, new):
+        """Slot `kept` takes, for each key point of the block, the plane of slot `new` where nearer. It moves on as the
+        primitive that has the slot, until the next look."""
+        other = self.posed(strip * self.capacity + self.owner[kept], 0)
+        mine = self.posed(strip * self.capacity + self.owner[new], 0)
         for lane in range(LANES):
-            kept, new = (e - 1) * PLANE * LANES + lane, e * PLANE * LANES + lane
-            one, two, shift = -self.plane[kept + 3 * LANES], -self.plane[new + 3 * LANES], 0.0
+            j, k = kept * PLANE * LANES + lane, new * PLANE * LANES + lane
+            one, two, shift = -self.plane[j + 3 * LANES], -self.plane[k + 3 * LANES], 0.0
             for c in ti.static(range(3)):
                 x = work.position[c][at + b * LANES + lane]
-                one += self.plane[kept + c * LANES] * (x - other[c])
-                two += self.plane[new + c * LANES] * (x - mine[c])
-                shift += self.plane[new + c * LANES] * (mine[c] - other[c])
+                one += self.plane[j + c * LANES] * (x - other[c])
+                two += self.plane[k + c * LANES] * (x - mine[c])
+                shift += self.plane[k + c * LANES] * (mine[c] - other[c])
             if two < one:
-                self.plane[new + 3 * LANES] += shift
-                for c in range(PLANE):
-                    self.plane[kept + c * LANES] = self.plane[new + c * LANES]
+                self.plane[k + 3 * LANES] += shift
+                for c in range(4):
+                    self.plane[j + c * LANES] = self.plane[k + c * LANES]
+
+    @ti.func
+    def refresh(self, work: Template, at, strip, b, done):
+        """Looks at those of the block's list whose time has come."""
+        base, pairs = b * SLOTS, b * self.capacity
+        used = self.used[b] & ((1 << KEPT) - 1)
+        for k in range(KEPT):
+            if (used >> k) & 1 == 1 and self.due[pairs + self.pair[base + k]] <= done:
+                used ^= 1 << k
+        every, soonest = int(self.setting[6]), 1 << 24
+        for c in range(self.count[b]):
+            if self.due[pairs + c] <= done:
+                i, k = self.list[pairs + c], 0
+                while k < KEPT + 1 and (used >> k) & 1 == 1:
+                    k += 1
+                slot = base + k
+                arrives = self.look(work, at, strip, b, i, slot)
+                due = done + ti.max(int(arrives) // every, 1) * every
+                if arrives < ti.max(SOON, every):
+                    self.owner[slot], self.pair[slot], self.looked[slot] = i, c, done
+                    if k < KEPT:
+                        due = done + ti.max(int(self.setting[8] / (self.vector(i, SHAPE + 12).norm() + 1e-9)), every)
+                    else:
+                        due = done + every
+                    if k <= KEPT:
+                        used |= 1 << k
+                    else:
+                        self.merge(work, at, strip, b, slot - 1, slot)
+                self.due[pairs + c] = due
+            soonest = ti.min(soonest, self.due[pairs + c])
+        self.used[b], self.next[b] = used, soonest
 
     @ti.func
     def touch(self, work: Template, at, first, last, shift, done):
         """Response of the blocks `first` to `last` to the body at the end of substep `done`."""
         strip = -shift // self.strip_size
         base = strip * (self.strip_size // LANES * SLOTS)
-        every = int(self.setting[6])
-        since = done % every
+        since = done % int(self.setting[6])
         if since == 0:
             self.follow(strip, done)
             if done % int(self.setting[1]) == 0:
@@ -346,36 +296,60 @@ class Response:
                     self.walk(work, at, strip, b, done)
             e = base
             for b in range(first, last):
-                begin = e
-                for c in range(b * self.capacity, b * self.capacity + self.count[b]):
-                    if self.due[c] <= done:
-                        i = self.list[c]
-                        wait = int(self.look(work, at, strip, b, i, e))
-                        # Everything is looked at when strips meet, so that what a strip skips is what all skip.
-                        self.due[c] = ti.min(done + ti.max(wait // every, 1) * every, (done // MEETING + 1) * MEETING)
-                        if wait < every:
-                            if e < begin + SLOTS:
-                                self.plane_block[e], self.plane_of[e] = b, i
-                                e += 1
-                            else:
-                                self.merge(work, at, strip, b, e, i)
-            self.planes[strip] = e
-        for e in range(base, self.planes[strip]):
+                used = self.used[b]
+                if used != 0:
+                    for k in range(KEPT):
+                        slot = b * SLOTS + k
+                        if (used >> k) & 1 == 1 and self.moved(work, at, strip, slot, done):
+                            self.due[b * self.capacity + self.pair[slot]] = done
+                            self.next[b] = done
+                if self.next[b] <= done:
+                    self.refresh(work, at, strip, b, done)
+                used = self.used[b]
+                if used != 0:
+                    for k in range(KEPT + 1):
+                        if (used >> k) & 1 == 1:
+                            self.enter(b * SLOTS + k, e, b, done)
+                            e += 1
+            self.entries[strip] = e
+        for e in range(base, self.entries[strip]):
             self.respond(work, at, strip, e, float(since))
 
     @ti.func
+    def enter(self, slot, e, b, done):
+        """A slot's planes as entry e, turned as its primitive has."""
+        i = self.owner[slot]
+        m = self.turned(i, float(done - self.looked[slot]))
+        self.entry_block[e], self.entry_of[e] = b, i
+        o = ti.min(ti.max(slot, 0), 1 << 22) * PLANE * LANES
+        q = ti.min(ti.max(e, 0), 1 << 22) * 4 * LANES
+        x, y, z = load(self.plane, o), load(self.plane, o + LANES), load(self.plane, o + 2 * LANES)
+        for k in ti.static(range(3)):
+            store(self.entry, q + k * LANES, m[k, 0] * x + m[k, 1] * y + m[k, 2] * z)
+        store(self.entry, q + 3 * LANES, load(self.plane, o + 3 * LANES))
+
+    @ti.func
     def respond(self, work: Template, at, strip, e, since):
-        """Straight-line code that ends in stores: that is what makes it vector code."""
-        a = work.lanes(self.plane_block[e] * LANES, at)
-        o = ti.min(ti.max(e, 0), 1 << 20) * PLANE * LANES
-        c = self.posed(strip * self.capacity + self.plane_of[e], 0)
+        """Straight-line code that ends in stores: that is what makes it vector code. since: substeps since the poses
+        were worked out; anchors go on straight, normals turn to first order."""
+        a = work.lanes(self.entry_block[e] * LANES, at)
+        o = ti.min(ti.max(e, 0), 1 << 22) * 4 * LANES
+        i = self.entry_of[e]
+        shift, turn = self.vector(i, SHAPE + 9), self.vector(i, SHAPE + 12)
+        c, t = self.posed(strip * self.capacity + i, 0) + since * shift, since * turn
         px, py, pz = load(work.position[0], a), load(work.position[1], a), load(work.position[2], a)
         dx, dy, dz = load(work.step[0], a), load(work.step[1], a), load(work.step[2], a)
-        nx, ny, nz = load(self.plane, o), load(self.plane, o + LANES), load(self.plane, o + 2 * LANES)
-        sx, sy, sz = load(self.plane, o + 4 * LANES), load(self.plane, o + 5 * LANES), load(self.plane, o + 6 * LANES)
-        x, y, z = px - c[0] - since * sx, py - c[1] - since * sy, pz - c[2] - since * sz
-        d = nx * x + ny * y + nz * z - load(self.plane, o + 3 * LANES)
-        u, v, w = dx - sx, dy - sy, dz - sz
+        ax, ay, az = load(self.entry, o), load(self.entry, o + LANES), load(self.entry, o + 2 * LANES)
+        nx, ny, nz = ax + t[1] * az - t[2] * ay, ay + t[2] * ax - t[0] * az, az + t[0] * ay - t[1] * ax
+        x, y, z = px - c[0], py - c[1], pz - c[2]
+        d = nx * x + ny * y + nz * z - load(self.entry, o + 3 * LANES)
+        u, v, w = dx - shift[0], dy - shift[1], dz - shift[2]
+        x, y, z = x - 0.5 * u, y - 0.5 * v, z - 0.5 * w  # half-way along the step
+        u, v, w = (
+            u - turn[1] * z + turn[2] * y,
+            v - turn[2] * x + turn[0] * z,
+            w - turn[0] * y + turn[1] * x,
+        )
         depth = ti.max(self.setting[3] - d, 0.0)
         push = ti.min(depth, ti.max(-(u * nx + v * ny + w * nz), 0.0) + self.setting[4])
         x, y, z = self.change(u, v, w, nx, ny, nz, push)
@@ -385,3 +359,31 @@ class Response:
         store(work.step[0], a, dx + x)
         store(work.step[1], a, dy + y)
         store(work.step[2], a, dz + z)
+
+    @ti.kernel
+    def share(self, cuts: I32x2, halo: Int, width: Int):
+        """Between two meetings: each strip takes what the others know of the rows within `halo` of its own."""
+        blocks, strips = self.strip_size // LANES, cuts.shape[0]
+        rows = self.strip_size // width
+        for strip, row in ti.ndrange(strips, rows):
+            first, last = cuts[strip, 0], cuts[strip, 1]
+            if first - halo <= row < first or last <= row < last + halo:
+                for other in range(strips):
+                    if cuts[other, 0] <= row < cuts[other, 1]:
+                        for b in range(row * (width // LANES), (row + 1) * (width // LANES)):
+                            self.copy(other * blocks + b, strip * blocks + b)
+
+    @ti.func
+    def copy(self, source, target):
+        """All that is known of a block."""
+        self.count[target], self.next[target] = self.count[source], self.next[source]
+        self.used[target] = self.used[source]
+        for c in range(self.count[source]):
+            self.list[target * self.capacity + c] = self.list[source * self.capacity + c]
+            self.due[target * self.capacity + c] = self.due[source * self.capacity + c]
+        for k in range(SLOTS):
+            if (self.used[source] >> k) & 1 == 1:
+                one, two = source * SLOTS + k, target * SLOTS + k
+                self.owner[two], self.pair[two], self.looked[two] = self.owner[one], self.pair[one], self.looked[one]
+                for c in range(PLANE * LANES):
+                    self.plane[two * PLANE * LANES + c] = self.plane[one * PLANE * LANES + c]

@@ -9,12 +9,7 @@ relative to the primitive's anchor; vectors of the primitive are unit.
 
 import taichi as ti
 
-from taichi_cloth.arrays import Template
-
-__all__ = ["EVERYWHERE", "NEAR", "cone", "ellipse", "local", "prism"]
-
-NEAR = 2
-"""Steps of Newton that give 1e-6 m within 10 mm of the surface, where no semi-axis is below 0.4 of the other."""
+__all__ = ["EVERYWHERE", "cone", "ellipse", "local", "prism"]
 
 EVERYWHERE = 12
 """Steps of Newton that give 1e-6 m everywhere, for semi-axes down to a twelfth of each other."""
@@ -49,21 +44,20 @@ def _newton(u, rp, q, less):
 
 
 @ti.func
-def ellipse(px, py, long, short, steps: Template):
-    """Signed distance [m] to the ellipse with semi-axes long ≥ short, and the normal. steps: NEAR or EVERYWHERE."""
+def ellipse(px, py, long, short, steps):
+    """Signed distance [m] to the ellipse with semi-axes long ≥ short, and the normal. steps: of Newton.
+
+    Outside, where |(p, q)| > 1, that is a lower bound of u too: r h ≥ h + r − 1 for h ≥ 1.
+    """
     ratio = (long / short) * (long / short)
     less = ratio - 1.0
     p, q = ti.abs(px) / long, ti.max(ti.abs(py) / short, 1e-6)
     rp = ratio * p
     least = ti.max(q, rp - less)
-    u = least
-    if ti.static(steps == NEAR):
-        u = ti.max(u, 1.0)
-        for _ in ti.static(range(steps)):
-            u = ti.max(u + _newton(u, rp, q, less), least)
-    else:
-        for _ in range(steps):
-            u = ti.max(u + _newton(u, rp, q, less), least)
+    far = ti.sqrt(p * p + q * q)
+    u = ti.max(least, far * ti.min(ti.max((far - 1.0) * 1e30, 0.0), 1.0))
+    for _ in range(steps):
+        u = ti.max(u + _newton(u, rp, q, less), least)
     y0, y1 = rp / (u + less), q / u
     scale = 1.0 / ti.sqrt(y0 * y0 + y1 * y1)
     y0, y1 = y0 * scale, y1 * scale

@@ -43,6 +43,11 @@ class Pass:
     def begin(self, state: SheetState, forces: FrameForces) -> None:
         """On the host, before each frame. What it leaves must follow from its arguments, or a resumed run differs."""
 
+    def exchange(self, cuts: Any, halo: int, width: int) -> None:
+        """On the host, where the strips of a sheet meet within a frame: what one knows of the rows within `halo` of
+        another's, it is to know too. cuts: (strips, 2) first row of each and the one after its last, padding counted.
+        width: of a row."""
+
     def end(self, state: SheetState) -> None:
         """On the host, after each frame: the place to report that a capacity was too small."""
 

@@ -122,6 +122,9 @@ class Verlet(Solver):
             with runtime.plain_code():  # half the time to compile, and as fast a frame
                 kernel(source, work.cuts, self._numbers, *wind, *change, done, count, pairs, self._features, target)
             source, target = target, source
+            if self.strips > 1:
+                for one in self.passes:
+                    one.exchange(work.cuts, (3 + 2 * pairs) * MEETING, self.sheet.width)
         rows = slice(PAD, -PAD)
         state.values[:, rows] = source.to_numpy()[:, rows]
         for one in self.passes:
