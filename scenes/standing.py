@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_cloth.body.colliders import Colliders
-from taichi_cloth.body.grid import DistanceGrid, grid_of_mesh
+from taichi_cloth.body.grid import DistanceGrid, part_grids
 from taichi_cloth.body.motion import Motion
 from taichi_cloth.body.parts import JOINTS as PART_JOINTS
 from taichi_cloth.body.primitive_arrays import primitives_from, primitives_to
@@ -30,7 +30,7 @@ __all__ = ["Standing", "grids_of", "primitives_of", "skin_mesh", "standing"]
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
-VERSION = 1
+VERSION = 2
 """Of what is kept on disk: raised whenever the same body would give other primitives or grids."""
 
 FAR = 0.1
@@ -113,12 +113,10 @@ def grids_of(body: Body) -> tuple[DistanceGrid, ...]:
     made_of = digest(VERSION, GRID_SPACING, body.vertices, body.faces)
 
     def make() -> dict[str, NDArray]:
-        parts = segment(body.vertices, body.faces)
-        out: dict[str, NDArray] = {}
-        for number, name in enumerate(parts.names):
-            grid = grid_of_mesh(body.vertices, body.faces, spacing=GRID_SPACING, chosen=parts.labels == number)
-            out[f"{name} values"], out[f"{name} origin"] = grid.values, grid.origin
-        return out
+        found = segment(body.vertices, body.faces)
+        parts = [(name, 0) for name in found.names]
+        made = part_grids(body.vertices, body.faces, found.labels, parts, spacing=GRID_SPACING)
+        return {f"{g.part} {what}": getattr(g, what) for g in made for what in ("values", "origin")}
 
     arrays, _ = kept("grids", made_of, make)
     names = [key.removesuffix(" values") for key in arrays if key.endswith(" values")]

@@ -1,30 +1,32 @@
 """Distance grids: the mesh itself in contact, a grid of signed distances a part, moving rigidly with its bone.
 
-Made once, on the host: the distance from each node to the nearest triangle (Ericson 2005, 5.1.5), exact up to two
-spacings, beyond to the size of a triangle. The sign, which needs a closed mesh, is that of the pseudo-normal of the
-nearest face, edge or vertex (Baerentzen & Aanaes 2005) near the surface, and of the generalised winding number
-(Jacobson et al. 2013) for the rest, once for all nodes that no surface parts. A part's grid knows the triangles
-of the part and those within `overlap` of it; where another part is nearer the distance is kept positive, as that
-part's grid answers there.
+Made once, on the host, for all parts on one lattice. Up to one spacing from the skin a node's distance is exact: every
+triangle tells the nodes in the box around it. Beyond, it is the least to the triangles that the nearest such node and
+those of its neighbours found. The sign, which needs a closed mesh, is that of the pseudo-normal of the nearest face,
+edge or vertex (Baerentzen & Aanaes 2005) near the surface, and of the generalised winding number (Jacobson et al. 2013)
+for the rest, once for all nodes that no surface parts. A part's grid knows the triangles of the part and those within
+`overlap` of it; where another part is nearer the distance is kept positive, as that part's grid answers there.
 """
 
 # SciPy and NumPy say less about their types than they do.
 # pyright: reportAttributeAccessIssue=false, reportCallIssue=false, reportArgumentType=false, reportIndexIssue=false
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.ndimage import label
+from scipy.ndimage import distance_transform_edt, label
 from scipy.spatial import cKDTree
 
 from taichi_cloth.body.triangles import triangle_distance
 from taichi_cloth.errors import InputError
 
-__all__ = ["DistanceGrid", "grid_of_mesh", "signed_mesh_distance"]
+__all__ = ["DistanceGrid", "part_grids"]
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
+LARGEST = 4_000_000  # nodes of the lattice
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,65 +63,104 @@ class DistanceGrid:
         return distance + beyond, gradient / self.spacing
 
 
-def grid_of_mesh(
+def part_grids(
     vertices: ArrayLike,
     faces: ArrayLike,
+    labels: ArrayLike,
+    parts: Sequence[tuple[str, int]],
     *,
     spacing: float,
-    chosen: ArrayLike | None = None,
     margin: float = 0.03,
     overlap: float = 0.03,
-    part: str = "",
-    bone: int = 0,
-) -> DistanceGrid:
-    """The grid around the chosen faces of a closed mesh: vertices (v, 3) [m], faces (f, 3), chosen bool (f,) or None
-    for all, margin [m] around them. Raises InputError on no face or a spacing that gives too many nodes."""
-    v, f = np.asarray(vertices, np.float64), np.asarray(faces, np.int64)
-    mine = np.ones(len(f), bool) if chosen is None else np.asarray(chosen, bool)
-    if not mine.any() or not (np.isfinite(spacing) and spacing > 0):
-        raise InputError(f"body.grid: {int(mine.sum())} faces, spacing {spacing!r}; allowed: one or more, above 0")
-    corners = v[f[mine]].reshape(-1, 3)
-    origin = corners.min(axis=0) - margin
-    count = np.ceil((corners.max(axis=0) + margin - origin) / spacing).astype(int) + 1
-    if count.prod() > 4_000_000:
+) -> tuple[DistanceGrid, ...]:
+    """A grid around the faces of each part of a closed mesh: vertices (v, 3) [m], faces (f, 3), labels (f,) into parts,
+    which are names and bones; margin [m] around them. Raises InputError on a part without faces, or a spacing that
+    gives too many nodes."""
+    v, f, part = np.asarray(vertices, np.float64), np.asarray(faces, np.int64), np.asarray(labels)
+    present = np.bincount(part, minlength=len(parts))
+    if len(present) > len(parts) or not present.all() or not (np.isfinite(spacing) and spacing > 0):
         raise InputError(
-            f"body.grid: {count.tolist()} nodes; allowed: 4000000; use a larger spacing than {spacing:g} m"
+            f"body.grid: {present.tolist()} faces in {len(parts)} parts, spacing {spacing!r}; "
+            "allowed: one or more in each, above 0"
         )
-    nodes = origin + spacing * np.stack(np.meshgrid(*(np.arange(n) for n in count), indexing="ij"), -1).reshape(-1, 3)
-    distance, nearest = _unsigned(v[f], nodes, 2 * spacing)
-    distance *= _signs(v, f, nodes, distance, nearest, tuple(count), spacing)
-    if not mine.all():
-        grown = cKDTree(corners).query(v[f].mean(axis=1))[0] <= overlap
-        foreign = ~(mine | grown)[nearest]
-        distance[foreign] = np.maximum(np.abs(distance[foreign]), spacing)
-    return DistanceGrid(origin, spacing, distance.reshape(tuple(count)).astype(np.float32), part, bone)
+    origin = v[f].min(axis=(0, 1)) - margin
+    shape = np.ceil((v[f].max(axis=(0, 1)) + margin - origin) / spacing).astype(int) + 1
+    if shape.prod() > LARGEST:
+        raise InputError(
+            f"body.grid: {shape.tolist()} nodes; allowed: {LARGEST}; use a larger spacing than {spacing:g} m"
+        )
+    corners = [v[f[part == number]].reshape(-1, 3) for number in range(len(parts))]
+    boxes = []
+    wanted = np.zeros(tuple(shape), bool)
+    for mine in corners:
+        low = np.floor((mine.min(axis=0) - margin - origin) / spacing).astype(int).clip(0)
+        high = np.ceil((mine.max(axis=0) + margin - origin) / spacing).astype(int) + 1
+        boxes.append(tuple(slice(i, j) for i, j in zip(low.tolist(), high.tolist(), strict=True)))
+        wanted[boxes[-1]] = True
+    distance, nearest = _unsigned(v[f], origin, spacing, wanted)
+    distance *= _signs(v, f, origin, spacing, distance, nearest)
+    middles = v[f].mean(axis=1)
+    out = []
+    for number, ((name, bone), mine, box) in enumerate(zip(parts, corners, boxes, strict=True)):
+        grown = np.isfinite(cKDTree(mine).query(middles, distance_upper_bound=overlap)[0]) | (part == number)
+        foreign = ~grown[nearest[box]]
+        values = np.where(foreign, np.maximum(np.abs(distance[box]), spacing), distance[box])
+        corner = origin + spacing * np.array([side.start for side in box])
+        out.append(DistanceGrid(corner, spacing, values.astype(np.float32), name, bone))
+    return tuple(out)
 
 
-def signed_mesh_distance(vertices: F64, faces: NDArray[np.int64], points: F64) -> tuple[F64, NDArray[np.int64]]:
-    """Exact signed distance (n,) [m] from points to a closed mesh, and the nearest triangle (n,)."""
-    distance, nearest = _unsigned(vertices[faces], points, np.inf)
-    return np.where(_inside(vertices[faces], points), -distance, distance), nearest
+def _unsigned(triangles: F64, origin: F64, spacing: float, wanted: NDArray[np.bool_]) -> tuple[F64, NDArray[np.int64]]:
+    """Distance [m] from the wanted nodes of a lattice, and those beside the skin, to triangles (f, 3, 3), infinite at
+    others, and the nearest triangle, both of the lattice's shape."""
+    shape = np.array(wanted.shape)
+    distance, nearest = np.full(wanted.size, np.inf), np.zeros(wanted.size, np.int64)
+    low = np.floor((triangles.min(axis=1) - origin) / spacing - 1).astype(np.int64).clip(0)
+    high = (np.ceil((triangles.max(axis=1) - origin) / spacing + 1).astype(np.int64) + 1).clip(max=shape)
+    size = high - low
+    step = np.array([shape[1] * shape[2], shape[2], 1])
+    for begin in range(0, len(triangles), 2048):
+        mine = slice(begin, begin + 2048)
+        count = size[mine].prod(axis=1)
+        whose = np.repeat(np.arange(begin, begin + len(count)), count)
+        k = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+        side = size[whose]
+        place = low[whose] + np.stack([k // (side[:, 1] * side[:, 2]), k // side[:, 2] % side[:, 1], k % side[:, 2]], 1)
+        node = place @ step
+        far = triangle_distance(origin + spacing * place, triangles[whose])
+        np.minimum.at(distance, node, far)
+        best = np.flatnonzero(far == distance[node])[::-1]
+        nearest[node[best]] = whose[best]
+    exact = (distance <= spacing).reshape(wanted.shape)
+    found = np.stack(distance_transform_edt(~exact, return_distances=False, return_indices=True), axis=-1) @ step
+    distance[~exact.ravel()] = np.inf
+    rest = np.flatnonzero(wanted & ~exact)
+    told = nearest[found.ravel()]
+    for offset in (0, *step, *-step):  # what the node beside it was told may be nearer
+        for some in np.array_split(rest, 1 + len(rest) // 100_000):
+            if offset:
+                some = some[distance[some] < 3 * spacing]
+            asked = told[(some + offset) % wanted.size]
+            places = origin + spacing * np.stack(np.unravel_index(some, wanted.shape), axis=1)
+            far = triangle_distance(places, triangles[asked])
+            nearer = far < distance[some]
+            distance[some[nearer]], nearest[some[nearer]] = far[nearer], asked[nearer]
+    return distance.reshape(wanted.shape), nearest.reshape(wanted.shape)
 
 
 def _signs(
-    vertices: F64,
-    faces: NDArray[np.int64],
-    nodes: F64,
-    distance: F64,
-    nearest: NDArray[np.int64],
-    shape: tuple[int, ...],
-    spacing: float,
+    vertices: F64, faces: NDArray[np.int64], origin: F64, spacing: float, distance: F64, nearest: NDArray[np.int64]
 ) -> F64:
     """−1 inside, 1 outside. Neighbours that are both further from the surface than half a spacing are on one side."""
-    groups, count = label((distance > 0.6 * spacing).reshape(shape))  # pyright: ignore[reportGeneralTypeIssues]
-    groups = groups.ravel()
+    groups, count = label(distance > 0.6 * spacing)  # pyright: ignore[reportGeneralTypeIssues]
     found, asked = np.unique(groups, return_index=True)
     asked = asked[found > 0]
     sides = np.ones(count + 1)
-    sides[groups[asked]] = np.where(_inside(vertices[faces], nodes[asked]), -1.0, 1.0)
+    places = origin + spacing * np.stack(np.unravel_index(asked, distance.shape), axis=1)
+    sides[groups.ravel()[asked]] = np.where(_inside(vertices[faces], places), -1.0, 1.0)
     out = sides[groups]
     near = groups == 0
-    out[near] = _sides(vertices, faces, nodes[near], nearest[near])
+    out[near] = _sides(vertices, faces, origin + spacing * np.argwhere(near), nearest[near])
     return out
 
 
@@ -169,29 +210,6 @@ def _foot(p: F64, t: F64) -> tuple[F64, F64]:
         share[nearer] = 0.0
         share[nearer, k], share[nearer, (k + 1) % 3] = 1 - part[nearer], part[nearer]
     return np.einsum("nk,nkc->nc", share, t), share
-
-
-def _unsigned(triangles: F64, points: F64, band: float) -> tuple[F64, NDArray[np.int64]]:
-    """Exact up to `band` [m]; beyond, the distance to the nearest middle of a triangle."""
-    middle = triangles.mean(axis=1)
-    reach = float(np.linalg.norm(triangles - middle[:, None], axis=2).max())
-    tree = cKDTree(middle)
-    near, first = tree.query(points)
-    distance, nearest = np.empty(len(points)), np.asarray(first, np.int64).copy()
-    distance[:] = near
-    close = np.flatnonzero(near <= band + reach)
-    for begin in range(0, len(close), 4096):
-        part = close[begin : begin + 4096]
-        least = triangle_distance(points[part], triangles[nearest[part]])
-        lists = tree.query_ball_point(points[part], least + reach * (1 + 1e-9))
-        sizes = np.array([len(one) for one in lists])
-        whose = np.repeat(np.arange(len(sizes)), sizes)
-        tried = np.concatenate([np.asarray(one, np.int64) for one in lists])
-        d = triangle_distance(points[part][whose], triangles[tried])
-        order = np.lexsort((tried, d, whose))
-        best = order[np.concatenate([[0], np.cumsum(sizes)[:-1]])]
-        distance[part], nearest[part] = d[best], tried[best]
-    return distance, nearest
 
 
 def _inside(triangles: F64, points: F64) -> NDArray[np.bool_]:
