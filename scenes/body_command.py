@@ -22,9 +22,10 @@ def fit(
     out: Annotated[Path, typer.Option("--out", help="Where the primitives go.")] = Path("body.json"),
     count: Annotated[int, typer.Option("--count", help="Most primitives.")] = 32,
     error_mm: Annotated[float | None, typer.Option("--error-mm", help="Stop at this mean distance.")] = None,
+    compare: Annotated[bool, typer.Option("--compare", help="Time the primitives against the mesh itself.")] = False,
     arch: Annotated[Any, typer.Option("--arch", help="cpu, cuda, vulkan, metal or gpu.")] = "cpu",
 ) -> None:
     """Divide a body, wrap its parts in primitives, print the error, and draw both beside the JSON file."""
     from .body_fit import fit_body
 
-    fit_body(source, out, count=count, error_mm=error_mm, arch=arch)
+    fit_body(source, out, count=count, error_mm=error_mm, compare=compare, arch=arch)

@@ -31,7 +31,9 @@ BONES = {part: JOINTS.index(joint) for part, joint in PART_JOINTS.items()}
 GREY = (0.55, 0.55, 0.56)
 
 
-def fit_body(source: str, out: Path, *, count: int, error_mm: float | None, arch: runtime.Arch) -> None:
+def fit_body(
+    source: str, out: Path, *, count: int, error_mm: float | None, compare: bool = False, arch: runtime.Arch
+) -> None:
     """Everything `taichi-cloth body fit` does. Raises InputError."""
     if not out.parent.is_dir():
         raise InputError(f"--out {out}: no such folder {out.parent}; make it first")
@@ -45,6 +47,12 @@ def fit_body(source: str, out: Path, *, count: int, error_mm: float | None, arch
     for line in report.lines():
         print(line)
     runtime.start(arch)
+    if compare:
+        from .report_body import exact_rows, query_lines
+        from .standing import grids_of
+
+        for line in query_lines(exact_rows(body, primitives, grids_of(body))):
+            print(line)
     picture = out.with_suffix(".png")
     draw_fit(vertices, faces, found.labels, found.names, primitives, picture)
     write_bytes(out, primitives_json(primitives, {"source": source, "report": report.as_dict()}))

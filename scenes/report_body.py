@@ -31,7 +31,17 @@ from taichi_cloth.errors import InputError
 
 from .body_fit import BONES
 
-__all__ = ["COUNTS", "BodyRow", "QueryRow", "body_rows", "draw_rows", "exact_rows", "garment_points", "write_rows"]
+__all__ = [
+    "COUNTS",
+    "BodyRow",
+    "QueryRow",
+    "body_rows",
+    "draw_rows",
+    "exact_rows",
+    "garment_points",
+    "query_lines",
+    "write_rows",
+]
 
 F64 = NDArray[np.float64]
 COUNTS = (6, 8, 12, 16, 24, 32)
@@ -103,10 +113,14 @@ def exact_rows(
     body: Body, primitives: Sequence[Primitive], grids: Sequence[DistanceGrid], *, runs: int = RUNS
 ) -> list[QueryRow]:
     """The same points asked of the primitives, of distance grids, and of the mesh by trimesh, whose nearest points are
-    exact and whose sides are found with rays (Embree's, where `embreex` is installed). Taichi must be started."""
+    exact and whose sides are found with rays (Embree's, where `embreex` is installed). Taichi must be started. Raises
+    InputError where what trimesh needs is missing."""
     points = garment_points(body)
     mesh = trimesh.Trimesh(body.vertices, body.faces, process=False)
-    exact = -np.asarray(trimesh.proximity.signed_distance(mesh, points))  # positive outside
+    try:
+        exact = -np.asarray(trimesh.proximity.signed_distance(mesh, points))  # positive outside
+    except ImportError as error:
+        raise InputError(f"comparison: {error}; install it with: pip install taichi-cloth[report]") from None
     query = PrimitiveQuery(primitives)
 
     def of_grids() -> F64:
@@ -132,6 +146,12 @@ def exact_rows(
             )
         )
     return rows
+
+
+def query_lines(rows: Sequence[QueryRow]) -> list[str]:
+    """A table to print."""
+    head = f"{POINTS:,} points within {1e3 * NEAR:g} mm of the skin{'':<13}{'µs a point':>12}{'mean':>10}{'95 %':>9}"
+    return [head, *(f"{r.way:<48}{r.us:>12.3f}{r.mean_mm:>7.2f} mm{r.p95_mm:>6.2f} mm" for r in rows)]
 
 
 def _cost(work: Callable[[], object], runs: int = RUNS) -> float:
