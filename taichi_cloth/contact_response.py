@@ -15,21 +15,23 @@ so that strips on several threads share nothing they write.
 
 from functools import lru_cache
 
+import numpy as np
 import taichi as ti
+from numpy.typing import NDArray
 
 from taichi_cloth.arrays import F32x2, Template
 from taichi_cloth.body.shapes import EVERYWHERE, NEAR, cone, ellipse, local, prism
-from taichi_cloth.sheet import LANES
+from taichi_cloth.sheet import LANES, PAD
 from taichi_cloth.solvers.passes import MEETING
 from taichi_cloth.solvers.stencil import load, store
 
-__all__ = ["BOX", "CONE", "ELLIPTIC", "GRID", "MOTION", "ROW", "SHAPE", "SLENDER", "Response", "response"]
+__all__ = ["BONE", "BOX", "CONE", "ELLIPTIC", "GRID", "MOTION", "ROW", "SHAPE", "SLENDER", "Response", "response"]
 
 CONE, ELLIPTIC, SLENDER, GRID = 0, 1, 2, 3
 
-SHAPE, MOTION, BOX, ROW = 8, 18, 6, 40
-"""Numbers of a primitive: kind, 6 of its shape; motion and the capsule around it (see `Contact.begin`); box; with room
-to spare."""
+SHAPE, MOTION, BOX, BONE, ROW = 8, 18, 6, 32, 40
+"""Numbers of a primitive: kind, 6 of its shape; motion and the capsule around it (see `Contact.begin`); box; bone; with
+room to spare."""
 
 POSE = 12  # anchor, axis, across, other
 SLOTS = 4  # planes a block may have for each key point; of more than that the nearest stay
@@ -41,20 +43,36 @@ TURNING = 0.25  # share of the slip that may become approach meanwhile
 
 @lru_cache(maxsize=16)
 def response(
-    generation: int, size: int, strips: int, capacity: int, kinds: tuple[int, ...], long_steps: bool, nodes: int
+    generation: int,
+    size: int,
+    strips: int,
+    capacity: int,
+    kinds: tuple[int, ...],
+    long_steps: bool,
+    nodes: int,
+    sparing: bool,
 ):
     """Fields and functions for grids and bodies of that size. generation: of the Taichi runtime."""
-    return Response(size, strips, capacity, kinds, long_steps, nodes)
+    return Response(size, strips, capacity, kinds, long_steps, nodes, sparing)
 
 
 @ti.data_oriented
 class Response:
-    """What the kernel works on."""
+    """What the kernel works on. sparing: whether some key points do not meet all bones."""
 
     def __init__(
-        self, size: int, strips: int, capacity: int, kinds: tuple[int, ...], long_steps: bool, nodes: int
+        self,
+        size: int,
+        strips: int,
+        capacity: int,
+        kinds: tuple[int, ...],
+        long_steps: bool,
+        nodes: int,
+        sparing: bool,
     ) -> None:
         self.nodes = ti.field(ti.f32, max(1, nodes))
+        self.sparing = sparing
+        self.spared = ti.field(ti.i32, size if sparing else 1)
         self.holder: object = None
         self.capacity, self.kinds, self.long_steps = capacity, kinds, long_steps
         self.strip_size, blocks = size // strips, size // LANES
@@ -71,6 +89,12 @@ class Response:
         self.planes = ti.field(ti.i32, strips)
         self.plane_block, self.plane_of = ti.field(ti.i32, blocks * SLOTS + 1), ti.field(ti.i32, blocks * SLOTS + 1)
         self.plane = ti.field(ti.f32, (blocks * SLOTS + 1) * PLANE * LANES)
+
+    def spare(self, bits: NDArray[np.int32], padded_shape: tuple[int, ...]) -> None:
+        """Takes the bits of `Colliders.spared` (rows, cols), into every strip of the padded grid."""
+        padded = np.full(padded_shape, -1, np.int32)
+        padded[PAD : PAD + bits.shape[0], : bits.shape[1]] = bits
+        self.spared.from_numpy(np.tile(padded.ravel(), self.spared.shape[0] // padded.size))
 
     @ti.kernel
     def take(self, rows: F32x2):
@@ -196,6 +220,7 @@ class Response:
         """The list of block b: what it can reach until the next walk, by boxes and then by capsules."""
         low, high = ti.Vector([1e30, 1e30, 1e30]), ti.Vector([-1e30, -1e30, -1e30])
         fastest, slow, fast = 0.0, ti.Vector([1e30, 1e30, 1e30]), ti.Vector([-1e30, -1e30, -1e30])
+        spared = -1  # by every key point of the block
         for k in range(b * LANES, (b + 1) * LANES):
             if work.inverse_mass[k] > 0.0:
                 here, step = ti.Vector([0.0, 0.0, 0.0]), ti.Vector([0.0, 0.0, 0.0])
@@ -204,6 +229,8 @@ class Response:
                 low, high = ti.min(low, here), ti.max(high, here)
                 slow, fast = ti.min(slow, step), ti.max(fast, step)
                 fastest = ti.max(fastest, step.norm_sqr())
+                if ti.static(self.sparing):
+                    spared &= self.spared[k]
         count = 0
         if low[0] < 1e29:
             wait = self.setting[1]
@@ -221,6 +248,8 @@ class Response:
                     node = self.skip[node]
                 else:
                     i = self.leaf[node]
+                    if ti.static(self.sparing):  # i stays -1 where it is
+                        i |= -((spared >> int(self.row[ti.max(i, 0) * ROW + BONE])) & 1)
                     if i >= 0:
                         p = strip * self.capacity + i
                         here, row = middle - self.posed(p, 0), i * ROW + SHAPE
@@ -290,6 +319,9 @@ class Response:
         p = strip * self.capacity + i
         c = self.posed(p, 0)
         free = ti.min(load(work.inverse_mass, m) * 1e30, 1.0)
+        if ti.static(self.sparing):
+            met = 1 - ((load(self.spared, m) >> int(self.row[i * ROW + BONE])) & 1)
+            free *= ti.cast(met, ti.f32)
         if ti.static(self.long_steps):
             self.cross(work, a, i, p, q, free)
         x, y, z = load(work.position[0], a) - c[0], load(work.position[1], a) - c[1], load(work.position[2], a) - c[2]

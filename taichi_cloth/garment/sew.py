@@ -1,7 +1,8 @@
 """Sewing (paper 4): panels stand round the body, seams draw them together, gravity lets the garment settle.
 
 1. Closing: no gravity, thick air; the gaps of all seams shrink at a set speed, the body keeps the cloth out.
-2. Settling: gravity and friction, until the cloth is at rest or the time is up.
+2. Settling: gravity and friction, each panel on its own limbs (`limbs.py`), until the cloth is at rest or the time is
+   up.
 What comes out is where the key points rest. Seams then stay as ties for as long as the garment is worn.
 """
 
@@ -17,6 +18,7 @@ from taichi_cloth.errors import InputError, Unstable
 from taichi_cloth.forces import Forces
 from taichi_cloth.garment.curves import along, length
 from taichi_cloth.garment.cut import Atlas, turned
+from taichi_cloth.garment.limbs import spared
 from taichi_cloth.garment.pattern import Pattern, Side
 from taichi_cloth.garment.ties import Ties
 from taichi_cloth.materials import Material
@@ -200,6 +202,7 @@ def sew(
             if _gap(simulation) < OPEN:
                 break
         speed = 0.0
+        still = replace(still, spared=spared(garment.atlas, simulation.positions, body.primitives, moving=False))
         for first, last, air in ((0, SWINGING, THIN), (SWINGING, settling, THICK)):
             simulation = garment.simulation(
                 Forces(body=still), simulation.positions, places=places, held=early, bones=bones, air_damping=air
