@@ -99,10 +99,11 @@ def garment_of(section: GarmentSection, body: Body) -> Garment:
         raise InputError(
             f"garment.pattern: {section.pattern!r}; known: {', '.join(DRAFTS)}, or the path of a .json file"
         )
-    for name in section.colours:
-        if name not in [panel.name for panel in pattern.panels]:
-            known = ", ".join(panel.name for panel in pattern.panels)
-            raise InputError(f"garment.colours: no panel {name!r}; known: {known}")
+    names = [panel.name for panel in pattern.panels]
+    for key in ("colours", "prints"):
+        for name in getattr(section, key):
+            if name not in names:
+                raise InputError(f"garment.{key}: no panel {name!r}; known: {', '.join(names)}")
     return Garment(pattern, cut(pattern, spacing_for(pattern, section.key_points)), material_of(section))
 
 
