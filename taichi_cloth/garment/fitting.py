@@ -24,8 +24,8 @@ MOST = 1.6
 """A pattern that has to be widened by more than this is none for the figure."""
 BELOW = 0.04
 """Of an armhole's lowest point under the arm where a top starts [m]; pulls at the armpit otherwise."""
-TALLER, BARE = 1.5, 1.25  # armholes with sleeves, or without, are deepened by this at most
-SHORTER = 0.5  # least share of its length below the arms that a bodice is shortened to, for its skirt's sake
+DEEPER = 1.5  # armholes are deepened by this at most
+SHORTER = 0.35  # least share of its length below the arms that a bodice is shortened to, for its skirt's sake
 CLEAR = 0.016  # between the body and a waistband [m]
 DROP = 0.02  # from the neck's side, where it starts, to the neck where a top rests [m]
 UP = np.array([0.0, 1.0, 0.0])
@@ -59,8 +59,8 @@ def fitted(pattern: Pattern, figure: Figure) -> Pattern:
             (1 + EASE) * figure.hip / max(_girth(out, high - (figure.waist_height - figure.hip_height), figure), 0.1)
         )
         return _round_waist(out.scaled(max(1.0, tight), 1.0) if tight > 1.02 else out, figure)
-    out = _graded(out, figure)
-    out = _lifted(out, figure.neck_height + DROP - _reach(out)[1])
+    out = _graded(_hung(out, figure), figure)
+    out = _hung(out, figure)
     out = _stacked(out, figure)
     heights = np.arange(figure.crotch_height + 0.02, figure.underarm_height - 0.02, 0.01)
     known = [figure.hip_height, figure.waist_height, figure.underarm_height - 0.02]
@@ -80,8 +80,7 @@ def _graded(pattern: Pattern, figure: Figure) -> Pattern:
     waist. Sleeves are widened as the armholes are deepened, so that they still meet."""
     high, underarm = _reach(pattern)[1], _underarm(pattern, figure)
     under = figure.underarm_height - BELOW
-    most = TALLER if any(_is_sleeve(p, figure) for p in pattern.panels) else BARE
-    deeper = min(max((figure.neck_height + DROP - under) / max(high - underarm, 0.05), 1.0), most)
+    deeper = min(max((figure.neck_height + DROP - under) / max(high - underarm, 0.05), 1.0), DEEPER)
     bodice = {one.panel for one, _ in _joints(pattern, figure)}
     level = [_at(pattern, one)[:, 1].mean() for one, _ in _joints(pattern, figure)]
     shorter = 1.0
@@ -131,7 +130,9 @@ def _placed(pattern: Pattern, change: dict[str, Flat | Wrap]) -> Pattern:
     return replace(pattern, panels=panels)
 
 
-def _lifted(pattern: Pattern, by: float) -> Pattern:
+def _hung(pattern: Pattern, figure: Figure) -> Pattern:
+    """The pattern so high that its top is where a top starts, DROP over the neck."""
+    by = figure.neck_height + DROP - _reach(pattern)[1]
     moved: dict[str, Flat | Wrap] = {
         p.name: Flat(p.place.rotation, p.place.translation + by * UP)
         for p in pattern.panels

@@ -41,7 +41,7 @@ FACING = 0.5
 NEARER = 0.005
 """By which a limb of another panel has to be nearer, in a fold, to be met instead at rest [m]."""
 
-FOLD = 0.06
+FOLD = 0.075
 """From both of two limbs with a fold between them, at rest, within which cloth in motion hides in it [m]."""
 
 
