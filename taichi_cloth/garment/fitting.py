@@ -25,7 +25,10 @@ MOST = 1.6
 BELOW = 0.04
 """Of an armhole's lowest point under the arm where a top starts [m]; pulls at the armpit otherwise."""
 DEEPER = 1.5  # armholes are deepened by this at most
-SHORTER = 0.35  # least share of its length below the arms that a bodice is shortened to, for its skirt's sake
+OVER = (
+    0.05  # that a bodice is longer than it is from under the arms to the waist: it runs over bust and shoulder blades
+)
+SHORTER = 0.5  # least share of its length below the arms that a bodice is shortened to, for its skirt's sake
 CLEAR = 0.016  # between the body and a waistband [m]
 DROP = 0.02  # from the neck's side, where it starts, to the neck where a top rests [m]
 UP = np.array([0.0, 1.0, 0.0])
@@ -76,8 +79,8 @@ def fitted(pattern: Pattern, figure: Figure) -> Pattern:
 
 
 def _graded(pattern: Pattern, figure: Figure) -> Pattern:
-    """A top's heights by the figure's: its armholes end under the arm, the seam between bodice and skirt lies at the
-    waist. Sleeves are widened as the armholes are deepened, so that they still meet."""
+    """A top's heights by the figure's: its armholes end under the arm, the seam between bodice and skirt lies
+    no lower than half-way from the waist to the hip. Sleeves are widened as the armholes are deepened, so that they still meet."""
     high, underarm = _reach(pattern)[1], _underarm(pattern, figure)
     under = figure.underarm_height - BELOW
     deeper = min(max((figure.neck_height + DROP - under) / max(high - underarm, 0.05), 1.0), DEEPER)
@@ -85,7 +88,8 @@ def _graded(pattern: Pattern, figure: Figure) -> Pattern:
     level = [_at(pattern, one)[:, 1].mean() for one, _ in _joints(pattern, figure)]
     shorter = 1.0
     if level:
-        shorter = float(np.clip((under - figure.waist_height) / (underarm - np.mean(level)), SHORTER, 1.0))
+        down = under - (figure.waist_height + figure.hip_height) / 2
+        shorter = float(np.clip(down / (underarm - np.mean(level)), SHORTER, 1.0))
     panels = []
     for panel in pattern.panels:
         place = panel.place
