@@ -79,8 +79,8 @@ def fitted(pattern: Pattern, figure: Figure) -> Pattern:
 
 
 def _graded(pattern: Pattern, figure: Figure) -> Pattern:
-    """A top's heights by the figure's: its armholes end under the arm, the seam between bodice and skirt lies
-    no lower than half-way from the waist to the hip. Sleeves are widened as the armholes are deepened, so that they still meet."""
+    """A top's heights by the figure's: its armholes end under the arms, and a bodice ends no lower than half-way from
+    the waist to the hip. Sleeves are widened as the armholes are deepened, so that they still meet."""
     high, underarm = _reach(pattern)[1], _underarm(pattern, figure)
     under = figure.underarm_height - BELOW
     deeper = min(max((figure.neck_height + DROP - under) / max(high - underarm, 0.05), 1.0), DEEPER)
