@@ -31,7 +31,7 @@ def print_of(section: PrintSection, panel: Panel) -> Print:
     if max(image.shape[:2]) > LARGEST:
         size = f"{image.shape[1]} x {image.shape[0]}"
         raise InputError(f"{where}: {section.file!r} has {size} pixels; allowed: up to {LARGEST} each way")
-    share = image.astype(np.float64) / np.iinfo(image.dtype).max
+    share = image.astype(np.float64) / (65535 if image.dtype == np.uint16 else 255)
     channels = share[..., None] if share.ndim == 2 else share
     grey, covered = channels.shape[2] <= 2, channels.shape[2] in (2, 4)
     colour = np.repeat(channels[..., :1], 3, axis=2) if grey else channels[..., 2::-1]  # OpenCV reads blue first

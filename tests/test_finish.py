@@ -63,7 +63,7 @@ def test_a_hem_is_a_second_layer_inside_with_its_stitches_on_top():
     Off, nothing is added."""
     runtime.start("cpu")
     pattern = Pattern("patch", (square(),), ())
-    whole = Print(np.broadcast_to(np.float32([*RED, 1.0]), (1, 1, 4)), (SIZE / 2, SIZE / 2), SIZE / 2)
+    whole = Print(np.broadcast_to(np.array([*RED, 1.0], np.float32), (1, 1, 4)), (SIZE / 2, SIZE / 2), SIZE / 2)
     plain, hemmed = woven(pattern), woven(pattern, hem=HEM, prints={"front": whole})
     first = len(plain.spans)
     drawn = np.maximum(hemmed.spans[:, 1] - hemmed.spans[:, 0], 0)
@@ -128,7 +128,7 @@ def test_a_print_lies_the_right_way_up():
     image[0, 0, :3], image[1, 3, 3] = RED, 0.0
     print_ = Print(image, (1.0, 1.0), 0.4)
     found = print_.at(np.array([[0.85, 1.05], [1.05, 1.05], [1.15, 0.95], [0.79, 1.0], [1.0, 1.11]]))
-    np.testing.assert_allclose(found[:2], [RED, [1, 1, 1]], rtol=1e-6)
+    np.testing.assert_allclose(found[:2], np.stack([RED, np.ones(3)]), rtol=1e-6)
     assert np.isnan(found[2:]).all()  # transparent, and beside it on two sides
 
 

@@ -118,7 +118,7 @@ def test_what_keeps_a_dart_open_is_named(spacing, says):
     garment = Garment(pattern, cut(pattern, (spacing, spacing)), CLOTH)
     flat = garment.atlas.start().astype(np.float32)
     worn = Worn(flat, np.zeros((0, 3)), gap=0.02, depth=0.0, stretch=0.0, speed=0.0, frames=0)
-    assert misfit(garment, worn).startswith(f"a seam of front stays 20.0 mm open (allowed 2){says}")
+    assert (misfit(garment, worn) or "").startswith(f"a seam of front stays 20.0 mm open (allowed 2){says}")
     assert misfit(garment, replace(worn, gap=0.0)) is None
     assert garment.last_ties().tolist() == [len(garment.seams()[0]) - 1]
 

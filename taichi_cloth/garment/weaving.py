@@ -132,7 +132,7 @@ class Weaving:
         fabric, bank, blocks = self.fabric, self.fabric.bank, self.fabric.layout.blocks
         used, own = np.unique(bank.template[chosen], return_inverse=True)
         sizes = np.diff(bank.start)
-        rows = np.concatenate([np.arange(bank.start[t], bank.start[t + 1]) for t in used])
+        rows = np.concatenate([np.arange(int(bank.start[t]), int(bank.start[t + 1])) for t in used.tolist()])
         columns = {name: getattr(bank, name) for name in COLUMNS}
         new = {name: values[rows].copy() for name, values in columns.items()}
         for name in ("offset", "tangent", "normal"):
