@@ -128,9 +128,12 @@ class Weaving:
             self._turn_in(np.flatnonzero(turned_in))
 
     def _turn_in(self, chosen: NDArray[np.int64]) -> None:
-        """A second layer of some blocks under the first, its wrong side up: z goes to −z − 2 · height."""
+        """A second layer of some blocks under the first, its wrong side up: z goes to −z − 2 · height. Its threads lie
+        half a thread beside those of the first: no two layers of cloth have their pores in one line."""
         fabric, bank, blocks = self.fabric, self.fabric.bank, self.fabric.layout.blocks
-        used, own = np.unique(bank.template[chosen], return_inverse=True)
+        used, first, own = np.unique(bank.template[chosen], return_index=True, return_inverse=True)
+        family = fabric.layout.kinds.family[blocks.kind[chosen[first]]]
+        apart = np.asarray(self.atlas.spacing)[family] / self.threads_per_key_point
         sizes = np.diff(bank.start)
         rows = np.concatenate([np.arange(int(bank.start[t]), int(bank.start[t + 1])) for t in used.tolist()])
         columns = {name: getattr(bank, name) for name in COLUMNS}
@@ -138,6 +141,7 @@ class Weaving:
         for name in ("offset", "tangent", "normal"):
             new[name][:, 2] *= -1
         new["offset"][:, 2] -= 2 * self.height
+        new["offset"][:, 1] += np.repeat(apart / 2, sizes[used])
         bank = replace(
             bank,
             start=np.concatenate([bank.start, bank.start[-1] + np.cumsum(sizes[used])]),
