@@ -29,7 +29,7 @@ OVER = (
     0.05  # that a bodice is longer than it is from under the arms to the waist: it runs over bust and shoulder blades
 )
 SHORTER = 0.5  # least share of its length below the arms that a bodice is shortened to, for its skirt's sake
-CLEAR = 0.016  # between the body and a waistband [m]
+CLEAR = 0.020  # between the body and a waistband [m]
 DROP = 0.02  # from the neck's side, where it starts, to the neck where a top rests [m]
 UP = np.array([0.0, 1.0, 0.0])
 
