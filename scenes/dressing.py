@@ -18,6 +18,7 @@ from taichi_cloth.garment.cut import cut, spacing_for
 from taichi_cloth.garment.drafts import DRAFTS, Cut, draft
 from taichi_cloth.garment.fitting import fitted
 from taichi_cloth.garment.garmentcode import read_garmentcode
+from taichi_cloth.garment.limbs import spared
 from taichi_cloth.garment.measure import figure_of
 from taichi_cloth.garment.pattern import Pattern
 from taichi_cloth.garment.sew import Garment, Worn, sew
@@ -31,7 +32,7 @@ from .standing import primitives_of
 
 __all__ = ["Dressed", "Parts", "dress", "dressed_parts", "garment_of", "motion_of", "simulation_of"]
 
-VERSION = 1
+VERSION = 2
 """Of what is kept on disk: raised whenever the same scene would come to another rest."""
 
 Progress = Callable[[str, int, int], None]
@@ -98,10 +99,11 @@ def garment_of(section: GarmentSection, body: Body) -> Garment:
         raise InputError(
             f"garment.pattern: {section.pattern!r}; known: {', '.join(DRAFTS)}, or the path of a .json file"
         )
-    for name in section.colours:
-        if name not in [panel.name for panel in pattern.panels]:
-            known = ", ".join(panel.name for panel in pattern.panels)
-            raise InputError(f"garment.colours: no panel {name!r}; known: {known}")
+    names = [panel.name for panel in pattern.panels]
+    for key in ("colours", "prints"):
+        for name in getattr(section, key):
+            if name not in names:
+                raise InputError(f"garment.{key}: no panel {name!r}; known: {', '.join(names)}")
     return Garment(pattern, cut(pattern, spacing_for(pattern, section.key_points)), material_of(section))
 
 
@@ -119,8 +121,10 @@ def simulation_of(scene: Scene, dressed: Dressed) -> Simulation:
         poses = [dressed.body.bone_transforms(moves.pose(time)) for time in (0.1, 0.37, 1.0, 2.3)]
         name = f"{moves.name} {digest(poses)}"
         colliders = replace(colliders, motion=lambda time: dressed.body.bone_transforms(moves.pose(time)), name=name)
-    forces: Forces = replace(forces_of(scene.forces), body=colliders)
     garment = dressed.garment
+    met = spared(garment.atlas, dressed.worn.positions, dressed.primitives, moving=not still)
+    colliders = replace(colliders, spared=met)
+    forces: Forces = replace(forces_of(scene.forces), body=colliders)
     names = garment.holds()[3]
     bones = np.array([dressed.body.skeleton.index(name) for name in names], np.int64)
     return garment.simulation(

@@ -6,10 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_cloth.blocks import build_fabric
-from taichi_cloth.colour_order import thread_repeat
+from taichi_cloth.colour_order import colour, thread_repeat
 from taichi_cloth.follow import FibreFollower
 from taichi_cloth.garment.cut import Atlas
 from taichi_cloth.garment.sew import misfit
+from taichi_cloth.garment.stitches import Stitches
 from taichi_cloth.garment.surface import Surface
 from taichi_cloth.garment.weaving import Colours, Weaving, crossings_shape
 from taichi_cloth.simulation import Simulation
@@ -23,6 +24,7 @@ from .facts import Fact, fabric_facts, yarn_facts
 from .kept import KeptRun
 from .models import Numbers, Panel
 from .prepare import Prepared, fibre_kind, prepare_fabric
+from .prints import print_of
 from .schema import FabricSection, Scene
 from .standing import skin_mesh
 
@@ -53,15 +55,23 @@ class GarmentModel(KeptRun):
         atlas = self.dressed.garment.atlas
         self.prepared: Prepared | None = None
         self.follower: FibreFollower | None = None
+        self.stitches: Stitches | None = None
         if self.section.representation == "fibre":
             self.prepared = prepared or prepare_fabric(woven_garment(scene, atlas))
             k = self.section.threads_per_key_point
-            self.weaving = Weaving(atlas, build_fabric(self.prepared.layout), k, colours_of(scene, self.dressed))
+            hem = 1e-3 * self.section.hem_mm
+            pattern, cloth = self.dressed.garment.pattern, build_fabric(self.prepared.layout)
+            asked = self.section.prints
+            prints = {p.name: print_of(asked[p.name], p) for p in pattern.panels if p.name in asked}
+            self.weaving = Weaving(atlas, cloth, k, colours_of(scene, self.dressed), hem=hem, prints=prints)
             if near is not None:
                 crossings = self.weaving.crossings(self.simulation.positions).reshape(-1, 3)
                 blocks = self.weaving.fabric.layout.blocks
                 away = np.linalg.norm(crossings[blocks.key0] - near[0], axis=1)
                 self.weaving.spans[~(away < near[1])] = 1.0, 0.0
+            if self.section.stitches is not None:
+                pitch, thread = 1e-3 * self.section.stitch_mm, 1e-3 * self.section.thread_mm
+                self.stitches = Stitches(pattern, self.weaving, hem=hem, pitch=pitch, diameter=thread)
             rest = None
             if self.section.follow == "paper":
                 rest = self.weaving.crossings(atlas.start().astype(np.float32))
@@ -71,7 +81,11 @@ class GarmentModel(KeptRun):
                 spans=self.weaving.spans,
                 rule=self.section.follow,
                 rest=rest,
+                shades=self.weaving.shades,
+                others=len(self.stitches or ()),
             )
+            if self.stitches is not None:
+                self.stitches.dress(self.follower.others, colour(str(self.section.stitches)))
         self.surface = Surface(atlas)
         self.bounds = self._bounds()
 
@@ -83,7 +97,10 @@ class GarmentModel(KeptRun):
         positions = self.simulation.positions
         figure = self.figure(positions)
         if self.follower is not None:
-            drawn = ParticleBlocks(self.follower.follow(self.weaving.crossings(positions)))
+            crossings = self.weaving.crossings(positions)
+            drawn = ParticleBlocks(self.follower.follow(crossings))
+            if self.stitches is not None:
+                self.stitches.follow(crossings, self.follower.others)
             return [Panel(drawn, self.bounds, numbers=self.numbers, meshes=(figure,))]
         return [Panel(nothing(), self.bounds, meshes=(self.mesh(positions), figure))]
 
@@ -144,7 +161,9 @@ class GarmentModel(KeptRun):
         return facts
 
     def _bounds(self) -> F32:
-        """What every picture of the garment frames: itself at rest, with some room, and the head above a top."""
+        """What every picture of the garment frames: the scene's box, or itself at rest, with some room."""
+        if self.scene.camera.box_m is not None:
+            return np.asarray(self.scene.camera.box_m, np.float32)
         points = self.simulation.positions[self.simulation.sheet.present]
         low, high = points.min(axis=0), points.max(axis=0)
         room = 0.12 * (high - low).max()

@@ -9,7 +9,7 @@ from taichi_cloth.follow_rule import FollowRule
 from .cloth_schema import PropertiesSection
 from .section import Positive, Section
 
-__all__ = ["GarmentSection", "PanelColours"]
+__all__ = ["GarmentSection", "PanelColours", "PrintSection"]
 
 
 class PanelColours(Section):
@@ -17,6 +17,15 @@ class PanelColours(Section):
 
     warp: str | None = None
     weft: str | None = None
+
+
+class PrintSection(Section):
+    """A picture printed on one panel; transparent pixels leave the yarn as it is."""
+
+    file: str = Field(description="a PNG; each piece of yarn takes the colour it lies under")
+    width_cm: Positive | None = Field(default=None, description="default: as wide as the panel [cm]")
+    right_cm: float = Field(default=0.0, description="of its middle from the panel's, seen from the right side [cm]")
+    up_cm: float = Field(default=0.0, description="of its middle from the panel's [cm]")
 
 
 class GarmentSection(Section):
@@ -36,5 +45,10 @@ class GarmentSection(Section):
     friction: float = Field(default=0.3, ge=0, le=5, description="between cloth and skin")
     gap_mm: float = Field(default=4.0, ge=0, le=30, description="kept between the body and the key points [mm]")
     colours: dict[str, PanelColours] = Field(default={}, description="of panels by name, instead of the weave's")
+    prints: dict[str, PrintSection] = Field(default={}, description="pictures on panels, by name")
+    hem_mm: float = Field(default=0.0, ge=0, le=80, description="width of the turned hems, a second layer inside [mm]")
+    stitches: str | None = Field(default=None, description="colour of the thread along hems and seams; default: none")
+    stitch_mm: float = Field(default=2.5, ge=1, le=20, description="from stitch to stitch [mm]")
+    thread_mm: float = Field(default=0.35, ge=0.05, le=2, description="diameter of the sewing thread [mm]")
     follow: FollowRule = Field(default="smooth", description='how fibres follow key points; "paper": in world axes')
     representation: Literal["fibre", "mesh"] = Field(default="fibre", description="what is drawn of the same garment")

@@ -141,7 +141,8 @@ class Camera(Section):
     azimuth_deg: float = Field(default=25.0, ge=-3600, le=3600, description="where the first view stands")
     fov_deg: float = Field(default=24.0, ge=1, le=120, description="vertical field of view")
     box_m: tuple[tuple[float, float, float], tuple[float, float, float]] | None = Field(
-        default=None, description="two corners of what a picture of a moving cloth frames [m]; default: where it starts"
+        default=None,
+        description="two corners of what a picture of cloth or a garment frames [m]; default: where it starts",
     )
     margin: float = Field(default=0.03, ge=0, le=0.45, description="empty share of the frame on each side")
     zoom: float = Field(

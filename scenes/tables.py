@@ -98,6 +98,7 @@ def scene_of(name: str) -> Scene:
         f"garment.pattern={pattern}",
         f"garment.key_points={paper.key_points}",
         "garment.threads_per_key_point=1",
+        "garment.hem_mm=0",
         f"body.gender={gender}",
         "body.motion=walk",
         "yarn.plies=1",

@@ -31,7 +31,7 @@ from taichi_cloth.body.grid import DistanceGrid
 from taichi_cloth.body.hierarchy import build, corners
 from taichi_cloth.body.primitives import Primitive
 from taichi_cloth.contact_response import response
-from taichi_cloth.contact_surface import CONE, ELLIPTIC, GRID, MOTION, ROW, SHAPE
+from taichi_cloth.contact_surface import BONE, CONE, ELLIPTIC, GRID, MOTION, ROW, SHAPE
 from taichi_cloth.forces import FrameForces
 from taichi_cloth.sheet import SheetState
 from taichi_cloth.solvers.passes import MEETING, Pass
@@ -68,7 +68,10 @@ class Contact(Pass):
         nodes = sum(g.values.size for g in body.grids)
         capacity = -(-len(primitives) // 16) * 16
         long_steps = step * FASTEST > thinnest / 2
-        self.memory = response(runtime.generation(), size * strips, strips, capacity, kinds, bool(long_steps), nodes)
+        self.memory = response(
+            runtime.generation(), size * strips, strips, capacity, kinds, bool(long_steps), nodes,
+            body.spared is not None,
+        )  # fmt: skip
         wait = max(2, int(LONGEST_WAIT / step))
         wait = wait // MEETING * MEETING if wait >= MEETING else 1 << (wait.bit_length() - 1)
         every = 1 if long_steps else min(wait, MEETING)
@@ -81,6 +84,7 @@ class Contact(Pass):
         self._points, self._radii = corners(primitives)
         self._tree = build(self._points.mean(axis=1))
         self._bones = np.array([p.bone for p in primitives])
+        self._constant[:, BONE] = self._bones
         self._anchors = np.stack([_anchor(p) for p in primitives])
         self._axes = np.stack([np.stack(_axes(p)) for p in primitives])
         self._capsules = np.array([_capsule(row) for row in self._constant])
@@ -104,8 +108,11 @@ class Contact(Pass):
         rows[self.memory.capacity : self.memory.capacity + nodes, 1] = self._tree.leaf
         rows[-1, : len(self._settings)] = self._settings
         rows[-1, 10] = nodes
-        if self.body.grids and self.memory.holder is not self.body:
-            self.memory.nodes.from_numpy(np.concatenate([g.values.ravel() for g in self.body.grids]))
+        if self.memory.holder is not self.body:
+            if self.body.grids:
+                self.memory.nodes.from_numpy(np.concatenate([g.values.ravel() for g in self.body.grids]))
+            if self.body.spared is not None:
+                self.memory.spare(self.body.spared, state.values.shape[1:])
             self.memory.holder = self.body
         self.memory.buffer.from_numpy(rows)
         self.memory.take(self.memory.buffer)

@@ -19,11 +19,13 @@ When they meet each takes what the others know of the rows around its own (`shar
 
 from functools import lru_cache
 
+import numpy as np
 import taichi as ti
+from numpy.typing import NDArray
 
 from taichi_cloth.arrays import I32x2, Int, Template
-from taichi_cloth.contact_surface import BOX, ROW, SCRATCH, SHAPE, BodySurface
-from taichi_cloth.sheet import LANES
+from taichi_cloth.contact_surface import BONE, BOX, ROW, SCRATCH, SHAPE, BodySurface
+from taichi_cloth.sheet import LANES, PAD
 from taichi_cloth.solvers.stencil import load, store
 
 __all__ = ["Response", "response"]
@@ -41,21 +43,36 @@ TURNING = 0.25  # share of the slip that may become approach meanwhile
 
 @lru_cache(maxsize=16)
 def response(
-    generation: int, size: int, strips: int, capacity: int, kinds: tuple[int, ...], long_steps: bool, nodes: int
+    generation: int,
+    size: int,
+    strips: int,
+    capacity: int,
+    kinds: tuple[int, ...],
+    long_steps: bool,
+    nodes: int,
+    sparing: bool,
 ):
     """Fields and functions for grids and bodies of that size. generation: of the Taichi runtime."""
-    return Response(size, strips, capacity, kinds, long_steps, nodes)
+    return Response(size, strips, capacity, kinds, long_steps, nodes, sparing)
 
 
 @ti.data_oriented
 class Response(BodySurface):
-    """What the kernel works on."""
+    """What the kernel works on. sparing: whether some key points do not meet all bones."""
 
     def __init__(
-        self, size: int, strips: int, capacity: int, kinds: tuple[int, ...], long_steps: bool, nodes: int
+        self,
+        size: int,
+        strips: int,
+        capacity: int,
+        kinds: tuple[int, ...],
+        long_steps: bool,
+        nodes: int,
+        sparing: bool,
     ) -> None:
         super().__init__(strips, capacity, kinds, nodes)
-        self.long_steps = long_steps
+        self.long_steps, self.sparing = long_steps, sparing
+        self.spared = ti.field(ti.i32, size if sparing else 1)
         self.strip_size, blocks = size // strips, size // LANES
         self.count, self.next = ti.field(ti.i32, blocks), ti.field(ti.i32, blocks)
         self.list, self.due = ti.field(ti.i32, blocks * capacity), ti.field(ti.i32, blocks * capacity)
@@ -67,11 +84,18 @@ class Response(BodySurface):
         self.entry_block, self.entry_of = ti.field(ti.i32, blocks * SLOTS), ti.field(ti.i32, blocks * SLOTS)
         self.entry = ti.field(ti.f32, blocks * SLOTS * 4 * LANES)
 
+    def spare(self, bits: NDArray[np.int32], padded_shape: tuple[int, ...]) -> None:
+        """Takes the bits of `Colliders.spared` (rows, cols), into every strip of the padded grid."""
+        padded = np.full(padded_shape, -1, np.int32)
+        padded[PAD : PAD + bits.shape[0], : bits.shape[1]] = bits
+        self.spared.from_numpy(np.tile(padded.ravel(), self.spared.shape[0] // padded.size))
+
     @ti.func
     def walk(self, work: Template, at, strip, b, done):
         """The list of block b: what it can reach until the next walk, by boxes and then by capsules, and when."""
         low, high = ti.Vector([1e30, 1e30, 1e30]), ti.Vector([-1e30, -1e30, -1e30])
         fastest, slow, fast = 0.0, ti.Vector([1e30, 1e30, 1e30]), ti.Vector([-1e30, -1e30, -1e30])
+        spared = -1  # by every key point of the block
         for k in range(b * LANES, (b + 1) * LANES):
             if work.inverse_mass[k] > 0.0:
                 here, step = ti.Vector([0.0, 0.0, 0.0]), ti.Vector([0.0, 0.0, 0.0])
@@ -80,6 +104,8 @@ class Response(BodySurface):
                 low, high = ti.min(low, here), ti.max(high, here)
                 slow, fast = ti.min(slow, step), ti.max(fast, step)
                 fastest = ti.max(fastest, step.norm_sqr())
+                if ti.static(self.sparing):
+                    spared &= self.spared[k]
         count, soonest = 0, 1 << 24
         if low[0] < 1e29:
             wait = self.setting[1]
@@ -96,6 +122,8 @@ class Response(BodySurface):
                     node = self.skip[node]
                 else:
                     i = self.leaf[node]
+                    if ti.static(self.sparing):  # i stays -1 where it is
+                        i |= -((spared >> int(self.row[ti.max(i, 0) * ROW + BONE])) & 1)
                     if i >= 0:
                         here = middle - self.posed(strip * self.capacity + i, 0)
                         u, v, w = self.slip(i, here[0], here[1], here[2], step[0], step[1], step[2])
@@ -171,6 +199,9 @@ class Response(BodySurface):
         p = strip * self.capacity + i
         c = self.posed(p, 0)
         free = ti.min(load(work.inverse_mass, m) * 1e30, 1.0)
+        if ti.static(self.sparing):
+            met = 1 - ((load(self.spared, m) >> int(self.row[i * ROW + BONE])) & 1)
+            free *= ti.cast(met, ti.f32)
         if ti.static(self.long_steps):
             self.cross(work, a, i, p, q, free)
         x, y, z = load(work.position[0], a) - c[0], load(work.position[1], a) - c[1], load(work.position[2], a) - c[2]

@@ -15,13 +15,13 @@ from taichi_cloth.body.shapes import cone, ellipse, local, prism
 from taichi_cloth.sheet import LANES
 from taichi_cloth.solvers.stencil import load, store
 
-__all__ = ["BOX", "CONE", "ELLIPTIC", "GRID", "MOTION", "ROW", "SHAPE", "BodySurface"]
+__all__ = ["BONE", "BOX", "CONE", "ELLIPTIC", "GRID", "MOTION", "ROW", "SHAPE", "BodySurface"]
 
 CONE, ELLIPTIC, GRID = 0, 1, 2
 
-SHAPE, MOTION, BOX, ROW = 8, 18, 6, 40
+SHAPE, MOTION, BOX, BONE, ROW = 8, 18, 6, 32, 40
 """Numbers of a primitive: kind, 6 of its shape, how far a point may slide on one plane; motion and the capsule around
-it (see `Contact.begin`); box; with room to spare."""
+it (see `Contact.begin`); box; bone; with room to spare."""
 
 POSE = 12  # anchor, axis, across, other
 SCRATCH = 10

@@ -35,7 +35,9 @@ from taichi_cloth.errors import InputError, did_you_mean
 from taichi_cloth.follow_rule import FollowRule
 from taichi_cloth.normals import frame_of_point
 
-__all__ = ["ROWS", "FibreFollower"]
+__all__ = [
+    "COLOUR", "HALF_LENGTH", "NORMAL", "OPENNESS", "POSITION", "RADIUS", "ROWS", "TANGENT", "FibreFollower",
+]  # fmt: skip
 
 F32 = NDArray[np.float32]
 
@@ -60,6 +62,8 @@ class FibreFollower:
     present: bool (picks, ends), key points that exist; fibre blocks that need another are left out.
     spans: (blocks, 2) from and to, as shares of each block, where its fibres are drawn, from > to for none; None: all.
     rest: key points (picks, ends, 3) [m] in whose axes the paper's rule keeps the offsets; only "paper" needs it.
+    shades: (blocks, 3) linear colours instead of the thread's, NaN where that stays; None: the threads'.
+    others: particles that somebody else places, such as stitches: the last groups, in `others`, are theirs.
     Raises InputError on an unknown rule, arrays of the wrong shape, or a mask that leaves no block.
     """
 
@@ -71,6 +75,8 @@ class FibreFollower:
         spans: NDArray | None = None,
         rule: FollowRule = "smooth",
         rest: NDArray | None = None,
+        shades: F32 | None = None,
+        others: int = 0,
     ) -> None:
         rules = get_args(FollowRule)
         if rule not in rules:
@@ -95,7 +101,8 @@ class FibreFollower:
         family = layout.kinds.family[kind]
         record = (blocks.key0[self.kept], blocks.key1[self.kept], 6 - 3 * family, first[template], begin, count)
         slots = LANES * int(count.sum())
-        self.slots = -(-slots // GROUP) * GROUP
+        self._own = -(-slots // GROUP)
+        self.slots = (self._own - (-others // GROUP)) * GROUP
         self._allocate(mask.size, len(self.kept), int(octets.sum()))
         self._record.from_numpy(np.stack(record, axis=1).astype(np.int32).ravel())
         self._pitch.from_numpy(layout.kinds.pitch[kind].astype(np.float32))
@@ -106,7 +113,10 @@ class FibreFollower:
         """Where the particles are, in the order of the blocks, (particles,) of the slots."""
         self.threads = blocks.thread[self.kept][of_block[drawn]].astype(np.int32)
         """Thread of each particle, warp ends first, (particles,)."""
-        shade = fabric.thread_colour[blocks.thread[self.kept]][of_block] * bank.tone[particle][:, None]
+        colour = fabric.thread_colour[blocks.thread[self.kept]]
+        if shades is not None:
+            colour = np.where(np.isnan(shades[self.kept]), colour, shades[self.kept])
+        shade = colour[of_block] * bank.tone[particle][:, None]
         self._write(RADIUS, np.where(drawn, bank.radius[particle], 0.0))
         self._write(HALF_LENGTH, bank.half_length[particle])
         self._write(OPENNESS, bank.openness[particle])
@@ -143,6 +153,11 @@ class FibreFollower:
     def particles(self) -> int:
         return len(self.particle_slots)
 
+    @property
+    def others(self) -> F32:
+        """The groups that are not the fibres', (n, ROWS, 16)."""
+        return self.groups[self._own :]
+
     @staticmethod
     def count(fabric: Fabric, *, present: ArrayLike | None = None, spans: NDArray | None = None) -> int:
         """How many `particles` there would be, without making them."""
@@ -160,7 +175,8 @@ class FibreFollower:
             for row in (POSITION, TANGENT, NORMAL):
                 self.groups[:, row : row + 3] = moved[:, row : row + 3]
         if self._count.sum() % 2:  # the half group that fills up the last one lies where something is
-            self.groups[-1, POSITION : POSITION + 3, LANES:] = self.groups[-1, POSITION : POSITION + 3, LANES - 1, None]
+            last = self.groups[self._own - 1, POSITION : POSITION + 3]
+            last[:, LANES:] = last[:, LANES - 1, None]
         return self.groups
 
     def cloud(self) -> FibreCloud:

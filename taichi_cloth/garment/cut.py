@@ -17,7 +17,7 @@ from scipy.spatial import KDTree
 from taichi_cloth.errors import InputError
 from taichi_cloth.garment.pattern import Panel, Pattern
 
-__all__ = ["SLIVER", "Atlas", "CutPanel", "cut", "intervals", "spacing_for", "turned"]
+__all__ = ["SLIVER", "Atlas", "CutPanel", "cut", "inside", "intervals", "spacing_for", "turned"]
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -190,6 +190,16 @@ def intervals(outline: F64, value: float, axis: int) -> F64:
     a, b = a[crossed], b[crossed]
     share = (value - a[:, axis]) / (b[:, axis] - a[:, axis])
     return np.sort(a[:, 1 - axis] + share * (b[:, 1 - axis] - a[:, 1 - axis])).reshape(-1, 2)
+
+
+def inside(outline: F64, points: F64) -> NDArray[np.bool_]:
+    """Which points (m, 2) lie in a closed polygon (n, 2): those with an odd number of its edges to their right."""
+    a, b = outline, np.roll(outline, -1, axis=0)
+    y = points[:, 1, None]
+    crossed = (a[:, 1] <= y) != (b[:, 1] <= y)
+    rise = np.where(b[:, 1] == a[:, 1], 1.0, b[:, 1] - a[:, 1])
+    at = a[:, 0] + (y - a[:, 1]) / rise * (b[:, 0] - a[:, 0])
+    return (crossed & (at > points[:, 0, None])).sum(axis=1) % 2 == 1
 
 
 def _cut_panel(panel: Panel, spacing: tuple[float, float]) -> CutPanel:

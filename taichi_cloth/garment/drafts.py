@@ -131,7 +131,7 @@ def _tshirt(f: Figure, cut: Cut) -> Pattern:
     girth = f.chest * (1 + _set(cut.ease, 0.12))
     long = _set(cut.length, f.neck_height - f.hip_height + 0.05)
     neck = f.neck / (2 * pi) + 0.022
-    reach = f.neck_height - f.underarm_height + 0.05
+    reach = f.neck_height - f.underarm_height + 0.09
     if long <= reach + 0.02:
         raise InputError(f"garment.length: {long:g}; allowed: above {reach + 0.02:.3f} m, below the armhole")
     panels = []

@@ -24,8 +24,12 @@ MOST = 1.6
 """A pattern that has to be widened by more than this is none for the figure."""
 BELOW = 0.04
 """Of an armhole's lowest point under the arm where a top starts [m]; pulls at the armpit otherwise."""
-TALLER, BARE = 1.5, 1.25  # a top with sleeves, or without, is lengthened by this at most for its armholes' sake
-CLEAR = 0.010  # between the body and a waistband [m]
+DEEPER = 1.5  # armholes are deepened by this at most
+OVER = (
+    0.05  # that a bodice is longer than it is from under the arms to the waist: it runs over bust and shoulder blades
+)
+SHORTER = 0.5  # least share of its length below the arms that a bodice is shortened to, for its skirt's sake
+CLEAR = 0.020  # between the body and a waistband [m]
 DROP = 0.02  # from the neck's side, where it starts, to the neck where a top rests [m]
 UP = np.array([0.0, 1.0, 0.0])
 
@@ -58,11 +62,8 @@ def fitted(pattern: Pattern, figure: Figure) -> Pattern:
             (1 + EASE) * figure.hip / max(_girth(out, high - (figure.waist_height - figure.hip_height), figure), 0.1)
         )
         return _round_waist(out.scaled(max(1.0, tight), 1.0) if tight > 1.02 else out, figure)
-    deep = figure.neck_height + DROP - figure.underarm_height + BELOW
-    most = TALLER if any(_is_sleeve(p, figure) for p in out.panels) else BARE
-    out = out.scaled(1.0, min(max(1.0, deep / max(high - _underarm(out, figure), 0.05)), most))
-    high = _reach(out)[1]
-    out = _lifted(out, figure.neck_height + DROP - high)
+    out = _graded(_hung(out, figure), figure)
+    out = _hung(out, figure)
     out = _stacked(out, figure)
     heights = np.arange(figure.crotch_height + 0.02, figure.underarm_height - 0.02, 0.01)
     known = [figure.hip_height, figure.waist_height, figure.underarm_height - 0.02]
@@ -75,6 +76,39 @@ def fitted(pattern: Pattern, figure: Figure) -> Pattern:
     _check(pattern, need * figure.chest / OWN_CHEST)
     out = _along_arms(_clear(out.scaled(need, 1.0), figure), figure)
     return replace(out, holds=_shoulders(out, figure))
+
+
+def _graded(pattern: Pattern, figure: Figure) -> Pattern:
+    """A top's heights by the figure's: its armholes end under the arms, and a bodice ends no lower than half-way from
+    the waist to the hip. Sleeves are widened as the armholes are deepened, so that they still meet."""
+    high, underarm = _reach(pattern)[1], _underarm(pattern, figure)
+    under = figure.underarm_height - BELOW
+    deeper = min(max((figure.neck_height + DROP - under) / max(high - underarm, 0.05), 1.0), DEEPER)
+    bodice = {one.panel for one, _ in _joints(pattern, figure)}
+    level = [_at(pattern, one)[:, 1].mean() for one, _ in _joints(pattern, figure)]
+    shorter = 1.0
+    if level:
+        down = under - (figure.waist_height + figure.hip_height) / 2
+        shorter = float(np.clip(down / (underarm - np.mean(level)), SHORTER, 1.0))
+    panels = []
+    for panel in pattern.panels:
+        place = panel.place
+        if not isinstance(place, Flat):
+            continue
+        up = place.rotation[1, :2]
+        steep = float(up @ up)
+        if _is_sleeve(panel, figure):
+            panel = replace(panel, edges=tuple(edge * np.array([1.0, deeper]) for edge in panel.edges))
+        elif steep > 0.1:
+            below = shorter if panel.name in bodice else 1.0
+
+            def raised(edge: F64, up: F64 = up, place: Flat = place, below: float = below, steep: float = steep) -> F64:
+                above = edge @ up + place.translation[1] - underarm
+                return edge + np.outer(above * (np.where(above > 0, deeper, below) - 1), up / steep)
+
+            panel = replace(panel, edges=tuple(raised(edge) for edge in panel.edges))
+        panels.append(panel)
+    return replace(pattern, panels=tuple(panels))
 
 
 def _check(pattern: Pattern, widened: float) -> None:
@@ -100,7 +134,9 @@ def _placed(pattern: Pattern, change: dict[str, Flat | Wrap]) -> Pattern:
     return replace(pattern, panels=panels)
 
 
-def _lifted(pattern: Pattern, by: float) -> Pattern:
+def _hung(pattern: Pattern, figure: Figure) -> Pattern:
+    """The pattern so high that its top is where a top starts, DROP over the neck."""
+    by = figure.neck_height + DROP - _reach(pattern)[1]
     moved: dict[str, Flat | Wrap] = {
         p.name: Flat(p.place.rotation, p.place.translation + by * UP)
         for p in pattern.panels
@@ -109,15 +145,24 @@ def _lifted(pattern: Pattern, by: float) -> Pattern:
     return _placed(pattern, moved)
 
 
+def _at(pattern: Pattern, side: Side) -> F64:
+    """(k, 3) where an edge starts [m]."""
+    return pattern.panel(side.panel).place.points(pattern.edge(side))
+
+
+def _joints(pattern: Pattern, figure: Figure) -> list[tuple[Side, Side]]:
+    """Seams between what reaches the arms and what does not: bodice and skirt."""
+    tops = {p.name for p in pattern.panels if _world(p)[:, 1].max() > figure.underarm_height}
+    sides = [s for seam in pattern.seams for s in ((seam.first, seam.second), (seam.second, seam.first))]
+    return [(one, other) for one, other in sides if one.panel in tops and other.panel not in tops]
+
+
 def _stacked(pattern: Pattern, figure: Figure) -> Pattern:
     """Skirts of dresses raised or lowered to the bodices that they are sewn to."""
-    tops = {p.name for p in pattern.panels if _world(p)[:, 1].max() > figure.underarm_height}
     offsets: dict[str, list[float]] = {}
-    for seam in pattern.seams:
-        for one, other in ((seam.first, seam.second), (seam.second, seam.first)):
-            if one.panel in tops and other.panel not in tops:
-                y = [pattern.panel(s.panel).place.points(pattern.edge(s))[:, 1].mean() for s in (one, other)]
-                offsets.setdefault(other.panel, []).append(float(y[0] - y[1]))
+    for one, other in _joints(pattern, figure):
+        y = [_at(pattern, side)[:, 1].mean() for side in (one, other)]
+        offsets.setdefault(other.panel, []).append(float(y[0] - y[1]))
     moved: dict[str, Flat | Wrap] = {
         p.name: Flat(p.place.rotation, p.place.translation + (np.mean(offsets[p.name]) - 0.01) * UP)
         for p in pattern.panels

@@ -1,7 +1,8 @@
 """Sewing (paper 4): panels stand round the body, seams draw them together, gravity lets the garment settle.
 
 1. Closing: no gravity, thick air; the gaps of all seams shrink at a set speed, the body keeps the cloth out.
-2. Settling: gravity and friction, until the cloth is at rest or the time is up.
+2. Settling: gravity and friction, each panel on its own limbs (`limbs.py`), until the cloth is at rest or the time is
+   up.
 What comes out is where the key points rest. Seams then stay as ties for as long as the garment is worn.
 """
 
@@ -17,7 +18,8 @@ from taichi_cloth.errors import InputError, Unstable
 from taichi_cloth.forces import Forces
 from taichi_cloth.garment.curves import along, length
 from taichi_cloth.garment.cut import Atlas, turned
-from taichi_cloth.garment.pattern import Pattern, Side
+from taichi_cloth.garment.limbs import spared
+from taichi_cloth.garment.pattern import Pattern, Seam, Side
 from taichi_cloth.garment.ties import Ties
 from taichi_cloth.materials import Material
 from taichi_cloth.sheet import Sheet
@@ -65,8 +67,7 @@ class Garment:
     def seams(self) -> tuple[I64, F64]:
         """Points along all seams, a key point's distance apart: blends (n, 8, 2) and (n, 8) that are 0 when closed."""
         nodes, weights = [], []
-        for seam in self.pattern.seams:
-            count = max(2, int(np.ceil(self.pattern.seam_length(seam) / max(self.atlas.spacing))) + 1)
+        for seam, count in zip(self.pattern.seams, self._counts(), strict=True):
             sides = zip((seam.first, seam.second), self.pattern.pairs(seam, count), strict=True)
             (n0, w0), (n1, w1) = (self._embedded(side, points) for side, points in sides)
             nodes.append(np.concatenate([n0, n1], axis=1))
@@ -81,6 +82,15 @@ class Garment:
         out = np.zeros((self.atlas.cells.shape[0] + 1, self.atlas.cells.shape[1] + 1), bool)
         out[tuple(nodes[weights != 0].T)] = True
         return out
+
+    def _counts(self) -> list[int]:
+        """Ties of each seam."""
+        cell = max(self.atlas.spacing)
+        return [max(2, int(np.ceil(self.pattern.seam_length(seam) / cell)) + 1) for seam in self.pattern.seams]
+
+    def last_ties(self) -> NDArray[np.int64]:
+        """Number of each seam's last tie in `seams`, (seams,)."""
+        return np.cumsum(self._counts()) - 1
 
     def holds(self) -> tuple[I64, F64, F64, list[str], NDArray[np.bool_]]:
         """Points of the edges that the body carries: blends (n, 4, 2) and (n, 4), where they start (n, 3) [m], the name
@@ -200,6 +210,7 @@ def sew(
             if _gap(simulation) < OPEN:
                 break
         speed = 0.0
+        still = replace(still, spared=spared(garment.atlas, simulation.positions, body.primitives, moving=False))
         for first, last, air in ((0, SWINGING, THIN), (SWINGING, settling, THICK)):
             simulation = garment.simulation(
                 Forces(body=still), simulation.positions, places=places, held=early, bones=bones, air_damping=air
@@ -244,9 +255,11 @@ def misfit(garment: Garment, worn: Worn) -> str | None:
     if worn.gap > OPEN:
         nodes, weights = garment.seams()
         ends = np.einsum("nkc,nk->nc", worn.positions[nodes[..., 0], nodes[..., 1]], weights)
-        row, col = nodes[int(np.argmax(np.linalg.norm(ends, axis=1))), 0]
+        worst = int(np.argmax(np.linalg.norm(ends, axis=1)))
+        row, col = nodes[worst, 0]
         name = garment.pattern.panels[garment.atlas.owner()[row, col]].name
-        faults.append(f"a seam of {name} stays {1e3 * worn.gap:.1f} mm open (allowed {1e3 * OPEN:g})")
+        why = _reason(garment, garment.pattern.seams[int(np.searchsorted(garment.last_ties(), worst))])
+        faults.append(f"a seam of {name} stays {1e3 * worn.gap:.1f} mm open (allowed {1e3 * OPEN:g}){why}")
     if worn.depth > DEEPEST:
         faults.append(f"cloth lies {1e3 * worn.depth:.1f} mm in the body (allowed {1e3 * DEEPEST:g})")
     if worn.stretch > TAUT:
@@ -257,6 +270,21 @@ def misfit(garment: Garment, worn: Worn) -> str | None:
         where = f"at ({x:.2f}, {y:.2f}, {z:.2f}) m"
         faults.append(f"threads of {name} are {100 * worn.stretch:.1f} % longer {where} (allowed {100 * TAUT:g})")
     return "; ".join(faults) or None
+
+
+def _reason(garment: Garment, seam: Seam) -> str:
+    """What of a seam itself keeps it open: a dart narrower than two cells, or edges of unequal length."""
+    pattern, (first, second) = garment.pattern, (seam.first, seam.second)
+    ends = pattern.edge(first)[[0, -1]], pattern.edge(second)[[0, -1]]
+    if first.panel == second.panel:
+        apart = np.linalg.norm(ends[0][:, None] - ends[1][None], axis=2)
+        wide, cell = float(np.linalg.norm(ends[0][::-1] - ends[1], axis=1).max()), max(garment.atlas.spacing)
+        if apart.min() < 1e-4 and wide < 2 * cell:
+            return f": a dart {1e3 * wide:.0f} mm wide, of key points {1e3 * cell:.0f} mm apart; use more of them"
+    longer, shorter = sorted((length(pattern.edge(first)), length(pattern.edge(second))), reverse=True)
+    if longer > 1.05 * shorter:
+        return f": {100 * longer:.1f} cm of cloth gathered onto {100 * shorter:.1f} cm"
+    return ""
 
 
 def _gap(simulation: Simulation) -> float:
