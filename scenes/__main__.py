@@ -1,4 +1,5 @@
-"""The command line: `taichi-cloth scenes | plan | turntable | animate | zoom | still | profile | figures | body`."""
+"""The command line: `taichi-cloth scenes | plan | turntable | animate | zoom | still | profile | figures | report |
+body`."""
 
 import contextlib
 import os
@@ -202,6 +203,20 @@ def figures(
     status = make_figures(out=out, only=only, quick=quick, arch=arch, threads=threads)
     if status:
         raise typer.Exit(status)
+
+
+@app.command("report")
+def report(
+    out: Annotated[Path, typer.Option("--out", help="Folder for the page, diagrams and CSV.")] = Path("report"),
+    only: Annotated[str | None, typer.Option("--only", help="Studies, such as solver,contact; default: all.")] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="Fewer and shorter runs: minutes in all.")] = False,
+    arch: Arch = "cpu",
+    threads: Threads = None,
+) -> None:
+    """Error against run time of everything that is approximate: a page with diagrams, and the rows as CSV."""
+    from .studies.make import make_report
+
+    make_report(only=only, quick=quick, out=out, arch=arch, threads=threads)
 
 
 @app.callback(invoke_without_command=True)

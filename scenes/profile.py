@@ -4,8 +4,6 @@ The fixed work: a woven fabric of at least 500,000 particles built from its layo
 particles (the paper's Table 1: 377,508) drawn at 1280 × 720 while the camera turns.
 """
 
-import os
-import platform
 from collections.abc import Callable, Iterator
 from math import cos, pi, sin
 from time import perf_counter
@@ -24,12 +22,13 @@ from ..render.particles import Particles
 from ..render.splat import Splatter
 from ..render.sprites import SOFT
 from .load import load_scene, make_scene
+from .machine import cores, cpu_name
 from .models import FabricModel, build
 from .prepare import prepare_fabric
 from .schema import Scene
 from .view import View
 
-__all__ = ["cpu_name", "garment", "profile_lines", "woven_of_at_least"]
+__all__ = ["garment", "profile_lines", "woven_of_at_least"]
 
 SIZE = (1280, 720)
 FABRIC_PARTICLES = 500_000
@@ -53,8 +52,7 @@ def profile_lines(
     if scene.subject == "fabric":
         prepare_fabric(scene)
     started = runtime.start(arch, threads=threads, pin=True)
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    yield f"{cpu_name()}, {cores} cores; Taichi on {started.arch}, {started.threads} threads"
+    yield f"{cpu_name()}, {cores()} cores; Taichi on {started.arch}, {started.threads} threads"
     yield f"medians of {repeats} (least to greatest)"
     if scene.subject == "cloth":
         from .profile_cloth import cloth_profile_lines
@@ -212,15 +210,3 @@ def _rate(particles: int, times: list[float]) -> str:
 
 def _verdict(times: list[float], limit_ms: float) -> str:
     return "met" if np.median(times) < limit_ms else "not met"
-
-
-def cpu_name() -> str:
-    """What this processor calls itself."""
-    try:
-        with open("/proc/cpuinfo", encoding="utf-8", errors="replace") as lines:
-            for line in lines:
-                if line.startswith("model name"):
-                    return line.split(":", 1)[1].strip()
-    except OSError:
-        pass
-    return platform.processor() or platform.machine()

@@ -30,8 +30,8 @@ from .cloth import nothing
 from .dressing import dressed_parts, simulation_of
 from .garment import GarmentModel, woven_garment
 from .load import built_in_scenes, load_scene
+from .machine import cores, cpu_name
 from .prepare import prepare_fabric
-from .profile import cpu_name
 from .schema import Scene
 from .table_text import PAPER, Measured, tables_of, write_tables
 from .view import finish_of, lighting_of
@@ -57,10 +57,10 @@ def table_lines(
     if not 2 <= frames <= 100_000:
         raise InputError(f"--frames: {frames}; allowed: 2 to 100000")
     started = runtime.start(arch, threads=threads, pin=True)
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     load = f"; load {os.getloadavg()[0]:.1f} at the start" if hasattr(os, "getloadavg") else ""
     heading = [
-        f"{cpu_name()}, {cores} cores, {platform.system()}; Taichi on {started.arch}, {started.threads} threads{load}",
+        f"{cpu_name()}, {cores()} cores, {platform.system()}; "
+        f"Taichi on {started.arch}, {started.threads} threads{load}",
         f"medians of {frames} frames of a walking body; paper: Core i7-2675QM, 4 cores",
     ]
     yield from heading

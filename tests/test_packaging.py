@@ -20,6 +20,7 @@ ROOMS = {
     "taichi_cloth/solvers": "taichi_cloth/solvers",
     "taichi_cloth/render": "render",
     "taichi_cloth/scenes": "scenes",
+    "taichi_cloth/scenes/studies": "scenes/studies",
 }
 """Folder in the wheel: folder in the repository."""
 

@@ -19,7 +19,7 @@ from taichi_cloth.pins import Pins
 from taichi_cloth.scenes.load import load_scene
 from taichi_cloth.scenes.moving import simulation_of
 from taichi_cloth.scenes.plan import plan
-from taichi_cloth.scenes.report_reference import reference
+from taichi_cloth.scenes.studies.reference import reference
 from taichi_cloth.sheet import Sheet, SheetState
 from taichi_cloth.simulation import Simulation
 from taichi_cloth.solvers.implicit import Implicit
@@ -276,7 +276,7 @@ def test_the_bytes_do_not_depend_on_threads() -> None:
     code = """
 import hashlib, sys
 from taichi_cloth import runtime
-from taichi_cloth.scenes.report_solvers import run, scene
+from taichi_cloth.scenes.studies.solver import run, scene
 from taichi_cloth.solvers.implicit import Implicit
 runtime.start("cpu", threads=int(sys.argv[1]))
 sheet, forces, start = scene("drape", 100.0, 16)

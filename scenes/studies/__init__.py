@@ -1,0 +1,1 @@
+"""What accuracy costs: a study a module, each of which gives rows of error and time, and one writer for them all."""

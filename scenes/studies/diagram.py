@@ -1,0 +1,91 @@
+"""Error against time, log–log: a panel for each of a study's, a line for each method, a ring round each default."""
+
+# matplotlib is an extra.
+# pyright: reportMissingImports=false
+
+from collections.abc import Sequence
+from io import BytesIO
+from math import isfinite
+from typing import Any
+
+from taichi_cloth.errors import InputError
+
+from .study import Row, Study, lines_of
+
+__all__ = ["draw", "require_matplotlib"]
+
+COLOURS = ("#c0392b", "#1f4e9c", "#2f8f4e", "#e08e2b", "#7d4fa6", "#5fa8e8", "#8a5a16", "#444444")
+MARKERS = ("o", "s", "^", "D", "v", "P", "<", ">")
+WIDTH, HEIGHT = 5.6, 4.0  # of a panel [inch]
+LABELLED = 9
+"""Points of a panel up to which each is named."""
+
+
+def require_matplotlib() -> None:
+    """Raises InputError without it."""
+    try:
+        import matplotlib.figure  # noqa: F401
+    except ImportError:
+        raise InputError(
+            'report: diagrams need matplotlib; install it with: pip install "taichi-cloth[report]"'
+        ) from None
+
+
+def draw(study: Study, rows: Sequence[Row]) -> bytes:
+    """The diagram as a PNG. Raises InputError without matplotlib."""
+    require_matplotlib()
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    lines = lines_of(rows)
+    panels = list(dict.fromkeys(panel for panel, _ in lines))
+    methods = [m for m in dict.fromkeys(method for _, method in lines) if m != study.floor]
+    columns = min(2, len(panels))
+    figure = Figure(figsize=(WIDTH * columns, HEIGHT * -(-len(panels) // columns) + 0.7), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots(-(-len(panels) // columns), columns, squeeze=False).ravel()
+    for axis in axes[len(panels) :]:
+        axis.set_visible(False)
+    for axis, panel in zip(axes, panels, strict=False):
+        here = {method: line for (name, method), line in lines.items() if name == panel}
+        _panel(axis, study, here, methods)
+        axis.set_title(panel, fontsize=11)
+    found: dict[str, Any] = {}
+    for axis in axes:
+        found |= {name: line for line, name in zip(*axis.get_legend_handles_labels(), strict=True)}
+    figure.legend(
+        found.values(), found.keys(), loc="outside lower center", ncols=min(3, len(found)), frameon=False, fontsize=9.5
+    )
+    out = BytesIO()
+    figure.savefig(out, dpi=120, format="png", metadata={"Software": None})
+    return out.getvalue()
+
+
+def _panel(axis: Any, study: Study, lines: dict[str, list[Row]], methods: Sequence[str]) -> None:
+    count = sum(len(line) for line in lines.values())
+    for method, line in lines.items():
+        if method == study.floor:
+            axis.axhline(study.error.scale * line[0].error, color="0.55", ls="--", lw=1.2, label=line[0].knob)
+            continue
+        drawn = [row for row in line if isfinite(row.error) and isfinite(row.seconds) and row.error > 0]
+        k = methods.index(method)
+        x, y = ([scale * v for v in values] for scale, values in (
+            (study.time.scale, [row.seconds for row in drawn]), (study.error.scale, [row.error for row in drawn])
+        ))  # fmt: skip
+        colour = COLOURS[k % len(COLOURS)]
+        axis.plot(x, y, color=colour, marker=MARKERS[k % len(MARKERS)], ms=5, lw=1.6, label=method)
+        for row, a, b in zip(drawn, x, y, strict=True):
+            if row.default:
+                axis.plot([a], [b], "o", ms=15, mfc="none", mec="black", mew=1.4, ls="none", label="default")
+        named = range(len(drawn)) if count <= LABELLED else sorted({0, len(drawn) - 1} if drawn else ())
+        for n in named:
+            axis.annotate(drawn[n].knob, (x[n], y[n]), (5, 5), textcoords="offset points", fontsize=7.5, color=colour)
+    axis.set_xscale("log")
+    axis.set_yscale("log")
+    axis.margins(0.16, 0.12)
+    axis.grid(which="major", color="0.86")
+    axis.grid(which="minor", color="0.94", lw=0.6)
+    axis.set_axisbelow(True)
+    axis.spines[["top", "right"]].set_visible(False)
+    axis.set_xlabel(study.time.label)
+    axis.set_ylabel(study.error.label)

@@ -1,0 +1,87 @@
+"""`taichi-cloth report`: runs studies and writes the page."""
+
+import os
+import platform
+import time
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import taichi_cloth
+from taichi_cloth import runtime
+from taichi_cloth.errors import InputError, did_you_mean
+
+from ..machine import cores, cpu_name
+from ..run import progress
+from .diagram import draw, require_matplotlib
+from .page import Section, check_folder, section_of, write_report
+from .study import Row, Study
+
+__all__ = ["STUDIES", "chosen", "make_report"]
+
+STUDIES = ("solver", "spacing", "interpolation", "contact", "twist", "fibres", "splat", "stages")
+"""Each a module here, with a `STUDY`, or a `section` where there is nothing to draw."""
+
+
+def chosen(only: str | None) -> list[str]:
+    """The studies that "solver,contact" asks for, in their own order; all for None. Raises InputError."""
+    if only is None:
+        return list(STUDIES)
+    wanted = [name.strip() for name in only.split(",")]
+    for name in wanted:
+        if name not in STUDIES:
+            raise InputError(
+                f"--only: unknown study {name!r}; known: {', '.join(STUDIES)}{did_you_mean(name, STUDIES)}"
+            )
+    return [name for name in STUDIES if name in wanted]
+
+
+def make_report(*, only: str | None, quick: bool, out: Path, arch: Any = "cpu", threads: int | None = None) -> None:
+    """Runs studies and writes the report whole, or nothing. Starts Taichi. Raises InputError for bad input.
+
+    threads: of kernels; one by default, so that CPU time is that of the work and not of waiting threads."""
+    names = chosen(only)
+    check_folder(out)
+    require_matplotlib()
+    begun, load = time.perf_counter(), _load()
+    started = runtime.start(arch, threads=threads or 1)
+    sections = []
+    with progress() as bar:
+        task = bar.add_task("studies", total=len(names))
+        for name in names:
+            bar.update(task, description=name)
+            start = time.perf_counter()
+            sections.append(_section(name, quick, lambda text: bar.update(task, description=text)))
+            bar.console.print(f"{name}: {time.perf_counter() - start:.0f} s", highlight=False)
+            bar.advance(task)
+    minutes = (time.perf_counter() - begun) / 60
+    facts = [
+        f"taichi-cloth {taichi_cloth.__version__}, Taichi on {started.arch} with {started.threads} thread"
+        f"{'s' * (started.threads > 1)}, Python {platform.python_version()}",
+        f"{cpu_name()}, {cores()} cores; load {load} at the start, {_load()} at the end; {minutes:.1f} minutes",
+        "Times are CPU times, medians where a run is short. Measured again with: taichi-cloth report"
+        + (f" --only {','.join(names)}" if only else "")
+        + (" --quick (coarse: fewer and shorter runs)" if quick else ""),
+        "The knee of a line is its setting with the least error × time; a ring marks the default.",
+    ]
+    write_report(sections, out, title="Error against run time", facts=facts)
+
+
+def _section(name: str, quick: bool, say: Callable[[str], object]) -> Section:
+    module = import_module(f".{name}", __package__)
+    if not hasattr(module, "STUDY"):
+        return module.section(quick, say)
+    study: Study = module.STUDY
+    rows: list[Row] = []
+    for row in study.rows(quick):
+        rows.append(row)
+        say(f"{name}: {row.panel}, {row.method}, {row.knob}"[:70])
+    return section_of(study, rows, draw(study, rows))
+
+
+def _load() -> str:
+    try:
+        return f"{os.getloadavg()[0]:.1f}"
+    except OSError:
+        return "unknown"

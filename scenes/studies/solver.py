@@ -1,0 +1,133 @@
+"""Error against run time of the solvers.
+
+Two cases of cotton shirting, 0.5 m × 0.5 m, bent to an arc at the start, so that which way it folds is not left to
+rounding: *hang*, held at two corners and let go, and *drape*, laid on a ball. Stiffness: all moduli × a factor.
+Reference: Verlet in float64 (`reference.py`). Error: root mean square of the distance between key points and
+their places in the reference, at the same physical time.
+"""
+
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_cloth.errors import InputError, Unstable
+from taichi_cloth.forces import Forces, Sphere
+from taichi_cloth.materials import named_material
+from taichi_cloth.sheet import Sheet
+from taichi_cloth.simulation import Simulation
+from taichi_cloth.solvers.base import Solver
+from taichi_cloth.solvers.implicit import STEP, Implicit
+from taichi_cloth.solvers.verlet import Verlet
+from taichi_cloth.springs import calibrate
+
+from .reference import reference
+from .study import Axis, Row, Study
+
+__all__ = ["CASES", "STUDY", "rows", "run", "scene", "solver_rows"]
+
+CASES = {"hang": 0.3, "drape": 0.15}
+"""Simulated time [s] after which the error is taken; later the folds depend on rounding."""
+
+FULL = [("hang", 0.01), ("hang", 1.0), ("hang", 1e4), ("drape", 0.01), ("drape", 1.0), ("drape", 1e4)]
+QUICK = [("hang", 1.0), ("drape", 1.0)]
+SIDE, ARC = 0.5, 0.4  # [m], of the sheet and radius of the arc
+FRAME_RATE = 60.0
+VERLET = (1, 2, 4, 8)
+"""Parts into which the step that Verlet takes by itself is cut."""
+
+SUBSTEPS = (1, 2, 4, 8)
+"""Steps a frame of the implicit solver."""
+
+
+def scene(case: str, stiffness: float, points: int) -> tuple[Sheet, Forces, NDArray[np.float64]]:
+    """Sheet of points × points, forces and start of a case."""
+    base = named_material("cotton-shirting")
+    names = ("tensile_warp", "tensile_weft", "shear", "bending_warp", "bending_weft")
+    material = replace(base, **{name: getattr(base, name) * stiffness for name in names})
+    spacing = SIDE / (points - 1)
+    pinned = np.zeros((points, points), bool)
+    if case == "hang":
+        pinned[0, [0, -1]] = True
+    springs = calibrate(material, spacing_x=spacing, spacing_y=spacing)
+    sheet = Sheet.rectangle(points, points, material=material, springs=springs, pinned=pinned)
+    flat = sheet.flat()
+    angle = (flat[..., 0] - SIDE / 2) / ARC
+    up = 1.0 if case == "hang" else -1.0
+    start = np.stack([ARC * np.sin(angle), up * ARC * (1 - np.cos(angle)), SIDE / 2 - flat[..., 1]], axis=-1)
+    ball = Sphere(centre=(0.013, -0.13, 0.021), radius=0.125)
+    return sheet, Forces(sphere=ball if case == "drape" else None), start
+
+
+def run(
+    sheet: Sheet, forces: Forces, start: NDArray[np.float64], solver: Solver, seconds: float
+) -> tuple[NDArray[np.float64] | None, float]:
+    """Positions at the end, None where the run was stopped, and the CPU time [s] a simulated second.
+
+    A frame before, of a simulation of its own, compiles."""
+    try:
+        Simulation(sheet, solver, forces=forces, positions=start).step()
+        simulation = Simulation(sheet, solver, forces=forces, positions=start)
+        begun = time.process_time()
+        for _ in range(round(seconds * FRAME_RATE)):
+            simulation.step()
+        return simulation.positions.astype(np.float64), (time.process_time() - begun) / seconds
+    except Unstable:
+        return None, float("nan")
+
+
+def solver_rows(
+    case: str, stiffness: float, *, points: int = 24, share: float = 0.1, fewer: bool = False
+) -> Iterator[Row]:
+    """Rows of one case at one stiffness. share: the reference's step in longest stable ones. The first row is the
+    reference with a step twice as long, without a time: below its error nothing can be told apart."""
+    sheet, forces, start = scene(case, stiffness, points)
+    seconds = CASES[case]
+    best, count = reference(sheet, forces, start, seconds, share=share)
+    if not np.isfinite(best).all():
+        raise InputError(
+            f"report: the reference of {case} × {stiffness:g} is not finite; use a softer or coarser sheet"
+        )
+    panel = f"{case}, {stiffness:g} × cotton, {points} × {points}"
+
+    def row(
+        method: str, knob: str, step: float, positions: NDArray[np.float64] | None, cost: float, usual: bool
+    ) -> Row:
+        error = float("nan")
+        if positions is not None:
+            error = float(np.sqrt(np.mean(np.sum((positions - best) ** 2, axis=-1))))
+        return Row(panel=panel, method=method, knob=knob, value=step, error=error, seconds=cost, default=usual)
+
+    coarse, _ = reference(sheet, forces, start, seconds, share=2 * share)
+    yield row("reference", "reference, step × 2", 2 * seconds / count, coarse, float("nan"), False)
+    usual = Verlet(sheet, forces, frame_rate=FRAME_RATE)
+    for parts in VERLET[:2] if fewer else VERLET:
+        solver = Verlet(sheet, forces, frame_rate=FRAME_RATE, step=usual.step / parts)
+        step = f"{1e6 * solver.step:.3g} µs"
+        yield row("Verlet", step, solver.step, *run(sheet, forces, start, solver, seconds), parts == 1)
+    for method, order in (("implicit, order 2", 2), ("implicit, order 1", 1)):
+        for substeps in SUBSTEPS[::2] if fewer else SUBSTEPS:
+            solver = Implicit(sheet, forces, frame_rate=FRAME_RATE, step=1 / FRAME_RATE / substeps, order=order)
+            usual_step = order == 2 and abs(solver.step - STEP) < 1e-9
+            step = f"1/{round(1 / solver.step)} s"
+            yield row(method, step, solver.step, *run(sheet, forces, start, solver, seconds), usual_step)
+
+
+def rows(quick: bool) -> Iterator[Row]:
+    for case, stiffness in QUICK if quick else FULL:
+        yield from solver_rows(case, stiffness, points=12 if quick else 24, fewer=quick)
+
+
+STUDY = Study(
+    name="solver",
+    title="Solvers: Verlet and the stiff one",
+    about="Cotton shirting of 0.5 m × 0.5 m, bent to an arc, held at two corners and let go (hang, 0.3 s) or laid on a "
+    "ball (drape, 0.15 s); all moduli × a factor. Error: root mean square distance of key points from Verlet in "
+    "float64 at a tenth of its longest step, at the same physical time; dashed, that reference against itself with "
+    "twice the step.",
+    error=Axis("error, rms", "mm", 1e3),
+    time=Axis("CPU time for a simulated second", "ms", 1e3),
+    rows=rows,
+)

@@ -1,0 +1,100 @@
+"""The report: rows to a page, whole or not at all; what studies say of orders and defaults."""
+
+import csv
+import sys
+from math import nan
+from pathlib import Path
+
+import pytest
+
+from taichi_cloth.errors import InputError
+from taichi_cloth.scenes.studies.make import STUDIES, chosen, make_report
+from taichi_cloth.scenes.studies.page import Section, write_report
+from taichi_cloth.scenes.studies.study import Axis, Row, Study, lines_of, orders, standing_of
+
+
+def line(errors: list[float], seconds: list[float], default: int) -> list[Row]:
+    """A method at steps 1, ½, ¼, …"""
+    return [
+        Row(panel="p", method="m", knob=f"h/{2**k}", value=0.5**k, error=error, seconds=time, default=k == default)
+        for k, (error, time) in enumerate(zip(errors, seconds, strict=True))
+    ]
+
+
+STUDY = Study(
+    name="x",
+    title="X",
+    about="",
+    error=Axis("error", "mm", 1e3),
+    time=Axis("time", "s", 1.0),
+    rows=lambda quick: iter(()),
+)
+
+
+def test_the_order_of_errors_that_fall_with_the_square_is_two() -> None:
+    rows = line([1.6, 0.4, 0.1], [1.0, 2.0, 4.0], 0)
+    ((_, found),) = lines_of(rows[::-1]).items()
+    assert [row.knob for row in found] == ["h/1", "h/2", "h/4"]
+    assert orders(found) == pytest.approx([2.0, 2.0])
+    nameless = [Row(panel="p", method="m", knob="a", error=1.0, seconds=1.0, value=nan)] * 2
+    assert orders(nameless) == []
+
+
+def test_a_default_is_told_from_its_neighbours_and_the_knee_is_the_least_error_times_time() -> None:
+    """Errors 1, 0.1, 0.09 m at 1, 2, 4 s: the second has the least product."""
+    (sentence,) = standing_of(STUDY, line([1.0, 0.1, 0.09], [1.0, 2.0, 4.0], 2))
+    assert "h/4, is off by 90 mm in 4 s" in sentence
+    assert "coarser, h/2: error × 1.1 for time × 0.5" in sentence
+    assert sentence.endswith("the knee is h/2.")
+    (sentence,) = standing_of(STUDY, line([1.0, 0.1, 0.09], [1.0, 2.0, 4.0], 1))
+    assert sentence.endswith("it is the knee.")
+
+
+def section(name: str, image: bytes | None = None) -> Section:
+    return Section(
+        name=name, title=name, about="", sentences=["<&>"], head=["a"], table=[["|"]], csv="a\n1\n", image=image
+    )
+
+
+def test_a_report_is_written_whole_and_replaces_only_a_report(tmp_path: Path) -> None:
+    out = tmp_path / "report"
+    write_report([section("one", b"png")], out, title="T", facts=["f"])
+    assert sorted(path.name for path in out.iterdir()) == ["index.html", "one.csv", "one.png", "report.md"]
+    write_report([section("two")], out, title="T", facts=[])
+    assert sorted(path.name for path in out.iterdir()) == ["index.html", "report.md", "two.csv"]
+    assert "&lt;&amp;&gt;" in (out / "index.html").read_text()
+    assert "| \\| |" in (out / "report.md").read_text()
+    assert [path.name for path in tmp_path.iterdir()] == ["report"]
+    (out / "report.md").unlink()
+    with pytest.raises(InputError, match="something else than a report"):
+        write_report([section("two")], out, title="T", facts=[])
+    with pytest.raises(AttributeError):
+        write_report([section("one"), None], tmp_path / "half", title="T", facts=[])  # pyright: ignore
+    assert [path.name for path in tmp_path.iterdir()] == ["report"]
+
+
+def test_studies_are_chosen_by_name() -> None:
+    assert chosen(None) == list(STUDIES)
+    assert chosen("twist, solver") == ["solver", "twist"]
+    with pytest.raises(InputError, match='did you mean "twist"'):
+        chosen("twits")
+
+
+def test_a_quick_report_of_one_study(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    make_report(only="twist", quick=True, out=tmp_path / "r")
+    names = {path.name for path in (tmp_path / "r").iterdir()}
+    assert names == {"index.html", "report.md", "twist.csv", "twist.png"}
+    assert (tmp_path / "r" / "twist.png").read_bytes().startswith(b"\x89PNG")
+    with (tmp_path / "r" / "twist.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert {row["method"] for row in rows} == {"two zones", "all along the yarn"}
+    assert sum(row["default"] == "True" for row in rows) == 2
+    assert all(float(row["error"]) > 0 and float(row["seconds"]) > 0 for row in rows)
+
+
+def test_without_matplotlib_one_line_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
+    with pytest.raises(InputError, match=r'pip install "taichi-cloth\[report\]"'):
+        make_report(only="twist", quick=True, out=tmp_path / "r")
+    assert list(tmp_path.iterdir()) == []
