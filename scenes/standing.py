@@ -25,7 +25,7 @@ from taichi_cloth.garment.skin import beneath
 from ..render.mesh import Mesh
 from .body_section import BodySection, prepare_body, prepare_motion
 
-__all__ = ["Standing", "grids_of", "primitives_of", "skin_mesh", "standing"]
+__all__ = ["GRID_SPACING", "Standing", "grids_at", "grids_of", "primitives_of", "skin_mesh", "standing"]
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -109,14 +109,11 @@ def primitives_of(body: Body, file: str | None = None) -> tuple[Primitive, ...]:
 
 
 def grids_of(body: Body) -> tuple[DistanceGrid, ...]:
-    """A grid of distances for each part of a body, carried by its bone; kept on disk."""
+    """`grids_at` of GRID_SPACING, kept on disk."""
     made_of = digest(VERSION, GRID_SPACING, body.vertices, body.faces)
 
     def make() -> dict[str, NDArray]:
-        found = segment(body.vertices, body.faces)
-        parts = [(name, 0) for name in found.names]
-        made = part_grids(body.vertices, body.faces, found.labels, parts, spacing=GRID_SPACING)
-        return {f"{g.part} {what}": getattr(g, what) for g in made for what in ("values", "origin")}
+        return {f"{g.part} {what}": getattr(g, what) for g in grids_at(body, GRID_SPACING) for what in ("values", "origin")}
 
     arrays, _ = kept("grids", made_of, make)
     names = [key.removesuffix(" values") for key in arrays if key.endswith(" values")]
@@ -130,6 +127,13 @@ def grids_of(body: Body) -> tuple[DistanceGrid, ...]:
         )
         for name in names
     )
+
+
+def grids_at(body: Body, spacing: float) -> tuple[DistanceGrid, ...]:
+    """A grid of distances for each part of a body, carried by its bone. spacing [m]."""
+    found = segment(body.vertices, body.faces)
+    parts = [(name, body.skeleton.index(PART_JOINTS[name])) for name in found.names]
+    return tuple(part_grids(body.vertices, body.faces, found.labels, parts, spacing=spacing))
 
 
 SKIN = 0.6

@@ -62,10 +62,15 @@ def draw(study: Study, rows: Sequence[Row]) -> bytes:
 
 
 def _panel(axis: Any, study: Study, lines: dict[str, list[Row]], methods: Sequence[str]) -> None:
+    from matplotlib.ticker import LogFormatter
+
     count = sum(len(line) for line in lines.values())
     for method, line in lines.items():
         if method == study.floor:
             axis.axhline(study.error.scale * line[0].error, color="0.55", ls="--", lw=1.2, label=line[0].knob)
+            continue
+        if all(row.error == 0 for row in line):
+            axis.axvline(study.time.scale * line[0].seconds, color="0.35", ls=":", lw=1.6, label=method)
             continue
         drawn = [row for row in line if isfinite(row.error) and isfinite(row.seconds) and row.error > 0]
         k = methods.index(method)
@@ -83,6 +88,9 @@ def _panel(axis: Any, study: Study, lines: dict[str, list[Row]], methods: Sequen
     axis.set_xscale("log")
     axis.set_yscale("log")
     axis.margins(0.16, 0.12)
+    for one in (axis.xaxis, axis.yaxis):
+        one.set_major_formatter(LogFormatter())
+        one.set_minor_formatter(LogFormatter(minor_thresholds=(1, 0.5)))
     axis.grid(which="major", color="0.86")
     axis.grid(which="minor", color="0.94", lw=0.6)
     axis.set_axisbelow(True)

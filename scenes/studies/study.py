@@ -20,8 +20,8 @@ SHORTEST = 5e-3
 @dataclass(frozen=True, kw_only=True)
 class Row:
     """One run. panel: the diagram it belongs to. method: its line there. knob: its setting, in words. value: the
-    setting as a number that is smaller the finer it is; nan where it has none. error: in the study's unit in SI.
-    seconds: CPU time. default: whether a built-in scene stands there, or a scene that says nothing."""
+    setting as a number that is smaller the finer it is; nan where it has none. error: in the study's unit in SI, 0
+    where the method is exact. seconds: CPU time. default: whether a built-in scene stands there, or a scene that says nothing."""
 
     panel: str
     method: str
@@ -45,7 +45,8 @@ class Axis:
         return f"{self.words} [{self.unit}]" if self.unit else self.words
 
     def text(self, value: float) -> str:
-        return f"{self.scale * value:.3g} {self.unit}".strip()
+        number = self.scale * value
+        return (f"{number:,.0f}" if number >= 1000 else f"{number:.3g}") + (f" {self.unit}" if self.unit else "")
 
 
 @dataclass(frozen=True, kw_only=True)

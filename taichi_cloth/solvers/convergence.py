@@ -19,7 +19,7 @@ from taichi_cloth.simulation import Simulation
 from taichi_cloth.solvers.verlet import Verlet
 from taichi_cloth.springs import calibrate
 
-__all__ = ["Row", "spacing_rows", "step_rows"]
+__all__ = ["LENGTH", "Row", "spacing_rows", "step_rows", "swing"]
 
 LENGTH, WIDTH = 0.4, 0.1  # [m]
 SWINGING = Material(
@@ -44,7 +44,7 @@ class Row:
     order: float
 
 
-def _swing(
+def swing(
     cells: int, step: float | None = None, stretch: float = 1.0, frames: int = 20
 ) -> tuple[NDArray[np.float64], int]:
     """(frames, 5, 2, 3) [m] of key points that all sheets share; substeps of a frame. cells: along the sheet, 4 k.
@@ -84,13 +84,13 @@ def spacing_rows(cells: tuple[int, ...] = (8, 16, 32, 64)) -> list[Row]:
 
     Every sheet takes the step of the finest, so that only the spacing differs.
     """
-    finest, count = _swing(cells[-1])
+    finest, count = swing(cells[-1])
     step = 1 / FRAME_RATE / count
-    paths = [_swing(k, step)[0] for k in cells[:-1]]
+    paths = [swing(k, step)[0] for k in cells[:-1]]
     return _rows([k + 1 for k in cells], [*paths, finest])
 
 
 def step_rows(cells: int = 16, substeps: tuple[int, ...] = (8, 16, 32, 64)) -> list[Row]:
     """The same sheet at ever shorter steps; each number twice the one before, all stable. It starts a little too
     long, so that there is an error to see above the rounding of float32."""
-    return _rows(list(substeps), [_swing(cells, 1 / FRAME_RATE / count, 1.02, 8)[0] for count in substeps])
+    return _rows(list(substeps), [swing(cells, 1 / FRAME_RATE / count, 1.02, 8)[0] for count in substeps])
