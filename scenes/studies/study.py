@@ -21,7 +21,8 @@ SHORTEST = 5e-3
 class Row:
     """One run. panel: the diagram it belongs to. method: its line there. knob: its setting, in words. value: the
     setting as a number that is smaller the finer it is; nan where it has none. error: in the study's unit in SI, 0
-    where the method is exact. seconds: CPU time. default: whether a built-in scene stands there, or a scene that says nothing."""
+    where the method is exact. seconds: CPU time. default: whether a built-in scene stands there, or one that says
+    nothing."""
 
     panel: str
     method: str
