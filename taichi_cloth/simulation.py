@@ -8,6 +8,7 @@ Units: SI. Time is counted in frames, so that a run that was resumed is the run 
 
 import hashlib
 import os
+from math import sqrt
 from pathlib import Path
 
 import numpy as np
@@ -25,14 +26,22 @@ __all__ = ["Simulation"]
 F32 = NDArray[np.float32]
 
 LARGEST_STRETCH = 1.0
-"""Strain of a thread beyond which a run is stopped: twice its length. No cloth comes near it and stays whole."""
+"""Strain of a thread beyond which a run is stopped: twice its length. No cloth comes near it and stays whole. One that
+starts longer may stay as long."""
+
+LARGEST_ROUNDING = (0.5, 0.2)
+"""Speed of a solver's rounding up to which a run is allowed: [m/s], and as a share of √(g L) of the sheet's size L, about
+how fast it swings."""
+FARTHEST = 1e9
+"""Coordinate [m] beyond which a state counts as not finite."""
 
 
 class Simulation:
     """A sheet in motion.
 
     sheet: its pinned key points are those of all `pins` together. positions: (rows, cols, 3) [m] at the start.
-    velocities: [m/s], any shape that spreads to that of positions. Raises InputError on pins that do not fit.
+    velocities: [m/s], any shape that spreads to that of positions. Raises InputError on pins that do not fit, and where
+    the solver's steps are so short that rounding would move the sheet.
     """
 
     def __init__(
@@ -60,6 +69,8 @@ class Simulation:
             if group.path is not None and np.abs(group.at(0.0) - start).max(initial=0.0) > 1e-6:
                 raise InputError("pins.path: at 0 s it is not where the sheet starts; allowed: 1e-6 m off")
         self._first_steps(np.asarray(positions, np.float64), velocities)
+        self._longest = max(LARGEST_STRETCH, *(1.01 * float(part.max()) for part in sheet.stretch(self.positions)))
+        self._check_rounding()
 
     @property
     def time(self) -> float:
@@ -75,6 +86,19 @@ class Simulation:
     def positions(self) -> F32:
         """(rows, cols, 3) float32 [m], a copy."""
         return self.sheet.positions(self.state)
+
+    def _check_rounding(self) -> None:
+        here = self.positions[self.sheet.present]
+        rounding = self.solver.rounding(float(np.abs(here).max()))
+        size = float(np.linalg.norm(np.ptp(self.sheet.flat(), axis=(0, 1))))
+        absolute, share = LARGEST_ROUNDING
+        allowed = min(absolute, share * sqrt(9.81 * size))
+        if rounding > allowed:
+            raise InputError(
+                f"solver: steps of {self.solver.step:.2g} s are so short that rounding alone would shake key points at "
+                f'{rounding:.2g} m/s (allowed: {allowed:.2g}); use solver.name = "implicit", a softer or heavier '
+                "material, or wider spacing"
+            )
 
     def _first_steps(self, positions: NDArray[np.float64], velocities: ArrayLike) -> None:
         """x(0) − x(−h) = v h − a h²/2, which makes the start of second order, as the rest; v h if not staggered."""
@@ -115,19 +139,19 @@ class Simulation:
         """Raises Unstable with the frame, the key point and what to change."""
         sheet, number = self.sheet, self.frame + 1
         positions = sheet.positions(state)
-        bad = sheet.present & ~np.isfinite(positions).all(axis=-1)
+        bad = sheet.present & ~(np.abs(positions) < FARTHEST).all(axis=-1)
         what = "is not finite"
         if not bad.any():
             weft, warp = sheet.stretch(positions)
-            if max(weft.max(), warp.max()) <= LARGEST_STRETCH:
+            if max(weft.max(), warp.max()) <= self._longest:
                 return
             family = weft if weft.max() >= warp.max() else warp
             bad = np.pad(family == family.max(), [(0, n - m) for n, m in zip(sheet.shape, family.shape, strict=True)])
-            what = f"hangs on a thread stretched by {100 * family.max():.0f} % (allowed: {100 * LARGEST_STRETCH:.0f} %)"
+            what = f"hangs on a thread stretched by {100 * family.max():.0f} % (allowed: {100 * self._longest:.0f} %)"
         i, j = (int(k) for k in np.argwhere(bad)[0])
         raise Unstable(
             f"frame {number}: key point ({i}, {j}) {what}; the state of frame {self.frame} is kept. "
-            "Use a smaller solver.safety, a stiffer material, slower pins, or weaker forces",
+            'Use solver.name = "implicit", a smaller solver.safety, a stiffer material, slower pins, or weaker forces',
             number,
         )
 

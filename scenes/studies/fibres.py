@@ -62,8 +62,8 @@ STUDY = Study(
     title="Fibre density: picture against particles",
     about="The swatch with 24 ends and 18 picks at 480 × 320. Left out of nothing but number: fewer fibres are drawn "
     "thicker, to the same area. References: all fibres that a ply really has, and 40 particles along a fibre between "
-    "two crossings (at 12 fibres). Labels: the setting and particles in millions. Which fibres are drawn is chance, which "
-    "single pixels show; means over 8 × 8 pixels, about a yarn, tell colour and brightness.",
+    "two crossings (at 12 fibres). Labels: the setting and particles in millions. Which fibres are drawn is chance, "
+    "which single pixels show; means over 8 × 8 pixels, about a yarn, tell colour and brightness.",
     error=Axis("picture error, rms", "of 255", 1.0),
     time=Axis("CPU time of a picture", "ms", 1e3),
     rows=rows,

@@ -64,7 +64,7 @@ def scene(case: str, stiffness: float, points: int) -> tuple[Sheet, Forces, NDAr
 def run(
     sheet: Sheet, forces: Forces, start: NDArray[np.float64], solver: Solver, seconds: float
 ) -> tuple[NDArray[np.float64] | None, float]:
-    """Positions at the end, None where the run was stopped, and the CPU time [s] a simulated second.
+    """Positions at the end, None where the run was refused or stopped, and the CPU time [s] a simulated second.
 
     A frame before, of a simulation of its own, compiles."""
     try:
@@ -74,7 +74,7 @@ def run(
         for _ in range(round(seconds * FRAME_RATE)):
             simulation.step()
         return simulation.positions.astype(np.float64), (time.process_time() - begun) / seconds
-    except Unstable:
+    except (InputError, Unstable):
         return None, float("nan")
 
 

@@ -29,6 +29,10 @@ class Solver(ABC):
         """What else the motion depends on: a saved state is of a solver with the same."""
         return ()
 
+    def rounding(self, reach: float) -> float:
+        """Speed [m/s] that key points get from rounding, where coordinates are as large as `reach` [m]."""
+        return 0.0
+
     @abstractmethod
     def advance(self, state: SheetState, forces: FrameForces) -> None:
         """Moves the state on by one frame, in place.

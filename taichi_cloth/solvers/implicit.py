@@ -53,6 +53,10 @@ TOUCHING = 1.0e-5
 PUSH = 1.0e4
 """Stiffness of a body in units of m/τ²: its own weight pushes a key point g τ² / 10⁴ deep."""
 
+SHARE = 1.0e-5
+"""Least stiffness of a body as a share of a key point's own springs. Where these are far the stiffer, the depth that is
+taken away after a step would stretch them: 370 J were made at 10⁸ × cotton. Much more than this, and Newton stands still."""
+
 GAIN = 1.0e-3
 """Share of its energy that a step of second order may make before it is taken by Euler: it is as large in smooth
 motion, by the method's error."""
@@ -215,7 +219,7 @@ class Implicit(Solver):
             self._air_now = air
             air = air + drag[:, None] * flow
         inertia = m * (1 + tau * damping) / tau**2 + drag / tau
-        push = (PUSH / tau**2) * m * free
+        push = np.maximum((PUSH / tau**2) * m, SHARE * springs.stiffness) * free
         steady = m[:, None] * (speed / tau + self._gravity) + air
         bodies = self.forces.sphere is not None or self.forces.plane is not None
         course = springs.spans(guess)[1] if lag else None

@@ -20,9 +20,12 @@ from scipy.sparse.linalg import LinearOperator, eigsh
 from taichi_cloth.energy import hinges, links
 from taichi_cloth.sheet import Sheet
 
-__all__ = ["frequency_bound", "highest_frequency", "longest_step"]
+__all__ = ["frequency_bound", "highest_frequency", "longest_step", "rounding_speed"]
 
 F64 = NDArray[np.float64]
+
+STILLEST = 0.1
+"""Rate [1/s] at which motion is taken to be damped at least: without damping rounding heats a sheet for ever."""
 
 
 def _stiffness_times(sheet: Sheet, u: F64) -> F64:
@@ -94,3 +97,16 @@ def longest_step(frequency: float, *, fibre_damping: float = 0.0, air_damping: f
         limit = (2 + 2 * np.exp(-air_damping * step)) / frequency**2
         step = float(-tau + sqrt(tau**2 + limit))
     return step
+
+
+def rounding_speed(step: float, reach: float, *, air_damping: float = 0.0, fibre_damping: float = 0.0) -> float:
+    """Root mean square speed [m/s] that key points get from positions in float32, where the step is short.
+
+    Rounding throws a position off by ε = ulp(reach)/√12, so that springs with ω h ≈ 1.8 kick it by ω² ε h = 3.2 ε/h in
+    each step, at random; what is damped at a rate c keeps the kicks of 1/(2 c h) steps. The factor 1.1 is measured: at
+    steps of 7 to 0.2 µs the formula was within 10 %. reach: largest coordinate [m]. The motion is as fast as the
+    quickest waves and therefore as small as the rounding, but it is energy, and contact feels it.
+    """
+    epsilon = float(np.spacing(np.float32(reach))) / sqrt(12)
+    rate = max(air_damping, STILLEST) + 2 * fibre_damping / step**2
+    return 1.1 * epsilon / step * sqrt(max(1.0, 1 / (2 * rate * step)))

@@ -11,6 +11,7 @@ the bytes do not depend on the number of threads.
 
 # pyright: reportOptionalCall=false, reportOperatorIssue=false, reportGeneralTypeIssues=false, reportCallIssue=false
 
+from copy import copy
 from functools import lru_cache
 from math import ceil, exp, expm1
 
@@ -26,7 +27,7 @@ from taichi_cloth.sheet import LANES, PAD, Sheet, SheetState
 from taichi_cloth.solvers.base import Solver
 from taichi_cloth.solvers.passes import MEETING, Pass, strips_allowed
 from taichi_cloth.solvers.self_contact import ClothContact
-from taichi_cloth.solvers.stability import highest_frequency, longest_step
+from taichi_cloth.solvers.stability import highest_frequency, longest_step, rounding_speed
 from taichi_cloth.solvers.stencil import Features, Numbers, Stencil
 
 __all__ = ["Verlet"]
@@ -95,9 +96,26 @@ class Verlet(Solver):
             limit=forces.strain_limit is not None,
         )
         self.limit_passes = forces.strain_limit.passes if forces.strain_limit else 0
-        self._numbers = Numbers(**_numbers(sheet, forces, self.step))
+        self._forces = forces
+        self._take(self.step)
         for one in self.passes:
             one.join(self.substeps, self.step)
+
+    def _take(self, step: float) -> None:
+        self._numbers = Numbers(**_numbers(self.sheet, self._forces, step))
+
+    def rounding(self, reach: float) -> float:
+        m = self.sheet.material
+        return rounding_speed(self.step, reach, air_damping=m.air_damping, fibre_damping=m.fibre_damping)
+
+    def unchecked(self, step: float, substeps: int) -> "Verlet":
+        """The same with any step [s], stable or not, to find by experiment where the limit is. Without passes, which
+        are made for a step of their own."""
+        assert not self.passes
+        other = copy(self)
+        other.step, other.substeps = step, substeps
+        other._take(step)
+        return other
 
     def advance(self, state: SheetState, forces: FrameForces) -> None:
         work = _workspace(runtime.generation(), self.sheet.padded_shape, self.strips, self.passes)
