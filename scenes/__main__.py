@@ -1,5 +1,5 @@
 """The command line: `taichi-cloth scenes | plan | turntable | animate | zoom | still | profile | figures | report |
-body`."""
+stability | body`."""
 
 import contextlib
 import os
@@ -217,6 +217,21 @@ def report(
     from .studies.make import make_report
 
     make_report(only=only, quick=quick, out=out, arch=arch, threads=threads)
+
+
+@app.command("stability")
+def stability(
+    out: Annotated[Path, typer.Option("--out", help="CSV of all cells.")] = Path("stability.csv"),
+    quick: Annotated[bool, typer.Option("--quick", help="A part of the matrix.")] = False,
+    arch: Arch = "cpu",
+    threads: Threads = None,
+) -> None:
+    """Stiffness, steps, masses and starts that no one would wish for: stable, or refused with its line."""
+    from .stability.make import make_matrix
+
+    status = make_matrix(out=out, quick=quick, arch=arch, threads=threads)
+    if status:
+        raise typer.Exit(status)
 
 
 @app.callback(invoke_without_command=True)

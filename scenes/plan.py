@@ -9,7 +9,7 @@ from taichi_cloth.sphere_set import sphere_set_from_rows
 from taichi_cloth.yarn import Yarn
 
 from ..render.light_sizes import light_bytes
-from .prepare import DRAW_BYTES, Prepared, fibre_kind, has_floor, prepare_fabric, yarn_of
+from .prepare import DRAW_BYTES, Prepared, fibre_kind, has_floor, picture_bytes, prepare_fabric, yarn_of
 from .schema import Scene
 
 __all__ = ["Plan", "Stage", "plan"]
@@ -154,6 +154,7 @@ def plan(scene: Scene, *, streamed: bool = False) -> Plan:
     )
     total = prepared.bytes if prepared else particles * (64 + DRAW_BYTES)
     occlusion = scene.light.occlusion and scene.light.fill_strength > 0
+    total += picture_bytes(scene.output.size)
     total += light_bytes(particles, shadows=lamps if scene.light.shadows else 0, occlusion=occlusion)
     return Plan(stages, key_points, blocks, particles, about, total, memory_limit(), notes, prepared)
 

@@ -22,9 +22,23 @@ from taichi_cloth.yarn import Hairiness, Yarn, ne_to_tex
 
 from .schema import FabricSection, Scene, Weave, YarnSection
 
-__all__ = ["DRAW_BYTES", "Prepared", "draft_of", "fibre_kind", "has_floor", "prepare_fabric", "yarn_of"]
+__all__ = [
+    "DRAW_BYTES",
+    "Prepared",
+    "draft_of",
+    "fibre_kind",
+    "has_floor",
+    "picture_bytes",
+    "prepare_fabric",
+    "require_picture",
+    "yarn_of",
+]
 
 DRAW_BYTES = 130  # what the splatter keeps for a particle while it draws
+PIXEL_BYTES = 210
+"""What a picture takes for a pixel of its canvas, with what stands behind and the conversion to a file: 190 to 202 were
+measured at 512² and 3072²."""
+
 STREAM_BYTES = 400_000_000  # a batch of two million particles, its pieces and what the splatter keeps of them
 DEFAULT_THREADS = 40
 DEFAULT_COUNT_TEX = 20.0
@@ -106,6 +120,18 @@ def has_floor(scene: Scene) -> bool:
     if scene.stage.ground is not None:
         return scene.stage.ground
     return scene.subject == "fabric" or (scene.forces is not None and scene.forces.plane is not None)
+
+
+def picture_bytes(size: tuple[int, int], supersample: int = 1) -> int:
+    """Memory of drawing one picture of (width, height) [px] with so many samples a pixel each way."""
+    return PIXEL_BYTES * size[0] * size[1] * supersample**2
+
+
+def require_picture(size: tuple[int, int], supersample: int = 1) -> None:
+    """Refuses, with InputError, a picture that this machine has no memory for."""
+    finer = f", {supersample} × {supersample} samples a pixel" if supersample > 1 else ""
+    remedy = "take a smaller output.size" + (" or fewer samples" if supersample > 1 else "")
+    require_memory(f"a picture of {size[0]} × {size[1]} px{finer}", picture_bytes(size, supersample), remedy)
 
 
 def prepare_fabric(scene: Scene, *, streamed: bool = False) -> Prepared:

@@ -25,6 +25,7 @@ from .kept import KeptRun
 from .load import load_scene
 from .models import build, shown_frame
 from .plan import plan
+from .prepare import require_picture
 from .report import fact_lines, plan_lines
 from .sequence import Sequence, fingerprint
 from .view import View
@@ -54,6 +55,7 @@ def run(
         )
     if command == "zoom" and scene.subject != "fabric":
         raise InputError(f"zoom: {name} has no [weave]; use a woven scene, such as swatch")
+    require_picture(scene.output.size)
     planned = plan(scene, streamed=command == "zoom")
     count = scene.output.views if command == "turntable" else scene.output.frames
     folder = out or Path("out") / (Path(name).stem + ("-zoom" if command == "zoom" else ""))

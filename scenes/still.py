@@ -25,6 +25,7 @@ from ..render.tone import Tone, tone_curve
 from .load import load_scene
 from .models import Model, Numbers, build, shown_frame
 from .plan import plan
+from .prepare import require_picture
 from .run import image_size
 from .schema import Scene
 from .view import Shot, View
@@ -65,6 +66,7 @@ def still(
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"--out {folder}: cannot be written ({error.strerror}); choose another folder") from None
+    require_picture(width_height, supersample)
     planned = plan(scene)
     runtime.start(arch, threads=threads)
     model = build(scene, planned.prepared)

@@ -30,8 +30,8 @@ LARGEST_STRETCH = 1.0
 starts longer may stay as long."""
 
 LARGEST_ROUNDING = (0.5, 0.2)
-"""Speed of a solver's rounding up to which a run is allowed: [m/s], and as a share of √(g L) of the sheet's size L, about
-how fast it swings."""
+"""Speed of a solver's rounding up to which a run is allowed: [m/s], and as a share of √(g L) of the sheet's size L,
+about how fast it swings."""
 FARTHEST = 1e9
 """Coordinate [m] beyond which a state counts as not finite."""
 
@@ -149,9 +149,10 @@ class Simulation:
             bad = np.pad(family == family.max(), [(0, n - m) for n, m in zip(sheet.shape, family.shape, strict=True)])
             what = f"hangs on a thread stretched by {100 * family.max():.0f} % (allowed: {100 * self._longest:.0f} %)"
         i, j = (int(k) for k in np.argwhere(bad)[0])
+        other = 'solver.name = "implicit", ' if self.solver.staggered else ""
         raise Unstable(
             f"frame {number}: key point ({i}, {j}) {what}; the state of frame {self.frame} is kept. "
-            'Use solver.name = "implicit", a smaller solver.safety, a stiffer material, slower pins, or weaker forces',
+            f"Use {other}a smaller solver.safety, a stiffer material, slower pins, or weaker forces",
             number,
         )
 

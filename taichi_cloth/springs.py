@@ -24,7 +24,7 @@ Bending laws:
   has no stiffness near the flat state; it stores the energy of B at one curvature κ₀ only: q = 16 B b / (a⁵ κ₀²).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from math import hypot, isfinite, sqrt
 from typing import Literal, get_args
 
@@ -42,6 +42,7 @@ class Springs:
 
     structural_x, structural_y, diagonal: [N/m]. second_x, second_y: the paper's bending springs [N/m], 0 with hinges.
     hinge_x, hinge_y: β [N/m], 0 with springs. spacing_x, spacing_y: rest lengths [m]. law: which of them bends.
+    Raises InputError on constants below 0 and rest lengths that are not above.
     """
 
     structural_x: float
@@ -54,6 +55,15 @@ class Springs:
     spacing_x: float
     spacing_y: float
     law: BendingLaw
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            if field.name == "law":
+                continue
+            value, length = getattr(self, field.name), field.name.startswith("spacing")
+            if not (isfinite(value) and (value > 0 if length else value >= 0)):
+                allowed = "above 0" if length else "0 or more"
+                raise InputError(f"springs.{field.name}: {value!r}; allowed: a finite number, {allowed}")
 
     @property
     def diagonal_length(self) -> float:

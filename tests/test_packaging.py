@@ -21,6 +21,7 @@ ROOMS = {
     "taichi_cloth/render": "render",
     "taichi_cloth/scenes": "scenes",
     "taichi_cloth/scenes/studies": "scenes/studies",
+    "taichi_cloth/scenes/stability": "scenes/stability",
 }
 """Folder in the wheel: folder in the repository."""
 

@@ -1,7 +1,7 @@
 """A small sheet in every state that no one would wish for, and what became of it after five seconds."""
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
@@ -234,8 +234,3 @@ def _energy(simulation: Simulation) -> tuple[float, float]:
     )
     inner = elastic_energy(sheet, x) + kinetic_energy(sheet, v)
     return inner - float((sheet.mass[..., None] * x * simulation.forces.gravity).sum()), inner
-
-
-def each(chosen: Sequence[Cell], seconds: float = SECONDS) -> Iterator[Outcome]:
-    for cell in chosen:
-        yield ran(cell, seconds)

@@ -111,8 +111,8 @@ STUDY = Study(
     name="splat",
     title="Splatter: its own knobs",
     about=f"The swatch with 24 ends and 18 picks at {SIZE[0]} × {SIZE[1]}, one knob at a time. References: {FINEST} × "
-    f"{FINEST} samples a pixel (quick: 4 × 4); tiles drawn to the last particle, in a pile of {LAYERS} swatches; shadow "
-    f"maps of {FINEST_MAP} texels.",
+    f"{FINEST} samples a pixel (quick: 4 × 4); tiles drawn to the last particle, in a pile of {LAYERS} swatches; "
+    f"shadow maps of {FINEST_MAP} texels.",
     error=Axis("picture error, rms", "of 255", 1.0),
     time=Axis("CPU time of a picture", "ms", 1e3),
     rows=rows,

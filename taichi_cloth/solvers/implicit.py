@@ -55,7 +55,7 @@ PUSH = 1.0e4
 
 SHARE = 1.0e-5
 """Least stiffness of a body as a share of a key point's own springs. Where these are far the stiffer, the depth that is
-taken away after a step would stretch them: 370 J were made at 10⁸ × cotton. Much more than this, and Newton stands still."""
+taken away after a step would stretch them: 370 J were made at 10⁸ × cotton. With 10⁻³ Newton stood still."""
 
 GAIN = 1.0e-3
 """Share of its energy that a step of second order may make before it is taken by Euler: it is as large in smooth
