@@ -89,7 +89,7 @@ class Simulation:
 
     def _check_rounding(self) -> None:
         here = self.positions[self.sheet.present]
-        rounding = self.solver.rounding(float(np.abs(here).max()))
+        rounding = self.solver.rounding(float(np.sqrt(np.mean(np.spacing(np.abs(here)).astype(np.float64) ** 2))))
         size = float(np.linalg.norm(np.ptp(self.sheet.flat(), axis=(0, 1))))
         absolute, share = LARGEST_ROUNDING
         allowed = min(absolute, share * sqrt(9.81 * size))

@@ -29,8 +29,8 @@ class Solver(ABC):
         """What else the motion depends on: a saved state is of a solver with the same."""
         return ()
 
-    def rounding(self, reach: float) -> float:
-        """Speed [m/s] that key points get from rounding, where coordinates are as large as `reach` [m]."""
+    def rounding(self, ulp: float) -> float:
+        """Speed [m/s] that key points get from rounding coordinates whose neighbouring numbers are `ulp` [m] apart."""
         return 0.0
 
     @abstractmethod

@@ -99,14 +99,13 @@ def longest_step(frequency: float, *, fibre_damping: float = 0.0, air_damping: f
     return step
 
 
-def rounding_speed(step: float, reach: float, *, air_damping: float = 0.0, fibre_damping: float = 0.0) -> float:
+def rounding_speed(step: float, ulp: float, *, air_damping: float = 0.0, fibre_damping: float = 0.0) -> float:
     """Root mean square speed [m/s] that key points get from positions in float32, where the step is short.
 
-    Rounding throws a position off by ε = ulp(reach)/√12, so that springs with ω h ≈ 1.8 kick it by ω² ε h = 3.2 ε/h in
-    each step, at random; what is damped at a rate c keeps the kicks of 1/(2 c h) steps. The factor 1.1 is measured: at
-    steps of 7 to 0.2 µs the formula was within 10 %. reach: largest coordinate [m]. The motion is as fast as the
-    quickest waves and therefore as small as the rounding, but it is energy, and contact feels it.
+    Rounding throws a position off by ε = ulp/√12; springs with ω h ≈ 1.8 then kick it by ω² ε h = 3.2 ε/h in each
+    step, at random; what is damped at a rate c keeps the kicks of 1/(2 c h) steps. ulp: distance of neighbouring numbers
+    at the coordinates, root mean square [m]. The motion is as fast as the quickest waves and therefore as small as the
+    rounding, but it is energy, and contact feels it.
     """
-    epsilon = float(np.spacing(np.float32(reach))) / sqrt(12)
     rate = max(air_damping, STILLEST) + 2 * fibre_damping / step**2
-    return 1.1 * epsilon / step * sqrt(max(1.0, 1 / (2 * rate * step)))
+    return 3.2 * ulp / sqrt(12) / step * sqrt(max(1.0, 1 / (2 * rate * step)))

@@ -104,9 +104,9 @@ class Verlet(Solver):
     def _take(self, step: float) -> None:
         self._numbers = Numbers(**_numbers(self.sheet, self._forces, step))
 
-    def rounding(self, reach: float) -> float:
+    def rounding(self, ulp: float) -> float:
         m = self.sheet.material
-        return rounding_speed(self.step, reach, air_damping=m.air_damping, fibre_damping=m.fibre_damping)
+        return rounding_speed(self.step, ulp, air_damping=m.air_damping, fibre_damping=m.fibre_damping)
 
     def unchecked(self, step: float, substeps: int) -> "Verlet":
         """The same with any step [s], stable or not, to find by experiment where the limit is. Without passes, which
