@@ -103,8 +103,8 @@ def rounding_speed(step: float, ulp: float, *, air_damping: float = 0.0, fibre_d
     """Root mean square speed [m/s] that key points get from positions in float32, where the step is short.
 
     Rounding throws a position off by ε = ulp/√12; springs with ω h ≈ 1.8 then kick it by ω² ε h = 3.2 ε/h in each
-    step, at random; what is damped at a rate c keeps the kicks of 1/(2 c h) steps. ulp: distance of neighbouring numbers
-    at the coordinates, root mean square [m]. The motion is as fast as the quickest waves and therefore as small as the
+    step, at random; what is damped at a rate c keeps the kicks of 1/(2 c h) steps. ulp: between neighbouring numbers at
+    the coordinates, root mean square [m]. The motion is as fast as the quickest waves and therefore as small as the
     rounding, but it is energy, and contact feels it.
     """
     rate = max(air_damping, STILLEST) + 2 * fibre_damping / step**2

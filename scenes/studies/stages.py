@@ -1,0 +1,150 @@
+"""Pay only for what is used: what each built-in scene builds, and what each thing it leaves out would cost it."""
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+from taichi_cloth.errors import InputError
+
+from ..load import built_in_scenes, load_scene
+from ..schema import Scene
+from .page import Section, csv_text
+from .stage_probe import Probe
+
+__all__ = ["FORCED", "StageRow", "probed", "section"]
+
+SIZE = "320x240"
+QUICK = ("yarn",)
+CLOTH, ALL = ("cloth",), ("fabric", "cloth", "yarn", "fibre", "twist")
+
+FORCED: dict[str, tuple[tuple[str, ...], Callable[[Scene], bool], tuple[str, ...]]] = {
+    "wind": (CLOTH, lambda s: bool(s.forces and s.forces.wind), ("forces.wind.velocity_m_per_s=[0, 0, 0]",)),
+    "ball": (
+        CLOTH,
+        lambda s: bool(s.forces and s.forces.sphere),
+        ("forces.sphere.centre_m=[0, -99, 0]", "forces.sphere.radius_m=0.1"),
+    ),
+    "plane": (
+        CLOTH,
+        lambda s: bool(s.forces and s.forces.plane),
+        ("forces.plane.height_m=-99", "stage.ground=false"),
+    ),
+    "fibre damping": (
+        CLOTH,
+        lambda s: bool(s.cloth and s.cloth.properties.fibre_damping_ms),
+        ("cloth.properties.fibre_damping_ms=1e-6",),
+    ),
+    "rim light": (ALL, lambda s: s.light.rim_strength > 0, ("light.rim_strength=1e-6",)),
+    "floor": (("yarn", "fibre", "twist"), lambda s: s.stage.ground is not None, ("stage.ground=true",)),
+}
+"""What can be forced on: the subjects it is for, whether a scene has it, and the overrides that turn it on where it
+changes nothing that is seen."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class StageRow:
+    """A scene as it is (forced: ""), or with something it has no use for. As `Probe`; stages: in one text."""
+
+    scene: str
+    forced: str
+    kernels: int
+    field_bytes: int
+    frame_ms: float
+    picture_s: float
+    stages: str
+
+
+def probed(name: str, overrides: tuple[str, ...] = (), cache: str | None = None) -> Probe:
+    """A scene in a process of its own. cache: folder of Taichi's compiled kernels instead of the usual one. Raises
+    InputError with what the process said last where it fails."""
+    environment = os.environ | ({"TI_OFFLINE_CACHE_FILE_PATH": cache} if cache else {})
+    command = [
+        sys.executable,
+        "-m",
+        "taichi_cloth.scenes.studies.stage_probe",
+        str(time.time()),
+        SIZE,
+        name,
+        *overrides,
+    ]
+    done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
+    if done.returncode:
+        raise InputError(f"report: {name} {' '.join(overrides)}: {done.stderr.strip().splitlines()[-1]}")
+    return Probe(**json.loads(done.stdout.splitlines()[-1]))
+
+
+def _rows(names: list[str]) -> Iterator[StageRow]:
+    for name in names:
+        scene = load_scene(name)
+        settings = [("", ())]
+        settings += [
+            (what, changes)
+            for what, (subjects, has, changes) in FORCED.items()
+            if scene.subject in subjects and not has(scene)
+        ]
+        for what, changes in settings:
+            found = probed(name, changes)
+            yield StageRow(
+                scene=name,
+                forced=what,
+                kernels=found.kernels,
+                field_bytes=found.bytes,
+                frame_ms=1e3 * found.frame_s,
+                picture_s=found.picture_s,
+                stages=", ".join(found.stages),
+            )
+
+
+def _start_up() -> list[str]:
+    """Import alone, and the first picture of the swatch with cold and warm caches of kernels."""
+    code = "import time; t = time.perf_counter(); import taichi_cloth; print(time.perf_counter() - t)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    out = [f"import taichi_cloth: {float(done.stdout):.3f} s, without Taichi (wanted: under 0.5 s)."]
+    with tempfile.TemporaryDirectory() as folder:
+        for state, wanted in (("cold", 30), ("warm", 5)):
+            p = probed("swatch", cache=folder)
+            out.append(
+                f"First picture of the swatch, {state} kernel cache: {p.picture_s:.1f} s "
+                f"(wanted: under {wanted} s): Python and imports {p.import_s:.1f}, plan and start of Taichi "
+                f"{p.start_s - p.import_s:.1f}, fabric {p.build_s - p.start_s:.1f}, light and picture with kernels "
+                f"{p.picture_s - p.build_s:.1f}."
+            )
+    return out
+
+
+def section(quick: bool, say: Callable[[str], object]) -> Section:
+    """The table of scenes."""
+    names = [n for n in built_in_scenes() if (n in QUICK if quick else load_scene(n).subject != "garment")]
+    rows: list[StageRow] = []
+    for row in _rows(names):
+        rows.append(row)
+        say(f"stages: {row.scene} {row.forced}")
+    plain = {row.scene: row for row in rows if not row.forced}
+    table = []
+    for row in rows:
+        less = plain[row.scene]
+        more = (
+            f"+{row.kernels - less.kernels} kernels, {(row.field_bytes - less.field_bytes) / 1e6:+.2f} MB, "
+            f"frame {row.frame_ms - less.frame_ms:+.1f} ms"
+        )
+        numbers = (f"{row.kernels}", f"{row.field_bytes / 1e6:.2f}", f"{row.frame_ms:.1f}")
+        table.append(
+            (row.scene, f"with {row.forced}" if row.forced else "", *numbers, more if row.forced else row.stages)
+        )
+    return Section(
+        name="stages",
+        title="Pay only for what a scene uses",
+        about=f"Each scene in a process of its own, one thread, pictures of {SIZE.replace('x', ' × ')} px; below it "
+        "the same scene with something it has no use for forced on where it changes nothing that is seen: what leaving "
+        "it out saves. Garments are left out: dressing takes minutes. Kernels: compiled or loaded, each variant once. Fields: of Taichi, most of them the picture's and "
+        "the particles'. A frame: moved where it moves, and drawn; median of three, wall time.",
+        sentences=_start_up(),
+        head=("scene", "forced on", "kernels", "fields [MB]", "a frame [ms]", "built, or what it costs"),
+        table=table,
+        csv=csv_text(rows),
+    )
