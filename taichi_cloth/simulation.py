@@ -29,7 +29,7 @@ LARGEST_STRETCH = 1.0
 """Strain of a thread beyond which a run is stopped: twice its length. No cloth comes near it and stays whole. One that
 starts longer may stay as long."""
 
-LARGEST_ROUNDING = (0.5, 0.2)
+LARGEST_ROUNDING = (0.5, 0.1)
 """Speed of a solver's rounding up to which a run is allowed: [m/s], and as a share of √(g L) of the sheet's size L,
 about how fast it swings."""
 FARTHEST = 1e9

@@ -17,6 +17,9 @@ __all__ = ["draw", "require_matplotlib"]
 COLOURS = ("#c0392b", "#1f4e9c", "#2f8f4e", "#e08e2b", "#7d4fa6", "#5fa8e8", "#8a5a16", "#444444")
 MARKERS = ("o", "s", "^", "D", "v", "P", "<", ">")
 WIDTH, HEIGHT = 5.6, 4.0  # of a panel [inch]
+LEAST = 4.0
+"""Ratio of the ends of an axis at least, so that noise does not look like much."""
+
 LABELLED = 9
 """Points of a panel up to which each is named."""
 
@@ -62,7 +65,7 @@ def draw(study: Study, rows: Sequence[Row]) -> bytes:
 
 
 def _panel(axis: Any, study: Study, lines: dict[str, list[Row]], methods: Sequence[str]) -> None:
-    from matplotlib.ticker import LogFormatter
+    from matplotlib.ticker import FuncFormatter, NullFormatter
 
     count = sum(len(line) for line in lines.values())
     for method, line in lines.items():
@@ -82,18 +85,30 @@ def _panel(axis: Any, study: Study, lines: dict[str, list[Row]], methods: Sequen
         for row, a, b in zip(drawn, x, y, strict=True):
             if row.default:
                 axis.plot([a], [b], "o", ms=15, mfc="none", mec="black", mew=1.4, ls="none", label="default")
-        named = range(len(drawn)) if count <= LABELLED else sorted({0, len(drawn) - 1} if drawn else ())
+        named = range(len(drawn)) if count <= LABELLED else sorted({0 if k == 0 else -1, len(drawn) - 1} - {-1})
         for n in named:
             axis.annotate(drawn[n].knob, (x[n], y[n]), (5, 5), textcoords="offset points", fontsize=7.5, color=colour)
     axis.set_xscale("log")
     axis.set_yscale("log")
     axis.margins(0.16, 0.12)
     for one in (axis.xaxis, axis.yaxis):
-        one.set_major_formatter(LogFormatter())
-        one.set_minor_formatter(LogFormatter(minor_thresholds=(1, 0.5)))
+        one.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    for one, (low, high) in ((axis.xaxis, axis.get_xlim()), (axis.yaxis, axis.get_ylim())):
+        if high / low < LEAST:
+            middle = (low * high) ** 0.5
+            low, high = middle / LEAST**0.5, middle * LEAST**0.5
+        (axis.set_xlim if one is axis.xaxis else axis.set_ylim)(low, high)
+        few = high / low < 30
+        one.set_minor_formatter(FuncFormatter(_two_or_five) if few else NullFormatter())
     axis.grid(which="major", color="0.86")
     axis.grid(which="minor", color="0.94", lw=0.6)
     axis.set_axisbelow(True)
     axis.spines[["top", "right"]].set_visible(False)
     axis.set_xlabel(study.time.label)
     axis.set_ylabel(study.error.label)
+
+
+def _two_or_five(value: float, _: int | None = None) -> str:
+    """The label of a mark between powers of ten."""
+    text = f"{value:.0e}"
+    return f"{value:g}" if text[0] in "25" else ""

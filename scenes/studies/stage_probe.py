@@ -46,7 +46,7 @@ def field_bytes() -> int:
     total = 0
     for one in gc.get_objects():
         if isinstance(one, ti.Ndarray):
-            total += 4 * prod(one.shape)
+            total += 4 * prod(one.shape or ())
         elif isinstance(one, ti.Field) and one.snode.ptr is not None:  # gradients that nobody asked for have none
             total += 4 * prod(one.shape) * (one.n * one.m if isinstance(one, ti.MatrixField) else 1)
     return total

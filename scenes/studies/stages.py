@@ -140,9 +140,10 @@ def section(quick: bool, say: Callable[[str], object]) -> Section:
         name="stages",
         title="Pay only for what a scene uses",
         about=f"Each scene in a process of its own, one thread, pictures of {SIZE.replace('x', ' × ')} px; below it "
-        "the same scene with something it has no use for forced on where it changes nothing that is seen: what leaving "
-        "it out saves. Garments are left out: dressing takes minutes. Kernels: compiled or loaded, each variant once. Fields: of Taichi, most of them the picture's and "
-        "the particles'. A frame: moved where it moves, and drawn; median of three, wall time.",
+        "the same scene with something it has no use for forced on where it changes nothing that is seen: what "
+        "leaving it out saves. Garments are left out: dressing takes minutes. Kernels: compiled or loaded, each "
+        "variant once. Fields: of Taichi, most of them the picture's and the particles'. A frame: moved where it "
+        "moves, and drawn; median of three, wall time.",
         sentences=_start_up(),
         head=("scene", "forced on", "kernels", "fields [MB]", "a frame [ms]", "built, or what it costs"),
         table=table,

@@ -46,7 +46,7 @@ class Assembly:
         ends, signs = np.concatenate([self.first, self.second]), np.repeat([-1.0, 1.0], len(springs))
         self.gather: csr_array = csr_array(coo_array((signs, (ends, np.tile(springs, 2))), (points, len(springs))))
         """(P, springs): what a pull along each spring does to the key points."""
-        self.stiffness: F64 = np.bincount(ends, np.tile(self.constant, 2), minlength=points)
+        self.stiffness: F64 = np.bincount(ends, np.tile(self.constant, 2), minlength=points).astype(np.float64)
         """(P,) of all springs at a key point together [N/m]."""
         self.bending = _bending(sheet, numbers)
         """(P, P): the hinges' energy is ½ xᵀ bending x, axis by axis."""

@@ -53,9 +53,9 @@ TOUCHING = 1.0e-5
 PUSH = 1.0e4
 """Stiffness of a body in units of m/τ²: its own weight pushes a key point g τ² / 10⁴ deep."""
 
-SHARE = 1.0e-5
-"""Least stiffness of a body as a share of a key point's own springs. Where these are far the stiffer, the depth that is
-taken away after a step would stretch them: 370 J were made at 10⁸ × cotton. With 10⁻³ Newton stood still."""
+SHARE, STIFFEST = 1.0e-2, 1.5e3
+"""A body is at least as stiff as this share of a key point's own springs, up to so many times the least: the depth that
+is taken away after a step stretches them, which made 370 J at 10⁸ × cotton. Stiffer yet, and Newton stood still."""
 
 GAIN = 1.0e-3
 """Share of its energy that a step of second order may make before it is taken by Euler: it is as large in smooth
@@ -219,12 +219,13 @@ class Implicit(Solver):
             self._air_now = air
             air = air + drag[:, None] * flow
         inertia = m * (1 + tau * damping) / tau**2 + drag / tau
-        push = np.maximum((PUSH / tau**2) * m, SHARE * springs.stiffness) * free
+        least = (PUSH / tau**2) * m
+        push = np.clip(SHARE * springs.stiffness, least, STIFFEST * least) * free
         steady = m[:, None] * (speed / tau + self._gravity) + air
         bodies = self.forces.sphere is not None or self.forces.plane is not None
         course = springs.spans(guess)[1] if lag else None
         x = guess
-        least = 1e-5 * float(np.linalg.norm(self._gravity)) * tau**2 + 1e-10
+        nearest = 1e-5 * float(np.linalg.norm(self._gravity)) * tau**2 + 1e-10
         for _ in range(ITERATIONS):
             gap, normal = self._gaps(x) if bodies else (np.zeros(0), np.zeros(0))
             grip, depth, slid = np.zeros(len(m)), np.zeros(len(m)), np.zeros_like(x)
@@ -279,9 +280,9 @@ class Implicit(Solver):
             x = x + share * move
             went = float(np.abs(move).max())  # whole: a move that a body cut short has not arrived
             if depth.any():  # the push is told from the depth: to a hundredth of a key point's own weight
-                near = 1e3 * least / PUSH
+                near = 1e3 * nearest / PUSH
             else:
-                near = self.tolerance * float(np.abs(x - start)[free].max(initial=0.0)) + least
+                near = self.tolerance * float(np.abs(x - start)[free].max(initial=0.0)) + nearest
             if went <= near:
                 return x, True
         return x, False
