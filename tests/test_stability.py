@@ -106,9 +106,9 @@ def test_rounding_grows_as_steps_shrink_and_damping_stills_it() -> None:
 
 
 def test_rounding_shakes_a_sheet_as_fast_as_predicted() -> None:
-    """A sheet of 300 × the stiffness at rest without gravity: its root mean square speed after half a second, within a
+    """A sheet of 100 × the stiffness at rest without gravity: its root mean square speed after half a second, within a
     third. All its coordinates lie in 0.26 to 0.48 m, where float32 is equally fine."""
-    sheet = small(tensile_warp=3e5, tensile_weft=3e5, shear=2e4, air_damping=4.0)
+    sheet = small(tensile_warp=1e5, tensile_weft=1e5, shear=6e3, air_damping=4.0)
     solver = Verlet(sheet, Forces(gravity=(0.0, 0.0, 0.0)))
     simulation = Simulation(sheet, solver, forces=Forces(gravity=(0.0, 0.0, 0.0)), positions=sheet.flat() + 0.26)
     for _ in range(30):

@@ -3,7 +3,8 @@
 The cloth is bent without stretch: along the direction s, 30° off the weft, its slope swings as θ sin(2π s/λ).
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from math import pi
 
@@ -25,7 +26,7 @@ from ..moving import material_of, woven_scene
 from ..prepare import prepare_fabric
 from .study import Axis, Row, Study, cpu_seconds
 
-__all__ = ["STUDY", "bent", "bilinear", "rows"]
+__all__ = ["STUDY", "bent", "bilinear", "errors", "rows"]
 
 F64 = NDArray[np.float64]
 PITCH = 1 / 78 / 4
@@ -96,6 +97,14 @@ def _frame_of_simulation(points: F64, k: int) -> float:
 
 def rows(quick: bool) -> Iterator[Row]:
     threads, ratios = (49, (2, 4, 8, 16)) if quick else (97, (3, 4, 6, 8, 12, 16, 24))
+    exact = bent(threads)
+    moving = {float(k): _frame_of_simulation(exact[::k, ::k], k) for k in ratios}
+    for row in errors(threads, ratios):
+        yield replace(row, seconds=row.seconds + moving[row.value])
+
+
+def errors(threads: int, ratios: Sequence[int]) -> Iterator[Row]:
+    """Rows of a cloth of threads × threads with a key point every so many; the time is that of following alone."""
     fabric, exact = _fabric(threads), bent(threads)
     flat = np.zeros_like(exact)
     flat[..., :2] = PITCH * np.stack(np.meshgrid(np.arange(threads), np.arange(threads)), -1)
@@ -106,17 +115,15 @@ def rows(quick: bool) -> Iterator[Row]:
     edge = MARGIN * (threads - 1) / 96 * PITCH
     place = best.cloud().position[:, :2]
     inner = ((place > edge) & (place < PITCH * (threads - 1) - edge)).all(axis=1)
-    moving = {k: _frame_of_simulation(exact[::k, ::k], k) for k in ratios}
     for method, (smooth, rule) in RULES.items():
         follower = FibreFollower(fabric, rule=rule, rest=flat)
         for k in ratios:
-            cross = (
-                partial(refine_points, exact[::k, ::k], None, k) if smooth else partial(bilinear, exact[::k, ::k], k)
+            points = exact[::k, ::k]
+            splines = partial(refine_points, points, None, k)
+            # The splines' kernel is timed for all: what lines cost in NumPy says nothing of the rule.
+            cost = cpu_seconds(splines) + cpu_seconds(
+                partial(follower.follow, splines() if smooth else bilinear(points, k))
             )
-
-            # The splines' kernel for all: what lines cost in NumPy says nothing of the rule.
-            cost = moving[k] + cpu_seconds(partial(refine_points, exact[::k, ::k], None, k))
-            cost += cpu_seconds(partial(follower.follow, cross()))
             off = ((follower.cloud().position - truth) ** 2).sum(axis=1)
             for panel, chosen in (("whole cloth", np.ones(len(off), bool)), ("away from its edges", inner)):
                 yield Row(
