@@ -68,6 +68,7 @@ def _panel(axis: Any, study: Study, lines: dict[str, list[Row]], methods: Sequen
     from matplotlib.ticker import FuncFormatter, NullFormatter
 
     count = sum(len(line) for line in lines.values())
+    first = True
     for method, line in lines.items():
         if method == study.floor:
             axis.axhline(study.error.scale * line[0].error, color="0.55", ls="--", lw=1.2, label=line[0].knob)
@@ -85,7 +86,8 @@ def _panel(axis: Any, study: Study, lines: dict[str, list[Row]], methods: Sequen
         for row, a, b in zip(drawn, x, y, strict=True):
             if row.default:
                 axis.plot([a], [b], "o", ms=15, mfc="none", mec="black", mew=1.4, ls="none", label="default")
-        named = range(len(drawn)) if count <= LABELLED else sorted({0 if k == 0 else -1, len(drawn) - 1} - {-1})
+        named = range(len(drawn)) if count <= LABELLED else sorted({0 if first else -1, len(drawn) - 1} - {-1})
+        first = False
         for n in named:
             axis.annotate(drawn[n].knob, (x[n], y[n]), (5, 5), textcoords="offset points", fontsize=7.5, color=colour)
     axis.set_xscale("log")

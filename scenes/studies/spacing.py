@@ -23,8 +23,9 @@ SWING_FRAMES = 20
 
 
 def rows(quick: bool) -> Iterator[Row]:
-    yield from _swing_rows(SWING[:4] if quick else SWING, 2)
-    yield from _hang_rows(HANG[:4] if quick else HANG, 2)
+    if not quick:
+        yield from _swing_rows(SWING, 2)
+    yield from _hang_rows(HANG[1:4] if quick else HANG, 2)
 
 
 def _swing_rows(cells: tuple[int, ...], finer: int) -> Iterator[Row]:
