@@ -101,8 +101,8 @@ def _rows(names: list[str]) -> Iterator[StageRow]:
 
 
 def _start_up(states: Sequence[tuple[str, int]]) -> list[str]:
-    """Import alone, and the first picture of the swatch in each state of the cache of kernels, with the time [s] that is
-    wanted: one after the other on the same cache, empty at first."""
+    """Import alone, and the first picture of the swatch in each state of the cache of kernels, with the time [s] that
+    is wanted: one after the other on the same cache, empty at first."""
     code = "import time; t = time.perf_counter(); import taichi_cloth; print(time.perf_counter() - t)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     out = [f"import taichi_cloth: {float(done.stdout):.3f} s, without Taichi (wanted: under 0.5 s)."]
