@@ -40,7 +40,8 @@ def kernel_count() -> int:
 
 
 def field_bytes() -> int:
-    """Of all fields and arrays of Taichi that are alive; all of them hold numbers of four bytes."""
+    """Of all fields and arrays of Taichi that are alive; all of them hold numbers of four bytes. Only in a process that
+    has started Taichi once: to ask a field of a start before is fatal."""
     import taichi as ti
 
     total = 0
