@@ -113,7 +113,8 @@ def grids_of(body: Body) -> tuple[DistanceGrid, ...]:
     made_of = digest(VERSION, GRID_SPACING, body.vertices, body.faces)
 
     def make() -> dict[str, NDArray]:
-        return {f"{g.part} {what}": getattr(g, what) for g in grids_at(body, GRID_SPACING) for what in ("values", "origin")}
+        made = grids_at(body, GRID_SPACING)
+        return {f"{g.part} {what}": getattr(g, what) for g in made for what in ("values", "origin")}
 
     arrays, _ = kept("grids", made_of, make)
     names = [key.removesuffix(" values") for key in arrays if key.endswith(" values")]
@@ -133,7 +134,7 @@ def grids_at(body: Body, spacing: float) -> tuple[DistanceGrid, ...]:
     """A grid of distances for each part of a body, carried by its bone. spacing [m]."""
     found = segment(body.vertices, body.faces)
     parts = [(name, body.skeleton.index(PART_JOINTS[name])) for name in found.names]
-    return tuple(part_grids(body.vertices, body.faces, found.labels, parts, spacing=spacing))
+    return part_grids(body.vertices, body.faces, found.labels, parts, spacing=spacing)
 
 
 SKIN = 0.6
