@@ -157,7 +157,8 @@ def test_plan_says_what_moves(name: str) -> None:
     assert not {stage.name: stage for stage in mesh.stages}["fibre blocks"].built
 
 
-@pytest.mark.parametrize("n", [21, pytest.param(79, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("n", [21, 79])
 def test_a_settled_drape_stays_out_of_the_ball_and_hardly_stretches(n: int) -> None:
     """Real cotton, dropped: it has come to rest, no key point is deeper than 1 mm in the ball, no thread longer by
     3 % than it was."""

@@ -89,6 +89,7 @@ def patches(cells: np.ndarray) -> Sheet:
     return Sheet.of_cells(cells, material=material, springs=calibrate(material, spacing_x=0.01, spacing_y=0.01))
 
 
+@pytest.mark.slow
 def test_what_spares_a_bone_falls_through_it():
     """Two patches over one table: one lies on it, the other falls as if there were none, in blocks of 8 that both
     share."""

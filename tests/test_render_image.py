@@ -136,6 +136,7 @@ def test_sprites_come_from_the_alpha_of_pngs(tmp_path: Path) -> None:
         SpriteSheet(np.full((1, 4, 4), 2.0))
 
 
+@pytest.mark.slow
 def test_small_textured_splats_keep_their_coverage() -> None:
     """A far splat reads a coarse level of its sprite, so that nothing flickers between the texels."""
     sheet = SpriteSheet(soft_sprite(64)[None])

@@ -152,7 +152,7 @@ print(field_bytes() - held, kernel_count() - kernels)
 
 def test_fields_and_kernels_are_counted() -> None:
     """In a process that started Taichi once: fields of another start are gone, and asking them is fatal."""
-    done = subprocess.run([sys.executable, "-c", COUNTED], capture_output=True, text=True, check=True)
+    done = subprocess.run([sys.executable, "-P", "-c", COUNTED], capture_output=True, text=True, check=True)
     held, kernels = (int(number) for number in done.stdout.split()[-2:])
     assert held == 4 * (250 + 21 + 16)
     assert kernels >= 1

@@ -155,6 +155,7 @@ def command(out: Path, *more: str, **options: Any) -> subprocess.CompletedProces
     return subprocess.run(arguments, cwd=out.parent, capture_output=True, text=True, timeout=300, **options)
 
 
+@pytest.mark.slow
 def test_the_same_command_gives_the_same_bytes_on_any_number_of_threads(tmp_path: Path) -> None:
     runs = {1: tmp_path / "one", 3: tmp_path / "three"}
     for threads, folder in runs.items():

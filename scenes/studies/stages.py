@@ -65,6 +65,7 @@ def probed(name: str, overrides: tuple[str, ...] = (), cache: str | None = None)
     environment = os.environ | ({"TI_OFFLINE_CACHE_FILE_PATH": cache} if cache else {})
     command = [
         sys.executable,
+        "-P",
         "-m",
         "taichi_cloth.scenes.studies.stage_probe",
         str(time.time()),
@@ -104,7 +105,7 @@ def _start_up(states: Sequence[tuple[str, int]]) -> list[str]:
     """Import alone, and the first picture of the swatch in each state of the cache of kernels, with the time [s] that
     is wanted: one after the other on the same cache, empty at first."""
     code = "import time; t = time.perf_counter(); import taichi_cloth; print(time.perf_counter() - t)"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    done = subprocess.run([sys.executable, "-P", "-c", code], capture_output=True, text=True, check=True)
     out = [f"import taichi_cloth: {float(done.stdout):.3f} s, without Taichi (wanted: under 0.5 s)."]
     with tempfile.TemporaryDirectory() as folder:
         for state, wanted in states:
