@@ -1,5 +1,6 @@
 """Runs that can be gone on with: the state of every frame is kept in the folder of its pictures."""
 
+from abc import ABC, abstractmethod
 from pathlib import Path
 
 from taichi_cloth.simulation import Simulation
@@ -10,15 +11,15 @@ STATE = "state.npz"
 """Where a sequence keeps the state of its last frame."""
 
 
-class KeptRun:
+class KeptRun(ABC):
     """Base of models that move by a simulation: a step to any frame, and the state on disk once `keep` was called."""
 
     simulation: Simulation
     _kept: Path | None = None
 
+    @abstractmethod
     def at_start(self) -> Simulation:
         """The simulation at frame 0, made anew."""
-        raise NotImplementedError
 
     def keep(self, folder: Path, first: int) -> None:
         """Keep the state of every frame in a folder, and go on from the one there unless it is beyond frame `first`.

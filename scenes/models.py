@@ -113,8 +113,12 @@ class FabricModel:
         """A fabric at rest does not move."""
 
     def panels(self) -> list[Panel]:
-        cloud = self.fabric.cloud(self.points)
-        return [Panel(_particles(cloud), cloud.position, numbers=self.numbers)]
+        particles = self.particles()
+        return [Panel(particles, particles.position, numbers=self.numbers)]
+
+    def particles(self) -> Particles:
+        """All of the fabric's."""
+        return _particles(self.fabric.cloud(self.points))
 
     def numbers(self) -> Numbers:
         """Yarn: the warp ends, then the weft picks, each in the draft's order. Part: 0 warp, 1 weft."""

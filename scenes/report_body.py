@@ -7,12 +7,9 @@ in it, Philox by a fixed seed. Times are CPU time of one thread, medians.
 # matplotlib is an extra.
 # pyright: reportMissingImports=false
 
-import csv
-import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from statistics import median
 
 import numpy as np
 import trimesh
@@ -30,6 +27,7 @@ from taichi_cloth.body.skinning import Body
 from taichi_cloth.errors import InputError
 
 from .body_fit import BONES
+from .studies.study import cpu_seconds
 
 __all__ = [
     "COUNTS",
@@ -37,10 +35,11 @@ __all__ = [
     "QueryRow",
     "body_rows",
     "draw_rows",
+    "exact_distance",
     "exact_rows",
     "garment_points",
+    "grid_distance",
     "query_lines",
-    "write_rows",
 ]
 
 F64 = NDArray[np.float64]
@@ -85,6 +84,20 @@ def garment_points(body: Body, count: int = POINTS, *, seed: int = 5) -> F64:
     return points + chance.uniform(-NEAR, NEAR, (count, 1)) * normal
 
 
+def exact_distance(mesh: trimesh.Trimesh, points: F64) -> F64:
+    """Signed distance (n,) [m] from a mesh, positive outside, by trimesh. Raises InputError where what it needs is
+    missing."""
+    try:
+        return -np.asarray(trimesh.proximity.signed_distance(mesh, points))
+    except ImportError as error:
+        raise InputError(f"comparison: {error}; install it with: pip install taichi-cloth[report]") from None
+
+
+def grid_distance(grids: Sequence[DistanceGrid], points: F64) -> F64:
+    """Signed distance (n,) [m] from what several grids stand for together."""
+    return np.min([grid.at(points)[0] for grid in grids], axis=0)
+
+
 def body_rows(body: Body, counts: Sequence[int] = COUNTS) -> list[BodyRow]:
     """A fit for each count, measured. Taichi must have been started. Some ten seconds of CPU time each."""
     faces = body.faces.astype(np.int64)
@@ -103,7 +116,7 @@ def body_rows(body: Body, counts: Sequence[int] = COUNTS) -> list[BodyRow]:
                 max_mm=report.whole.max_mm,
                 back_mean_mm=report.exposed_mean_mm,
                 back_p95_mm=report.exposed_p95_mm,
-                query_ns=1e9 * _cost(lambda query=query: query(points)) / len(points),
+                query_ns=1e9 * cpu_seconds(lambda query=query: query(points), RUNS) / len(points),
             )
         )
     return rows
@@ -117,22 +130,14 @@ def exact_rows(
     InputError where what trimesh needs is missing."""
     points = garment_points(body)
     mesh = trimesh.Trimesh(body.vertices, body.faces, process=False)
-    try:
-        exact = -np.asarray(trimesh.proximity.signed_distance(mesh, points))  # positive outside
-    except ImportError as error:
-        raise InputError(f"comparison: {error}; install it with: pip install taichi-cloth[report]") from None
+    exact = exact_distance(mesh, points)
     query = PrimitiveQuery(primitives)
-
-    def of_grids() -> F64:
-        return np.min([grid.at(points)[0] for grid in grids], axis=0)
-
     rays = type(mesh.ray).__module__.rsplit(".", 1)[-1]
     ways: list[tuple[str, Callable[[], NDArray]]] = [
         (f"{len(primitives)} primitives, all of them, kernel", lambda: query(points)[0]),
         (f"{len(primitives)} primitives, all of them, numpy", lambda: nearest_distance(primitives, points)[0]),
-        *([(f"{len(grids)} distance grids, numpy", of_grids)] if grids else []),
-        (f"mesh of {len(mesh.faces):,} faces, trimesh with {rays}",
-         lambda: -np.asarray(trimesh.proximity.signed_distance(mesh, points))),
+        *([(f"{len(grids)} distance grids, numpy", lambda: grid_distance(grids, points))] if grids else []),
+        (f"mesh of {len(mesh.faces):,} faces, trimesh with {rays}", lambda: exact_distance(mesh, points)),
     ]  # fmt: skip
     rows = []
     for way, ask in ways:
@@ -140,7 +145,7 @@ def exact_rows(
         rows.append(
             QueryRow(
                 way=way,
-                us=1e6 * _cost(ask, runs if "mesh" not in way else 1) / len(points),
+                us=1e6 * cpu_seconds(ask, runs if "mesh" not in way else 1) / len(points),
                 mean_mm=float(off.mean()),
                 p95_mm=float(np.quantile(off, 0.95)),
             )
@@ -152,26 +157,6 @@ def query_lines(rows: Sequence[QueryRow]) -> list[str]:
     """A table to print."""
     head = f"{POINTS:,} points within {1e3 * NEAR:g} mm of the skin{'':<13}{'µs a point':>12}{'mean':>10}{'95 %':>9}"
     return [head, *(f"{r.way:<48}{r.us:>12.3f}{r.mean_mm:>7.2f} mm{r.p95_mm:>6.2f} mm" for r in rows)]
-
-
-def _cost(work: Callable[[], object], runs: int = RUNS) -> float:
-    """Median CPU time [s], after a first run that compiles."""
-    work()
-    times = []
-    for _ in range(runs):
-        before = time.process_time()
-        work()
-        times.append(time.process_time() - before)
-    return median(times)
-
-
-def write_rows(rows: Sequence[BodyRow | QueryRow], path: Path | str) -> None:
-    """Rows as CSV with a head."""
-    with Path(path).open("w", newline="") as file:
-        writer = csv.DictWriter(file, list(asdict(rows[0])))
-        writer.writeheader()
-        for row in rows:
-            writer.writerow({k: f"{v:.5g}" if isinstance(v, float) else v for k, v in asdict(row).items()})
 
 
 def draw_rows(rows: Sequence[BodyRow], path: Path | str) -> None:

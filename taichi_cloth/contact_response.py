@@ -18,6 +18,7 @@ When they meet each takes what the others know of the rows around its own (`shar
 # pyright: reportOptionalCall=false, reportOperatorIssue=false, reportGeneralTypeIssues=false, reportCallIssue=false
 
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 import taichi as ti
@@ -42,18 +43,9 @@ TURNING = 0.25  # share of the slip that may become approach meanwhile
 
 
 @lru_cache(maxsize=16)
-def response(
-    generation: int,
-    size: int,
-    strips: int,
-    capacity: int,
-    kinds: tuple[int, ...],
-    long_steps: bool,
-    nodes: int,
-    sparing: bool,
-):
-    """Fields and functions for grids and bodies of that size. generation: of the Taichi runtime."""
-    return Response(size, strips, capacity, kinds, long_steps, nodes, sparing)
+def response(generation: int, *made_of: Any) -> "Response":
+    """Fields and functions for grids and bodies: a `Response` of these. generation: of the Taichi runtime."""
+    return Response(*made_of)
 
 
 @ti.data_oriented
@@ -248,21 +240,6 @@ class Response(BodySurface):
         for k in range(q + 1, q + LANES):
             most = ti.max(most, self.scratch[k])
         return most >= 0.0
-
-    @ti.func
-    def turned(self, i, age):
-        """Rotation of primitive i over some substeps, to second order."""
-        t = age * self.vector(i, SHAPE + 12)
-        half = 0.5 * t
-        x, y, z = t[0] * half[0], t[1] * half[1], t[2] * half[2]
-        xy, yz, zx = t[0] * half[1], t[1] * half[2], t[2] * half[0]
-        return ti.Matrix(
-            [
-                [1.0 - y - z, xy - t[2], zx + t[1]],
-                [xy + t[2], 1.0 - z - x, yz - t[0]],
-                [zx - t[1], yz + t[0], 1.0 - x - y],
-            ]
-        )
 
     @ti.func
     def merge(self, work: Template, at, strip, b, kept, new):

@@ -77,6 +77,21 @@ class BodySurface:
         return ti.Vector([self.pose[p * POSE + k], self.pose[p * POSE + k + 1], self.pose[p * POSE + k + 2]])
 
     @ti.func
+    def turned(self, i, age):
+        """Rotation of primitive i over some substeps, to second order."""
+        t = age * self.vector(i, SHAPE + 12)
+        half = 0.5 * t
+        x, y, z = t[0] * half[0], t[1] * half[1], t[2] * half[2]
+        xy, yz, zx = t[0] * half[1], t[1] * half[2], t[2] * half[0]
+        return ti.Matrix(
+            [
+                [1.0 - y - z, xy - t[2], zx + t[1]],
+                [xy + t[2], 1.0 - z - x, yz - t[0]],
+                [zx - t[1], yz + t[0], 1.0 - x - y],
+            ]
+        )
+
+    @ti.func
     def follow(self, strip, done):
         """Poses at the end of substep `done`: anchors on a line, axes turned about one vector (Rodrigues)."""
         for i in range(int(self.setting[0])):

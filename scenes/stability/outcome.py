@@ -8,7 +8,7 @@ from taichi_cloth.errors import InputError, Unstable
 
 from ...render.errors import RenderError
 
-__all__ = ["NEITHER", "REFUSED", "STABLE", "Outcome", "tried"]
+__all__ = ["NEITHER", "REFUSED", "STABLE", "Outcome", "refused", "tried"]
 
 STABLE, REFUSED, NEITHER = "stable", "refused", "NEITHER"
 
@@ -41,13 +41,17 @@ class Outcome:
 HEAD = ("part", "case", "verdict", "energy made", "stretch", "recovered", "what it says")
 
 
+def refused(part: str, what: str, error: Exception, seconds: float = nan) -> Outcome:
+    """A case that one of our own errors has ended."""
+    return Outcome(part=part, what=what, verdict=REFUSED, line=" ".join(str(error).split()), seconds=seconds)
+
+
 def tried(part: str, what: str, work: Callable[[], str | None]) -> Outcome:
     """A case that either works, and may say how, or is refused with one line. work raises AssertionError, or anything
     that is no error of ours, where it is neither."""
     try:
         return Outcome(part=part, what=what, verdict=STABLE, line=work() or "")
     except (InputError, RenderError, Unstable) as error:
-        line = " ".join(str(error).split())
-        return Outcome(part=part, what=what, verdict=REFUSED, line=line)
+        return refused(part, what, error)
     except Exception as error:  # whatever it is, it is no line for a person: the table says so
         return Outcome(part=part, what=what, verdict=NEITHER, line=f"{type(error).__name__}: {error}")

@@ -23,7 +23,7 @@ from taichi_cloth.solvers.implicit import Implicit
 from taichi_cloth.solvers.verlet import Verlet
 from taichi_cloth.springs import calibrate
 
-from .outcome import NEITHER, REFUSED, STABLE, Outcome
+from .outcome import NEITHER, STABLE, Outcome, refused
 
 __all__ = ["SOLVERS", "STARTS", "Cell", "cells", "ran"]
 
@@ -183,11 +183,10 @@ def ran(cell: Cell, seconds: float = SECONDS) -> Outcome:
         )
         pins = (Pins(sheet.pinned),) if sheet.pinned.any() else ()
         simulation = Simulation(sheet, solver, forces=forces, positions=x, velocities=velocity, pins=pins)
-        energies, largest = [_energy(simulation)], 0.0
+        energies = [_energy(simulation)]
         for _ in range(round(seconds / cell.frame)):
             simulation.step()
-            total, inner = _energy(simulation)
-            energies.append((total, inner))
+            energies.append(_energy(simulation))
         reach = float(np.abs(x).max())
         largest = max(inner for _, inner in energies)
         totals = np.array([total for total, _ in energies])
@@ -196,8 +195,7 @@ def ran(cell: Cell, seconds: float = SECONDS) -> Outcome:
         stretch = float(max(part.max() for part in sheet.stretch(simulation.positions)))
         speed = float(np.linalg.norm(sheet.steps(simulation.state), axis=-1).mean()) / solver.step
     except (InputError, Unstable) as error:
-        spent = time.process_time() - begin
-        return Outcome(part=part, what=cell.what, verdict=REFUSED, line=" ".join(str(error).split()), seconds=spent)
+        return refused(part, cell.what, error, time.process_time() - begin)
     if cell.start in WORKING:
         drift = nan
     strain = np.concatenate([np.abs(part).ravel() for part in sheet.stretch(simulation.positions)])

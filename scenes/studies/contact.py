@@ -10,13 +10,12 @@ from numpy.typing import NDArray
 from taichi_cloth.body.build import built_in_body
 from taichi_cloth.body.distance import nearest_distance
 from taichi_cloth.body.fit import fit
-from taichi_cloth.body.grid import DistanceGrid
 from taichi_cloth.body.primitives import Primitive
 from taichi_cloth.body.query import PrimitiveQuery
 from taichi_cloth.body.segment import segment
 
 from ..body_fit import BONES
-from ..report_body import POINTS, garment_points
+from ..report_body import POINTS, exact_distance, garment_points, grid_distance
 from ..standing import GRID_SPACING, grids_at, primitives_of
 from .study import Axis, Row, Study, cpu_seconds
 
@@ -33,7 +32,7 @@ def rows(quick: bool) -> Iterator[Row]:
     faces = body.faces.astype(np.int64)
     points = garment_points(body, 2000 if quick else POINTS)
     mesh = trimesh.Trimesh(body.vertices, faces, process=False)
-    exact = -np.asarray(trimesh.proximity.signed_distance(mesh, points))  # positive outside
+    exact = exact_distance(mesh, points)
     runs = 1 if quick else 3
 
     def both(method: str, knob: str, value: float, found: F64, cost: float, usual: bool = False) -> Iterator[Row]:
@@ -49,7 +48,7 @@ def rows(quick: bool) -> Iterator[Row]:
                 default=usual,
             )
 
-    cost = cpu_seconds(lambda: trimesh.proximity.signed_distance(mesh, points), 1)
+    cost = cpu_seconds(lambda: exact_distance(mesh, points), 1)
     yield from both("the mesh, trimesh: exact", f"{len(faces):,} triangles", nan, exact, cost)
     ready = list(primitives_of(body))
     sets: list[list[Primitive]] = []
@@ -66,13 +65,9 @@ def rows(quick: bool) -> Iterator[Row]:
         yield from both("primitives, NumPy", knob, value, found, cost)
     for spacing in SPACINGS[:2] if quick else SPACINGS:
         grids = grids_at(body, spacing)
-        cost = cpu_seconds(lambda grids=grids: _nearest(grids, points), runs)
+        cost = cpu_seconds(lambda grids=grids: grid_distance(grids, points), runs)
         knob, usual = f"{1e3 * spacing:g} mm", spacing == GRID_SPACING
-        yield from both("a grid a part, NumPy", knob, spacing, _nearest(grids, points), cost, usual)
-
-
-def _nearest(grids: tuple[DistanceGrid, ...], points: F64) -> F64:
-    return np.min([grid.at(points)[0] for grid in grids], axis=0)
+        yield from both("a grid a part, NumPy", knob, spacing, grid_distance(grids, points), cost, usual)
 
 
 STUDY = Study(

@@ -5,15 +5,14 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_cloth.blocks import build_fabric
 from taichi_cloth.fabric import pose_points
 
 from ...render.camera import Camera, frame
 from ...render.image import linear_to_srgb
 from ...render.light import Lighting
-from ...render.particles import Particles
 from ...render.splat import Splatter
 from ..load import load_scene
+from ..models import FabricModel
 from ..prepare import prepare_fabric
 from ..view import finish_of, lighting_of
 
@@ -31,19 +30,9 @@ class Swatch:
     def __init__(self, *changes: str) -> None:
         ends, picks = THREADS
         self.scene = load_scene(SCENE, [f"weave.ends={ends}", f"weave.picks={picks}", *changes])
-        self.layout = prepare_fabric(self.scene).layout
-        section = self.scene.fabric
-        assert section is not None
-        cloud = build_fabric(self.layout).cloud(pose_points(self.layout, section.pose, amount=section.pose_amount))
-        self.particles = Particles(
-            position=cloud.position,
-            radius=cloud.radius,
-            colour=cloud.colour,
-            tangent=cloud.tangent,
-            normal=cloud.normal,
-            half_length=cloud.half_length,
-            openness=cloud.openness,
-        )
+        model = FabricModel(self.scene, prepare_fabric(self.scene))
+        self.layout = model.prepared.layout
+        self.particles = model.particles()
         self.lighting: Lighting = lighting_of(self.scene)
         self.finish = finish_of(self.scene)
 

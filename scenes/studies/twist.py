@@ -23,14 +23,15 @@ def rows(quick: bool) -> Iterator[Row]:
     """Largest error of both zones' twist over the times asked for, as a share of the final twist s/V."""
     runs = 3 if quick else 15
     for panel, (a, b) in ZONES.items():
-        truth = np.array(transient_twist(TIMES, a_m=a, b_m=b, speed_m_s=SPEED, spin_turns_s=SPIN))
+        machine = {"a_m": a, "b_m": b, "speed_m_s": SPEED, "spin_turns_s": SPIN}
+        truth = np.array(transient_twist(TIMES, **machine))
         usual = DEFAULT * min(a, b) / SPEED
 
         def off(found: object, truth: np.ndarray = truth) -> float:
             return float(np.abs(np.asarray(found) - truth).max()) / (SPIN / SPEED)
 
         for step in sorted({*(STEPS[:5] if quick else STEPS), usual}, reverse=True):
-            solve = partial(zone_twist, TIMES, a_m=a, b_m=b, speed_m_s=SPEED, spin_turns_s=SPIN, max_step_s=step)
+            solve = partial(zone_twist, TIMES, **machine, max_step_s=step)
             got = solve()
             yield Row(
                 panel=panel,
@@ -42,17 +43,7 @@ def rows(quick: bool) -> Iterator[Row]:
                 default=step == usual,
             )
         for step in STEPS[1:4] if quick else STEPS[1:6]:
-            along = partial(
-                twist_field,
-                TIMES,
-                a_m=a,
-                b_m=b,
-                speed_m_s=SPEED,
-                spin_turns_s=SPIN,
-                inertia_kg_m=0.0,
-                stiffness_n_m2=1e-9,
-                max_step_s=step,
-            )
+            along = partial(twist_field, TIMES, **machine, inertia_kg_m=0.0, stiffness_n_m2=1e-9, max_step_s=step)
             field = along()
             yield Row(
                 panel=panel,

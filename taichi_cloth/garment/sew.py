@@ -79,7 +79,7 @@ class Garment:
     def sewn(self) -> NDArray[np.bool_]:
         """Key points (rows, cols) that the seams join."""
         nodes, weights = self.seams()
-        out = np.zeros((self.atlas.cells.shape[0] + 1, self.atlas.cells.shape[1] + 1), bool)
+        out = np.zeros(self.atlas.shape, bool)
         out[tuple(nodes[weights != 0].T)] = True
         return out
 
