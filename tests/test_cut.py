@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from figures import plain_figure
 
-from taichi_cloth import runtime
 from taichi_cloth.cache import digest, folder, kept
 from taichi_cloth.errors import InputError
 from taichi_cloth.forces import FrameForces
@@ -105,7 +104,6 @@ def no_forces():
 @pytest.fixture(scope="module")
 def pair():
     """Two panels of one cell, 3 cm apart, tied at the middles of two facing edges, at rest."""
-    runtime.start("cpu")
     material = replace(MATERIALS["cotton-shirting"], air_damping=0.0)
     cells = np.array([[1.0, 0.0, 0.0, 0.5]])
     springs = calibrate(material, spacing_x=0.01, spacing_y=0.01)

@@ -4,7 +4,6 @@ import cv2
 import numpy as np
 import pytest
 
-from taichi_cloth import runtime
 from taichi_cloth.blocks import build_fabric
 from taichi_cloth.errors import InputError
 from taichi_cloth.follow import FibreFollower
@@ -61,7 +60,6 @@ def test_inset_of_an_arc_is_an_arc():
 def test_a_hem_is_a_second_layer_inside_with_its_stitches_on_top():
     """Its share of the threads is hem over height; it lies within a cloth's thickness of the first layer, behind it.
     Off, nothing is added."""
-    runtime.start("cpu")
     pattern = Pattern("patch", (square(),), ())
     whole = Print(np.broadcast_to(np.array([*RED, 1.0], np.float32), (1, 1, 4)), (SIZE / 2, SIZE / 2), SIZE / 2)
     plain, hemmed = woven(pattern), woven(pattern, hem=HEM, prints={"front": whole})

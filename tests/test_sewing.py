@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from taichi_cloth import runtime
 from taichi_cloth.body.colliders import Colliders
 from taichi_cloth.body.distance import nearest_distance
 from taichi_cloth.errors import InputError
@@ -150,7 +149,6 @@ SWAYING = ("skirt", "dress")
 @pytest.mark.parametrize(("name", "gender"), [*((n, "female") for n in (*DRAFTS, *SAMPLES)), ("trousers", "male")])
 def test_every_pattern_sews_or_says_why_not(name, gender):
     """Issue 6: no seam wider than 2 mm, no key point deeper than 3 mm, no thread longer by more than 8 %."""
-    runtime.start("cpu")
     pattern = pattern_of(name, gender)
     count = FINER.get(name, KEY_POINTS)
     garment = Garment(pattern, cut(pattern, spacing_for(pattern, count)), CLOTH)
@@ -172,7 +170,6 @@ def test_every_pattern_sews_or_says_why_not(name, gender):
 @pytest.mark.parametrize(("name", "gender", "key_points", "frames"), WALKS)
 def test_what_walks_is_not_torn(name, gender, key_points, frames):
     """At most 0.1 % of the key points deeper than 3 mm in the limbs they meet, stretch under 10 %, seams closed."""
-    runtime.start("cpu")
     body, primitives, _ = figure(gender)
     pattern = pattern_of(name, gender)
     cloth = replace(CLOTH, tensile_warp=800.0, tensile_weft=800.0)
