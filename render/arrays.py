@@ -26,6 +26,7 @@ __all__ = [
     "Switch",
     "Vec8",
     "Vec16",
+    "keep",
 ]
 
 LANES = 16
@@ -67,3 +68,14 @@ else:
     Bytes3 = ti.types.ndarray(ti.u8, 3)
     Blocks = ti.types.ndarray(Vec16, 2)  # (blocks, rows): each element 16 neighbours
     Planes = ti.template()  # a field of Vec8, (tiles, half rows of a tile): see `planes`
+
+
+@ti.func
+def keep(array: ti.template(), at: ti.template(), size):
+    """What a kernel leaves of `array` stays what it was. at: any element; size: a number that is never below 0.
+
+    A graphics device is sent only arrays that are read there, and sends back whole what is written. Needed where a
+    kernel writes some elements and reads none.
+    """
+    if size < 0:
+        array[at] += 1

@@ -5,7 +5,7 @@
 
 import taichi as ti
 
-from .arrays import LANES, Float, Floats1, Floats2, Floats3, Int, Ints2, Switch
+from .arrays import LANES, Float, Floats1, Floats2, Floats3, Int, Ints2, Switch, keep
 from .blocks import NORMAL, POSITION, RADIUS
 from .light_sizes import LAYERS
 from .transmittance import AWAY, ORIGIN, RIGHT, SCALE, UP, layer_of
@@ -105,6 +105,7 @@ def gather(
     radius and `lag` [m], more where the surface slopes, towards the light: the places where its own neighbours
     on the surface do not yet shadow it.
     """
+    keep(light_out, (0, 0, 0), row)
     for i in range(particles.shape[0] * LANES):
         b = i // LANES
         lane = i % LANES

@@ -21,7 +21,7 @@ import numpy as np
 import taichi as ti
 from numpy.typing import ArrayLike, NDArray
 
-from .arrays import Float, Floats2, Int, Ints1, Ints2
+from .arrays import Float, Floats2, Int, Ints1, Ints2, keep
 from .backdrop import OPEN, padded
 from .camera import Camera
 from .errors import RenderError
@@ -198,6 +198,7 @@ def _raster(
     face_out: Ints2,
 ):
     """Nearest triangle of each pixel; of two at the same depth the first. Bands are dealt to threads in turn."""
+    keep(face_out, (0, 0), height)
     for step in range(chunks * CHUNK_STEPS):
         if step % CHUNK_STEPS == 0:
             band = step // CHUNK_STEPS

@@ -121,9 +121,10 @@ def occlude(
     texels, texel = int(sizes.sum()), max(f.texel for f in fits)
     first, last = np.empty(texels, np.float32), np.empty(texels, np.float32)
     depth = np.empty((texels, LAYERS), np.float32)
+    chunks = min(chunks, directions)
     scratch = np.empty((max(1, chunks * len(blocks)), SCRATCH_ROWS, LANES), np.float32)
     sky.fill(
-        layout, chunks, stretch, blocks, len(blocks), axes, table, FINE * texel, scratch, scratch, first, last, depth,
+        layout, chunks, stretch, blocks, len(blocks), axes, table, FINE * texel, scratch, first, last,
         depth.reshape(-1, 1, LAYERS),
     )  # fmt: skip
     solid = None if mesh is None else walls(mesh, axes, table, chunks=chunks)

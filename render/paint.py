@@ -13,15 +13,15 @@ from dataclasses import replace
 import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
-from taichi.lang import impl
 
-from .arrays import Floats1, Floats2, Floats3, Int, Ints2, Switch
+from .arrays import Floats1, Floats2, Floats3, Int, Ints2, Switch, keep
 from .backdrop import Backdrop, padded, tiled
 from .camera import Camera
 from .light import Background, Lighting
 from .lightpass import LightMaps
 from .mesh import Mesh, normals_at, visible
 from .shade import rise
+from .sort import usual_chunks
 from .stage import CELLS, Stage
 
 __all__ = ["paint"]
@@ -58,7 +58,7 @@ def paint(
     if mesh is None and stage is None:
         return None
     lighting, background = lighting or Lighting(), background or Background()
-    chunks = int(impl.current_cfg().cpu_max_num_threads) if chunks is None else chunks
+    chunks = usual_chunks() if chunks is None else chunks
     c = np.zeros((CONSTANT_ROWS, 3), np.float32)
     c[ROTATION : ROTATION + 3], c[EYE] = camera.rotation, camera.eye
     c[LENS] = camera.focal, camera.cx, camera.cy
@@ -200,6 +200,7 @@ def _shade(
     # out:
     colour_out: Floats3,
 ):
+    keep(colour_out, (0, 0, 0), width)
     for i in range(colour_out.shape[0] * width):
         y = i // width
         x = i % width

@@ -21,7 +21,7 @@ import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
 
-from .arrays import LANES, TILE, Float, Floats1, Floats2, Floats3, Int, Ints1, Ints2, Switch, Vec16
+from .arrays import LANES, TILE, Float, Floats1, Floats2, Floats3, Int, Ints1, Ints2, Switch, Vec16, keep
 from .backdrop import Backdrop
 from .blocks import NORMAL, RADIUS, ParticleBlocks
 from .camera import Camera
@@ -209,6 +209,9 @@ def _passes(
     normal_out: Floats3,
 ):
     """Alpha is `raster`'s, row by row; see there and `project` for what a splat's numbers are."""
+    keep(hit_out, (0, 0), tiles)
+    keep(depth_out, (0, 0), tiles)
+    keep(normal_out, (0, 0, 0), tiles)
     rounds = ti.max(512, (tiles + blocks - 1) // blocks)
     for step in range(rounds * blocks):
         tile = (step % rounds) * blocks + step // rounds

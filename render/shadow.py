@@ -143,7 +143,7 @@ def cast(
         transmittance.stamp(layout, chunks, stretch, blocks, len(blocks), at.height, axes, stamps, rows)
         cuts = _cuts(rows.sum(axis=0), chunks)
         transmittance.deposit(
-            chunks, mesh is not None, len(blocks), stamps, cuts, at.width, span, root, wall, nearest, through,
+            chunks, mesh is not None, len(blocks), stamps, cuts, at.width, span, root, wall, nearest,
             through.reshape(-1, 1, LAYERS),
         )  # fmt: skip
         for fine, coarse in pairwise(levels):

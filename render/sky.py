@@ -15,7 +15,7 @@ bilinearly between four texels. A direction belongs to one thread.
 
 import taichi as ti
 
-from .arrays import LANES, Blocks, Float, Floats1, Floats2, Floats3, Int, Ints2, Switch, Vec16
+from .arrays import LANES, Blocks, Float, Floats1, Floats2, Floats3, Int, Ints2, Switch, Vec16, keep
 from .blocks import NORMAL, POSITION, RADIUS, TANGENT
 from .fibre import decay
 from .light_sizes import LAYERS
@@ -49,16 +49,14 @@ def fill(
     axes: Floats3,
     maps: Ints2,
     fine: Float,
-    # scratch of a chunk, as vectors and as numbers:
-    vectors: Blocks,
-    numbers: Floats3,
-    # out, all maps one after another; rows_out is depth_out seen as vectors:
+    # scratch of a chunk:
+    placed: Blocks,
+    # out, all maps one after another:
     first_out: Floats1,
     last_out: Floats1,
-    depth_out: Floats2,
-    rows_out: Blocks,
+    depth_out: Blocks,
 ):
-    """First and last depth [m] and optical depth up to the end of each layer, shape (texels,), (texels, 16).
+    """First and last depth [m] and optical depth up to the end of each layer, shape (texels,), (texels, 1, 16).
 
     axes: (maps, 5, 3) as in `transmittance`; maps: rows (first texel, width, height). stretch: each piece stands
     for so many, and is that much longer.
@@ -80,9 +78,9 @@ def fill(
                 size = particles[b, RADIUS] * texels
                 u = px * axes[m, RIGHT, 0] + py * axes[m, RIGHT, 1] + pz * axes[m, RIGHT, 2] - axes[m, ORIGIN, 0]
                 v = px * axes[m, UP, 0] + py * axes[m, UP, 1] + pz * axes[m, UP, 2] - axes[m, ORIGIN, 1]
-                vectors[at + b, 0] = u * texels - 0.5
-                vectors[at + b, 1] = v * texels - 0.5
-                vectors[at + b, 2] = (
+                placed[at + b, 0] = u * texels - 0.5
+                placed[at + b, 1] = v * texels - 0.5
+                placed[at + b, 2] = (
                     px * axes[m, AWAY, 0] + py * axes[m, AWAY, 1] + pz * axes[m, AWAY, 2] - axes[m, ORIGIN, 2]
                 )
                 optical = size * size * (3.1416 * DENSITY * stretch)
@@ -97,16 +95,16 @@ def fill(
                     long = ti.sqrt(e_x * e_x + e_y * e_y) * texels
                     points = ti.min(ti.max(ti.floor(long * (2.0 / APART) + 1.0), 1.0), MOST_POINTS)
                     spacing = 2.0 / points
-                    vectors[at + b, 4] = e_x * texels * spacing
-                    vectors[at + b, 5] = e_y * texels * spacing
-                    vectors[at + b, 6] = e_z * spacing
-                    vectors[at + b, 7] = points
+                    placed[at + b, 4] = e_x * texels * spacing
+                    placed[at + b, 5] = e_y * texels * spacing
+                    placed[at + b, 6] = e_z * spacing
+                    placed[at + b, 7] = points
                     optical = size * ti.sqrt(size * size + long * long) * (3.1416 * DENSITY) / points
                 if ti.static(layout.opacity):
                     optical *= ti.min(ti.max(particles[b, layout.opacity_row], 0.0), 1.0)
                 else:
                     optical *= axes[m, SCALE, 1]
-                vectors[at + b, 3] = optical
+                placed[at + b, 3] = optical
             for cell in range(begin, begin + width * high):
                 first_out[cell] = EMPTY
                 last_out[cell] = -EMPTY
@@ -114,18 +112,18 @@ def fill(
                 for i in range(block_count * LANES):
                     b = at + i // LANES
                     lane = i % LANES
-                    optical = numbers[b, 3, lane]
+                    optical = placed[b, 3][lane]
                     if optical > 0.0:
                         points = 1
-                        u = numbers[b, 0, lane]
-                        v = numbers[b, 1, lane]
-                        depth = numbers[b, 2, lane]
+                        u = placed[b, 0][lane]
+                        v = placed[b, 1][lane]
+                        depth = placed[b, 2][lane]
                         if ti.static(layout.elliptic):
-                            points = ti.cast(numbers[b, 7, lane], ti.i32)
+                            points = ti.cast(placed[b, 7][lane], ti.i32)
                             back = 0.5 * (points - 1.0)
-                            u -= back * numbers[b, 4, lane]
-                            v -= back * numbers[b, 5, lane]
-                            depth -= back * numbers[b, 6, lane]
+                            u -= back * placed[b, 4][lane]
+                            v -= back * placed[b, 5][lane]
+                            depth -= back * placed[b, 6][lane]
                         for _ in range(points):
                             left = ti.min(ti.max(ti.cast(u, ti.i32), 0), width - 2)
                             top = ti.min(ti.max(ti.cast(v, ti.i32), 0), high - 2)
@@ -145,22 +143,22 @@ def fill(
                                     )
                                     k = _coordinate(depth - first_out[c], last_out[c] - depth, fine)
                                     layer = ti.min(ti.cast(k, ti.i32), LAYERS - 1)
-                                    depth_out[c, layer] += optical * part
+                                    depth_out[c, 0][layer] += optical * part
                             if ti.static(layout.elliptic):
-                                u += numbers[b, 4, lane]
-                                v += numbers[b, 5, lane]
-                                depth += numbers[b, 6, lane]
+                                u += placed[b, 4][lane]
+                                v += placed[b, 5][lane]
+                                depth += placed[b, 6][lane]
                 for cell in range(begin, begin + width * high):
                     if first_out[cell] < EMPTY:
                         if turn == 0:
-                            rows_out[cell, 0] = Vec16(0.0)
+                            depth_out[cell, 0] = Vec16(0.0)
                         else:
-                            row = rows_out[cell, 0]
+                            row = depth_out[cell, 0]
                             total = 0.0
                             for k in ti.static(range(LAYERS)):
                                 total += row[k]
                                 row[k] = total
-                            rows_out[cell, 0] = row
+                            depth_out[cell, 0] = row
 
 
 @ti.func
@@ -239,6 +237,7 @@ def look(
     light_out: Floats3,
 ):
     """light_out[block, row, lane]: the share of the sky that packed particles see, 0..1."""
+    keep(light_out, (0, 0, 0), row)
     for i in range(particles.shape[0] * LANES):
         b = i // LANES
         lane = i % LANES

@@ -11,7 +11,10 @@ chunks therefore runs CHUNK_STEPS iterations a chunk, of which the first does al
 # In kernels a name stands for a Taichi expression, which type checkers cannot follow.
 # pyright: reportIndexIssue=false, reportArgumentType=false, reportOptionalCall=false, reportReturnType=false
 
+import numpy as np
 import taichi as ti
+from numpy.typing import NDArray
+from taichi.lang import impl
 
 from .arrays import Int, Ints1, Ints2, Long, Longs1
 
@@ -21,17 +24,47 @@ __all__ = [
     "count_high",
     "count_tiles",
     "fill_tiles",
-    "scan",
-    "scan_tiles",
+    "places",
     "scatter_high",
     "scatter_low",
     "share",
+    "usual_chunks",
 ]
 
 BINS = 2048
 """Bins of one pass: 11 bits."""
 
 CHUNK_STEPS = 1024
+
+GPU_CHUNKS = 256
+
+
+def usual_chunks() -> int:
+    """Parts that work is cut into: one a thread of a CPU; many for a graphics device, where a part is one lane's."""
+    return int(impl.current_cfg().cpu_max_num_threads) if _on_cpu() else GPU_CHUNKS
+
+
+def _on_cpu() -> bool:
+    return impl.current_cfg().arch in (ti.x64, ti.arm64)
+
+
+def places(histogram: NDArray[np.int32], chunks: int, bins: int, starts: NDArray[np.int32] | None = None) -> int:
+    """Replace counts by places, bin by bin and chunk by chunk; returns their total, and where each bin begins.
+
+    histogram: (chunks or more, bins or more). starts: (bins + 1 or more,). A graphics device would go through the
+    bins with one lane, so there it is done on the host.
+    """
+    if _on_cpu():
+        if starts is None:
+            return _scan(chunks, bins, histogram)
+        return _scan_tiles(chunks, bins, histogram, starts)
+    counts = histogram[:chunks, :bins].T.ravel().astype(np.int64)
+    ends = np.cumsum(counts)
+    begins = (ends - counts).reshape(bins, chunks)
+    histogram[:chunks, :bins] = begins.T.astype(np.int32)
+    if starts is not None:
+        starts[: bins + 1] = np.append(begins[:, 0], ends[-1]).astype(np.int32)
+    return int(ends[-1])
 
 
 @ti.func
@@ -41,8 +74,7 @@ def share(total, chunk, chunks):
 
 
 @ti.kernel
-def scan(chunks: Int, bins: Int, histogram: Ints2) -> Int:
-    """Replace counts by places, bin by bin and chunk by chunk; returns their total."""
+def _scan(chunks: Int, bins: Int, histogram: Ints2) -> Int:
     total = 0
     ti.loop_config(serialize=True)
     for k in range(bins):
@@ -54,8 +86,8 @@ def scan(chunks: Int, bins: Int, histogram: Ints2) -> Int:
 
 
 @ti.kernel
-def scan_tiles(chunks: Int, tiles: Int, histogram: Ints2, starts_out: Ints1) -> Long:
-    """As `scan`, and notes where the list of each tile begins; the total is 64 bits wide, to notice overflow."""
+def _scan_tiles(chunks: Int, tiles: Int, histogram: Ints2, starts_out: Ints1) -> Long:
+    """The total is 64 bits wide, to notice overflow."""
     total = ti.cast(0, ti.i64)
     ti.loop_config(serialize=True)
     for k in range(tiles):

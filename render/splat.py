@@ -11,7 +11,6 @@ from typing import Any
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from taichi.lang import impl
 
 from . import project as projection
 from . import shade as rows
@@ -31,7 +30,7 @@ from .neutral import resolve_neutral
 from .particles import Particles
 from .planes import borrow
 from .raster import LUT_STEPS, clear, count_opaque, raster, resolve_linear
-from .sort import BINS, count_high, count_tiles, fill_tiles, scan, scan_tiles, scatter_high, scatter_low
+from .sort import BINS, count_high, count_tiles, fill_tiles, places, scatter_high, scatter_low, usual_chunks
 from .sprites import CRISP, Profile, SpriteSheet
 from .tone import WHITE, Tone, tone_table
 
@@ -65,7 +64,7 @@ class Splatter:
     ) -> None:
         check_size(width, height)
         if chunks is None:
-            chunks = int(impl.current_cfg().cpu_max_num_threads)
+            chunks = usual_chunks()
         if not 1 <= chunks <= 1024:
             raise RenderError(f"chunks: {chunks}; allowed: 1 to 1024, about the number of threads")
         if not 0 <= opaque < 1:
@@ -238,15 +237,15 @@ class Splatter:
         )
         clock.append(time.perf_counter())
 
-        drawn = scan(chunks, BINS, self._histogram)
+        drawn = places(self._histogram, chunks, BINS)
         scatter_low(chunks, blocks, LANES, self._keys, self._histogram, self._order, self._high)
         count_high(chunks, drawn, self._high, self._histogram)
-        scan(chunks, BINS, self._histogram)
+        places(self._histogram, chunks, BINS)
         scatter_high(chunks, drawn, self._high, self._order, self._histogram, self._sorted)
         clock.append(time.perf_counter())
 
         count_tiles(chunks, drawn, self._tiles_x, self._tiles, self._sorted, self._boxes, self._histogram)
-        entries = scan_tiles(chunks, self._tiles, self._histogram, self._starts)
+        entries = places(self._histogram, chunks, self._tiles, self._starts)
         self._reserve_lists(entries)
         fill_tiles(chunks, drawn, self._tiles_x, self._sorted, self._boxes, self._histogram, self._lists)
         clock.append(time.perf_counter())

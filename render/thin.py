@@ -12,7 +12,7 @@ import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
 
-from .arrays import LANES, Floats3, Int, Switch
+from .arrays import LANES, Floats3, Int, Switch, keep
 from .blocks import POSITION, RADIUS, Layout
 
 __all__ = ["chained", "spread", "thin"]
@@ -45,6 +45,7 @@ def thin(stride: Switch, rows: Int, particles: Floats3, thin_out: Floats3):
 @ti.kernel
 def spread(stride: Switch, particles: Floats3, found: Floats3, row: Int, light_out: Floats3):
     """light_out[block, row, lane] of what was found (thin blocks, 1, 16) for every stride-th particle."""
+    keep(light_out, (0, 0, 0), row)
     count = particles.shape[0] * LANES
     for b in range(particles.shape[0]):
         for lane in range(LANES):

@@ -150,15 +150,14 @@ def deposit(
     span: Float,
     root: Float,
     wall: Floats1,
-    # out: first depths, optical depths and, in the same memory, transmittances
+    # out: first depths; optical depths, of which transmittances are made in place
     nearest_out: Floats1,
-    optical_out: Floats2,
-    rows_out: Blocks,
+    through_out: Blocks,
 ):
-    """The map: first depth and the transmittance at every layer boundary, shape (texels,) and (texels, 16).
+    """The map: first depth and the transmittance at every layer boundary, shape (texels,) and (texels, 1, 16).
 
     cuts: band b has the rows cuts[b] to cuts[b + 1]. wall: first depth of what lets nothing through, EMPTY where
-    there is none, shape (texels,). rows_out is optical_out, (texels, 1, 16), seen as vectors.
+    there is none, shape (texels,).
     """
     for step in range(bands * CHUNK_STEPS):
         if step % CHUNK_STEPS != 0:
@@ -209,14 +208,14 @@ def deposit(
                                 else:
                                     k = layer_of(depth - nearest_out[cell], span, root)
                                     layer = ti.min(ti.cast(k, ti.i32) + 1, ti.static(LAYERS - 1))
-                                    optical_out[cell, layer] += optical * share_here
+                                    through_out[cell, 0][layer] += optical * share_here
             if turn == 0:
                 for cell in range(top * width, (bottom + 1) * width):
                     if nearest_out[cell] < EMPTY:
-                        rows_out[cell, 0] = Vec16(0.0)
+                        through_out[cell, 0] = Vec16(0.0)
         for cell in range(top * width, (bottom + 1) * width):
             if nearest_out[cell] < EMPTY:
-                row = rows_out[cell, 0]
+                row = through_out[cell, 0]
                 total = 0.0
                 for k in ti.static(range(LAYERS)):
                     total += row[k]
@@ -229,7 +228,7 @@ def deposit(
                         up = (k + root) * (k + root)
                         if nearest_out[cell] + (up * up - a) / span >= wall[cell]:
                             passing[k] = 0.0
-                rows_out[cell, 0] = passing
+                through_out[cell, 0] = passing
 
 
 @ti.kernel
