@@ -27,7 +27,7 @@ from .camera import Camera
 from .errors import RenderError
 from .sort import CHUNK_STEPS
 
-__all__ = ["Mesh", "join", "normals_at", "visible"]
+__all__ = ["Mesh", "from_behind", "join", "normals_at", "visible"]
 
 BAND = 16
 """Rows of the image [px] that one thread takes at a time."""
@@ -122,7 +122,7 @@ def visible(mesh: Mesh, camera: Camera, *, chunks: int) -> tuple[NDArray[np.floa
 def normals_at(
     mesh: Mesh, camera: Camera, face: NDArray, edges: NDArray | None, row: NDArray, column: NDArray
 ) -> NDArray[np.float64]:
-    """Smooth normals (n, 3) of what `visible` found in these pixels (n,), turned towards the camera."""
+    """Smooth normals (n, 3) of what `visible` found in these pixels (n,), of the side that is seen."""
     assert edges is not None
     seen = face[row, column]
     at = np.stack([column + 0.5, row + 0.5, np.ones(len(row))], -1)
@@ -130,8 +130,20 @@ def normals_at(
     share /= np.maximum(share.sum(axis=1, keepdims=True), 1e-30)
     normal = np.einsum("nk,nkc->nc", share, np.asarray(mesh.normals)[mesh.faces[seen]])
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
-    ray = (at - (camera.cx, camera.cy, 0)) / (camera.focal, camera.focal, 1) @ camera.rotation
-    return np.where((normal * ray).sum(1, keepdims=True) > 0, -normal, normal)
+    return np.where(from_behind(mesh, camera)[seen, None] > 0, -normal, normal)
+
+
+def from_behind(mesh: Mesh, camera: Camera) -> NDArray[np.int32]:
+    """1 for each triangle (f,) of which the camera sees the side that its vertices' normals point away from.
+
+    By the triangle's plane: at an outline the smooth normal may look away where the side that it belongs to is seen.
+    """
+    corner = mesh.vertices[mesh.faces]
+    normals = np.asarray(mesh.normals)[mesh.faces].sum(axis=1)
+    with np.errstate(invalid="ignore", over="ignore"):
+        plane = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+        toward = (plane * (camera.eye - corner[:, 0])).sum(axis=1)
+        return (toward * (plane * normals).sum(axis=1) < 0).astype(np.int32)
 
 
 def _vertex_normals(vertices: NDArray[np.float32], faces: NDArray[np.int32]) -> NDArray[np.float64]:

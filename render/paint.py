@@ -14,12 +14,12 @@ import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
 
-from .arrays import Floats1, Floats2, Floats3, Int, Ints2, Switch, keep
+from .arrays import Floats1, Floats2, Floats3, Int, Ints1, Ints2, Switch, keep
 from .backdrop import Backdrop, padded, tiled
 from .camera import Camera
 from .light import Background, Lighting
 from .lightpass import LightMaps
-from .mesh import Mesh, normals_at, visible
+from .mesh import Mesh, from_behind, normals_at, visible
 from .shade import rise
 from .sort import usual_chunks
 from .stage import CELLS, Stage
@@ -94,7 +94,10 @@ def paint(
         for side, normals in enumerate((np.asarray(mesh.normals), -np.asarray(mesh.normals))):
             seen = maps.sky.seen_from(mesh.vertices + LIFT * maps.sky.texel * normals, normals)
             open_sky[:, side] = spread(seen, mesh.faces, SPREAD)
-    _shade(width, any(lights), c, lamps, mesh.faces, mesh.colour, mesh.normals, open_sky, edges, face, passing, colour)
+    _shade(
+        width, any(lights), c, lamps, mesh.faces, from_behind(mesh, camera), mesh.colour, mesh.normals, open_sky, edges,
+        face, passing, colour,
+    )  # fmt: skip
     return Backdrop(colour, tiled(depth), face, edges)
 
 
@@ -190,6 +193,7 @@ def _shade(
     lamps: Floats3,  # direction towards each, then its radiance
     # mesh:
     faces: Ints2,
+    behind: Ints1,
     albedo: Floats2,
     normals: Floats2,
     open_sky: Floats2,
@@ -208,10 +212,7 @@ def _shade(
         if f >= 0:
             b = weights(edges, f, x + 0.5, y + 0.5)
             n = smooth_normal(faces, normals, f, b)
-            u = (x + 0.5 - c[LENS, 1]) / c[LENS, 0]
-            v = (y + 0.5 - c[LENS, 2]) / c[LENS, 0]
-            ray = ti.Vector([u * c[0, k] + v * c[1, k] + c[2, k] for k in ti.static(range(3))])
-            side = ti.cast(n.dot(ray) > 0.0, ti.i32)
+            side = behind[f]
             n *= 1.0 - 2.0 * side
             upward = 0.5 + 0.5 * n[1]
             seen = 0.0

@@ -31,7 +31,7 @@ def picture() -> np.ndarray:
     colour = np.array([[0.7, 0.2, 0.2], [0.2, 0.3, 0.7]])[np.arange(at.size // 3) // 81 % 2]
     cloth = Particles(at, 0.0018, colour, along, normal, half_length=0.003)
     ball = trimesh.creation.icosphere(2, radius=0.035)
-    mesh = Mesh(ball.vertices + (0, 0.02, 0.13), ball.faces, (0.6, 0.6, 0.5))
+    mesh = Mesh(ball.vertices + np.array([0, 0.02, 0.13]), ball.faces, (0.6, 0.6, 0.5))
     light = Lighting(
         direction=(0.4, 0.8, 0.3), key_follows_camera=False, shadows=True, occlusion=True,
         others=(KeyLight(direction=(-0.4, 0.3, 0.8), casts_shadow=True, follows_camera=False),),
