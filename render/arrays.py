@@ -66,7 +66,7 @@ else:
     Longs1 = ti.types.ndarray(ti.i64, 1)
     Bytes1 = ti.types.ndarray(ti.u8, 1)
     Bytes3 = ti.types.ndarray(ti.u8, 3)
-    Blocks = ti.types.ndarray(Vec16, 2)  # (blocks, rows): each element 16 neighbours
+    Blocks = ti.types.ndarray(Vec16, 2)  # two dimensions: each element 16 neighbours
     Planes = ti.template()  # a field of Vec8, (tiles, half rows of a tile): see `planes`
 
 

@@ -1,7 +1,8 @@
-"""Particles as the kernels read them: blocks of 16 particles, in each block one row of 16 numbers a property.
+"""Particles as the kernels read them: blocks of 16 particles, and for each property a row of all blocks.
 
 With 16 neighbours of one property side by side, a load fills a vector register and projection and shading run
-16 particles at a time.
+16 particles at a time. Each property lies in memory by itself, so that what moves is written without touching
+what stays.
 """
 
 from dataclasses import dataclass, field
@@ -52,7 +53,7 @@ class Layout:
 
     @property
     def rows(self) -> int:
-        """Rows of a block."""
+        """How many there are."""
         return 13 + self.elliptic + self.openness + self.opacity + self.textured
 
     @property
@@ -65,7 +66,7 @@ class Layout:
 class ParticleBlocks:
     """Particles that lie in blocks already, and are drawn without a copy: whoever moves them moves the picture.
 
-    blocks: (n / 16, layout.rows, 16) float32; opacity is 1 where the layout has none, and whatever must not be drawn
+    blocks: (layout.rows, n / 16, 16) float32; opacity is 1 where the layout has none, and whatever must not be drawn
     has a radius of 0 and a place among the others. yarn, part: as of Particles, (n,) with the places not drawn.
     """
 
@@ -75,10 +76,10 @@ class ParticleBlocks:
     part: NDArray[np.int32] | None = None
 
     def __len__(self) -> int:
-        return len(self.blocks) * LANES
+        return self.blocks.shape[1] * LANES
 
     def _rows(self, first: int, count: int) -> NDArray[np.float32]:
-        return self.blocks[:, first : first + count].transpose(0, 2, 1).reshape(-1, count)
+        return self.blocks[first : first + count].reshape(count, -1).T.copy()
 
     @property
     def position(self) -> NDArray[np.float32]:
@@ -97,7 +98,7 @@ class ParticleBlocks:
 
 
 def pack(particles: Particles, *, textured: bool) -> tuple[Layout, NDArray[np.float32], NDArray[np.float64]]:
-    """The layout, the blocks (ceil(n / 16), rows, 16) float32, and the box (2, 3) [m] that holds what is drawn.
+    """The layout, the blocks (rows, ceil(n / 16), 16) float32, and the box (2, 3) [m] that holds what is drawn.
 
     Whatever must not be drawn (a value that is not finite, a radius or half length of zero or below, a place
     beyond 1e7 m) gets a radius of 0 and zeros elsewhere, as do the places that fill up the last block.
@@ -133,13 +134,10 @@ def pack(particles: Particles, *, textured: bool) -> tuple[Layout, NDArray[np.fl
     drawn &= np.abs(particles.position).max(axis=1, initial=0) < FARTHEST
     everything = bool(drawn.all())
 
-    blocks = np.zeros((-(-count // LANES), layout.rows, LANES), np.float32)
-    whole = count - count % LANES
+    blocks = np.zeros((layout.rows, -(-count // LANES), LANES), np.float32)
     for row, column in enumerate(columns):
         values = column if everything else np.where(drawn, column, np.float32(0))
-        blocks[: whole // LANES, row] = values[:whole].reshape(-1, LANES)
-        if whole < count:
-            blocks[-1, row, : count - whole] = values[whole:]
+        blocks[row].reshape(-1)[:count] = values
     positions = particles.position if everything else particles.position[drawn]
     box = np.stack([positions.min(axis=0), positions.max(axis=0)]) if len(positions) else np.zeros((2, 3))
     return layout, blocks, box.astype(np.float64)
@@ -147,7 +145,7 @@ def pack(particles: Particles, *, textured: bool) -> tuple[Layout, NDArray[np.fl
 
 def unpacked(layout: Layout, blocks: NDArray[np.float32]) -> Particles:
     """Blocks as particles again, with those that are not drawn; without openness and sprites."""
-    rows = blocks.transpose(1, 0, 2).reshape(layout.rows, -1)
+    rows = blocks.reshape(layout.rows, -1)
     return Particles(
         rows[POSITION : POSITION + 3].T,
         rows[RADIUS],

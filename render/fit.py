@@ -76,6 +76,6 @@ def step_up(value: float) -> float:
 
 def typical_radius(blocks: NDArray[np.float32]) -> float:
     """Median radius [m] of up to 64 blocks spread evenly; 1e-4 without particles."""
-    sample = blocks[:: max(1, len(blocks) // 64), RADIUS]
+    sample = blocks[RADIUS, :: max(1, blocks.shape[1] // 64)]
     sample = sample[sample > 0]
     return float(np.median(sample)) if len(sample) else 1e-4

@@ -108,7 +108,7 @@ class LightPass:
         if self._mesh is not None:
             corners = self._mesh.vertices[np.isfinite(self._mesh.vertices).all(axis=1)]
             if len(corners):
-                both = [corners] if not len(blocks) else [box, corners]
+                both = [corners] if not blocks.shape[1] else [box, corners]
                 box = np.stack([np.concatenate(both).min(axis=0), np.concatenate(both).max(axis=0)]).astype(np.float64)
         lights, marks = [], []
         for light, row in zip(lighting.lights, shading.shadows, strict=True):
@@ -133,8 +133,8 @@ class LightPass:
         """The light 0..1 on packed particles, (blocks, shading.rows, 16), with the rows that `shading` names."""
         if shading.rows == 0 or maps is None:
             return NO_LIGHT
-        if self._light is None or self._light.shape != (len(blocks), shading.rows, LANES):
-            self._light = np.ones((len(blocks), shading.rows, LANES), np.float32)
+        if self._light is None or self._light.shape != (blocks.shape[1], shading.rows, LANES):
+            self._light = np.ones((blocks.shape[1], shading.rows, LANES), np.float32)
             self._known = {}
         rows: list[tuple[int, ShadowMap | SkyMaps | None, int]] = [
             (row, one, KEY_STRIDE) for row, one in zip(shading.shadows, maps.lights, strict=True) if row >= 0
@@ -149,7 +149,7 @@ class LightPass:
                 if stride == 1:
                     one.on_particles(blocks, self._light, row)
                 else:
-                    found = np.ones((len(few), 1, LANES), np.float32)
+                    found = np.ones((few.shape[1], 1, LANES), np.float32)
                     one.on_particles(few, found, 0)
                     spread(stride, blocks, found, row, self._light)
                 self._known[row] = one
@@ -170,7 +170,7 @@ class LightPass:
         if stride not in self._few:
             known = max((k for k in self._few if stride % k == 0), default=1)
             source = self._few.get(known, blocks)
-            few = np.empty((-(-len(source) * known // stride), layout.rows, LANES), np.float32)
+            few = np.empty((layout.rows, -(-source.shape[1] * known // stride), LANES), np.float32)
             thin(stride // known, layout.rows, source, few)
             self._few[stride] = few
         return self._few[stride], stride

@@ -106,23 +106,23 @@ def gather(
     on the surface do not yet shadow it.
     """
     keep(light_out, (0, 0, 0), row)
-    for i in range(particles.shape[0] * LANES):
+    for i in range(particles.shape[1] * LANES):
         b = i // LANES
         lane = i % LANES
         value = 1.0
-        size = particles[b, RADIUS, lane]
+        size = particles[RADIUS, b, lane]
         if size > 0.0:
             out = offset + 0.5 * size
-            px = particles[b, POSITION, lane] + out * particles[b, NORMAL, lane]
-            py = particles[b, POSITION + 1, lane] + out * particles[b, NORMAL + 1, lane]
-            pz = particles[b, POSITION + 2, lane] + out * particles[b, NORMAL + 2, lane]
+            px = particles[POSITION, b, lane] + out * particles[NORMAL, b, lane]
+            py = particles[POSITION + 1, b, lane] + out * particles[NORMAL + 1, b, lane]
+            pz = particles[POSITION + 2, b, lane] + out * particles[NORMAL + 2, b, lane]
             u = (px * axes[RIGHT, 0] + py * axes[RIGHT, 1] + pz * axes[RIGHT, 2] - axes[ORIGIN, 0]) * axes[SCALE, 0]
             v = (px * axes[UP, 0] + py * axes[UP, 1] + pz * axes[UP, 2] - axes[ORIGIN, 1]) * axes[SCALE, 0]
             depth = px * axes[AWAY, 0] + py * axes[AWAY, 1] + pz * axes[AWAY, 2] - axes[ORIGIN, 2]
             cosine = -(
-                axes[AWAY, 0] * particles[b, NORMAL, lane]
-                + axes[AWAY, 1] * particles[b, NORMAL + 1, lane]
-                + axes[AWAY, 2] * particles[b, NORMAL + 2, lane]
+                axes[AWAY, 0] * particles[NORMAL, b, lane]
+                + axes[AWAY, 1] * particles[NORMAL + 1, b, lane]
+                + axes[AWAY, 2] * particles[NORMAL + 2, b, lane]
             )
             depth -= lag * _slope(cosine) + 0.5 * size
             value = _through(soft, levels, u, v, depth, softness, span, root, nearest, through)

@@ -74,7 +74,7 @@ class SkyMaps:
 
     def on_particles(self, blocks: NDArray[np.float32], light_out: NDArray[np.float32], row: int) -> None:
         """Write the share of the sky that packed particles see, 0..1, to light_out (blocks, rows, 16), at `row`."""
-        if len(blocks):
+        if blocks.shape[1]:
             sky.look(
                 self.walls is not None, blocks, self.axes, self.maps, 0.5 * self.texel, FINE * self.texel,
                 self.first, self.last, self.depth, *(self.walls or NO_WALLS), row, light_out,
@@ -122,9 +122,10 @@ def occlude(
     first, last = np.empty(texels, np.float32), np.empty(texels, np.float32)
     depth = np.empty((texels, LAYERS), np.float32)
     chunks = min(chunks, directions)
-    scratch = np.empty((max(1, chunks * len(blocks)), SCRATCH_ROWS, LANES), np.float32)
+    count = blocks.shape[1]
+    scratch = np.empty((max(1, chunks * count), SCRATCH_ROWS, LANES), np.float32)
     sky.fill(
-        layout, chunks, stretch, blocks, len(blocks), axes, table, FINE * texel, scratch, first, last,
+        layout, chunks, stretch, blocks, count, axes, table, FINE * texel, scratch, first, last,
         depth.reshape(-1, 1, LAYERS),
     )  # fmt: skip
     solid = None if mesh is None else walls(mesh, axes, table, chunks=chunks)

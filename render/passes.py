@@ -222,7 +222,7 @@ def _passes(
             for i in range(starts[tile], starts[tile + 1]):
                 k = lists[i]
                 z = nearest + key_depth * ti.cast(keys[k], ti.f32)
-                radius = particles[k // LANES, RADIUS, k % LANES]
+                radius = particles[RADIUS, k // LANES, k % LANES]
                 narrow = radius * focal / z  # [px], as `reach` would be without a rim
                 dx = iota - (splats[k, 0] - x0)
                 middle = splats[k, 1] - y0
@@ -287,4 +287,4 @@ def _passes(
                                     depth_out[at, x] = z - radius * ti.sqrt(ti.max(rise[x], 0.0))
                             if ti.static(normals):
                                 for c in ti.static(range(3)):
-                                    normal_out[at, x, c] += weight * particles[k // LANES, NORMAL + c, k % LANES]
+                                    normal_out[at, x, c] += weight * particles[NORMAL + c, k // LANES, k % LANES]

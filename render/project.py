@@ -111,9 +111,9 @@ def project(
         lz = c[KEY_DIRECTION, 2]
         for b in range(share(block_count, chunk, chunks), share(block_count, chunk + 1, chunks)):
             # Where it is: camera axes [m], then pixels.
-            px = particles[b, POSITION]
-            py = particles[b, POSITION + 1]
-            pz = particles[b, POSITION + 2]
+            px = particles[POSITION, b]
+            py = particles[POSITION + 1, b]
+            pz = particles[POSITION + 2, b]
             z = px * c[2, 0] + py * c[2, 1] + pz * c[2, 2] + c[TRANSLATION, 2]
             scale = 1.0 / ti.max(z, near)
             u = (px * c[0, 0] + py * c[0, 1] + pz * c[0, 2] + c[TRANSLATION, 0]) * scale
@@ -121,7 +121,7 @@ def project(
             x = u * focal + c[LENS, 1]
             y = v * focal + c[LENS, 2]
             scale *= focal
-            size = particles[b, RADIUS]
+            size = particles[RADIUS, b]
             radius = ti.min(ti.max(size * scale, 1e-6), LARGEST)
 
             red, green, blue, vx, vy, vz, sin_v, key_facing = shade(layout, shading, particles, light, c, b)
@@ -147,9 +147,9 @@ def project(
             if ti.static(layout.elliptic):
                 # The tangent on the image, in units of the scale: the ellipsoid's outline under the local
                 # affine projection J is the ellipse of covariance r^2 I + (h^2 - r^2) (J t)(J t)^T.
-                tx = particles[b, TANGENT]
-                ty = particles[b, TANGENT + 1]
-                tz = particles[b, TANGENT + 2]
+                tx = particles[TANGENT, b]
+                ty = particles[TANGENT + 1, b]
+                tz = particles[TANGENT + 2, b]
                 along_z = tx * c[2, 0] + ty * c[2, 1] + tz * c[2, 2]
                 e_x = tx * c[0, 0] + ty * c[0, 1] + tz * c[0, 2] - u * along_z
                 e_y = tx * c[1, 0] + ty * c[1, 1] + tz * c[1, 2] - v * along_z
@@ -158,7 +158,7 @@ def project(
                 unit_e = 1.0 / ti.sqrt(e_x * e_x + e_y * e_y)
                 e_x *= unit_e
                 e_y *= unit_e
-                long = ti.min(ti.max(particles[b, layout.half_length_row] * scale, 1e-6), LARGEST)
+                long = ti.min(ti.max(particles[layout.half_length_row, b] * scale, 1e-6), LARGEST)
                 slim = long / radius
                 long = ti.sqrt(radius * radius * (1.0 - flat) + long * long * flat)
                 if ti.static(crisp):
@@ -183,7 +183,7 @@ def project(
                 slope = across / ti.max(sin_v, 1e-3) * key_facing * c[SURFACE, 2]
                 slope = ti.min(ti.max(slope, -1.0), 1.0)
             if ti.static(layout.opacity):
-                alpha *= ti.min(ti.max(particles[b, layout.opacity_row], 0.0), 1.0)
+                alpha *= ti.min(ti.max(particles[layout.opacity_row, b], 0.0), 1.0)
             else:
                 alpha *= c[DEPTH, 2]
 
@@ -217,7 +217,7 @@ def project(
                         splats_out[i, 11] = slope[lane]
                         splats_out[i, 12] = edge[lane]
                         if ti.static(layout.textured):
-                            splats_out[i, 13] = particles[b, layout.sprite_row][lane]
+                            splats_out[i, 13] = particles[layout.sprite_row, b][lane]
                         else:
                             splats_out[i, 13] = half_width[lane]
                         if ti.static(crisp):
@@ -226,7 +226,7 @@ def project(
                     else:
                         splats_out[i, 6] = reach[lane]
                         if ti.static(layout.textured):
-                            splats_out[i, 7] = particles[b, layout.sprite_row][lane]
+                            splats_out[i, 7] = particles[layout.sprite_row, b][lane]
                         else:
                             splats_out[i, 7] = 1.0 / (reach[lane] * reach[lane])
                     box = ti.cast(ti.cast(left[lane], ti.i32) // TILE, ti.i64)

@@ -97,15 +97,15 @@ def rise(c):
 @ti.func
 def shade(layout: Switch, shading: Switch, particles: Blocks, light: Blocks, c: Floats2, b):
     """Red, green, blue; and for the slope across the fibre: v (3), sin(t, v), how far it faces the key light."""
-    tx = particles[b, TANGENT]
-    ty = particles[b, TANGENT + 1]
-    tz = particles[b, TANGENT + 2]
-    nx = particles[b, NORMAL]
-    ny = particles[b, NORMAL + 1]
-    nz = particles[b, NORMAL + 2]
-    vx = c[EYE, 0] - particles[b, POSITION]
-    vy = c[EYE, 1] - particles[b, POSITION + 1]
-    vz = c[EYE, 2] - particles[b, POSITION + 2]
+    tx = particles[TANGENT, b]
+    ty = particles[TANGENT + 1, b]
+    tz = particles[TANGENT + 2, b]
+    nx = particles[NORMAL, b]
+    ny = particles[NORMAL + 1, b]
+    nz = particles[NORMAL + 2, b]
+    vx = c[EYE, 0] - particles[POSITION, b]
+    vy = c[EYE, 1] - particles[POSITION + 1, b]
+    vz = c[EYE, 2] - particles[POSITION + 2, b]
     unit = 1.0 / ti.sqrt(vx * vx + vy * vy + vz * vz + 1e-20)
     vx *= unit
     vy *= unit
@@ -119,11 +119,11 @@ def shade(layout: Switch, shading: Switch, particles: Blocks, light: Blocks, c: 
     upward = 0.5 + 0.5 * ny
     opening = Vec16(1.0)
     if ti.static(layout.openness):
-        opening = ti.min(ti.max(particles[b, layout.openness_row], 0.0), 1.0)
+        opening = ti.min(ti.max(particles[layout.openness_row, b], 0.0), 1.0)
     tint = c[SURFACE, 0]
-    albedo_r = particles[b, COLOUR]
-    albedo_g = particles[b, COLOUR + 1]
-    albedo_b = particles[b, COLOUR + 2]
+    albedo_r = particles[COLOUR, b]
+    albedo_g = particles[COLOUR + 1, b]
+    albedo_b = particles[COLOUR + 2, b]
     fill_r = c[GROUND, 0] + (c[SKY, 0] - c[GROUND, 0]) * upward
     fill_g = c[GROUND, 1] + (c[SKY, 1] - c[GROUND, 1]) * upward
     fill_b = c[GROUND, 2] + (c[SKY, 2] - c[GROUND, 2]) * upward

@@ -66,7 +66,7 @@ class ShadowMap:
 
     def on_particles(self, blocks: NDArray[np.float32], light_out: NDArray[np.float32], row: int) -> None:
         """Write the light 0..1 that reaches packed particles to light_out (blocks, rows, 16), at `row`."""
-        if len(blocks):
+        if blocks.shape[1]:
             lookup.gather(
                 self.softness > 0, blocks, self.axes, 0.5 * self.texel, 0.5 * self.texel, self.levels,
                 self.softness, self.span, self.root, self.nearest, self.through, row, light_out,
@@ -131,19 +131,19 @@ def cast(
     root = _root(deep, max(0.5 * radius, 1e-4 * deep))
     span = ((LAYERS - 1 + root) ** 4 - root**4) / deep
 
-    stamps = np.empty((max(1, len(blocks)), STAMP_ROWS, LANES), np.float32)
+    stamps = np.empty((max(1, blocks.shape[1]), STAMP_ROWS, LANES), np.float32)
     rows = np.zeros((chunks, at.height), np.int32)
     nearest = np.empty(first, np.float32)
     through = np.empty((first, LAYERS), np.float32)
     whole = np.array([(0, at.width, at.height)], np.int32)
     wall = NO_WALL if mesh is None else walls(mesh, axes[None], whole, chunks=1)[0]
-    if len(blocks) == 0 and mesh is None:
+    if blocks.shape[1] == 0 and mesh is None:
         nearest[:] = EMPTY
     else:
-        transmittance.stamp(layout, chunks, stretch, blocks, len(blocks), at.height, axes, stamps, rows)
+        transmittance.stamp(layout, chunks, stretch, blocks, blocks.shape[1], at.height, axes, stamps, rows)
         cuts = _cuts(rows.sum(axis=0), chunks)
         transmittance.deposit(
-            chunks, mesh is not None, len(blocks), stamps, cuts, at.width, span, root, wall, nearest,
+            chunks, mesh is not None, blocks.shape[1], stamps, cuts, at.width, span, root, wall, nearest,
             through.reshape(-1, 1, LAYERS),
         )  # fmt: skip
         for fine, coarse in pairwise(levels):

@@ -72,10 +72,10 @@ def fill(
             width = maps[m, 1]
             high = maps[m, 2]
             for b in range(block_count):
-                px = particles[b, POSITION]
-                py = particles[b, POSITION + 1]
-                pz = particles[b, POSITION + 2]
-                size = particles[b, RADIUS] * texels
+                px = particles[POSITION, b]
+                py = particles[POSITION + 1, b]
+                pz = particles[POSITION + 2, b]
+                size = particles[RADIUS, b] * texels
                 u = px * axes[m, RIGHT, 0] + py * axes[m, RIGHT, 1] + pz * axes[m, RIGHT, 2] - axes[m, ORIGIN, 0]
                 v = px * axes[m, UP, 0] + py * axes[m, UP, 1] + pz * axes[m, UP, 2] - axes[m, ORIGIN, 1]
                 placed[at + b, 0] = u * texels - 0.5
@@ -85,10 +85,10 @@ def fill(
                 )
                 optical = size * size * (3.1416 * DENSITY * stretch)
                 if ti.static(layout.elliptic):
-                    tx = particles[b, TANGENT]
-                    ty = particles[b, TANGENT + 1]
-                    tz = particles[b, TANGENT + 2]
-                    half = 0.5 * stretch * particles[b, layout.half_length_row]
+                    tx = particles[TANGENT, b]
+                    ty = particles[TANGENT + 1, b]
+                    tz = particles[TANGENT + 2, b]
+                    half = 0.5 * stretch * particles[layout.half_length_row, b]
                     e_x = (tx * axes[m, RIGHT, 0] + ty * axes[m, RIGHT, 1] + tz * axes[m, RIGHT, 2]) * half
                     e_y = (tx * axes[m, UP, 0] + ty * axes[m, UP, 1] + tz * axes[m, UP, 2]) * half
                     e_z = (tx * axes[m, AWAY, 0] + ty * axes[m, AWAY, 1] + tz * axes[m, AWAY, 2]) * half
@@ -101,7 +101,7 @@ def fill(
                     placed[at + b, 7] = points
                     optical = size * ti.sqrt(size * size + long * long) * (3.1416 * DENSITY) / points
                 if ti.static(layout.opacity):
-                    optical *= ti.min(ti.max(particles[b, layout.opacity_row], 0.0), 1.0)
+                    optical *= ti.min(ti.max(particles[layout.opacity_row, b], 0.0), 1.0)
                 else:
                     optical *= axes[m, SCALE, 1]
                 placed[at + b, 3] = optical
@@ -238,16 +238,16 @@ def look(
 ):
     """light_out[block, row, lane]: the share of the sky that packed particles see, 0..1."""
     keep(light_out, (0, 0, 0), row)
-    for i in range(particles.shape[0] * LANES):
+    for i in range(particles.shape[1] * LANES):
         b = i // LANES
         lane = i % LANES
         value = 1.0
-        size = particles[b, RADIUS, lane]
+        size = particles[RADIUS, b, lane]
         if size > 0.0:
             value = _seen(
                 walled,
-                particles[b, POSITION, lane], particles[b, POSITION + 1, lane], particles[b, POSITION + 2, lane],
-                particles[b, NORMAL, lane], particles[b, NORMAL + 1, lane], particles[b, NORMAL + 2, lane],
+                particles[POSITION, b, lane], particles[POSITION + 1, b, lane], particles[POSITION + 2, b, lane],
+                particles[NORMAL, b, lane], particles[NORMAL + 1, b, lane], particles[NORMAL + 2, b, lane],
                 offset + 0.5 * size, offset + 0.25 * size, axes, maps, fine, first, last, depth_of,
                 wall_first, wall_last,
             )  # fmt: skip

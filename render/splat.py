@@ -109,7 +109,7 @@ class Splatter:
         self._opacity = 1.0 if self._layout.opacity else float(np.float32(particles.opacity))
         self._count = len(particles)
         self.light.forget(mesh)
-        self._reserve(len(self._blocks))
+        self._reserve(self._blocks.shape[1])
         return self
 
     def load_blocks(
@@ -119,19 +119,18 @@ class Splatter:
 
         mesh: as of `load`.
 
-        blocks: (ceil(count / 16), layout.rows, 16) float32, C-contiguous; opacity 1 where the layout has none;
+        blocks: (layout.rows, ceil(count / 16), 16) float32, C-contiguous; opacity 1 where the layout has none;
         whatever must not be drawn has a radius of 0 and a place among the others.
         Raises RenderError for another shape.
         """
-        if blocks.shape != (-(-count // LANES), layout.rows, LANES) or layout.textured != (self.sprites is not None):
-            raise RenderError(f"blocks: shape {blocks.shape}; allowed: {(-(-count // LANES), layout.rows, LANES)}")
-        places = blocks[:, :3]
-        # Over the blocks first, whole rows at a time: three times as fast as both at once.
-        box = np.stack([places.min(axis=0).min(axis=1), places.max(axis=0).max(axis=1)]) if count else np.zeros((2, 3))
+        if blocks.shape != (layout.rows, -(-count // LANES), LANES) or layout.textured != (self.sprites is not None):
+            raise RenderError(f"blocks: shape {blocks.shape}; allowed: {(layout.rows, -(-count // LANES), LANES)}")
+        places = blocks[:3].reshape(3, -1)
+        box = np.stack([places.min(axis=1), places.max(axis=1)]) if count else np.zeros((2, 3))
         self._layout, self._blocks, self._box, self._opacity = layout, blocks, box.astype(np.float64), 1.0
         self._count = count
         self.light.forget(mesh)
-        self._reserve(len(blocks))
+        self._reserve(blocks.shape[1])
         return self
 
     def resize(self, width: int, height: int) -> "Splatter":
@@ -182,7 +181,7 @@ class Splatter:
             raise RenderError("finish: no picture begun; call begin first")
         options, self._options, self._batch = self._options, {}, "last"
         try:
-            self._count, self._blocks = 0, self._blocks[:0]
+            self._count, self._blocks = 0, self._blocks[:, :0]
             return self.render(**options, out=out)
         finally:
             self._batch = "only"
@@ -210,7 +209,7 @@ class Splatter:
                 f"{self.width} x {self.height}, the splatter's size"
             )
         lighting, finish, background = lighting or Lighting(), finish or Finish(), background or Background()
-        layout, chunks, blocks = self._layout, self.chunks, len(self._blocks)
+        layout, chunks, blocks = self._layout, self.chunks, self._blocks.shape[1]
         edge = 1.0 if self.sprites is not None else self.profile.edge or 0.0
         profile = {0.0: "crisp", 1.0: "soft"}.get(edge, "sharp")
         clock = [time.perf_counter()]
@@ -366,7 +365,7 @@ class Splatter:
         """Room for the splats of `blocks` blocks of particles."""
         count = max(blocks, 1) * LANES
         if blocks == 0:
-            self._blocks = np.zeros((0, self._layout.rows, LANES), np.float32)
+            self._blocks = np.zeros((self._layout.rows, 0, LANES), np.float32)
             self._box = np.zeros((2, 3))
             self._opacity = 1.0
         size = self._layout.splat_size

@@ -20,34 +20,34 @@ __all__ = ["chained", "spread", "thin"]
 
 def chained(layout: Layout, blocks: NDArray[np.float32]) -> bool:
     """Whether most neighbours of up to 64 blocks, spread evenly, are nearer than half their length."""
-    if not layout.elliptic or not len(blocks):
+    if not layout.elliptic or not blocks.shape[1]:
         return False
-    sample = blocks[:: max(1, len(blocks) // 64)]
-    there = (sample[:, RADIUS, 1:] > 0) & (sample[:, RADIUS, :-1] > 0)
-    apart = np.linalg.norm(np.diff(sample[:, POSITION : POSITION + 3], axis=2), axis=1)
-    return bool(there.any() and np.mean((apart < sample[:, layout.half_length_row, 1:])[there]) > 0.5)
+    sample = blocks[:, :: max(1, blocks.shape[1] // 64)]
+    there = (sample[RADIUS, :, 1:] > 0) & (sample[RADIUS, :, :-1] > 0)
+    apart = np.linalg.norm(np.diff(sample[POSITION : POSITION + 3], axis=2), axis=0)
+    return bool(there.any() and np.mean((apart < sample[layout.half_length_row, :, 1:])[there]) > 0.5)
 
 
 @ti.kernel
 def thin(stride: Switch, rows: Int, particles: Floats3, thin_out: Floats3):
-    """Every stride-th particle, packed again: thin_out (ceil(blocks / stride), rows, 16); radius 0 at the end."""
-    for b in range(thin_out.shape[0]):
-        whole = (b + 1) * stride <= particles.shape[0]
+    """Every stride-th particle, packed again: thin_out (rows, ceil(blocks / stride), 16); radius 0 at the end."""
+    for b in range(thin_out.shape[1]):
+        whole = (b + 1) * stride <= particles.shape[1]
         for row in range(rows):
             for lane in ti.static(range(LANES)):
                 source = b * stride + lane * stride // LANES
                 value = 0.0
-                if whole or source < particles.shape[0]:
-                    value = particles[source, row, ti.static(lane * stride % LANES)]
-                thin_out[b, row, lane] = value
+                if whole or source < particles.shape[1]:
+                    value = particles[row, source, ti.static(lane * stride % LANES)]
+                thin_out[row, b, lane] = value
 
 
 @ti.kernel
 def spread(stride: Switch, particles: Floats3, found: Floats3, row: Int, light_out: Floats3):
     """light_out[block, row, lane] of what was found (thin blocks, 1, 16) for every stride-th particle."""
     keep(light_out, (0, 0, 0), row)
-    count = particles.shape[0] * LANES
-    for b in range(particles.shape[0]):
+    count = particles.shape[1] * LANES
+    for b in range(particles.shape[1]):
         for lane in range(LANES):
             i = b * LANES + lane
             one = i // stride
@@ -59,13 +59,13 @@ def spread(stride: Switch, particles: Floats3, found: Floats3, row: Int, light_o
                 j = one * stride
                 k = two * stride
                 for c in ti.static(range(3)):
-                    here = particles[b, POSITION + c, lane]
-                    x = particles[j // LANES, POSITION + c, j % LANES] - here
-                    y = particles[k // LANES, POSITION + c, k % LANES] - here
+                    here = particles[POSITION + c, b, lane]
+                    x = particles[POSITION + c, j // LANES, j % LANES] - here
+                    y = particles[POSITION + c, k // LANES, k % LANES] - here
                     near += x * x
                     far += y * y
-                if particles[k // LANES, RADIUS, k % LANES] > 0.0:
-                    if particles[j // LANES, RADIUS, j % LANES] <= 0.0:
+                if particles[RADIUS, k // LANES, k % LANES] > 0.0:
+                    if particles[RADIUS, j // LANES, j % LANES] <= 0.0:
                         near = 1e20
                     other = found[two // LANES, 0, two % LANES]
                     value += near / (near + far + 1e-20) * (other - value)

@@ -76,10 +76,10 @@ def stamp(
             rows_out[chunk, k] = 0
         texels = axes[SCALE, 0]
         for b in range(share(block_count, chunk, chunks), share(block_count, chunk + 1, chunks)):
-            px = particles[b, POSITION]
-            py = particles[b, POSITION + 1]
-            pz = particles[b, POSITION + 2]
-            size = particles[b, RADIUS]
+            px = particles[POSITION, b]
+            py = particles[POSITION + 1, b]
+            pz = particles[POSITION + 2, b]
+            size = particles[RADIUS, b]
             u = (px * axes[RIGHT, 0] + py * axes[RIGHT, 1] + pz * axes[RIGHT, 2] - axes[ORIGIN, 0]) * texels
             v = (px * axes[UP, 0] + py * axes[UP, 1] + pz * axes[UP, 2] - axes[ORIGIN, 1]) * texels
             depth = px * axes[AWAY, 0] + py * axes[AWAY, 1] + pz * axes[AWAY, 2] - axes[ORIGIN, 2]
@@ -88,9 +88,9 @@ def stamp(
             e_x = Vec16(1.0)
             e_y = Vec16(0.0)
             if ti.static(layout.elliptic):
-                tx = particles[b, TANGENT]
-                ty = particles[b, TANGENT + 1]
-                tz = particles[b, TANGENT + 2]
+                tx = particles[TANGENT, b]
+                ty = particles[TANGENT + 1, b]
+                tz = particles[TANGENT + 2, b]
                 e_x = tx * axes[RIGHT, 0] + ty * axes[RIGHT, 1] + tz * axes[RIGHT, 2]
                 e_y = tx * axes[UP, 0] + ty * axes[UP, 1] + tz * axes[UP, 2]
                 flat = ti.min(e_x * e_x + e_y * e_y, 1.0)
@@ -98,7 +98,7 @@ def stamp(
                 unit = 1.0 / ti.sqrt(e_x * e_x + e_y * e_y)
                 e_x *= unit
                 e_y *= unit
-                half = ti.max(0.5 * stretch * particles[b, layout.half_length_row] * texels, radius)
+                half = ti.max(0.5 * stretch * particles[layout.half_length_row, b] * texels, radius)
                 long = ti.sqrt(radius * radius * (1.0 - flat) + half * half * flat)
             across = 0.5 + ti.sqrt(0.25 + radius * radius)
             along = 0.5 + ti.sqrt(0.25 + long * long)
@@ -107,7 +107,7 @@ def stamp(
             small = ti.max(SMALL - long, 0.0)  # above 0: bilinear over four texels, by its area
             alpha = ti.select(small > 0.0, ti.min(3.1416 * radius * long, 0.95), alpha)
             if ti.static(layout.opacity):
-                alpha *= ti.min(ti.max(particles[b, layout.opacity_row], 0.0), 1.0)
+                alpha *= ti.min(ti.max(particles[layout.opacity_row, b], 0.0), 1.0)
             else:
                 alpha *= axes[SCALE, 1]
             optical = -ti.log(1.0 - ti.min(alpha, ti.static(OPAQUEST)))

@@ -60,7 +60,7 @@ def zoom(view: View, count: int, numbers: list[int]) -> Iterator[tuple[int, Imag
     for k in numbers:
         if k == numbers[0] or moving:
             splatter.light.hold(None)
-            splatter.load_blocks(STREAMED, whole, len(whole) * LANES)
+            splatter.load_blocks(STREAMED, whole, whole.shape[1] * LANES)
             splatter.light.hold(splatter.cast_light(cameras[k], lighting, resolution=RESOLUTION))
         backdrop = paint(
             cameras[k], stage=stage, lighting=lighting, background=view.background, maps=splatter.light.held

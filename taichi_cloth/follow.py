@@ -12,9 +12,12 @@ With the paper's rule a cloth that turns loses its thickness and its relief. Wit
 key point: H leaves P in the direction d of the yarn there, at the speed of the chord, H' = |P' − P| d, so that on a
 straight yarn it is the straight line whatever the spacing. Tangents and normals follow F by every rule.
 
-The particles lie as the splatter reads them: groups of 16, a row of 16 numbers for each property. A fibre block
-fills half groups of 8; the places left over in its last one have a radius of 0. They are held in a field, because
-LLVM makes no vector instructions of stores to an array argument (six times as slow); `groups` is a view of it.
+The particles lie as the splatter reads them: groups of 16, each property by itself. A fibre block fills octets, half
+groups (see `octets`); places left over in them have a radius of 0. They are held in a field, because LLVM makes no
+vector instructions of stores to an array argument (six times as slow); `groups` is a view of it.
+
+Most of the time is spent waiting for memory, so where things lie matters more than how much is computed: properties
+that move side by side with those that do not cost half as much again, and so did rows that straddle cache lines.
 """
 
 # In kernels a vector is a Taichi expression, which type checkers cannot follow.
@@ -22,18 +25,19 @@ LLVM makes no vector instructions of stores to an array argument (six times as s
 # pyright: reportCallIssue=false, reportArgumentType=false
 
 import ctypes
-from typing import get_args
+from typing import Any, get_args
 
 import numpy as np
 import taichi as ti
 from numpy.typing import ArrayLike, NDArray
 
 from taichi_cloth import runtime
-from taichi_cloth.arrays import Address, F32x3, I32x2, Int, Template
+from taichi_cloth.arrays import Address, F32x3, Int, Template
 from taichi_cloth.blocks import Fabric, FibreCloud
 from taichi_cloth.errors import InputError, did_you_mean
 from taichi_cloth.follow_rule import FollowRule
 from taichi_cloth.normals import frame_of_point
+from taichi_cloth.octets import LANES, octets_of
 
 __all__ = [
     "COLOUR", "HALF_LENGTH", "NORMAL", "OPENNESS", "POSITION", "RADIUS", "ROWS", "TANGENT", "FibreFollower",
@@ -42,17 +46,17 @@ __all__ = [
 F32 = NDArray[np.float32]
 
 GROUP = 16
-LANES = 8
 ROWS = 15
-"""Rows of a group: position 0–2, radius 3, colour 4–6, tangent 7–9, normal 10–12, half length 13, openness 14."""
+"""Rows of numbers: position 0–2, radius 3, colour 4–6, tangent 7–9, normal 10–12, half length 13, openness 14."""
 POSITION, RADIUS, COLOUR, TANGENT, NORMAL, HALF_LENGTH, OPENNESS = 0, 3, 4, 7, 10, 13, 14
-MOVING = ("u", "offset", "tangent", "normal")
-COLUMNS = 10  # numbers a particle in MOVING
+MOVING = ("offset", "tangent", "normal")
+COLUMNS = 9  # numbers a particle in MOVING
 FRAME = 12
 """Numbers a key point: place [m], unit direction of the weft, of the warp, unit normal."""
 RECORD = 6
-"""Numbers a fibre block: both key points, column of its direction in FRAME, first octet of its template and of its
-particles, and how many octets."""
+"""Numbers a fibre block: both key points, column of its direction in FRAME, first and last run of its template, and
+how many octets its particles stand behind its template."""
+LINE = 16  # numbers in a cache line: whatever is read or written eight at a time begins at one
 
 
 @ti.data_oriented
@@ -86,64 +90,80 @@ class FibreFollower:
         mask = np.ones(self.shape, bool) if present is None else np.asarray(present, bool)
         if mask.shape != self.shape:
             raise InputError(f"present: shape {mask.shape}; allowed: {self.shape}, one for each crossing")
-        self._present = np.ascontiguousarray(mask, np.int32)
         layout, bank, blocks = fabric.layout, fabric.bank, fabric.layout.blocks
-        size = np.diff(bank.start)
         self.kept = _kept(fabric, mask, spans)
         """Numbers of the fibre blocks there are, of those of the layout."""
         if not len(self.kept):
             raise InputError("present: no two neighbouring key points; allowed: a mask with cloth in it")
         template, kind = bank.template[self.kept], blocks.kind[self.kept]
-        octets = -(-size // LANES)
-        self._count = count = octets[template]
-        first = np.cumsum(octets) - octets
-        begin = np.cumsum(count) - count
-        family = layout.kinds.family[kind]
-        record = (blocks.key0[self.kept], blocks.key1[self.kept], 6 - 3 * family, first[template], begin, count)
+        octets = octets_of(bank)
+        count = np.diff(octets.octet)[template]
+        first = np.cumsum(count) - count
+        record = (
+            blocks.key0[self.kept],
+            blocks.key1[self.kept],
+            6 - 3 * layout.kinds.family[kind],
+            octets.run[template],
+            octets.run[template + 1],
+            first - octets.octet[template],
+        )
         slots = LANES * int(count.sum())
         self._own = -(-slots // GROUP)
         self.slots = (self._own - (-others // GROUP)) * GROUP
-        self._allocate(mask.size, len(self.kept), int(octets.sum()))
-        self._record.from_numpy(np.stack(record, axis=1).astype(np.int32).ravel())
-        self._pitch.from_numpy(layout.kinds.pitch[kind].astype(np.float32))
-        self._bank.from_numpy(_padded_bank(fabric, size, octets))
+        self._spare = self._own * GROUP - slots
+        self._allocate(mask.size, len(self.kept), octets.ratio.size, octets.source.size)
+        _fill(self._present, mask)
+        _fill(self._record, np.stack(record, axis=1))
+        _fill(self._pitch, layout.kinds.pitch[kind])
+        _fill(self._start, octets.start)
+        _fill(self._ratio, octets.ratio)
+        columns = np.column_stack([getattr(bank, name) for name in MOVING])
+        _fill(self._bank, columns[octets.source].transpose(0, 2, 1))
 
         of_block, particle, drawn = _placed(fabric, self.kept, spans)
-        self.particle_slots = np.flatnonzero(drawn)
+        of_block, particle = of_block[drawn], particle[drawn]
+        self.particle_slots = LANES * first[of_block] + octets.place[particle]
         """Where the particles are, in the order of the blocks, (particles,) of the slots."""
-        self.threads = blocks.thread[self.kept][of_block[drawn]].astype(np.int32)
+        self.threads = blocks.thread[self.kept][of_block].astype(np.int32)
         """Thread of each particle, warp ends first, (particles,)."""
         colour = fabric.thread_colour[blocks.thread[self.kept]]
         if shades is not None:
             colour = np.where(np.isnan(shades[self.kept]), colour, shades[self.kept])
         shade = colour[of_block] * bank.tone[particle][:, None]
-        self._write(RADIUS, np.where(drawn, bank.radius[particle], 0.0))
-        self._write(HALF_LENGTH, bank.half_length[particle])
-        self._write(OPENNESS, bank.openness[particle])
-        for c in range(3):
-            self._write(COLOUR + c, shade[:, c])
+        still = {RADIUS: bank.radius, HALF_LENGTH: bank.half_length, OPENNESS: bank.openness}
+        rows = {row: values[particle] for row, values in still.items()}
+        rows |= {COLOUR + c: shade[:, c] for c in range(3)}
+        for row, values in rows.items():
+            self.groups[row].reshape(-1)[self.particle_slots] = values
         if rule == "paper":
             if rest is None:
                 raise InputError('rest: missing; the rule "paper" keeps offsets in the axes of the cloth at rest')
-            self._key_frames(self._checked(rest), self._present, self._rest)
+            self._key_frames(self._checked(rest), self._rest)
 
-    def _allocate(self, keys: int, blocks: int, octets: int) -> None:
+    def _allocate(self, keys: int, blocks: int, ratios: int, places: int) -> None:
         """Fields, in one tree, and the view of the particles among them."""
-        self._frames = ti.field(ti.f32, keys * FRAME)
-        self._rest = ti.field(ti.f32, keys * FRAME) if self.rule == "paper" else self._frames
-        self._record = ti.field(ti.i32, blocks * RECORD)
-        self._pitch = ti.field(ti.f32, blocks)
-        self._bank = ti.field(ti.f32, octets * COLUMNS * LANES)
-        self._out = ti.field(ti.f32, self.slots * ROWS)
+
+        def field(dtype: Any, size: int) -> Any:
+            return ti.field(dtype, -(-size // LINE) * LINE)
+
+        self._frames = field(ti.f32, keys * FRAME)
+        self._rest = field(ti.f32, keys * FRAME) if self.rule == "paper" else self._frames
+        self._present = field(ti.i32, keys)
+        self._record = field(ti.i32, blocks * RECORD)
+        self._pitch = field(ti.f32, blocks)
+        self._start = field(ti.i32, ratios // LANES + 1)
+        self._ratio = field(ti.f32, ratios)
+        self._bank = field(ti.f32, places * COLUMNS)
+        self._out = field(ti.f32, ROWS * self.slots)
         self._blocks = blocks
-        shape = (self.slots // GROUP, ROWS, GROUP)
+        shape = (ROWS, self.slots // GROUP, GROUP)
         self._in_place = runtime.on_host()
         if self._in_place:
             memory = (ctypes.c_float * (self.slots * ROWS)).from_address(self._address())
             self.groups: F32 = np.ctypeslib.as_array(memory).reshape(shape)
         else:
             self.groups = np.zeros(shape, np.float32)
-        """All particles as the splatter's blocks, (slots / 16, ROWS, 16); valid until Taichi starts again."""
+        """All particles as the splatter's blocks, (ROWS, slots / 16, 16); valid until Taichi starts again."""
 
     @ti.kernel
     def _address(self) -> Address:
@@ -155,8 +175,8 @@ class FibreFollower:
 
     @property
     def others(self) -> F32:
-        """The groups that are not the fibres', (n, ROWS, 16)."""
-        return self.groups[self._own :]
+        """The groups that are not the fibres', (ROWS, n, 16)."""
+        return self.groups[:, self._own :]
 
     @staticmethod
     def count(fabric: Fabric, *, present: ArrayLike | None = None, spans: NDArray | None = None) -> int:
@@ -169,19 +189,19 @@ class FibreFollower:
 
         Raises InputError when the grid is not the fabric's.
         """
-        self._move(self._checked(points), self._present, self._blocks)
+        self._move(self._checked(points), self._blocks)
         if not self._in_place:
             moved = self._out.to_numpy().reshape(self.groups.shape)
             for row in (POSITION, TANGENT, NORMAL):
-                self.groups[:, row : row + 3] = moved[:, row : row + 3]
-        if self._count.sum() % 2:  # the half group that fills up the last one lies where something is
-            last = self.groups[self._own - 1, POSITION : POSITION + 3]
+                self.groups[row : row + 3] = moved[row : row + 3]
+        if self._spare:  # the octet that fills up the last group lies where something is
+            last = self.groups[POSITION : POSITION + 3, self._own - 1]
             last[:, LANES:] = last[:, LANES - 1, None]
         return self.groups
 
     def cloud(self) -> FibreCloud:
         """The particles as they lie now, as separate arrays: a copy, in the order of the blocks."""
-        rows = self.groups.transpose(1, 0, 2).reshape(ROWS, -1)[:, self.particle_slots]
+        rows = self.groups.reshape(ROWS, -1)[:, self.particle_slots]
 
         def triple(row: int) -> F32:
             return np.ascontiguousarray(rows[row : row + 3].T)
@@ -201,22 +221,27 @@ class FibreFollower:
             raise InputError(f"points: shape {points.shape}; allowed: {(*self.shape, 3)}, the fabric's crossings")
         return np.ascontiguousarray(points, np.float32)
 
-    def _write(self, row: int, values: NDArray) -> None:
-        padded = np.zeros(self.slots, np.float32)
-        padded[: len(values)] = values
-        self.groups[:, row] = padded.reshape(-1, GROUP)
+    @ti.kernel
+    def _key_frames(self, point: F32x3, frames_out: Template):
+        for k in range(point.shape[0] * point.shape[1]):
+            self._key_frame(point, k, frames_out)
 
     @ti.kernel
-    def _key_frames(self, point: F32x3, present: I32x2, frames_out: Template):
+    def _move(self, point: F32x3, blocks: Int):
         for k in range(point.shape[0] * point.shape[1]):
-            _key_frame(point, present, k, frames_out)
-
-    @ti.kernel
-    def _move(self, point: F32x3, present: I32x2, blocks: Int):
-        for k in range(point.shape[0] * point.shape[1]):
-            _key_frame(point, present, k, self._frames)
+            self._key_frame(point, k, self._frames)
         for b in range(blocks):
             self._block(b)
+
+    @ti.func
+    def _key_frame(self, point: F32x3, k, frames_out: Template):
+        if self._present[k] != 0:
+            here, weft, warp, normal = frame_of_point(point, self._present, k)
+            for c in ti.static(range(3)):
+                frames_out[k * FRAME + c] = here[c]
+                frames_out[k * FRAME + 3 + c] = weft[c]
+                frames_out[k * FRAME + 6 + c] = warp[c]
+                frames_out[k * FRAME + 9 + c] = normal[c]
 
     @ti.func
     def _block(self, b):
@@ -230,14 +255,10 @@ class FibreFollower:
         chord = p1 - p0
         length = chord.norm()
         m0, m1 = a0 * length - chord, a1 * length - chord
-        source, target = self._record[b * RECORD + 3], self._record[b * RECORD + 4]
-        for h in range(self._record[b * RECORD + 5]):
+        behind = self._record[b * RECORD + 5]
+        for run in range(self._record[b * RECORD + 3], self._record[b * RECORD + 4]):
             # The bounds tell the compiler that no index overflows, without which there are no vector instructions.
-            t = ti.min(ti.max(source + h, 0), 1 << 24) * (COLUMNS * LANES)
-            octet = ti.min(ti.max(target + h, 0), 1 << 24)
-            q = (octet >> 1) * (ROWS * GROUP) + (octet & 1) * LANES
-            u = _load(self._bank, t)
-            x, y, z = _load3(self._bank, t + LANES)
+            u = _load(self._ratio, ti.min(ti.max(run, 0), 1 << 24) * LANES)
             w = ti.min(ti.max(u, 0.0), 1.0)
             ax, ay, az, nx, ny, nz = _blended(a0, a1, n0, n1, w)
             cx, cy, cz = ny * az - nz * ay, nz * ax - nx * az, nx * ay - ny * ax
@@ -249,27 +270,48 @@ class FibreFollower:
                 px += h0 * m0[0] - h1 * m1[0] + beyond * (length * ax - chord[0])
                 py += h0 * m0[1] - h1 * m1[1] + beyond * (length * ay - chord[1])
                 pz += h0 * m0[2] - h1 * m1[2] + beyond * (length * az - chord[2])
+            bx, by, bz, dx, dy, dz, rx, ry, rz = ax, ay, az, cx, cy, cz, nx, ny, nz  # the frame of the offsets
             if ti.static(self.rule == "paper"):
                 b0, b1 = _triple(self._rest, k0 * FRAME + along), _triple(self._rest, k1 * FRAME + along)
                 r0, r1 = _triple(self._rest, k0 * FRAME + 9), _triple(self._rest, k1 * FRAME + 9)
                 bx, by, bz, rx, ry, rz = _blended(b0, b1, r0, r1, w)
-                px += x * bx + y * (ry * bz - rz * by) + z * rx
-                py += x * by + y * (rz * bx - rx * bz) + z * ry
-                pz += x * bz + y * (rx * by - ry * bx) + z * rz
-            else:
-                px += x * ax + y * cx + z * nx
-                py += x * ay + y * cy + z * ny
-                pz += x * az + y * cz + z * nz
-            _store3(self._out, q + POSITION * GROUP, px, py, pz)
-            for k in ti.static(range(2)):
-                x, y, z = _load3(self._bank, t + (4 + 3 * k) * LANES)
-                _store3(
-                    self._out,
-                    q + (TANGENT + 3 * k) * GROUP,
-                    x * ax + y * cx + z * nx,
-                    x * ay + y * cy + z * ny,
-                    x * az + y * cz + z * nz,
+                dx, dy, dz = ry * bz - rz * by, rz * bx - rx * bz, rx * by - ry * bx
+            for o in range(self._start[run], self._start[run + 1]):
+                t = ti.min(ti.max(o, 0), 1 << 24) * (COLUMNS * LANES)
+                q = ti.min(ti.max(o + behind, 0), 1 << 24) * LANES
+                x, y, z = _load3(self._bank, t)
+                self._store3(
+                    POSITION,
+                    q,
+                    px + (x * bx + y * dx + z * rx),
+                    py + (x * by + y * dy + z * ry),
+                    pz + (x * bz + y * dz + z * rz),
                 )
+                for k in ti.static(range(2)):
+                    x, y, z = _load3(self._bank, t + (3 + 3 * k) * LANES)
+                    self._store3(
+                        TANGENT + 3 * k,
+                        q,
+                        x * ax + y * cx + z * nx,
+                        x * ay + y * cy + z * ny,
+                        x * az + y * cz + z * nz,
+                    )
+
+    @ti.func
+    def _store3(self, row: Template, p, x, y, z):
+        for k in ti.static(range(LANES)):
+            self._out[p + ti.static(row * self.slots) + k] = x[k]
+        for k in ti.static(range(LANES)):
+            self._out[p + ti.static((row + 1) * self.slots) + k] = y[k]
+        for k in ti.static(range(LANES)):
+            self._out[p + ti.static((row + 2) * self.slots) + k] = z[k]
+
+
+def _fill(field: Any, values: NDArray) -> None:
+    """Writes values to the beginning of a field."""
+    flat = np.zeros(field.shape[0], np.int32 if field.dtype == ti.i32 else np.float32)
+    flat[: values.size] = values.reshape(-1)
+    field.from_numpy(flat)
 
 
 def _kept(fabric: Fabric, present: NDArray[np.bool_], spans: NDArray | None) -> NDArray[np.int64]:
@@ -287,30 +329,19 @@ def _kept(fabric: Fabric, present: NDArray[np.bool_], spans: NDArray | None) -> 
 def _placed(
     fabric: Fabric, kept: NDArray[np.int64], spans: NDArray | None
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
-    """For each place in the octets of some blocks: number of the block among them, of the particle in the bank, and
-    whether it is drawn."""
+    """For each particle of some blocks: number of the block among them, of the particle in the bank, and whether it is
+    drawn."""
     bank = fabric.bank
-    size, template = np.diff(bank.start), bank.template[kept]
-    count = LANES * -(-size[template] // LANES)
+    template = bank.template[kept]
+    count = np.diff(bank.start)[template]
     of_block = np.repeat(np.arange(len(kept)), count)
-    place = np.arange(len(of_block)) - (np.cumsum(count) - count)[of_block]
-    drawn = place < size[template][of_block]
-    particle = bank.start[template][of_block] + np.minimum(place, size[template][of_block] - 1)
+    particle = np.arange(len(of_block)) - (np.cumsum(count) - count - bank.start[template])[of_block]
+    drawn = np.ones(len(of_block), bool)
     if spans is not None:  # a whole block keeps the hairs that reach beyond its ends
         low, high = spans[kept].T
         low, high = np.where(low <= 0, -np.inf, low)[of_block], np.where(high >= 1, np.inf, high)[of_block]
-        drawn &= (bank.u[particle] >= low) & (bank.u[particle] <= high)
+        drawn = (bank.u[particle] >= low) & (bank.u[particle] <= high)
     return of_block, particle, drawn
-
-
-def _padded_bank(fabric: Fabric, size: NDArray, octets: NDArray) -> F32:
-    """Templates in octets, (octets · COLUMNS · 8,): a row of 8 for each column; the last particle fills them up."""
-    bank = fabric.bank
-    owner = np.repeat(np.arange(len(size)), octets * LANES)
-    place = np.arange(len(owner)) - LANES * (np.cumsum(octets) - octets)[owner]
-    source = bank.start[owner] + np.minimum(place, size[owner] - 1)
-    columns = np.column_stack([getattr(bank, name)[source] for name in MOVING]).astype(np.float32)
-    return np.ascontiguousarray(columns.reshape(-1, LANES, COLUMNS).transpose(0, 2, 1)).ravel()
 
 
 @ti.func
@@ -321,16 +352,6 @@ def _load(field: Template, p):
 @ti.func
 def _load3(field: Template, p):
     return _load(field, p), _load(field, p + LANES), _load(field, p + 2 * LANES)
-
-
-@ti.func
-def _store3(field: Template, p, x, y, z):
-    for k in ti.static(range(LANES)):
-        field[p + k] = x[k]
-    for k in ti.static(range(LANES)):
-        field[p + GROUP + k] = y[k]
-    for k in ti.static(range(LANES)):
-        field[p + 2 * GROUP + k] = z[k]
 
 
 @ti.func
@@ -350,13 +371,3 @@ def _blended(a0, a1, n0, n1, w):
     nx, ny, nz = nx - lean * ax, ny - lean * ay, nz - lean * az
     scale = 1.0 / ti.sqrt(ti.max(nx * nx + ny * ny + nz * nz, 1e-30))
     return ax, ay, az, nx * scale, ny * scale, nz * scale
-
-
-@ti.func
-def _key_frame(point: F32x3, present: I32x2, k, frames_out: Template):
-    here, weft, warp, normal = frame_of_point(point, present, k)
-    for c in ti.static(range(3)):
-        frames_out[k * FRAME + c] = here[c]
-        frames_out[k * FRAME + 3 + c] = weft[c]
-        frames_out[k * FRAME + 6 + c] = warp[c]
-        frames_out[k * FRAME + 9 + c] = normal[c]

@@ -7,7 +7,7 @@ import numpy as np
 import taichi as ti
 from numpy.typing import ArrayLike, NDArray
 
-from taichi_cloth.arrays import F32x2, F32x3, I32x2
+from taichi_cloth.arrays import F32x2, F32x3, I32x1, Template
 
 __all__ = ["frame_of_point", "grid_faces", "vertex_normals"]
 
@@ -17,7 +17,7 @@ def vertex_normals(points: NDArray, present: ArrayLike | None = None) -> NDArray
     x = np.ascontiguousarray(points, np.float32)
     mask = np.ones(x.shape[:2], np.int32) if present is None else np.ascontiguousarray(present, np.int32)
     out = np.empty((mask.size, 3), np.float32)
-    _normals(x, mask, out)
+    _normals(x, mask.reshape(-1), out)
     return out
 
 
@@ -32,23 +32,26 @@ def grid_faces(present: ArrayLike) -> NDArray[np.int32]:
 
 @ti.func
 def _unit(v):
-    return v / ti.sqrt(ti.max(v.dot(v), 1e-30))
+    return v * (1.0 / ti.sqrt(ti.max(v.dot(v), 1e-30)))
 
 
 @ti.func
-def frame_of_point(point: F32x3, present: I32x2, k):
-    """Key point k, directions of weft and warp, normal. One-sided differences where a neighbour is not present."""
+def frame_of_point(point: F32x3, present: Template, k):
+    """Key point k, directions of weft and warp, normal. One-sided differences where a neighbour is not present.
+
+    present: field or array of one dimension, row by row.
+    """
     picks, ends = point.shape[0], point.shape[1]
     i, j = k // ends, k % ends
     weft, warp = ti.Vector([0.0, 0.0, 0.0]), ti.Vector([0.0, 0.0, 0.0])
     here = ti.Vector([point[i, j, 0], point[i, j, 1], point[i, j, 2]])
-    if present[i, j] != 0:
+    if present[k] != 0:
         ahead, behind = ti.min(j + 1, ends - 1), ti.max(j - 1, 0)
-        ahead = ahead if present[i, ahead] != 0 else j
-        behind = behind if present[i, behind] != 0 else j
+        ahead = ahead if present[k + ahead - j] != 0 else j
+        behind = behind if present[k + behind - j] != 0 else j
         above, below = ti.min(i + 1, picks - 1), ti.max(i - 1, 0)
-        above = above if present[above, j] != 0 else i
-        below = below if present[below, j] != 0 else i
+        above = above if present[k + (above - i) * ends] != 0 else i
+        below = below if present[k + (below - i) * ends] != 0 else i
         for c in ti.static(range(3)):
             weft[c] = point[i, ahead, c] - point[i, behind, c]
             warp[c] = point[above, j, c] - point[below, j, c]
@@ -62,7 +65,7 @@ def frame_of_point(point: F32x3, present: I32x2, k):
 
 
 @ti.kernel
-def _normals(point: F32x3, present: I32x2, normal_out: F32x2):
+def _normals(point: F32x3, present: I32x1, normal_out: F32x2):
     for k in range(point.shape[0] * point.shape[1]):
         _here, _weft, _warp, normal = frame_of_point(point, present, k)
         for c in ti.static(range(3)):

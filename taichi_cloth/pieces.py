@@ -238,7 +238,7 @@ def surface(
             q = starts[i]
             if grid[p, 0] == 0:
                 for c in ti.static(range(ROWS)):
-                    blocks_out[q // LANES, c, q % LANES] = pieces[p, c]
+                    blocks_out[c, q // LANES, q % LANES] = pieces[p, c]
             else:
                 at = row(pieces, p)
                 before = p - ti.cast(pieces[p, 20], ti.i32)
@@ -285,12 +285,12 @@ def surface(
                         x = middle + radius * rho * e
                         block, lane = q // LANES, q % LANES
                         for c in ti.static(range(3)):
-                            blocks_out[block, c, lane] = x[c]
-                            blocks_out[block, 4 + c, lane] = pieces[p, 4 + c] * gain
-                            blocks_out[block, 7 + c, lane] = d[c]
-                            blocks_out[block, 10 + c, lane] = n[c]
+                            blocks_out[c, block, lane] = x[c]
+                            blocks_out[4 + c, block, lane] = pieces[p, 4 + c] * gain
+                            blocks_out[7 + c, block, lane] = d[c]
+                            blocks_out[10 + c, block, lane] = n[c]
                         width = ti.sqrt(rho * rho + by_angle * by_angle) * radius * ARC / around
-                        blocks_out[block, 3, lane] = 0.8 * width
-                        blocks_out[block, 13, lane] = ti.max(1.5 * gap, 0.8 * width)
-                        blocks_out[block, 14, lane] = pieces[p, 14]
+                        blocks_out[3, block, lane] = 0.8 * width
+                        blocks_out[13, block, lane] = ti.max(1.5 * gap, 0.8 * width)
+                        blocks_out[14, block, lane] = pieces[p, 14]
                         q += 1

@@ -7,6 +7,7 @@ the drawn one's axis and its surface rises from a round one as the camera comes 
 """
 
 from dataclasses import dataclass, replace
+from math import prod
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,7 +67,7 @@ class RefiningStream:
         self.parted_gain, self.surface_gain = float(parted_gain), float(surface_gain)
         self._known = np.zeros(0, np.int64)
         self._near: FabricStream | None = None
-        self._batch = np.zeros((0, ROWS, LANES), np.float32)
+        self._batch = np.zeros(0, np.float32)
         bank, base = fabric.bank, self.base
         beyond = np.maximum(np.abs(bank.u - 0.5) - 0.5, 0.0) * float(base.pitch.max())
         reach = beyond + np.linalg.norm(bank.offset, axis=1) + bank.half_length
@@ -115,11 +116,12 @@ class RefiningStream:
         if not len(mine):
             return out, total
         starts = np.concatenate([[0], np.cumsum(survey.counts[first:][mine], dtype=np.int64)])
-        rows, more = len(out), -(-int(starts[-1]) // LANES)
-        if len(self._batch) < rows + more:
-            self._batch = np.zeros((rows + more, ROWS, LANES), np.float32)
-        batch = self._batch[: rows + more]
-        batch[:rows] = out
+        rows, more = out.shape[1], -(-int(starts[-1]) // LANES)
+        shape = ROWS, rows + more, LANES
+        if self._batch.size < prod(shape):
+            self._batch = np.zeros(prod(shape), np.float32)
+        batch = self._batch[: prod(shape)].reshape(shape)
+        batch[:, :rows] = out
         surface(
             self.chunks,
             mine.astype(np.int32),
@@ -133,8 +135,8 @@ class RefiningStream:
         )
         filled = int(starts[-1]) % LANES
         if filled:
-            batch[-1, :, filled:] = batch[-1, :, filled - 1, None]
-            batch[-1, 3, filled:] = 0.0
+            batch[:, -1, filled:] = batch[:, -1, filled - 1, None]
+            batch[3, -1, filled:] = 0.0
         return batch, (rows + more) * LANES
 
     def numbers(self, survey: Refined, chosen: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:

@@ -12,7 +12,7 @@ each block begins elsewhere on it, so that what one block leaves out another sho
 # pyright: reportIndexIssue=false, reportArgumentType=false, reportOptionalCall=false, reportReturnType=false
 
 from dataclasses import dataclass
-from math import log
+from math import log, prod
 from typing import Any, Protocol
 
 import numpy as np
@@ -112,7 +112,7 @@ class FabricStream:
         self.radius[filled] = np.add.reduceat(bank.radius.astype(np.float64), starts[filled]) / size[filled]
         self._every = max(1, len(self.points) // 4096)  # key points that tell how the cloth is tilted
         self.turn = 0  # another number is another sample of the same thinned cloth
-        self._batch = np.zeros((0, ROWS, LANES), np.float32)
+        self._batch = np.zeros(0, np.float32)
 
     @property
     def allocated(self) -> int:
@@ -153,7 +153,7 @@ class FabricStream:
         return Survey(boxes, counts, depth, share, float(np.abs(cosine).mean()))
 
     def lay(self, survey: Survey, blocks: I32) -> tuple[F32, int]:
-        """The particles of these blocks, as many as the survey says: (ceil(n / 16), ROWS, 16) and n.
+        """The particles of these blocks, as many as the survey says: (ROWS, ceil(n / 16), 16) and n.
 
         The array is valid until the next call.
         """
@@ -161,10 +161,10 @@ class FabricStream:
         counts = survey.counts[blocks]
         starts = np.concatenate([[0], np.cumsum(counts, dtype=np.int64)])
         total = int(starts[-1])
-        rows = -(-total // LANES)
-        if len(self._batch) < rows:
-            self._batch = np.zeros((rows, ROWS, LANES), np.float32)
-        out = self._batch[:rows]
+        shape = ROWS, -(-total // LANES), LANES
+        if self._batch.size < prod(shape):
+            self._batch = np.zeros(prod(shape), np.float32)
+        out = self._batch[: prod(shape)].reshape(shape)
         if not total:
             return out, 0
         _lay(
@@ -189,8 +189,8 @@ class FabricStream:
             out,
         )
         if total % LANES:  # places that fill up the last block: nothing, where something is
-            out[-1, :, total % LANES :] = out[-1, :, total % LANES - 1, None]
-            out[-1, 3, total % LANES :] = 0.0
+            out[:, -1, total % LANES :] = out[:, -1, total % LANES - 1, None]
+            out[3, -1, total % LANES :] = 0.0
         return out, total
 
     def numbers(self, survey: Survey, blocks: I32) -> tuple[I32, I32]:
@@ -358,13 +358,13 @@ def _lay(
                 grown = ti.sqrt(larger * faded) * wider if share < FULL else 1.0
                 block, lane = q // LANES, q % LANES
                 for c in ti.static(range(3)):
-                    blocks_out[block, c, lane] = x[c]
-                    blocks_out[block, 7 + c, lane] = d[c]
-                    blocks_out[block, 10 + c, lane] = normal[c]
+                    blocks_out[c, block, lane] = x[c]
+                    blocks_out[7 + c, block, lane] = d[c]
+                    blocks_out[10 + c, block, lane] = normal[c]
                 tone = particle[t, 13]
-                blocks_out[block, 3, lane] = particle[t, 10] * grown
-                blocks_out[block, 4, lane] = red * tone
-                blocks_out[block, 5, lane] = green * tone
-                blocks_out[block, 6, lane] = blue * tone
-                blocks_out[block, 13, lane] = particle[t, 11] * grown
-                blocks_out[block, 14, lane] = particle[t, 12] + opened * (most - particle[t, 12])
+                blocks_out[3, block, lane] = particle[t, 10] * grown
+                blocks_out[4, block, lane] = red * tone
+                blocks_out[5, block, lane] = green * tone
+                blocks_out[6, block, lane] = blue * tone
+                blocks_out[13, block, lane] = particle[t, 11] * grown
+                blocks_out[14, block, lane] = particle[t, 12] + opened * (most - particle[t, 12])

@@ -139,9 +139,9 @@ def test_blocks_without_their_key_points_are_left_out(fabric: Fabric) -> None:
 def test_places_left_over_are_not_drawn(fabric: Fabric, smooth: FibreFollower) -> None:
     points = pose_points(fabric.layout)
     groups = smooth.follow(points)
-    radius = groups[:, 3].ravel()
+    radius = groups[3].ravel()
     assert np.count_nonzero(radius) == smooth.particles < smooth.slots
-    place = groups[:, :3].transpose(0, 2, 1).reshape(-1, 3)
+    place = groups[:3].reshape(3, -1).T
     drawn = place[radius > 0]
     assert (place.min(axis=0) >= drawn.min(axis=0)).all()
     assert (place.max(axis=0) <= drawn.max(axis=0)).all()

@@ -46,14 +46,14 @@ def shadow(particles: Particles, direction=UP, **options) -> tuple[ShadowMap, np
     layout, blocks, box = pack(particles, textured=False)
     opacity = 1.0 if layout.opacity else float(particles.opacity)
     shadow_map = cast(layout, blocks, box, direction, opacity=opacity, **options)
-    light = np.full((len(blocks), 1, LANES), np.nan, np.float32)
+    light = np.full((blocks.shape[1], 1, LANES), np.nan, np.float32)
     shadow_map.on_particles(blocks, light, 0)
     return shadow_map, light[:, 0].reshape(-1)[: len(particles)]
 
 
 def sky(particles: Particles) -> np.ndarray:
     layout, blocks, box = pack(particles, textured=False)
-    light = np.ones((len(blocks), 1, LANES), np.float32)
+    light = np.ones((blocks.shape[1], 1, LANES), np.float32)
     maps = occlude(layout, blocks, box, opacity=float(particles.opacity), chunks=2, directions=32)
     maps.on_particles(blocks, light, 0)
     return light[:, 0].reshape(-1)[: len(particles)]

@@ -55,8 +55,8 @@ def test_concatenate_fills_what_only_some_have() -> None:
 def test_blocks_hold_every_number(count: int) -> None:
     particles = some(count, half_length=np.ones(count), openness=np.full(count, 0.3), opacity=np.full(count, 0.7))
     layout, blocks, box = pack(particles, textured=True)
-    assert blocks.shape == (-(-count // 16), 17, 16)
-    rows = blocks.transpose(0, 2, 1).reshape(-1, 17)
+    assert blocks.shape == (17, -(-count // 16), 16)
+    rows = blocks.reshape(17, -1).T
     places = ((POSITION, particles.position), (COLOUR, particles.colour))
     places += ((TANGENT, particles.tangent), (NORMAL, particles.normal))
     for first, columns in places:
@@ -75,5 +75,5 @@ def test_what_is_not_drawn_does_not_reach_the_box() -> None:
     particles = Particles([[0, 0, 1], [9, 9, 9], [np.inf, 0, 0]], [1, -1, 1], (1, 1, 1), (1, 0, 0), (0, 0, 1))
     _, blocks, box = pack(particles, textured=False)
     assert box.tolist() == [[0, 0, 1], [0, 0, 1]]
-    assert blocks[0, RADIUS, :4].tolist() == [1, 0, 0, 0]
+    assert blocks[RADIUS, 0, :4].tolist() == [1, 0, 0, 0]
     assert np.isfinite(blocks).all()

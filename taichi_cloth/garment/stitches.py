@@ -84,15 +84,15 @@ class Stitches:
         rows = {RADIUS: self.radius, HALF_LENGTH: self.half_length, OPENNESS: 1.0}
         rows |= {COLOUR + c: float(colour[c]) for c in range(3)}
         for row, value in rows.items():
-            flat = np.zeros(groups.shape[0] * groups.shape[2], np.float32)
-            flat[: len(self)] = value
-            groups[:, row] = flat.reshape(groups.shape[0], groups.shape[2])
+            flat = np.zeros(groups.shape[1:], np.float32)
+            flat.reshape(-1)[: len(self)] = value
+            groups[row] = flat
 
     def follow(self, crossings: NDArray, groups: F32) -> None:
         """Writes where they are with the crossings there into the same groups."""
         for row, values in zip((POSITION, TANGENT, NORMAL), self.placed(crossings), strict=True):
-            filled = np.pad(values, ((0, groups.shape[0] * groups.shape[2] - len(values)), (0, 0)), mode="edge")
-            groups[:, row : row + 3] = filled.reshape(groups.shape[0], groups.shape[2], 3).transpose(0, 2, 1)
+            filled = np.pad(values, ((0, groups[0].size - len(values)), (0, 0)), mode="edge")
+            groups[row : row + 3] = filled.T.reshape(3, *groups.shape[1:])
 
 
 def inset(edge: F64, by: float, *, anticlockwise: bool) -> F64:

@@ -7,7 +7,7 @@ import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
 
-from taichi_cloth.arrays import F32x2, F32x3, I32x2
+from taichi_cloth.arrays import F32x2, F32x3, I32x1, I32x2
 from taichi_cloth.garment.cut import Atlas, CutPanel, intervals
 from taichi_cloth.normals import frame_of_point
 
@@ -35,7 +35,7 @@ class Surface:
         place = np.concatenate(nodes)
         self._nodes = np.ascontiguousarray(place[..., 0] * atlas.shape[1] + place[..., 1], np.int32)
         self._shares = np.ascontiguousarray(np.concatenate(shares), np.float32)
-        self._present = np.ascontiguousarray(atlas.present(), np.int32)
+        self._present = np.ascontiguousarray(atlas.present(), np.int32).reshape(-1)
         self.faces: I32 = np.concatenate(faces).astype(np.int32)
         self.panel: I32 = np.concatenate(panel)
 
@@ -51,9 +51,9 @@ class Surface:
 
 @ti.kernel
 def _surface(
-    key: F32x3, present: I32x2, nodes: I32x2, shares: F32x2, at_key_out: F32x2, point_out: F32x2, normal_out: F32x2
+    key: F32x3, present: I32x1, nodes: I32x2, shares: F32x2, at_key_out: F32x2, point_out: F32x2, normal_out: F32x2
 ):
-    for k in range(present.shape[0] * present.shape[1]):
+    for k in range(present.shape[0]):
         _here, _weft, _warp, normal = frame_of_point(key, present, k)
         for c in ti.static(range(3)):
             at_key_out[k, c] = normal[c]
@@ -61,7 +61,7 @@ def _surface(
         point, normal = ti.Vector([0.0, 0.0, 0.0]), ti.Vector([0.0, 0.0, 0.0])
         for n in ti.static(range(4)):
             k, share = nodes[p, n], shares[p, n]
-            i, j = k // present.shape[1], k % present.shape[1]
+            i, j = k // key.shape[1], k % key.shape[1]
             for c in ti.static(range(3)):
                 point[c] += share * key[i, j, c]
                 normal[c] += share * at_key_out[k, c]
