@@ -52,7 +52,10 @@ def refine_points(points: NDArray, present: ArrayLike | None, k: int) -> F32:
             "allowed: (rows, cols, 3) and (rows, cols), each 2 or more"
         )
     if k == 1:
-        return np.where(mask[..., None] != 0, x, np.float32(0))
+        out = x.copy()
+        if present is not None:
+            out.reshape(-1, 3)[np.flatnonzero(mask == 0)] = 0.0
+        return out
     many_rows, many_cols = (rows - 1) * k + 1, (cols - 1) * k + 1
     between, out = np.zeros((rows, many_cols, 3), np.float32), np.zeros((many_rows, many_cols, 3), np.float32)
     found = np.zeros((rows, many_cols), np.int32)
