@@ -4,7 +4,8 @@ python docs/peers.py {ours|newton|mujoco} {drape|curtain} [--n 79] [--frames 120
                      [--stiffer 1.0]
 
 newton and mujoco each want an environment of their own (pip install newton, pip install mujoco); ours that of this
-project. stiffer: factor of our springs along the threads, for a stretch as small as another's. Times are processor time a frame, which other work on the machine disturbs least.
+project. stiffer: factor of our springs along the threads, for a stretch as small as another's. Times are processor
+time a frame, which other work on the machine disturbs least.
 """
 
 import argparse
