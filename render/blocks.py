@@ -14,7 +14,7 @@ from .arrays import LANES
 from .errors import RenderError
 from .particles import Particles
 
-__all__ = ["COLOUR", "NORMAL", "POSITION", "RADIUS", "TANGENT", "Layout", "ParticleBlocks", "pack", "unpacked"]
+__all__ = ["COLOUR", "NORMAL", "POSITION", "RADIUS", "TANGENT", "Layout", "ParticleBlocks", "pack"]
 
 POSITION, RADIUS, COLOUR, TANGENT, NORMAL = 0, 3, 4, 7, 10
 """First row of each property that every layout has."""
@@ -141,17 +141,3 @@ def pack(particles: Particles, *, textured: bool) -> tuple[Layout, NDArray[np.fl
     positions = particles.position if everything else particles.position[drawn]
     box = np.stack([positions.min(axis=0), positions.max(axis=0)]) if len(positions) else np.zeros((2, 3))
     return layout, blocks, box.astype(np.float64)
-
-
-def unpacked(layout: Layout, blocks: NDArray[np.float32]) -> Particles:
-    """Blocks as particles again, with those that are not drawn; without openness and sprites."""
-    rows = blocks.reshape(layout.rows, -1)
-    return Particles(
-        rows[POSITION : POSITION + 3].T,
-        rows[RADIUS],
-        rows[COLOUR : COLOUR + 3].T,
-        rows[TANGENT : TANGENT + 3].T,
-        rows[NORMAL : NORMAL + 3].T,
-        rows[layout.half_length_row] if layout.elliptic else None,
-        opacity=rows[layout.opacity_row] if layout.opacity else 1.0,
-    )

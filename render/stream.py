@@ -18,10 +18,11 @@ from .backdrop import Backdrop
 from .blocks import Layout
 from .camera import Camera
 from .light import Background
+from .mesh import Mesh
 from .passes import PASSES, Passes, PassTaker, check_passes
 from .splat import Splatter
 
-__all__ = ["STREAMED", "Source", "StreamStats", "lay_all", "stream", "stream_passes"]
+__all__ = ["STREAMED", "Source", "StreamStats", "stream", "stream_passes"]
 
 STREAMED = Layout(elliptic=True, openness=True)
 """The rows of the particles that a source lays."""
@@ -47,9 +48,9 @@ class Source(Protocol):
     def lay(self, survey: Any, blocks: Any, /) -> tuple[NDArray[np.float32], int]: ...
 
 
-Drawn = Callable[[Camera, tuple[int, int, int, int], Any, NDArray[np.int32]], None]
-"""Called after each batch with its window's camera, the window (top, bottom, left, right) [px], the survey and the
-pieces."""
+Drawn = Callable[[Camera, tuple[int, int, int, int], Backdrop | None, Any, NDArray[np.int32]], None]
+"""Called after each batch with its window's camera, the window (top, bottom, left, right) [px], what stands behind it,
+the survey and the pieces."""
 
 
 @dataclass(frozen=True)
@@ -71,13 +72,15 @@ def stream(
     background: Background | None = None,
     backdrop: Backdrop | None = None,
     out: NDArray[np.uint8] | None = None,
+    linear: NDArray[np.float32] | None = None,
     drawn: Drawn | None = None,
     **options: Any,
 ) -> tuple[NDArray[np.uint8], StreamStats]:
     """The image (height, width, 3) 8-bit sRGB of all that `source` shows, at most about `most` particles at a time.
 
-    The splatter must have the camera's size. Other options are those of `Splatter.render`. Batches know nothing of
-    one another: for shadows and occlusion the splatter has to hold the light maps of the whole (see `lay_all`).
+    The splatter must have the camera's size. linear: an array (height, width, 4) that takes what `Splatter.linear`
+    gives. Other options are those of `Splatter.render`. Batches know nothing of one another: for shadows and occlusion
+    the splatter has to hold the light maps of the whole (`splatter.light.hold(splatter.cast_light(…))`).
     """
     width, height = splatter.width, splatter.height
     image = np.empty((height, width, 3), np.uint8) if out is None else out
@@ -92,9 +95,8 @@ def stream(
             left, top, right, bottom = x0 * TILE, y0 * TILE, min(x1 * TILE, width), min(y1 * TILE, height)
             splatter.resize(right - left, bottom - top)
             near = replace(camera, cx=camera.cx - left, cy=camera.cy - top, width=right - left, height=bottom - top)
-            behind: dict[str, Any] = {"background": _part(background, top / height, bottom / height)}
-            if backdrop is not None:
-                behind["backdrop"] = _window(backdrop, x0, y0, x1, y1, bottom - top)
+            seen_behind = None if backdrop is None else _window(backdrop, x0, y0, x1, y1, bottom - top)
+            behind = {"background": _part(background, top / height, bottom / height), "backdrop": seen_behind}
             parts = list(_batches(seen, inside, most))
             if len(parts) > 1:
                 splatter.begin(near, **behind, **options)
@@ -107,23 +109,31 @@ def stream(
                 else:
                     splatter.add()
                 if drawn is not None:
-                    drawn(near, (top, bottom, left, right), seen, part)
+                    drawn(near, (top, bottom, left, right), seen_behind, seen, part)
                 if len(parts) > 1 and splatter.opaque_everywhere():
                     break
             if len(parts) > 1:
                 image[top:bottom, left:right] = splatter.finish()
+            if linear is not None:
+                linear[top:bottom, left:right] = splatter.linear()
     finally:
         splatter.resize(width, height)
     return image, StreamStats(len(ids), made, batches, largest)
 
 
 def stream_passes(
-    splatter: Splatter, camera: Camera, source: Source, which: tuple[str, ...] = PASSES, **options: Any
+    splatter: Splatter,
+    camera: Camera,
+    source: Source,
+    which: tuple[str, ...] = PASSES,
+    *,
+    mesh: Mesh | None = None,
+    **options: Any,
 ) -> tuple[NDArray[np.uint8], Passes]:
     """The image as `stream` makes it and its passes.
 
     Yarn and part numbers come from `source.numbers(survey, pieces)`, two arrays for the particles that `lay` makes
-    of them; without that method there are none. Options are those of `stream`, without `backdrop`.
+    of them; without that method there are none. mesh: the one that the backdrop shows. Options are those of `stream`.
     """
     check_passes(which)
     numbers = getattr(source, "numbers", None) if "id" in which else None
@@ -133,7 +143,7 @@ def stream_passes(
 
     def close() -> None:
         for (top, bottom, left, right), taker in open_window:
-            passes = taker.finish()
+            passes = taker.finish(mesh)
             for field in fields(Passes):
                 image = getattr(passes, field.name)
                 if image is not None:
@@ -142,25 +152,22 @@ def stream_passes(
                     into[top:bottom, left:right] = image
         open_window.clear()
 
-    def drawn(near: Camera, window: tuple[int, int, int, int], seen: Any, pieces: NDArray[np.int32]) -> None:
+    def drawn(
+        near: Camera,
+        window: tuple[int, int, int, int],
+        behind: Backdrop | None,
+        seen: Any,
+        pieces: NDArray[np.int32],
+    ) -> None:
         if not open_window or open_window[0][0] != window:
             close()
-            open_window.append((window, PassTaker(near, which)))
+            open_window.append((window, PassTaker(near, which, backdrop=behind)))
         yarn, part = (None, None) if numbers is None else numbers(seen, pieces)
         open_window[0][1].add(splatter, yarn, part)
 
     image, _ = stream(splatter, camera, source, drawn=drawn, **options)
     close()
     return image, Passes(**whole)
-
-
-def lay_all(splatter: Splatter, camera: Camera, source: Source) -> NDArray[np.float32]:
-    """Load all that `source` shows to a camera that sees the whole, as few and wide particles as that takes, and
-    return their blocks in the layout STREAMED: for light maps, `splatter.light.hold(splatter.cast_light(…))`."""
-    seen = source.survey(camera)
-    blocks, count = source.lay(seen, np.flatnonzero(seen.counts).astype(np.int32))
-    splatter.load_blocks(STREAMED, blocks, count)
-    return blocks
 
 
 def windows(
@@ -202,11 +209,17 @@ def _batches(seen: Seen, inside: NDArray[np.int32], most: int) -> Iterator[NDArr
 
 def _window(backdrop: Backdrop, x0: int, y0: int, x1: int, y1: int, height: int) -> Backdrop:
     """What a window of tiles, `height` [px] high, sees of a backdrop."""
-    colour = np.ascontiguousarray(backdrop.colour[y0 * TILE : y0 * TILE + height, x0 * TILE : x1 * TILE])
+    rows, columns = slice(y0 * TILE, y0 * TILE + height), slice(x0 * TILE, x1 * TILE)
+    colour = np.ascontiguousarray(backdrop.colour[rows, columns])
     if backdrop.wall is None:
         return Backdrop(colour)
     tiles = backdrop.wall.reshape(-1, backdrop.colour.shape[1] // TILE, TILE, TILE)
-    return Backdrop(colour, np.ascontiguousarray(tiles[y0:y1, x0:x1]).reshape(-1, TILE, TILE))
+    wall = np.ascontiguousarray(tiles[y0:y1, x0:x1]).reshape(-1, TILE, TILE)
+    if backdrop.face is None or backdrop.edges is None:
+        return Backdrop(colour, wall)
+    edges = backdrop.edges.copy()  # functions a x + b y + c of the pixel, three numbers each
+    edges[:, 2::3] += TILE * (x0 * edges[:, 0::3] + y0 * edges[:, 1::3])
+    return Backdrop(colour, wall, np.ascontiguousarray(backdrop.face[rows, columns]), edges)
 
 
 def _part(background: Background, begin: float, end: float) -> Background:

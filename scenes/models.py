@@ -22,13 +22,14 @@ from taichi_cloth.fibre import FibreParticles, particles_in
 from taichi_cloth.sphere_set import sphere_set_from_rows
 from taichi_cloth.sphere_surface import sphere_surface_points
 from taichi_cloth.spin import Period, Strands, hairs, spin
+from taichi_cloth.streaming import FabricStream
 from taichi_cloth.twisting import TwistingYarn
 
 from ..render.blocks import ParticleBlocks
 from ..render.mesh import Mesh
 from ..render.particles import Particles
 from .facts import Fact, fabric_facts, yarn_facts
-from .prepare import Prepared, fibre_kind, prepare_fabric, yarn_of
+from .prepare import LIT, Prepared, fibre_kind, prepare_fabric, yarn_of
 from .schema import FabricSection, Scene
 
 __all__ = ["FabricModel", "FibreModel", "Model", "Panel", "TwistModel", "YarnModel", "build", "shown_frame"]
@@ -41,10 +42,11 @@ SURFACE_COVER = 1.6
 
 @dataclass(frozen=True)
 class Numbers:
-    """Which yarn and which part each particle is of, (n,) int32, and what the numbers stand for."""
+    """Which yarn and which part each particle is of, (n,) int32, and what the numbers stand for. Of a panel with a
+    source the particles' numbers come from that, batch by batch, and are None here."""
 
-    yarn: NDArray[np.int32]
-    part: NDArray[np.int32]
+    yarn: NDArray[np.int32] | None
+    part: NDArray[np.int32] | None
     yarns: dict[int, dict[str, str | int]]
     parts: dict[int, str]
 
@@ -61,6 +63,8 @@ class Panel:
     numbers: Callable[[], Numbers] | None = None
     meshes: tuple[Mesh, ...] = ()
     """Surfaces among the particles, lit and shadowed with them."""
+    source: FabricStream | None = None
+    """Makes what is drawn, a batch at a time; `particles` are then a sample of it, which casts its shadows."""
 
 
 class Model(Protocol):
@@ -88,7 +92,7 @@ def build(scene: Scene, prepared: Prepared | None = None, each: Callable[[str, i
 
         return ClothModel(scene, prepared)
     if scene.subject == "fabric":
-        return FabricModel(scene, prepared or prepare_fabric(scene))
+        return FabricModel(scene, prepared or prepare_fabric(scene, streamed=True))
     return {"fibre": FibreModel, "yarn": YarnModel, "twist": TwistModel}[scene.subject](scene)
 
 
@@ -108,13 +112,14 @@ class FabricModel:
         section = scene.fabric or FabricSection()
         self.fabric: Fabric = build_fabric(prepared.layout)
         self.points = pose_points(prepared.layout, section.pose, amount=section.pose_amount)
+        self.source = FabricStream(self.fabric, self.points, target=0) if prepared.in_batches else None
 
     def step(self, frame: int) -> None:
         """A fabric at rest does not move."""
 
     def panels(self) -> list[Panel]:
-        particles = self.particles()
-        return [Panel(particles, particles.position, numbers=self.numbers)]
+        particles = self.particles() if self.source is None else ParticleBlocks(self.source.sample(LIT))
+        return [Panel(particles, particles.position, numbers=self.numbers, source=self.source)]
 
     def particles(self) -> Particles:
         """All of the fabric's."""
@@ -123,13 +128,14 @@ class FabricModel:
     def numbers(self) -> Numbers:
         """Yarn: the warp ends, then the weft picks, each in the draft's order. Part: 0 warp, 1 weft."""
         warp = self.prepared.layout.cloth.warp_up.shape[1]
-        yarn = self.fabric.threads()
+        yarn = self.fabric.threads() if self.source is None else None
         threads = len(self.fabric.thread_colour)
         yarns: dict[int, dict[str, str | int]] = {
             k: {"system": "warp", "index": k} if k < warp else {"system": "weft", "index": k - warp}
             for k in range(threads)
         }
-        return Numbers(yarn, (yarn >= warp).astype(np.int32), yarns, {0: "warp", 1: "weft"})
+        part = None if yarn is None else (yarn >= warp).astype(np.int32)
+        return Numbers(yarn, part, yarns, {0: "warp", 1: "weft"})
 
     def facts(self) -> list[Fact]:
         layout = self.prepared.layout

@@ -3,13 +3,14 @@
 from dataclasses import dataclass
 
 from taichi_cloth.contours import contour
+from taichi_cloth.errors import InputError
 from taichi_cloth.fibre import lattice_point_count
 from taichi_cloth.memory import memory_limit
 from taichi_cloth.sphere_set import sphere_set_from_rows
 from taichi_cloth.yarn import Yarn
 
 from ..render.light_sizes import light_bytes
-from .prepare import DRAW_BYTES, Prepared, fibre_kind, has_floor, picture_bytes, prepare_fabric, yarn_of
+from .prepare import DRAW_BYTES, LIT, Prepared, fibre_kind, has_floor, picture_bytes, prepare_fabric, yarn_of
 from .schema import Scene
 
 __all__ = ["Plan", "Stage", "plan"]
@@ -39,11 +40,8 @@ class Plan:
     prepared: Prepared | None = None
 
 
-def plan(scene: Scene, *, streamed: bool = False) -> Plan:
-    """Count a scene. Raises InputError as building it would, where that shows before a particle is made.
-
-    streamed: for a command that draws a fabric in batches, such as `zoom`.
-    """
+def plan(scene: Scene) -> Plan:
+    """Count a scene. Raises InputError as building it would, where that shows before a particle is made."""
     subject = scene.subject
     fibre = fibre_kind(scene)
     source = "own sphere set" if scene.fibre.spheres is not None else fibre.name
@@ -103,7 +101,7 @@ def plan(scene: Scene, *, streamed: bool = False) -> Plan:
         steps = 10 * max(4, round(scene.yarn.length_mm * 1e-3 / (yarn.diameter * 1.2)))
         particles, about = steps * yarn.plies * min(scene.yarn.fibres, yarn.fibres_in_section), True
     if woven is not None:
-        prepared = prepare_fabric(woven, streamed=streamed)
+        prepared = prepare_fabric(woven, streamed=subject == "fabric")
         layout = prepared.layout
         built["yarn"] = _yarn_line(layout.warp.yarn, layout.detail.fibres)
         blocks, particles = len(layout.blocks.kind), prepared.particles
@@ -123,6 +121,15 @@ def plan(scene: Scene, *, streamed: bool = False) -> Plan:
         left["fibre blocks"] = "the scene has no [weave]"
     drawn = "elongated splats, analytic alpha" if scene.fibre.sprite in ("thread", "soft") else "textured sprites"
     built["splatter"] = f"{scene.output.size[0]} × {scene.output.size[1]} px, {drawn}"
+    held = particles
+    if prepared is not None and prepared.in_batches:
+        built["splatter"] += ", in batches of what is in view"
+        held = LIT
+        if scene.fibre.sprite not in ("thread", "soft"):
+            raise InputError(
+                f"fibre.sprite: {scene.fibre.sprite!r}; a fabric of {particles:,} particles is drawn in batches, which "
+                'have no textures: take "thread" or "soft", or fewer weave.ends and weave.picks'
+            )
     lamps = 2 if scene.light.rim_strength > 0 else 1
     if scene.light.shadows:
         built["light pass"] = f"transmittance of fibres to {lamps} light{'s' * (lamps > 1)}, once a pose and direction"
@@ -155,7 +162,7 @@ def plan(scene: Scene, *, streamed: bool = False) -> Plan:
     total = prepared.bytes if prepared else particles * (64 + DRAW_BYTES)
     occlusion = scene.light.occlusion and scene.light.fill_strength > 0
     total += picture_bytes(scene.output.size)
-    total += light_bytes(particles, shadows=lamps if scene.light.shadows else 0, occlusion=occlusion)
+    total += light_bytes(held, shadows=lamps if scene.light.shadows else 0, occlusion=occlusion)
     return Plan(stages, key_points, blocks, particles, about, total, memory_limit(), notes, prepared)
 
 

@@ -14,7 +14,7 @@ from taichi_cloth.crimp import Interlacing
 from taichi_cloth.errors import InputError, did_you_mean
 from taichi_cloth.fabric import Detail, FabricLayout, Threads, lay_out, required_bytes
 from taichi_cloth.jamming import fit_balance, fit_diameters
-from taichi_cloth.memory import require_memory
+from taichi_cloth.memory import memory_limit, require_memory
 from taichi_cloth.templates import particle_count, particles_per_body_block
 from taichi_cloth.weave import Draft, named_weave, tile
 from taichi_cloth.wif import read_wif
@@ -24,6 +24,7 @@ from .schema import FabricSection, Scene, Weave, YarnSection
 
 __all__ = [
     "DRAW_BYTES",
+    "LIT",
     "Prepared",
     "draft_of",
     "fibre_kind",
@@ -39,7 +40,11 @@ PIXEL_BYTES = 210
 """What a picture takes for a pixel of its canvas, with what stands behind and the conversion to a file: 190 to 202 were
 measured at 512² and 3072²."""
 
-STREAM_BYTES = 400_000_000  # a batch of two million particles, its pieces and what the splatter keeps of them
+HELD = 4_000_000
+"""Particles of a fabric beyond which it is drawn in batches."""
+LIT = 1_000_000
+"""Particles of the sample of it that then casts light."""
+STREAM_BYTES = 400_000_000  # a batch of a million particles, a sample of as many, what the splatter keeps of them
 DEFAULT_THREADS = 40
 DEFAULT_COUNT_TEX = 20.0
 LARGEST_COUNT_TEX = 10_000.0
@@ -48,13 +53,15 @@ DEFAULT_OPENING = 1.02  # spacing of threads over the closest possible, where a 
 
 @dataclass(frozen=True)
 class Prepared:
-    """A fabric counted but not built. particles: exact. bytes: of the build and of drawing it."""
+    """A fabric counted but not built. particles: exact. bytes: of the build and of drawing it. in_batches: as its
+    particles are too many to hold."""
 
     draft: Draft
     layout: FabricLayout
     particles: int
     bytes: int
     notes: tuple[str, ...]
+    in_batches: bool = False
 
 
 def fibre_kind(scene: Scene) -> FibreKind:
@@ -137,7 +144,7 @@ def require_picture(size: tuple[int, int], supersample: int = 1) -> None:
 def prepare_fabric(scene: Scene, *, streamed: bool = False) -> Prepared:
     """Lay out a scene's fabric. Raises InputError where it cannot be woven, or is too large for this machine.
 
-    streamed: its particles are made a batch at a time, so that only its blocks must fit in memory.
+    streamed: it can be drawn a batch of particles at a time, so that only its blocks must fit in memory.
     """
     assert scene.weave is not None
     assert scene.yarn is not None
@@ -158,7 +165,7 @@ def prepare_fabric(scene: Scene, *, streamed: bool = False) -> Prepared:
     needed = required_bytes(draft.ends, draft.picks, per_block) + DRAW_BYTES * per_block * 2 * draft.warp_up.size
     remedy = "take fewer weave.ends and weave.picks, or lower yarn.fibres or fabric.steps"
     if streamed:
-        needed = required_bytes(draft.ends, draft.picks, 0) + STREAM_BYTES
+        needed = min(needed, required_bytes(draft.ends, draft.picks, 0) + STREAM_BYTES)
         remedy = "take fewer weave.ends and weave.picks"
     require_memory(f"weave of {draft.ends:,} ends × {draft.picks:,} picks", needed, remedy)
 
@@ -198,11 +205,11 @@ def prepare_fabric(scene: Scene, *, streamed: bool = False) -> Prepared:
         ),
     )
     particles = particle_count(layout)
-    total = required_bytes(draft.ends, draft.picks, 0) + (
-        min(particles * (64 + DRAW_BYTES), STREAM_BYTES) if streamed else particles * (64 + DRAW_BYTES)
-    )
+    fixed, total = required_bytes(draft.ends, draft.picks, 0), particles * (64 + DRAW_BYTES)
+    in_batches = streamed and (particles > HELD or (total > STREAM_BYTES and fixed + total > memory_limit()))
+    total = fixed + (STREAM_BYTES if in_batches else total)
     require_memory(f"a fabric of {particles:,} particles", total, remedy)
-    return Prepared(draft, layout, particles, total, tuple(notes))
+    return Prepared(draft, layout, particles, total, tuple(notes), in_batches)
 
 
 def _asked(

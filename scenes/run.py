@@ -56,7 +56,7 @@ def run(
     if command == "zoom" and scene.subject != "fabric":
         raise InputError(f"zoom: {name} has no [weave]; use a woven scene, such as swatch")
     require_picture(scene.output.size)
-    planned = plan(scene, streamed=command == "zoom")
+    planned = plan(scene)
     count = scene.output.views if command == "turntable" else scene.output.frames
     folder = out or Path("out") / (Path(name).stem + ("-zoom" if command == "zoom" else ""))
     sequence = Sequence.open(folder, fingerprint(scene, command), count, resume=resume)

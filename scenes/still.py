@@ -21,6 +21,7 @@ from ..render.camera import Camera
 from ..render.exr import require_exr, write_exr
 from ..render.image import linear_to_srgb, write_bytes, write_png
 from ..render.passes import PASSES, Passes, render_passes
+from ..render.stream import stream_passes
 from ..render.tone import Tone, tone_curve
 from .load import load_scene
 from .models import Model, Numbers, build, shown_frame
@@ -111,18 +112,13 @@ def shoot(
             colours.append(_averaged(_linear(shot, view), supersample))
             cameras.append(_shrunk(shot.camera, supersample))
     data = tuple(name for name in wanted if name != "colour")
-    made = list(View(model, size).shots(plain=True)) if data else []
+    made = list(View(model, size).bare_shots()) if data else []
     layers, left = [], 0
     for k in range(len(made) or len(colours)):
         passes, numbers, camera = Passes(), None, made[k].camera if data else cameras[k]
         if data:
-            panel, particles = made[k].panel, made[k].panel.particles
-            if "id" in data and panel.numbers:
-                numbers = panel.numbers()
-                particles = replace(particles, yarn=numbers.yarn, part=numbers.part)
-            passes = render_passes(
-                made[k].splatter, camera, particles, data, backdrop=made[k].backdrop, mesh=made[k].mesh
-            )
+            numbers = made[k].panel.numbers() if "id" in data and made[k].panel.numbers else None
+            passes = _passes(made[k], numbers, data)
         described = camera.matrices() | {"left": left}
         layers.append(Layers(colours[k] if colours else None, passes, described, numbers))
         left += camera.width
@@ -142,6 +138,16 @@ def shoot(
     return files
 
 
+def _passes(shot: Shot, numbers: Numbers | None, data: tuple[str, ...]) -> Passes:
+    """What is asked for of a panel whose particles have these numbers."""
+    particles, splatter, camera = shot.panel.particles, shot.splatter, shot.camera
+    if shot.panel.source is not None:
+        return stream_passes(splatter, camera, shot.panel.source, data, backdrop=shot.backdrop, mesh=shot.mesh)[1]
+    if numbers is not None:
+        particles = replace(particles, yarn=numbers.yarn, part=numbers.part)
+    return render_passes(splatter, camera, particles, data, backdrop=shot.backdrop, mesh=shot.mesh)
+
+
 def _shrunk(camera: Camera, by: int) -> Camera:
     """The same view on an image `by` times smaller each way."""
     width, height = camera.width // by, camera.height // by
@@ -150,7 +156,7 @@ def _shrunk(camera: Camera, by: int) -> Camera:
 
 def _linear(shot: Shot, view: View) -> NDArray[np.float32]:
     """Linear colour (h, w, 3) of a shot over what stands behind it."""
-    rgba = shot.splatter.linear()
+    rgba = shot.splatter.linear() if shot.linear is None else shot.linear
     through = 1 - rgba[..., 3:]
     if shot.backdrop is not None:
         behind = shot.backdrop.colour[:, : shot.camera.width]

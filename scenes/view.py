@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from taichi_cloth.colour_order import colour
 
 from ..render.backdrop import Backdrop
+from ..render.blocks import ParticleBlocks
 from ..render.camera import Camera, frame, orbit
 from ..render.caption import caption, label
 from ..render.finish import FINISHES, Finish, finish_for
@@ -24,6 +25,7 @@ from ..render.tone import tone_inverse
 from .models import Model, Panel
 from .prepare import fibre_kind, has_floor
 from .schema import Scene
+from .streamed import Streamed
 
 __all__ = ["Shot", "View", "finish_of", "lighting_of"]
 
@@ -39,6 +41,8 @@ class Shot:
     camera: Camera
     backdrop: Backdrop | None
     mesh: Mesh | None = None
+    linear: NDArray[np.float32] | None = None
+    """Of a panel that came in batches: what `Splatter.linear` gives of one that came whole."""
 
 
 class View:
@@ -56,6 +60,7 @@ class View:
         self._splatters: list[Splatter] = []
         self._panels: list[Panel] = []
         self._stages: list[Stage | None] = []
+        self._streamed: list[Streamed | None] = []
         self._meshes: list[Mesh | None] = []
 
     def turntable(self, count: int, numbers: list[int]) -> Iterator[tuple[int, Image]]:
@@ -70,21 +75,22 @@ class View:
         for k in numbers:
             yield k, self._draw([row[k] for row in cameras])
 
-    def shots(self, *, plain: bool = False) -> Iterator[Shot]:
-        """The panels as the first view of a turntable shows them, drawn one after the other, without words.
-
-        plain: without shadows, occlusion and floor, for passes that do not need them.
-        """
+    def shots(self) -> Iterator[Shot]:
+        """The panels as the first view of a turntable shows them, drawn one after the other, without words."""
         self._load()
-        if plain:
-            self.lighting = Lighting()
-            self._stages = [None for _ in self._panels]
-        azimuth = self.scene.camera.azimuth_deg
-        for k, (panel, splatter) in enumerate(zip(self._panels, self._splatters, strict=True)):
-            width, height = splatter.width, splatter.height
-            (camera,) = orbit(panel.bounds, 1, width=width, height=height, start=azimuth, **self._lens())
-            shot, _ = self._shoot(k, camera)
-            yield shot
+        for k, camera in enumerate(self._first()):
+            yield self._shoot(k, camera, linear=True)[0]
+
+    def bare_shots(self) -> Iterator[Shot]:
+        """The same without shadows, occlusion and floor, for passes; what comes in batches is not drawn."""
+        self.lighting = Lighting()
+        self._load()
+        self._stages = [None for _ in self._panels]
+        for k, camera in enumerate(self._first()):
+            if self._panels[k].source is None:
+                yield self._shoot(k, camera)[0]
+            else:
+                yield Shot(self._panels[k], self._splatters[k], self._near(camera), None)
 
     def camera(self) -> Camera:
         """That of an animation, for the first panel, without the scene's zoom."""
@@ -122,6 +128,16 @@ class View:
         c = self.scene.camera
         return {"elevation": c.elevation_deg, "fov": c.fov_deg, "margin": c.margin}
 
+    def _first(self) -> Iterator[Camera]:
+        """The first view of a turntable, panel by panel."""
+        start = self.scene.camera.azimuth_deg
+        for panel, s in zip(self._panels, self._splatters, strict=True):
+            yield orbit(panel.bounds, 1, width=s.width, height=s.height, start=start, **self._lens())[0]
+
+    def _near(self, camera: Camera) -> Camera:
+        """As near as the scene's zoom says."""
+        return replace(camera, focal=camera.focal * self.scene.camera.zoom)
+
     def _load(self) -> None:
         self._panels = list(self.model.panels())
         if not self._splatters:
@@ -133,13 +149,17 @@ class View:
                 for w in np.diff(edges)
             ]
         self._meshes = [join(panel.meshes) if panel.meshes else None for panel in self._panels]
-        for panel, splatter, mesh in zip(self._panels, self._splatters, self._meshes, strict=True):
-            splatter.load(panel.particles, mesh)
         on = has_floor(self.scene)
-        self._stages = [
-            stage_under(panel.particles, mesh) if on else None
-            for panel, mesh in zip(self._panels, self._meshes, strict=True)
-        ]
+        self._stages, self._streamed = [], []
+        for panel, splatter, mesh in zip(self._panels, self._splatters, self._meshes, strict=True):
+            if panel.source is not None:
+                assert isinstance(panel.particles, ParticleBlocks)
+                self._streamed.append(Streamed(splatter, panel.particles, floor=on))
+                self._stages.append(None)
+                continue
+            splatter.load(panel.particles, mesh)
+            self._streamed.append(None)
+            self._stages.append(stage_under(panel.particles, mesh) if on else None)
 
     def _draw(self, cameras: list[Camera]) -> Image:
         images = []
@@ -153,17 +173,23 @@ class View:
             images.append(image)
         return np.concatenate(images, axis=1)[:, : self.size[0]]
 
-    def _shoot(self, k: int, camera: Camera) -> tuple[Shot, Image]:
-        """Draw panel k, the camera as near as the scene's zoom says."""
-        splatter = self._splatters[k]
-        near = replace(camera, focal=camera.focal * self.scene.camera.zoom)
-        light, ground = self.lighting, self.background
+    def _shoot(self, k: int, camera: Camera, *, linear: bool = False) -> tuple[Shot, Image]:
+        """Draw panel k, the camera as near as the scene's zoom says. linear: keep what batches make of it."""
+        splatter, panel, streamed = self._splatters[k], self._panels[k], self._streamed[k]
+        near = self._near(camera)
+        light, ground, finish = self.lighting, self.background, self.finish
+        if streamed is not None and panel.source is not None:
+            rgba = np.zeros((near.height, near.width, 4), np.float32) if linear else None
+            image, backdrop = streamed.draw(
+                near, panel.source, lighting=light, finish=finish, background=ground, linear=rgba
+            )
+            return Shot(panel, splatter, near, backdrop, linear=rgba), image
         mesh = self._meshes[k]
         floor = self._stages[k]
         maps = splatter.cast_light(near, light) if mesh is not None or floor is not None else None
         backdrop = paint(near, mesh=mesh, stage=floor, lighting=light, background=ground, maps=maps, samples=2)
-        image = splatter.render(near, lighting=light, finish=self.finish, background=ground, backdrop=backdrop)
-        return Shot(self._panels[k], splatter, near, backdrop, self._meshes[k]), image
+        image = splatter.render(near, lighting=light, finish=finish, background=ground, backdrop=backdrop)
+        return Shot(panel, splatter, near, backdrop, mesh), image
 
 
 def lighting_of(scene: Scene) -> Lighting:

@@ -15,18 +15,15 @@ from taichi_cloth.skin import skin_of
 from taichi_cloth.sphere_set import sphere_set_from_rows
 from taichi_cloth.thinning import Gains
 
-from ..render.arrays import LANES
-from ..render.blocks import unpacked
+from ..render.blocks import ParticleBlocks
 from ..render.camera import Camera, frame, look_at
 from ..render.finish import Finish
 from ..render.light import Lighting
-from ..render.paint import paint
 from ..render.splat import Splatter
-from ..render.stage import stage_under
-from ..render.stream import STREAMED, lay_all, stream
 from .gains import fit_gains, fit_near
 from .models import FabricModel, Model
-from .prepare import fibre_kind, has_floor
+from .prepare import LIT, fibre_kind, has_floor
+from .streamed import Streamed
 from .view import View
 
 __all__ = ["path", "target_of", "zoom"]
@@ -52,28 +49,11 @@ def zoom(view: View, count: int, numbers: list[int]) -> Iterator[tuple[int, Imag
     lighting = view.lighting
     source = source_of(view.model, lighting.without_passes(), view.finish)
     width, height = view.size
-    splatter = Splatter(width, height)
     cameras = path(view, source, count)
-    whole = lay_all(splatter, cameras[0], source.base).copy()
-    stage = stage_under(unpacked(STREAMED, whole)) if has_floor(view.scene) else None
-    moving = any(light.follows_camera for light in lighting.lights)
+    sample = ParticleBlocks(source.base.sample(LIT))
+    streamed = Streamed(Splatter(width, height), sample, floor=has_floor(view.scene), resolution=RESOLUTION)
     for k in numbers:
-        if k == numbers[0] or moving:
-            splatter.light.hold(None)
-            splatter.load_blocks(STREAMED, whole, whole.shape[1] * LANES)
-            splatter.light.hold(splatter.cast_light(cameras[k], lighting, resolution=RESOLUTION))
-        backdrop = paint(
-            cameras[k], stage=stage, lighting=lighting, background=view.background, maps=splatter.light.held
-        )
-        image, _ = stream(
-            splatter,
-            cameras[k],
-            source,
-            lighting=lighting,
-            finish=view.finish,
-            background=view.background,
-            backdrop=backdrop,
-        )
+        image, _ = streamed.draw(cameras[k], source, lighting=lighting, finish=view.finish, background=view.background)
         yield k, image
 
 

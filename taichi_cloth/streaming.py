@@ -193,6 +193,16 @@ class FabricStream:
             out[3, -1, total % LANES :] = 0.0
         return out, total
 
+    def sample(self, most: int) -> F32:
+        """An even sample of the whole fabric as `lay` gives it, a copy: about `most` particles, at least one a block,
+        enlarged so that their areas add up to those of all."""
+        template = self.fabric.bank.template
+        size = self.size[template]
+        n, share = len(size), np.float32(min(FULL, FULL * most / max(1, self.fabric.particles)))
+        counts = np.minimum(size, np.maximum(1, np.ceil(share * size))).astype(np.int32)
+        survey = Survey(np.zeros((n, 4), np.int16), counts, np.zeros(n, np.float32), np.full(n, share), 1.0)
+        return self.lay(survey, np.arange(n, dtype=np.int32))[0].copy()
+
     def numbers(self, survey: Survey, blocks: I32) -> tuple[I32, I32]:
         """The thread of each particle that `lay` makes of these blocks, and its family: 0 warp, 1 weft."""
         counts = survey.counts[blocks]

@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 
 from taichi_cloth import runtime
+from taichi_cloth.render import lightpass
 from taichi_cloth.render.errors import RenderError
 from taichi_cloth.render.exr import write_exr
 from taichi_cloth.render.image import read_png
 from taichi_cloth.render.webp import write_webp
+from taichi_cloth.scenes import prepare
 from taichi_cloth.scenes import still as still_module
 from taichi_cloth.scenes.__main__ import main
 from taichi_cloth.scenes.load import load_scene
@@ -87,6 +89,33 @@ def test_supersampling_keeps_the_framing(tmp_path: Path, pictures: Path) -> None
     assert np.abs(one - two).mean() < 0.02
     first, second = (json.loads((f / "still.json").read_text())["cameras"] for f in (tmp_path, pictures))
     np.testing.assert_allclose(first[0]["K"], second[0]["K"], rtol=1e-9)
+
+
+def test_in_batches_it_is_the_same_picture(tmp_path: Path, pictures: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A fabric that is too large to hold: in light, on its floor, with all passes."""
+    # Light of a fabric that is held is found for every eighth particle along its fibres; a sample has no such order.
+    monkeypatch.setattr(lightpass, "chained", lambda *a: False)
+    assert still(tmp_path / "whole", "--format", "png16") == 0
+    monkeypatch.setattr(prepare, "HELD", 0)
+    assert still(tmp_path, "--passes", "colour,depth,normal,mask,id", "--format", "png16") == 0
+    about, whole = (json.loads((folder / "still.json").read_text()) for folder in (tmp_path, pictures))
+    assert about["yarns"] == whole["yarns"]
+    assert about["cameras"] == whole["cameras"]
+    for name in about["files"]:
+        of_whole = tmp_path / "whole" if name == "colour.png" else pictures
+        one, two = (read_png(folder / name).astype(float) for folder in (tmp_path, of_whole))
+        assert (np.abs(one - two) <= (655 if name == "colour.png" else 0)).mean() > 0.97, name
+        if name == "colour.png":
+            assert one.mean() == pytest.approx(two.mean(), rel=0.001)
+
+
+def test_in_batches_there_are_no_textures(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(prepare, "HELD", 0)
+    assert still(tmp_path, "--set", "fibre.sprite=fuzzy") == 2
+    assert 'take "thread" or "soft"' in capfd.readouterr().err
+    assert "in batches" in next(s.why for s in plan(load_scene("swatch", SMALL[1:4:2])).stages if s.name == "splatter")
 
 
 @pytest.mark.parametrize(

@@ -13,6 +13,8 @@ import pytest
 from taichi_cloth.contours import contour
 from taichi_cloth.refine import RefiningStream
 from taichi_cloth.render.camera import Camera, frame
+from taichi_cloth.render.mesh import Mesh
+from taichi_cloth.render.paint import paint
 from taichi_cloth.render.particles import Particles
 from taichi_cloth.render.passes import render_passes
 from taichi_cloth.render.splat import Splatter
@@ -107,6 +109,30 @@ def test_passes_of_windows_and_batches_are_those_of_one_picture(model: FabricMod
         for name in ("yarn", "part"):
             same = (getattr(passes, name) == getattr(whole, name))[both]
             assert same.mean() > (0.985 if most == 20_000 else 0.8), name
+
+
+@pytest.mark.slow
+def test_a_mesh_lies_in_the_passes_of_windows(model: FabricModel, camera: Camera) -> None:
+    """A square that stands in the cloth: where it is nearer its depth, normal and part are those of one picture."""
+    particles = model.panels()[0].particles
+    low, high = particles.position.min(axis=0), particles.position.max(axis=0)
+    middle, x = (low + high) / 2, (high - low)[0] / 3
+    corners = middle + x * np.array([[-1, -1, 0.2], [1, -1, -0.2], [1, 1, -0.2], [-1, 1, 0.2]])
+    square = Mesh(corners, [[0, 1, 2], [0, 2, 3]], (0.5, 0.5, 0.5), part=7)
+    splatter = Splatter(*SIZE).load(particles, square)
+    backdrop = paint(camera, mesh=square)
+    splatter.render(camera, backdrop=backdrop)
+    whole = render_passes(splatter, camera, particles, backdrop=backdrop, mesh=square)
+    source = FabricStream(model.fabric, model.points, target=0)
+    _, passes = stream_passes(splatter, camera, source, most=20_000, backdrop=backdrop, mesh=square)
+    assert whole.part is not None
+    assert passes.part is not None
+    there = whole.part == 7
+    assert 0.02 < there.mean() < 0.5
+    assert ((passes.part == 7) == there).mean() > 0.999
+    for name in ("depth", "normal", "mask"):
+        near = np.isclose(getattr(passes, name)[there], getattr(whole, name)[there], atol=2e-3)
+        assert near.mean() > 0.999, name  # depths are rounded otherwise in a window, so fibres may change places
 
 
 def test_memory_is_bounded_by_the_batch(model: FabricModel, camera: Camera) -> None:
