@@ -30,6 +30,8 @@ __all__ = ["render_profile_lines", "scaling_source"]
 WIDTH, HEIGHT = 1280, 720
 PER_BLOCK = 24
 """Particles of a block in the scaling table: 2 plies of 4 fibres in 3 steps."""
+ONE_SIZE = 1e6
+"""Particles of the cloth that fills WIDTH × HEIGHT where all are seen from its distance."""
 
 
 def scaling_source(particles: float, *, target: float = 0.0) -> FabricStream:
@@ -97,32 +99,42 @@ def render_profile_lines(
             entries = s.tile_entries
         ms = np.median(rows, axis=0)
         yield f"{label:<16}{ms[0]:8.1f}{ms[1]:9.1f}{ms[2]:7.1f}{ms[3]:7.1f}{ms[4]:8.1f}{entries:14,}"
-    yield f"{'no particles':<16}{_empty(repeats):8.1f}"
-    yield ""
-    yield "streamed, every particle drawn: a woven square that fills the image"
-    yield (
-        f"{'particles':>13}{'ms':>9}{'ns each':>9}{'CPU ns':>9}{'batches':>9}{'largest':>11}{'peak RSS MB':>13}"
-        f"{'thinned ms':>12}"
-    )
-    n = 1e5
-    while n <= largest * 1.01:
-        source = scaling_source(n)
-        begin_ms, cpu_ms, stats = _streamed(source, repeats if n < 5e6 else 1)
-        source.target = 0.5
-        thinned, _, _ = _streamed(source, 1)
-        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-        each, cpu = (1e6 * ms / max(stats.particles, 1) for ms in (begin_ms, cpu_ms))
+    yield f"{'no particles':<16}{_empty(WIDTH, HEIGHT, repeats):8.1f}"
+    yield from _scaling_lines(largest, repeats)
+
+
+def _scaling_lines(largest: float, repeats: int) -> Iterator[str]:
+    """The same woven square with more and more threads, every particle drawn: filling one picture, where few particles
+    are large ones, and at one size of a particle, on a picture that grows with the cloth."""
+    for words, grows in (("that fills the picture", False), ("seen from one distance", True)):
+        yield ""
+        yield f"streamed, every particle drawn: a woven square {words}"
         yield (
-            f"{stats.particles:13,}{begin_ms:9.0f}{each:9.1f}{cpu:9.1f}{stats.batches:9,}{stats.largest:11,}{peak:13,.0f}"
-            f"{thinned:12.0f}"
+            f"{'particles':>13}{'picture':>13}{'radius px':>10}{'ms':>9}{'fixed ms':>9}{'ns each':>9}{'CPU ns':>8}"
+            f"{'batches':>8}{'peak RSS MB':>12}{'thinned ms':>11}"
         )
-        n *= 10
+        n = 1e5
+        while n <= largest * 1.01:
+            source = scaling_source(n)
+            larger = (n / ONE_SIZE) ** 0.5 if grows else 1.0
+            width, height = round(WIDTH * larger), round(HEIGHT * larger)
+            fixed = _empty(width, height, repeats if n < 5e6 else 1)
+            wall, cpu, pixels, stats = _streamed(source, width, height, repeats if n < 5e6 else 1)
+            source.target = 0.5
+            thinned = _streamed(source, width, height, 1)[0]
+            peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+            each, busy = (1e6 * ms / max(stats.particles, 1) for ms in (wall - fixed, cpu - fixed))
+            yield (
+                f"{stats.particles:13,}{f'{width} × {height}':>13}{pixels:10.3f}{wall:9.0f}{fixed:9.1f}{each:9.1f}"
+                f"{busy:8.1f}{stats.batches:8,}{peak:12,.0f}{thinned:11.0f}"
+            )
+            n *= 10
 
 
-def _empty(repeats: int) -> float:
+def _empty(width: int, height: int, repeats: int) -> float:
     """Median milliseconds of a picture of nothing: what every frame costs whatever it shows."""
-    camera = frame(np.zeros((1, 3)), width=WIDTH, height=HEIGHT, radius=1.0)
-    splatter, took = Splatter(WIDTH, HEIGHT), []
+    camera = frame(np.zeros((1, 3)), width=width, height=height, radius=1.0)
+    splatter, took = Splatter(width, height), []
     for _ in range(repeats + 1):
         begin = time.perf_counter()
         splatter.render(camera)
@@ -130,17 +142,19 @@ def _empty(repeats: int) -> float:
     return float(np.median(took[1:]))
 
 
-def _streamed(source: FabricStream, repeats: int) -> tuple[float, float, StreamStats]:
-    """Median milliseconds of a picture that the cloth fills, by the clock and of all threads, and what it took."""
+def _streamed(source: FabricStream, width: int, height: int, repeats: int) -> tuple[float, float, float, StreamStats]:
+    """Median milliseconds of a picture that the cloth fills, by the clock and of all threads, the mean radius of a
+    particle [px], and what it took."""
     points = source.points
     camera = frame(
-        box_corners(points.min(axis=0), points.max(axis=0)), width=WIDTH, height=HEIGHT, elevation=60, margin=0.0
+        box_corners(points.min(axis=0), points.max(axis=0)), width=width, height=height, elevation=60, margin=0.0
     )
-    splatter, took = Splatter(WIDTH, HEIGHT), []
+    splatter, took = Splatter(width, height), []
     _, stats = stream(splatter, camera, source)
     for _ in range(repeats):
         begin, busy = time.perf_counter(), time.process_time()
         _, stats = stream(splatter, camera, source)
         took.append((1e3 * (time.perf_counter() - begin), 1e3 * (time.process_time() - busy)))
     wall, cpu = np.median(took, axis=0)
-    return float(wall), float(cpu), stats
+    away = float(np.mean(camera.project(points[:: max(1, len(points) // 1000)])[:, 2]))
+    return float(wall), float(cpu), float(source.fabric.bank.radius.mean()) * camera.focal / away, stats
