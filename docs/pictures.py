@@ -44,8 +44,10 @@ def twist() -> np.ndarray:
 def materials() -> np.ndarray:
     """One weave and one dye in four fibres under one light."""
     dye = "#8c2f39"
-    weave = [f"yarn.colour='{dye}'", f"weave.warp_colours='{dye}'", f"weave.weft_colours='{dye}'", "weave.ends=30"]
-    weave += ["weave.picks=30", "fabric.pose=wave", "fabric.pose_amount=1.6", "yarn.count_tex=20", "camera.zoom=1.5"]
+    weave = [f"yarn.colour='{dye}'", f"weave.warp_colours='{dye}'", f"weave.weft_colours='{dye}'", "weave.ends=46"]
+    weave += ["weave.picks=40", "yarn.plies=1", "yarn.count_tex=36", "yarn.twist_per_m=600", "yarn.fibres=24"]
+    weave += ["fabric.ends_per_cm=30", "fabric.picks_per_cm=24", "fabric.flattening=1.5"]
+    weave += ["fabric.pose=wave", "fabric.pose_amount=1.6", "camera.zoom=1.35"]
     filament = ["ends_per_m=0", "loops_per_m=0"]
     hairs = {"silk": filament, "polyester": filament, "wool": ["ends_per_m=2500", "loops_per_m=1500", "height_mm=0.3"]}
     twist = {"silk": ["yarn.twist_per_m=300"], "polyester": ["yarn.twist_per_m=300"]}
@@ -62,9 +64,10 @@ def distances() -> np.ndarray:
     rows = []
     for name in ("plain", "twill", "satin", "tartan"):
         near = [(1.0, []), (4.0, ["yarn.fibres=24", "fabric.steps=16"]), (12.0, ["yarn.fibres=60", "fabric.steps=32"])]
+        close = ["fabric.ends_per_cm=66", "fabric.picks_per_cm=40"] if name == "satin" else []
         small = ["weave.ends=20", "weave.picks=20"] if name != "tartan" else ["weave.ends=56", "weave.picks=56"]
-        whole = [picture(name, size=(660, 480))[0]]
-        whole += [picture(name, f"camera.zoom={z}", *small, *fine, size=(660, 480))[0] for z, fine in near[1:]]
+        whole = [picture(name, *close, size=(660, 480))[0]]
+        whole += [picture(name, f"camera.zoom={z}", *close, *small, *fine, size=(660, 480))[0] for z, fine in near[1:]]
         rows.append(np.concatenate(whole, axis=1))
     return np.concatenate(rows, axis=0)
 
@@ -77,8 +80,8 @@ def fringe() -> np.ndarray:
     woolly = ["fibre.kind=wool", "yarn.hairiness.ends_per_m=9000", "yarn.hairiness.loops_per_m=3000"]
     woolly += ["yarn.hairiness.height_mm=0.22", "yarn.fibres=40", "fabric.steps=20", "fabric.fringe=3"]
     view = ["weave.ends=20", "weave.picks=12", "weave.warp_colours=camel", "weave.weft_colours=cream"]
-    view += ["camera.elevation_deg=30", "camera.azimuth_deg=12", "camera.zoom=1.25"]
-    return picture("plain", *backlit, *woolly, *view, size=(1800, 1080))[0]
+    view += ["camera.elevation_deg=30", "camera.azimuth_deg=12", "camera.zoom=1.2"]
+    return picture("plain", *backlit, *woolly, *view, size=(1800, 900))[0]
 
 
 def moved(name: str, *overrides: str, size: tuple[int, int], frame: int) -> np.ndarray:
