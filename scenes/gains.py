@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_cloth.blocks import Fabric
-from taichi_cloth.fabric import Blocks, pose_points
+from taichi_cloth.fabric import Blocks, frames, pose_points
 from taichi_cloth.pieces import SURFACE
 from taichi_cloth.refine import RefiningStream
 from taichi_cloth.streaming import FabricStream
@@ -19,7 +19,7 @@ from ..render.light import Lighting
 from ..render.splat import Splatter
 from ..render.stream import Source, stream
 
-__all__ = ["colours_at", "crossings", "fit_gains", "fit_near", "seen_at"]
+__all__ = ["Views", "colours_at", "crossings", "fit_gains", "fit_near", "seen_at", "views_of"]
 
 F64 = NDArray[np.float64]
 SIZE = 320, 192
@@ -49,6 +49,14 @@ PROBE = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 """Colours of warp and weft by which what comes from either is told apart; blue is what has no colour."""
 
 
+@dataclass(frozen=True)
+class Views:
+    """Where gains are measured: elevations [degrees] and levels (λ = 2^−level)."""
+
+    elevations: tuple[float, ...]
+    levels: tuple[int, ...]
+
+
 def fit_gains(
     fabric: Fabric,
     points: NDArray,
@@ -56,23 +64,27 @@ def fit_gains(
     target: float | None = None,
     lighting: Lighting | None = None,
     finish: Finish | None = None,
+    views: Views | None = None,
 ) -> Gains:
     """Gains by which the cloth, at the distance where a share is drawn, has the coverage and the brightness of all its
     particles, in any colours: warp is red, weft green, and both are black in blue, so that one picture tells their
     parts and the sheen. Measured from `ELEVATIONS` on key points (picks, ends, 3) [m], as how a cloth is folded tells
     where it gleams; where the fabric is large, on a patch of it that lies flat.
+
+    views: where it is measured; None is everywhere.
     """
     target = thinned_to(fabric.particles) if target is None else target
+    views = views or Views(ELEVATIONS, MEASURED)
     patch, points, inner = _patch(fabric, points)
     middle = None if inner is None else inner.mean(axis=0)
     edges = min(1.0, PATCH / min(fabric.layout.cloth.warp_up.shape)) if inner is not None else 1.0
     samples = 1 if inner is None else SAMPLES
     eye = _Eye(Splatter(*SIZE), lighting, finish, edges)
     whole, thin = FabricStream(patch, points, target=0.0), FabricStream(patch, points, target=target)
-    factor = np.tile(UNCHANGED, (len(ELEVATIONS), LEVELS, 1))
-    tilt = np.zeros(len(ELEVATIONS))
-    measured = [level for level in MEASURED if target * 0.5 ** (level / 2) > FARTHEST] or [1]
-    for a, elevation in enumerate(ELEVATIONS):
+    factor = np.tile(UNCHANGED, (len(views.elevations), LEVELS, 1))
+    tilt = np.zeros(len(views.elevations))
+    measured = [level for level in views.levels if target * 0.5 ** (level / 2) > FARTHEST] or [1]
+    for a, elevation in enumerate(views.elevations):
         for level in measured:
             camera = seen_at(patch, points, target * 0.5 ** (level / 2), elevation=elevation, about=middle)
             tilt[a] = whole.survey(camera).tilt  # pyright: ignore[reportArgumentType]
@@ -96,6 +108,26 @@ def fit_gains(
             factor[a, :, c] = np.interp(range(LEVELS), nodes, factor[a, nodes, c])
     order = np.argsort(tilt, kind="stable")
     return Gains(tilt[order], factor[order])
+
+
+def views_of(fabric: Fabric, points: NDArray, farthest: Camera) -> Views:
+    """What must be measured for views none of which is farther away, or at a lower angle to the cloth: the levels and
+    elevations up to the first beyond it."""
+    target = thinned_to(fabric.particles)
+    deepest = float(farthest.project(np.asarray(points).reshape(-1, 3))[:, 2].max())
+    smallest = float(fabric.bank.radius.mean()) * farthest.focal / deepest
+    lowest = _tilt(points, farthest)
+    patch, places, _ = _patch(fabric, points)
+    tilts = [_tilt(places, seen_at(patch, places, target, elevation=elevation)) for elevation in ELEVATIONS]
+    return Views(
+        ELEVATIONS[: 1 + sum(tilt > lowest for tilt in tilts)],
+        MEASURED[: 1 + sum(target * 0.5 ** (level / 2) > smallest for level in MEASURED)],
+    )
+
+
+def _tilt(points: NDArray, camera: Camera) -> float:
+    """As `Survey.tilt`."""
+    return float(np.abs(frames(points).normal @ camera.rotation[2]).mean())
 
 
 def _solved(error: Callable[[F64], F64], start: F64) -> F64:

@@ -20,7 +20,7 @@ from ..render.camera import Camera, frame, look_at
 from ..render.finish import Finish
 from ..render.light import Lighting
 from ..render.splat import Splatter
-from .gains import fit_gains, fit_near
+from .gains import fit_gains, fit_near, views_of
 from .models import FabricModel, Model
 from .prepare import LIT, fibre_kind, has_floor
 from .streamed import Streamed
@@ -35,7 +35,7 @@ END_WIDTHS = 5.5
 TURN = 0.7
 """How far the camera turns from the scene's view towards the cloth's normal on its way."""
 SKIN_LENGTH = 350e-6
-FITTED = 1
+FITTED = 2
 """Version of how gains are fitted, which takes long: they are kept."""
 RESOLUTION = 1024
 """Texels along a shadow map: more than for a still, for the camera comes near."""
@@ -47,7 +47,7 @@ def zoom(view: View, count: int, numbers: list[int]) -> Iterator[tuple[int, Imag
     Raises InputError for a scene that is not of a fabric.
     """
     lighting = view.lighting
-    source = source_of(view.model, lighting.without_passes(), view.finish)
+    source = source_of(view.model, lighting.without_passes(), view.finish, _first(view))
     width, height = view.size
     cameras = path(view, source, count)
     sample = ParticleBlocks(source.base.sample(LIT))
@@ -57,10 +57,16 @@ def zoom(view: View, count: int, numbers: list[int]) -> Iterator[tuple[int, Imag
         yield k, image
 
 
-def source_of(model: Model, lighting: Lighting | None = None, finish: Finish | None = None) -> RefiningStream:
+def source_of(
+    model: Model,
+    lighting: Lighting | None = None,
+    finish: Finish | None = None,
+    farthest: Camera | None = None,
+) -> RefiningStream:
     """The model's fabric, refined where the camera is near down to the surface of the scene's own fibre.
 
-    lighting, finish: in which it keeps its brightness at any distance.
+    lighting, finish: in which it keeps its brightness at any distance. farthest: a view than which none
+    will be farther away or at a lower angle; None keeps it everywhere.
     """
     if not isinstance(model, FabricModel):
         raise InputError("zoom: needs a woven scene, such as swatch; this one has no [weave]")
@@ -71,11 +77,14 @@ def source_of(model: Model, lighting: Lighting | None = None, finish: Finish | N
     skin = skin_of(spheres)
     fabric, points, options = model.fabric, model.points, {"lighting": lighting, "finish": finish}
 
+    views = None if farthest is None else views_of(fabric, points, farthest)
+
     def fit() -> dict[str, NDArray]:
-        far, near = fit_gains(fabric, points, **options), fit_near(fabric, points, skin, **options)
+        far = fit_gains(fabric, points, views=views, **options)
+        near = fit_near(fabric, points, skin, **options)
         return {"tilt": far.tilt, "factor": far.factor, "near": np.array(near)}
 
-    made_of = digest(FITTED, fabric.bank, fabric.layout.blocks, points, skin, lighting, finish)
+    made_of = digest(FITTED, fabric.bank, fabric.layout.blocks, points, skin, lighting, finish, views)
     fitted, _ = kept("gains", made_of, fit)
     parted, surface = fitted["near"].tolist()
     gains = Gains(fitted["tilt"], fitted["factor"])
@@ -86,12 +95,8 @@ def path(view: View, source: RefiningStream, count: int) -> list[Camera]:
     """`count` cameras: the distance falls by the same factor from each to the next, and what is looked at moves
     from the middle of the cloth to a fibre in proportion to the distance left, so that it drifts to the middle of
     the picture evenly."""
-    camera, (width, height) = view.scene.camera, view.size
-    points = source.base.points
-    lens = {"width": width, "height": height, "fov": camera.fov_deg}
-    first = frame(
-        points, azimuth=camera.azimuth_deg, elevation=camera.elevation_deg, margin=camera.margin, radius=1e-3, **lens
-    )
+    camera, points, first = view.scene.camera, source.base.points, _first(view)
+    lens = {"width": first.width, "height": first.height, "fov": camera.fov_deg}
     end, normal = target_of(source)
     centre = (points.min(axis=0) + points.max(axis=0)).astype(np.float64) / 2
     far = float((centre - first.eye) @ first.forward)
@@ -114,6 +119,16 @@ def path(view: View, source: RefiningStream, count: int) -> list[Camera]:
             look_at(at + direction * distance, at, up=-first.rotation[1], near=distance * 0.3, **lens)  # pyright: ignore
         )
     return cameras
+
+
+def _first(view: View) -> Camera:
+    """The first view of a zoom: the whole cloth."""
+    assert isinstance(view.model, FabricModel)
+    camera, (width, height) = view.scene.camera, view.size
+    return frame(
+        np.asarray(view.model.points).reshape(-1, 3), azimuth=camera.azimuth_deg, elevation=camera.elevation_deg,
+        margin=camera.margin, radius=1e-3, width=width, height=height, fov=camera.fov_deg,
+    )  # fmt: skip
 
 
 def target_of(source: RefiningStream) -> tuple[F64, F64]:

@@ -60,7 +60,7 @@ class Survey:
     """What a camera sees of each block. boxes: (blocks, 4) int16 first and last tile column and row, last < first
     where it is out of view. counts: (blocks,) int32 particles worth drawing, 0 out of view. depth: (blocks,)
     float32 [m] of the middle. share: (blocks,) float32 λ, `FULL` for everything. tilt: mean cosine between the cloth's
-    normal and the view, the same from both sides."""
+    normal and the camera's axis, the same from both sides."""
 
     boxes: NDArray[np.int16]
     counts: I32
@@ -147,9 +147,8 @@ class FabricStream:
             depth,
             share,
         )
-        eye = -np.asarray(camera.rotation).T @ np.asarray(camera.translation)
-        towards = eye - self.points[:: self._every]
-        cosine = np.einsum("ij,ij->i", towards, self.frames[2][:: self._every]) / np.linalg.norm(towards, axis=1)
+        # To the camera's axis, not to its place: then a cloth's tilt is the same from near and from far.
+        cosine = self.frames[2][:: self._every] @ np.asarray(camera.rotation)[2]
         return Survey(boxes, counts, depth, share, float(np.abs(cosine).mean()))
 
     def lay(self, survey: Survey, blocks: I32) -> tuple[F32, int]:
