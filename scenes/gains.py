@@ -170,8 +170,13 @@ def _patch(fabric: Fabric, points: NDArray) -> tuple[Fabric, NDArray, NDArray | 
         inner = np.array(
             [points[picks // 2 + i * MEASURED_SIDE // 2, ends // 2 + j * MEASURED_SIDE // 2] for i, j in corners]
         )
-    family = (np.arange(len(fabric.thread_colour)) >= ends).astype(np.intp)
-    return replace(fabric, thread_colour=PROBE[family].astype(np.float32)), points, inner
+    return _probed(fabric), points, inner
+
+
+def _probed(fabric: Fabric) -> Fabric:
+    """The fabric with every thread in the colour of its family in `PROBE`."""
+    weft = np.arange(len(fabric.thread_colour)) >= fabric.layout.cloth.warp_up.shape[1]
+    return replace(fabric, thread_colour=PROBE[weft.astype(np.intp)].astype(np.float32))
 
 
 def _window(camera: Camera, inner: NDArray | None) -> tuple[slice, slice]:
@@ -190,24 +195,34 @@ def fit_near(
     *,
     lighting: Lighting | None = None,
     finish: Finish | None = None,
-) -> tuple[float, float]:
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """The `parted_gain` and `surface_gain` by which real fibres, and those with a surface, are together as bright as
-    the splats they replace."""
+    the splats they replace, in each colour as far as two factors can: what has no colour changes too, and cannot be
+    multiplied by itself."""
     yarn, fibres = fabric.layout.warp.yarn, fabric.layout.detail.fibres
     drawn = float(np.median(fabric.bank.radius[fabric.bank.openness < 1.0]))
     real = drawn / max(1.0, yarn.fibres_in_section / fibres) ** 0.5
     with_surface = 1.3 * SURFACE[0] * float(fabric.bank.radius.mean()) / real
-    splatter, plain, fine = Splatter(*SIZE), FabricStream(fabric, points), RefiningStream(fabric, points, skin)
+    ends = fabric.layout.cloth.warp_up.shape[1]
+    own = np.stack([fabric.thread_colour[:ends].mean(axis=0), fabric.thread_colour[ends:].mean(axis=0)])
+    probed = _probed(fabric)
+    splatter, plain, fine = Splatter(*SIZE), FabricStream(probed, points), RefiningStream(probed, points, skin)
 
-    def factor(pixels: float) -> float:
-        light = [
-            sum(
-                colours_at(splatter, source, camera, lighting=lighting, finish=finish)[:3].sum()
-                for camera in crossings(fabric, points, pixels)
+    def factor(pixels: float) -> NDArray[np.float32]:
+        before, after = (
+            np.sum(
+                [
+                    colours_at(splatter, source, camera, lighting=lighting, finish=finish)[:3]
+                    for camera in crossings(fabric, points, pixels)
+                ],
+                axis=0,
             )
             for source in (plain, fine)
-        ]
-        return float(np.clip(light[0] / max(light[1], 1e-9), 0.5, 1.5))
+        )
+        was, now = (np.maximum(light[:2] - light[2], 1e-9) for light in (before, after))  # by warp and by weft
+        alike = was / now
+        more, *_ = np.linalg.lstsq((now[:, None] * own).T, np.full(3, before[2] - after[2]), rcond=1e-3)
+        return np.clip(alike + more, 0.5, 1.5).astype(np.float32)
 
     fine.parted_gain = factor(PARTED)
     return fine.parted_gain, factor(with_surface)

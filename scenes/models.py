@@ -43,10 +43,10 @@ SURFACE_COVER = 1.6
 @dataclass(frozen=True)
 class Numbers:
     """Which yarn and which part each particle is of, (n,) int32, and what the numbers stand for. Of a panel with a
-    source the particles' numbers come from that, batch by batch, and are None here."""
+    source the particles' numbers come from that, batch by batch, and there are none here."""
 
-    yarn: NDArray[np.int32] | None
-    part: NDArray[np.int32] | None
+    yarn: NDArray[np.int32]
+    part: NDArray[np.int32]
     yarns: dict[int, dict[str, str | int]]
     parts: dict[int, str]
 
@@ -128,14 +128,13 @@ class FabricModel:
     def numbers(self) -> Numbers:
         """Yarn: the warp ends, then the weft picks, each in the draft's order. Part: 0 warp, 1 weft."""
         warp = self.prepared.layout.cloth.warp_up.shape[1]
-        yarn = self.fabric.threads() if self.source is None else None
+        yarn = self.fabric.threads() if self.source is None else np.zeros(0, np.int32)
         threads = len(self.fabric.thread_colour)
         yarns: dict[int, dict[str, str | int]] = {
             k: {"system": "warp", "index": k} if k < warp else {"system": "weft", "index": k - warp}
             for k in range(threads)
         }
-        part = None if yarn is None else (yarn >= warp).astype(np.int32)
-        return Numbers(yarn, part, yarns, {0: "warp", 1: "weft"})
+        return Numbers(yarn, (yarn >= warp).astype(np.int32), yarns, {0: "warp", 1: "weft"})
 
     def facts(self) -> list[Fact]:
         layout = self.prepared.layout

@@ -117,7 +117,8 @@ def shoot(
     for k in range(len(made) or len(colours)):
         passes, numbers, camera = Passes(), None, made[k].camera if data else cameras[k]
         if data:
-            numbers = made[k].panel.numbers() if "id" in data and made[k].panel.numbers else None
+            number = made[k].panel.numbers if "id" in data else None
+            numbers = None if number is None else number()
             passes = _passes(made[k], numbers, data)
         described = camera.matrices() | {"left": left}
         layers.append(Layers(colours[k] if colours else None, passes, described, numbers))

@@ -35,7 +35,7 @@ END_WIDTHS = 5.5
 TURN = 0.7
 """How far the camera turns from the scene's view towards the cloth's normal on its way."""
 SKIN_LENGTH = 350e-6
-FITTED = 2
+FITTED = 3
 """Version of how gains are fitted, which takes long: they are kept."""
 RESOLUTION = 1024
 """Texels along a shadow map: more than for a still, for the camera comes near."""
@@ -86,7 +86,7 @@ def source_of(
 
     made_of = digest(FITTED, fabric.bank, fabric.layout.blocks, points, skin, lighting, finish, views)
     fitted, _ = kept("gains", made_of, fit)
-    parted, surface = fitted["near"].tolist()
+    parted, surface = fitted["near"]
     gains = Gains(fitted["tilt"], fitted["factor"])
     return RefiningStream(fabric, points, skin, gains=gains, parted_gain=parted, surface_gain=surface)
 

@@ -46,7 +46,7 @@ def split(
     ids: I32x1,
     starts: I32x1,
     parted: F32x1,
-    gain: Float,
+    gain: F32x1,
     # key points
     point: F32x2,
     along_weft: F32x2,
@@ -72,7 +72,7 @@ def split(
 ):
     """Lay blocks as `blocks` does, each drawn fibre as `each` real ones: an even spiral in its section (Vogel).
 
-    gain: factor for the colour of those that have parted.
+    gain: factors for the colour of those that have parted, of warp and of weft.
     """
     for step in range(chunks * 1024):
         if step % 1024 != 0:
@@ -114,7 +114,7 @@ def split(
                         if j > 0:  # where all still lie on one another, one is enough
                             r *= ti.min(GROWN * parted[i], 1.0)
                         outward = (normal + parted[i] * 0.6 * (y * normal + z * side) / radius).normalized()
-                        tone *= 1.0 + parted[i] * (gain - 1.0)
+                        tone *= 1.0 + parted[i] * (gain[family[b]] - 1.0)
                         tone *= 1.0 + parted[i] * 0.12 * (_hash(line * 64 + j, yarn + 31) - 0.5)
                         far = parted[i]
                     for c in ti.static(range(3)):
@@ -219,14 +219,15 @@ def surface(
     grid: I32x2,
     view: F32x2,
     skin: F32x2,
-    gain: Float,
+    ends: Int,
+    gain: F32x1,
     # out
     blocks_out: F32x3,
 ):
     """A piece as one splat, or as points on its skin: with ρ(s, θ) the height map over the mean radius r and e the
     unit vector from the axis, points a + r ρ e with normals e − ρ_θ/ρ e_θ − r ρ_s t.
 
-    gain: factor for the points' colour.
+    gain: factors for the points' colour, of warp and of weft; threads from `ends` on are weft.
     """
     for step in range(chunks * 1024):
         if step % 1024 != 0:
@@ -259,6 +260,7 @@ def surface(
                 along, around = grid[p, 0], grid[p, 1]
                 period = pieces[p, 16]
                 gap = 0.5 * (x2 - x0).norm() / along
+                tint = gain[ti.cast(pieces[p, THREAD] >= ends, ti.i32)]
                 for a in range(along):
                     # The course between the middles of neighbours: the uniform quadratic B-spline.
                     t = (a + 0.5) / along - 0.5
@@ -286,7 +288,7 @@ def surface(
                         block, lane = q // LANES, q % LANES
                         for c in ti.static(range(3)):
                             blocks_out[c, block, lane] = x[c]
-                            blocks_out[4 + c, block, lane] = pieces[p, 4 + c] * gain
+                            blocks_out[4 + c, block, lane] = pieces[p, 4 + c] * tint
                             blocks_out[7 + c, block, lane] = d[c]
                             blocks_out[10 + c, block, lane] = n[c]
                         width = ti.sqrt(rho * rho + by_angle * by_angle) * radius * ARC / around

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from math import prod
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from taichi_cloth.blocks import Fabric
 from taichi_cloth.fabric import BODY, Blocks
@@ -46,8 +46,9 @@ class RefiningStream:
     """A fabric that streams as `FabricStream` does and is refined where the camera is near.
 
     skin: the fibre's height map (see `skin.skin_of`). steps: pieces of a real fibre in a block.
-    parted_gain, surface_gain: factors for the colour of real fibres, and of points on their surface besides. They hide
-    what is behind them better than what they replace, so that more of the picture is fibres that lie open.
+    parted_gain, surface_gain: factors for the colour of real fibres of warp and of weft, and of points on their surface
+    besides. They hide what is behind them better than what they replace, so that more of the picture is fibres that
+    lie open.
     """
 
     def __init__(
@@ -57,14 +58,14 @@ class RefiningStream:
         skin: F32,
         *,
         steps: int = STEPS,
-        parted_gain: float = 1.0,
-        surface_gain: float = 1.0,
+        parted_gain: ArrayLike = (1.0, 1.0),
+        surface_gain: ArrayLike = (1.0, 1.0),
         chunks: int = 2,
         **options: object,
     ) -> None:
         self.base = FabricStream(fabric, points, chunks=chunks, **options)  # pyright: ignore[reportArgumentType]
         self.skin, self.steps, self.chunks = np.ascontiguousarray(skin, np.float32), steps, chunks
-        self.parted_gain, self.surface_gain = float(parted_gain), float(surface_gain)
+        self.parted_gain, self.surface_gain = (np.asarray(g, np.float32) for g in (parted_gain, surface_gain))
         self._known = np.zeros(0, np.int64)
         self._near: FabricStream | None = None
         self._batch = np.zeros(0, np.float32)
@@ -130,6 +131,7 @@ class RefiningStream:
             survey.grid,
             survey.view,
             self.skin,
+            self.ends,
             self.surface_gain,
             batch,
         )
@@ -147,13 +149,18 @@ class RefiningStream:
         if not len(mine):
             return parts
         of_piece = survey.pieces[mine, THREAD].astype(np.int32)
-        family = (of_piece >= self.base.fabric.layout.cloth.warp_up.shape[1]).astype(np.int32)
+        family = (of_piece >= self.ends).astype(np.int32)
         counts = survey.counts[first:][mine]
         laid, more = (
             [np.pad(one, (0, -len(one) % LANES), constant_values=-1) for one in pair]
             for pair in (parts, (np.repeat(of_piece, counts), np.repeat(family, counts)))
         )
         return np.concatenate([laid[0], more[0]]), np.concatenate([laid[1], more[1]])
+
+    @property
+    def ends(self) -> int:
+        """Warp threads; those after them are weft."""
+        return self.base.fabric.layout.cloth.warp_up.shape[1]
 
     @property
     def allocated(self) -> int:

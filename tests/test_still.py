@@ -208,6 +208,11 @@ def test_plan_says_what_a_picture_leaves_out() -> None:
     assert swatch["floor"]
     assert not swatch["meshes"]
     assert not swatch["passes"]
+    assert swatch["light pass"]
+    assert swatch["occlusion"]
+    dark = stages("swatch", "light.shadows=false", "light.occlusion=false")
+    assert not dark["light pass"]
+    assert not dark["occlusion"]
     assert not stages("swatch", "stage.ground=false")["floor"]
     assert not stages("yarn")["floor"]
     assert stages("yarn", "stage.ground=true")["floor"]
