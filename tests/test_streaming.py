@@ -20,7 +20,7 @@ from taichi_cloth.render.passes import render_passes
 from taichi_cloth.render.splat import Splatter
 from taichi_cloth.render.stream import stream, stream_passes
 from taichi_cloth.scenes import gains as scene_gains
-from taichi_cloth.scenes.gains import colours_at, crossings, fit_gains, fit_near, seen_at
+from taichi_cloth.scenes.gains import colours_at, crossings, fit_gains, fit_near, seen_at, views_of
 from taichi_cloth.scenes.load import load_scene
 from taichi_cloth.scenes.models import FabricModel, build
 from taichi_cloth.scenes.sequence import Sequence
@@ -228,6 +228,23 @@ def test_gains_are_led_from_one_tilt_to_the_next() -> None:
     assert gains.at(0.5) == pytest.approx(0.75 * factor[0] + 0.25 * factor[1])
     assert gains.at(1.0) == pytest.approx(factor[1])
     assert Gains(np.ones(1), factor[:1]).at(0.3) == pytest.approx(factor[0])
+
+
+def test_gains_are_measured_where_a_zoom_goes(model: FabricModel) -> None:
+    """Up to the first level and elevation beyond its farthest view; a cloth's tilt is the same from near and far."""
+    target = thinned_to(model.fabric.particles)
+    stream_ = FabricStream(model.fabric, model.points, target=target)
+    for elevation, elevations in ((80, 2), (50, 4), (5, len(scene_gains.ELEVATIONS))):
+        for level, levels in ((0.5, 1), (2.5, 3)):
+            camera = seen_at(model.fabric, model.points, target * 0.5 ** (level / 2), elevation=elevation)
+            views = views_of(model.fabric, model.points, camera)
+            assert views.elevations == scene_gains.ELEVATIONS[:elevations]
+            assert views.levels == scene_gains.MEASURED[:levels]
+        tilts = [
+            stream_.survey(seen_at(model.fabric, model.points, pixels, elevation=elevation)).tilt
+            for pixels in (1.0, 1 / 16)
+        ]
+        assert tilts[0] == pytest.approx(tilts[1], rel=1e-6)
 
 
 def test_zoom_writes_its_frames(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
