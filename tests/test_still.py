@@ -2,6 +2,9 @@
 
 import importlib
 import json
+import resource
+import subprocess
+import sys
 from pathlib import Path
 
 import cv2
@@ -107,6 +110,18 @@ def test_in_batches_it_is_the_same_picture(tmp_path: Path, pictures: Path, monke
         assert (np.abs(one - two) <= (655 if name == "colour.png" else 0)).mean() > 0.97, name
         if name == "colour.png":
             assert one.mean() == pytest.approx(two.mean(), rel=0.001)
+
+
+@pytest.mark.slow
+def test_ten_million_particles_take_less_than_four_gigabytes(tmp_path: Path) -> None:
+    """In a process of its own, with every pass, light and floor."""
+    command = [sys.executable, "-m", "taichi_cloth.scenes", "still", "swatch", "--size", "320x200", "--out", tmp_path]
+    command += ["--set", "weave.ends=140", "--set", "weave.picks=140", "--passes", "colour,depth,normal,mask,id"]
+    subprocess.run(command, check=True, timeout=900, stdout=subprocess.DEVNULL)
+    assert 1024 * resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss < 4e9
+    assert plan(load_scene("swatch", ["weave.ends=140", "weave.picks=140"])).particles > 9_900_000
+    assert read_png(tmp_path / "colour.png").std() > 10
+    assert len(np.unique(read_png(tmp_path / "yarn.png"))) > 200
 
 
 def test_in_batches_there_are_no_textures(
