@@ -19,6 +19,7 @@ from taichi_cloth.scenes.kept import STATE
 from taichi_cloth.scenes.load import load_scene
 from taichi_cloth.scenes.moving import forces_of, material_of, simulation_of, start_of
 from taichi_cloth.scenes.plan import plan
+from taichi_cloth.scenes.view import View
 from taichi_cloth.simulation import Simulation
 
 SCENES = ("drape", "flag", "hanging", "stretch")
@@ -68,6 +69,23 @@ def test_a_mesh_has_the_colours_of_the_threads() -> None:
     assert colours == pytest.approx(np.tile(colours[0], (81, 1)), abs=1e-6)
     checked = small("drape", "cloth.representation=mesh", "weave.warp_colours='black*8 white*9'").colours
     assert checked.reshape(9, 9, 3)[:, 0].max() < checked.reshape(9, 9, 3)[:, 8].min()
+
+
+@pytest.mark.slow
+def test_a_mesh_is_as_bright_as_the_fibres_on_its_sheet() -> None:
+    """The middle of the cloth fills the picture; mean luminance of the light, within 20 %."""
+    sheet = ["cloth.rows=21", "cloth.columns=21", "cloth.threads_per_key_point=14", "camera.zoom=3.5"]
+    light, simulation = [], None
+    for form in ("mesh", "fibre"):
+        model = ClothModel(load_scene("drape", [*sheet, f"cloth.representation={form}"]))
+        if simulation is None:
+            model.step(20)
+        model.simulation = simulation = simulation or model.simulation
+        ((_, image),) = View(model, (240, 200)).turntable(1, [0])
+        value = image / 255
+        linear = np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
+        light.append(float((linear @ [0.2126, 0.7152, 0.0722]).mean()))
+    assert light[0] == pytest.approx(light[1], rel=0.2)
 
 
 def test_every_particle_knows_its_thread(draped: ClothModel) -> None:
