@@ -3,6 +3,7 @@
 import csv
 import subprocess
 import sys
+from dataclasses import replace
 from math import log2, nan
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import pytest
 
 from taichi_cloth.errors import InputError
 from taichi_cloth.scenes.studies import interpolation
+from taichi_cloth.scenes.studies.diagram import draw
 from taichi_cloth.scenes.studies.make import STUDIES, chosen, make_report
 from taichi_cloth.scenes.studies.page import Section, write_report
 from taichi_cloth.scenes.studies.stages import probed
@@ -95,6 +97,13 @@ def test_a_quick_report_of_one_study(tmp_path: Path) -> None:
     assert {row["method"] for row in rows} == {"two zones", "all along the yarn"}
     assert sum(row["default"] == "True" for row in rows) == 2
     assert all(float(row["error"]) > 0 and float(row["seconds"]) > 0 for row in rows)
+
+
+def test_a_method_that_is_refused_everywhere_does_not_cost_the_diagram() -> None:
+    pytest.importorskip("matplotlib")
+    refused = [replace(row, method="refused") for row in line([nan] * 4, [nan] * 4, 0)]
+    others = [replace(row, method=f"{k}") for k in range(5) for row in line([1.0, 0.1, 0.09], [1.0, 2.0, 4.0], 2)]
+    assert draw(STUDY, refused + others).startswith(b"\x89PNG")
 
 
 def test_without_matplotlib_one_line_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

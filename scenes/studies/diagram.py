@@ -86,7 +86,9 @@ def _panel(axis: Any, study: Study, lines: dict[str, list[Row]], methods: Sequen
         for row, a, b in zip(drawn, x, y, strict=True):
             if row.default:
                 axis.plot([a], [b], "o", ms=15, mfc="none", mec="black", mew=1.4, ls="none", label="default")
-        named = range(len(drawn)) if count <= LABELLED else sorted({0 if first else -1, len(drawn) - 1} - {-1})
+        if not drawn:  # refused at every setting, as the table says
+            continue
+        named = range(len(drawn)) if count <= LABELLED else sorted({0, len(drawn) - 1} if first else {len(drawn) - 1})
         first = False
         for n in named:
             axis.annotate(drawn[n].knob, (x[n], y[n]), (5, 5), textcoords="offset points", fontsize=7.5, color=colour)
