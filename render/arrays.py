@@ -71,7 +71,7 @@ else:
 
 
 @ti.func
-def keep(array: ti.template(), at: ti.template(), size):
+def keep(array: Switch, at: Switch, size):
     """What a kernel leaves of `array` stays what it was. at: any element; size: a number that is never below 0.
 
     A graphics device is sent only arrays that are read there, and sends back whole what is written. Needed where a

@@ -13,4 +13,4 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 @pytest.fixture(scope="session", autouse=True)
 def taichi_runtime(pytestconfig: pytest.Config) -> runtime.Runtime:
-    return runtime.start(pytestconfig.getoption("arch"))
+    return runtime.start(pytestconfig.getoption("arch") or "cpu")
