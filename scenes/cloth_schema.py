@@ -29,6 +29,11 @@ class PropertiesSection(Section):
     density_g_per_m2: Positive | None = None
     air_damping_per_s: float | None = Field(default=None, ge=0, description="share of the velocity lost [1/s]")
     fibre_damping_ms: float | None = Field(default=None, ge=0, description="lag of the stress in the threads [ms]")
+    tensile_share: Share | None = Field(
+        default=None,
+        gt=0,
+        description="of the tensile stiffness that springs carry, default 1; below it [forces.strain_limit] holds the rest",
+    )
 
 
 class BodyPinSection(Section):

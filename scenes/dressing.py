@@ -73,10 +73,11 @@ def dress(scene: Scene, each: Progress | None = None) -> Dressed:
     """The scene's garment on its body, sewn unless it was before. Raises InputError; needs Taichi only to sew."""
     parts = dressed_parts(scene)
     colliders = _colliders(scene, parts.primitives)
-    made_of = digest(VERSION, parts.garment, colliders.gap, colliders.friction, list(parts.primitives))
+    limit = forces_of(scene.forces).strain_limit
+    made_of = digest(VERSION, parts.garment, limit, colliders.gap, colliders.friction, list(parts.primitives))
 
     def make() -> dict[str, np.ndarray]:
-        worn = sew(parts.garment, colliders, each=each)
+        worn = sew(parts.garment, colliders, limit=limit, each=each)
         return {name: np.asarray(getattr(worn, name)) for name in Worn.__dataclass_fields__}
 
     arrays, found = kept("worn", made_of, make)

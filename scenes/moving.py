@@ -48,6 +48,7 @@ UNITS = {  # a key of cloth.properties: the field of Material, and its unit in S
     "density_g_per_m2": ("density", 1e-3),
     "air_damping_per_s": ("air_damping", 1.0),
     "fibre_damping_ms": ("fibre_damping", 1e-3),
+    "tensile_share": ("tensile_share", 1.0),
 }
 
 

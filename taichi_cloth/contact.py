@@ -142,8 +142,8 @@ class Contact(Pass):
         self.memory.share(cuts, halo, width)
 
     @ti.func
-    def after(self, work: Template, at, first, last, shift, done, n: Template):
-        self.memory.touch(work, at, first, last, shift, done)
+    def after(self, work: Template, first, last, shift, done, n: Template):
+        self.memory.touch(work, first, last, shift, done)
 
 
 def _anchor(p: Solid) -> F64:

@@ -83,7 +83,7 @@ class Response(BodySurface):
         self.spared.from_numpy(np.tile(padded.ravel(), self.spared.shape[0] // padded.size))
 
     @ti.func
-    def walk(self, work: Template, at, strip, b, done):
+    def walk(self, work: Template, strip, b, done):
         """The list of block b: what it can reach until the next walk, by boxes and then by capsules, and when."""
         low, high = ti.Vector([1e30, 1e30, 1e30]), ti.Vector([-1e30, -1e30, -1e30])
         fastest, slow, fast = 0.0, ti.Vector([1e30, 1e30, 1e30]), ti.Vector([-1e30, -1e30, -1e30])
@@ -92,7 +92,7 @@ class Response(BodySurface):
             if work.inverse_mass[k] > 0.0:
                 here, step = ti.Vector([0.0, 0.0, 0.0]), ti.Vector([0.0, 0.0, 0.0])
                 for c in ti.static(range(3)):
-                    here[c], step[c] = work.position[c][at + k], work.step[c][at + k]
+                    here[c], step[c] = work.position[c][k], work.step[c][k]
                 low, high = ti.min(low, here), ti.max(high, here)
                 slow, fast = ti.min(slow, step), ti.max(fast, step)
                 fastest = ti.max(fastest, step.norm_sqr())
@@ -121,7 +121,7 @@ class Response(BodySurface):
                         u, v, w = self.slip(i, here[0], here[1], here[2], step[0], step[1], step[2])
                         slip = ti.sqrt(u * u + v * v + w * w) + spread + radius * self.vector(i, SHAPE + 12).norm()
                         rate = self.setting[2] + GROWTH * slip
-                        free = (self.apart(work, at, strip, b, i) - self.setting[3]) / rate
+                        free = (self.apart(work, strip, b, i) - self.setting[3]) / rate
                         if free < wait:
                             due = done + ti.max(int(free), 0)
                             self.list[b * self.capacity + count] = i
@@ -132,9 +132,9 @@ class Response(BodySurface):
         self.count[b], self.next[b], self.used[b] = count, soonest, 0
 
     @ti.func
-    def apart(self, work: Template, at, strip, b, i):
+    def apart(self, work: Template, strip, b, i):
         """Least distance [m] of the block's free key points from the capsule around primitive i."""
-        a, m = work.lanes(b * LANES, at), work.lanes(b * LANES, 0)
+        a = work.lanes(b * LANES)
         q = ti.min(ti.max(strip, 0), 1 << 10) * SCRATCH * LANES
         p, row = strip * self.capacity + i, i * ROW + SHAPE
         c, axis = self.posed(p, 0), self.posed(p, 3)
@@ -142,7 +142,7 @@ class Response(BodySurface):
         along = x * axis[0] + y * axis[1] + z * axis[2]
         along = ti.min(ti.max(along, self.row[row + 16]), self.row[row + 17])
         x, y, z = x - along * axis[0], y - along * axis[1], z - along * axis[2]
-        free = ti.min(load(work.inverse_mass, m) * 1e30, 1.0)
+        free = ti.min(load(work.inverse_mass, a) * 1e30, 1.0)
         store(self.scratch, q, x * x + y * y + z * z + (1.0 - free) * 1e12)
         least = self.scratch[q]
         for k in range(q + 1, q + LANES):
@@ -183,16 +183,16 @@ class Response(BodySurface):
             store(work.step[axis], a, load(work.step[axis], a) + more)
 
     @ti.func
-    def look(self, work: Template, at, strip, b, i, slot):
+    def look(self, work: Template, strip, b, i, slot):
         """Planes of block b on primitive i, into a slot. Returns the substeps until one of them could be touched."""
-        a, m = work.lanes(b * LANES, at), work.lanes(b * LANES, 0)
+        a = work.lanes(b * LANES)
         q = ti.min(ti.max(strip, 0), 1 << 10) * SCRATCH * LANES
         o = ti.min(ti.max(slot, 0), 1 << 22) * PLANE * LANES
         p = strip * self.capacity + i
         c = self.posed(p, 0)
-        free = ti.min(load(work.inverse_mass, m) * 1e30, 1.0)
+        free = ti.min(load(work.inverse_mass, a) * 1e30, 1.0)
         if ti.static(self.sparing):
-            met = 1 - ((load(self.spared, m) >> int(self.row[i * ROW + BONE])) & 1)
+            met = 1 - ((load(self.spared, a) >> int(self.row[i * ROW + BONE])) & 1)
             free *= ti.cast(met, ti.f32)
         if ti.static(self.long_steps):
             self.cross(work, a, i, p, q, free)
@@ -222,9 +222,9 @@ class Response(BodySurface):
         return arrives
 
     @ti.func
-    def moved(self, work: Template, at, strip, slot, done):
+    def moved(self, work: Template, strip, slot, done):
         """Whether a key point has slid further over the primitive from where it was looked at than its plane lasts."""
-        a = work.lanes(slot // SLOTS * LANES, at)
+        a = work.lanes(slot // SLOTS * LANES)
         o = ti.min(ti.max(slot, 0), 1 << 22) * PLANE * LANES
         q = ti.min(ti.max(strip, 0), 1 << 10) * SCRATCH * LANES
         i = self.owner[slot]
@@ -242,7 +242,7 @@ class Response(BodySurface):
         return most >= 0.0
 
     @ti.func
-    def merge(self, work: Template, at, strip, b, kept, new):
+    def merge(self, work: Template, strip, b, kept, new):
         """Slot `kept` takes, for each key point of the block, the plane of slot `new` where nearer. It moves on as the
         primitive that has the slot, until the next look."""
         other = self.posed(strip * self.capacity + self.owner[kept], 0)
@@ -251,7 +251,7 @@ class Response(BodySurface):
             j, k = kept * PLANE * LANES + lane, new * PLANE * LANES + lane
             one, two, shift = -self.plane[j + 3 * LANES], -self.plane[k + 3 * LANES], 0.0
             for c in ti.static(range(3)):
-                x = work.position[c][at + b * LANES + lane]
+                x = work.position[c][b * LANES + lane]
                 one += self.plane[j + c * LANES] * (x - other[c])
                 two += self.plane[k + c * LANES] * (x - mine[c])
                 shift += self.plane[k + c * LANES] * (mine[c] - other[c])
@@ -261,7 +261,7 @@ class Response(BodySurface):
                     self.plane[j + c * LANES] = self.plane[k + c * LANES]
 
     @ti.func
-    def refresh(self, work: Template, at, strip, b, done):
+    def refresh(self, work: Template, strip, b, done):
         """Looks at those of the block's list whose time has come."""
         base, pairs = b * SLOTS, b * self.capacity
         used = self.used[b] & ((1 << KEPT) - 1)
@@ -275,7 +275,7 @@ class Response(BodySurface):
                 while k < KEPT + 1 and (used >> k) & 1 == 1:
                     k += 1
                 slot = base + k
-                arrives = self.look(work, at, strip, b, i, slot)
+                arrives = self.look(work, strip, b, i, slot)
                 due = done + ti.max(int(arrives) // every, 1) * every
                 if arrives < ti.max(SOON, every):
                     self.owner[slot], self.pair[slot], self.looked[slot] = i, c, done
@@ -286,13 +286,13 @@ class Response(BodySurface):
                     if k <= KEPT:
                         used |= 1 << k
                     else:
-                        self.merge(work, at, strip, b, slot - 1, slot)
+                        self.merge(work, strip, b, slot - 1, slot)
                 self.due[pairs + c] = due
             soonest = ti.min(soonest, self.due[pairs + c])
         self.used[b], self.next[b] = used, soonest
 
     @ti.func
-    def touch(self, work: Template, at, first, last, shift, done):
+    def touch(self, work: Template, first, last, shift, done):
         """Response of the blocks `first` to `last` to the body at the end of substep `done`."""
         strip = -shift // self.strip_size
         base = strip * (self.strip_size // LANES * SLOTS)
@@ -301,18 +301,18 @@ class Response(BodySurface):
             self.follow(strip, done)
             if done % int(self.setting[1]) == 0:
                 for b in range(first, last):
-                    self.walk(work, at, strip, b, done)
+                    self.walk(work, strip, b, done)
             e = base
             for b in range(first, last):
                 used = self.used[b]
                 if used != 0:
                     for k in range(KEPT):
                         slot = b * SLOTS + k
-                        if (used >> k) & 1 == 1 and self.moved(work, at, strip, slot, done):
+                        if (used >> k) & 1 == 1 and self.moved(work, strip, slot, done):
                             self.due[b * self.capacity + self.pair[slot]] = done
                             self.next[b] = done
                 if self.next[b] <= done:
-                    self.refresh(work, at, strip, b, done)
+                    self.refresh(work, strip, b, done)
                 used = self.used[b]
                 if used != 0:
                     for k in range(KEPT + 1):
@@ -321,7 +321,7 @@ class Response(BodySurface):
                             e += 1
             self.entries[strip] = e
         for e in range(base, self.entries[strip]):
-            self.respond(work, at, strip, e, float(since))
+            self.respond(work, strip, e, float(since))
 
     @ti.func
     def enter(self, slot, e, b, done):
@@ -337,10 +337,10 @@ class Response(BodySurface):
         store(self.entry, q + 3 * LANES, load(self.plane, o + 3 * LANES))
 
     @ti.func
-    def respond(self, work: Template, at, strip, e, since):
+    def respond(self, work: Template, strip, e, since):
         """Straight-line code that ends in stores: that is what makes it vector code. since: substeps since the poses
         were worked out; anchors go on straight, normals turn to first order."""
-        a = work.lanes(self.entry_block[e] * LANES, at)
+        a = work.lanes(self.entry_block[e] * LANES)
         o = ti.min(ti.max(e, 0), 1 << 22) * 4 * LANES
         i = self.entry_of[e]
         shift, turn = self.vector(i, SHAPE + 9), self.vector(i, SHAPE + 12)

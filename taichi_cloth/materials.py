@@ -35,6 +35,8 @@ class Material:
     density: mass per area [kg/m²].
     air_damping: share of the velocity lost a second, as a rate [1/s].
     fibre_damping: time by which the stress in springs and hinges lags behind, of Kelvin and Voigt [s].
+    tensile_share: of the tensile stiffness that springs carry. Below 1 the cloth is soft while the crimp of its yarns is
+    drawn out, and `forces.strain_limit`, which it then needs, holds what has grown further.
     """
 
     tensile_warp: float
@@ -45,6 +47,7 @@ class Material:
     density: float
     air_damping: float = 1.0
     fibre_damping: float = 0.0
+    tensile_share: float = 1.0
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -53,6 +56,8 @@ class Material:
             if not (isfinite(value) and (value > 0 if positive else value >= 0)):
                 allowed = "above 0" if positive else "0 or more"
                 raise InputError(f"material.{field.name}: {value!r}; allowed: a finite number, {allowed}")
+        if not 0 < self.tensile_share <= 1:
+            raise InputError(f"material.tensile_share: {self.tensile_share!r}; allowed: above 0, at most 1")
 
 
 MATERIALS = {

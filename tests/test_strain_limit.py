@@ -7,6 +7,7 @@ from strips import COLS, NOTHING, ROWS, run, simulate, strip
 from taichi_cloth.energy import elastic_energy, kinetic_energy
 from taichi_cloth.errors import InputError
 from taichi_cloth.forces import Forces, StrainLimit
+from taichi_cloth.solvers.strain_limit import ThreadLimit
 from taichi_cloth.solvers.verlet import Verlet
 
 RNG = np.random.Generator(np.random.Philox(key=9))
@@ -78,12 +79,12 @@ def test_it_keeps_momentum_and_adds_no_energy(stretch: float) -> None:
 
 
 def test_a_limit_that_nothing_reaches_changes_no_byte() -> None:
-    """The pass runs and moves nothing; and what is not asked for is not in the kernel's features."""
+    """The pass runs and moves nothing; and what is not asked for is not in the kernel."""
     sheet = strip(pinned=(0,))
     states = []
     for limit in (None, StrainLimit(strain=0.5, passes=3)):
         simulation = simulate(sheet, forces=Forces(strain_limit=limit))
-        assert simulation.solver._features.limit is (limit is not None)  # pyright: ignore[reportAttributeAccessIssue]
+        assert [type(one) for one in simulation.solver.passes] == ([ThreadLimit] if limit else [])
         run(simulation, 5)
         states.append(simulation.state.values.tobytes())
     assert states[0] == states[1]
@@ -104,4 +105,4 @@ def test_limits_that_cannot_be_are_refused() -> None:
     for options in ({"strain": -0.1}, {"passes": 2}, {"passes": 0}):
         with pytest.raises(InputError, match="strain_limit"):
             StrainLimit(**options)  # pyright: ignore[reportArgumentType]
-    assert Verlet(strip(), NOTHING).limit_passes == 0
+    assert Verlet(strip(), NOTHING).passes == ()

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from taichi_cloth.body.colliders import Colliders
 from taichi_cloth.body.distance import nearest_distance
 from taichi_cloth.errors import InputError, Unstable
-from taichi_cloth.forces import Forces
+from taichi_cloth.forces import Forces, StrainLimit
 from taichi_cloth.garment.curves import along, length
 from taichi_cloth.garment.cut import Atlas, turned
 from taichi_cloth.garment.limbs import spared
@@ -179,11 +179,13 @@ def sew(
     garment: Garment,
     body: Colliders,
     *,
+    limit: StrainLimit | None = None,
     each: Callable[[str, int, int], None] | None = None,
     closing: int = CLOSING,
     settling: int = SETTLING,
 ) -> Worn:
-    """Sews a garment on a body at rest. each: told the stage, the frame and the most there may be, after each frame.
+    """Sews a garment on a body at rest. limit: of how far its threads may grow. each: told the stage, the frame and the
+    most there may be, after each frame.
 
     Raises InputError when the cloth does not hold together, with what to change.
     """
@@ -195,7 +197,7 @@ def sew(
     frames = 0
     try:
         simulation = garment.simulation(
-            Forces(gravity=(0.0, 0.0, 0.0), body=smooth),
+            Forces(gravity=(0.0, 0.0, 0.0), body=smooth, strain_limit=limit),
             start,
             places=places,
             held=early,
@@ -213,7 +215,12 @@ def sew(
         still = replace(still, spared=spared(garment.atlas, simulation.positions, body.primitives, moving=False))
         for first, last, air in ((0, SWINGING, THIN), (SWINGING, settling, THICK)):
             simulation = garment.simulation(
-                Forces(body=still), simulation.positions, places=places, held=early, bones=bones, air_damping=air
+                Forces(body=still, strain_limit=limit),
+                simulation.positions,
+                places=places,
+                held=early,
+                bones=bones,
+                air_damping=air,
             )
             frame_time = simulation.solver.step * simulation.solver.substeps
             for frame in range(first, min(last, settling)):

@@ -30,12 +30,15 @@ __all__ = ["Ties"]
 
 F64 = NDArray[np.float64]
 NODES = 8
-SHARE = 2 * NODES
-TARGET = 3 * NODES
+SHARE = NODES
+TARGET = 2 * NODES
 ALLOWED = TARGET + 6
 ROW = ALLOWED + 2
-"""Numbers of a tie: key points (whole below 2^24), weights, shares w/m / Σ w²/m, target at the start of the frame [m]
-and how far it moves, width allowed at the start [m] and how that changes."""
+"""Numbers of a tie: weights, shares w/m / Σ w²/m, target at the start of the frame [m] and how far it moves, width
+allowed at the start [m] and how that changes."""
+
+SLACK = 1e-4
+"""Width that is always allowed [m]: a thread's. Most ties of a garment at rest stay within it and move nothing."""
 
 
 class Ties(Pass):
@@ -48,6 +51,7 @@ class Ties(Pass):
     """
 
     local = False
+    repeated = True
     substeps: int
     reach: float
 
@@ -114,15 +118,18 @@ class Ties(Pass):
         now = self.gaps(state, frame.start if frame else None)
         rows = np.zeros((self.memory.capacity + 1, ROW), np.float32)
         rows[: self.count] = np.column_stack(
-            [self.index, self.weight, self.share, start, end - start, now, np.maximum(now - self.reach, 0.0) - now]
+            [self.weight, self.share, start, end - start, now, np.maximum(now - self.reach, SLACK) - now]
         )
         rows[-1, :2] = self.count, 1.0 / self.substeps
+        if self.memory.holder is not self:
+            self.memory.node.from_numpy(np.pad(self.index, ((0, self.memory.capacity - self.count), (0, 0))))
+            self.memory.holder = self
         self.memory.buffer.from_numpy(rows)
         self.memory.take(self.memory.buffer)
 
     @ti.func
-    def after(self, work: Template, at, first, last, shift, done, n: Template):
-        self.memory.pull(work, at, done)
+    def after(self, work: Template, first, last, shift, done, n: Template):
+        self.memory.pull(work, done)
 
 
 @lru_cache(maxsize=8)
@@ -137,6 +144,8 @@ class _Memory:
         self.capacity = capacity
         self.buffer = ti.ndarray(ti.f32, (capacity + 1, ROW))
         self.row = ti.field(ti.f32, (capacity + 1, ROW))
+        self.node = ti.field(ti.i32, (capacity, NODES))
+        self.holder: Ties | None = None
 
     @ti.kernel
     def take(self, rows: F32x2):
@@ -144,7 +153,7 @@ class _Memory:
             self.row[i, j] = rows[i, j]
 
     @ti.func
-    def pull(self, work: Template, at, done):
+    def pull(self, work: Template, done):
         x, y, z = ti.static(*work.position)
         u, v, w = ti.static(*work.step)
         share = ti.cast(done + 1, ti.f32) * self.row[self.capacity, 1]
@@ -153,7 +162,7 @@ class _Memory:
             dy = -self.row[k, TARGET + 1] - share * self.row[k, TARGET + 4]
             dz = -self.row[k, TARGET + 2] - share * self.row[k, TARGET + 5]
             for c in range(NODES):
-                p, a = at + ti.cast(self.row[k, c], ti.i32), self.row[k, NODES + c]
+                p, a = self.node[k, c], self.row[k, c]
                 dx += a * x[p]
                 dy += a * y[p]
                 dz += a * z[p]
@@ -163,7 +172,7 @@ class _Memory:
                 pull = (gap - allowed) / gap
                 dx, dy, dz = pull * dx, pull * dy, pull * dz
                 for c in range(NODES):
-                    p, f = at + ti.cast(self.row[k, c], ti.i32), self.row[k, SHARE + c]
+                    p, f = self.node[k, c], self.row[k, SHARE + c]
                     fx, fy, fz = f * dx, f * dy, f * dz
                     x[p] -= fx
                     y[p] -= fy

@@ -28,10 +28,13 @@ class Pass:
     order, and lists may be worked through one after the other.
     paired: called after every second substep (those with an odd number) instead of each, which is half the time to run
     and to compile.
+    repeated: called after each substep, before those that are not, and with the others that are as often as the strain
+    limit asks: what one of them changes the next answers.
     """
 
     local = False
     paired = False
+    repeated = False
 
     def made_of(self) -> str:
         """A hash of what the motion follows from beside the sheet and the forces; "" where that is all."""
@@ -52,15 +55,15 @@ class Pass:
         """On the host, after each frame: the place to report that a capacity was too small."""
 
     @ti.func
-    def before(self, work: Template, at, first, last, shift, done, n: Template):
+    def before(self, work: Template, first, last, shift, done, n: Template):
         """Before the stencil of substep number `done`; where `paired`, of each even one. Arguments as of `after`."""
 
     @ti.func
-    def after(self, work: Template, at, first, last, shift, done, n: Template):
+    def after(self, work: Template, first, last, shift, done, n: Template):
         """After the stencil of substep number `done` of the frame, from 0.
 
-        work: the `Stencil`; elements at + p of its position[axis] and step[axis] [m] are what to change, and
-        inverse_mass [1/kg] of p is 0 where nothing may move. p is to go from first × LANES up to last × LANES.
+        work: the `Stencil`; elements p of its position[axis] and step[axis] [m] are what to change, and inverse_mass
+        [1/kg] of p is 0 where nothing may move. p is to go from first × LANES up to last × LANES.
         shift: element p is element p + shift of the sheet's padded grid; 0 with one strip. n: `Numbers`.
         """
 

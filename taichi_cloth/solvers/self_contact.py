@@ -141,41 +141,41 @@ class ClothContact(Pass):
         return ((i & mask) << (2 * _BITS)) | ((j & mask) << _BITS) | (k & mask)
 
     @ti.func
-    def before(self, work: Template, at, first, last, shift, done, n: Template):
+    def before(self, work: Template, first, last, shift, done, n: Template):
         if done == 0 or done >= self.until[None]:
-            self.refresh(work, at, first * LANES, last * LANES, done)
+            self.refresh(work, first * LANES, last * LANES, done)
 
     @ti.func
-    def after(self, work: Template, at, first, last, shift, done, n: Template):
-        self.solve(work, at, done)
+    def after(self, work: Template, first, last, shift, done, n: Template):
+        self.solve(work, done)
 
     @ti.func
-    def refresh(self, work: Template, at, first, last, done):
+    def refresh(self, work: Template, first, last, done):
         """Contacts anew, and pairs where they may not be complete before the next time."""
         x, d = ti.static(work.position, work.step)
         step, shift, count = ti.Vector([0.0, 0.0, 0.0]), ti.Vector([0.0, 0.0, 0.0]), 0
         for p in range(first, last):
             if self.panel[p] > 0:
-                step += self.at(d, at + p)
-                shift += self.at(x, at + p) - self.at(self.reference, p)
+                step += self.at(d, p)
+                shift += self.at(x, p) - self.at(self.reference, p)
                 count += 1
         step /= count
         shift /= count
         fastest, farthest = 1e-20, 0.0
         for p in range(first, last):
             if self.panel[p] > 0:
-                fastest = ti.max(fastest, (self.at(d, at + p) - step).norm_sqr())
-                farthest = ti.max(farthest, (self.at(x, at + p) - self.at(self.reference, p) - shift).norm_sqr())
+                fastest = ti.max(fastest, (self.at(d, p) - step).norm_sqr())
+                farthest = ti.max(farthest, (self.at(x, p) - self.at(self.reference, p) - shift).norm_sqr())
         fastest, farthest = _GROWTH * ti.sqrt(fastest), ti.sqrt(farthest)
         held = 2 * ti.cast(ti.min(ti.max(self.band / (4.0 * fastest), 1.0), LONGEST_HOLD / 2), ti.i32)
         if done == 0 or 2.0 * (farthest + held * fastest) > self.margin[None]:
             self.margin[None] = ti.min(ti.max(2.0 * FORESIGHT * fastest, self.least), self.most)
-            self.search(work, at, first, last)
-        self.meet(work, at)
+            self.search(work, first, last)
+        self.meet(work)
         self.until[None] = done + held
 
     @ti.func
-    def search(self, work: Template, at, first, last):
+    def search(self, work: Template, first, last):
         """Pairs of key points and faces, in the order of the faces."""
         x = ti.static(work.position)
         self.searches[None] += 1
@@ -183,12 +183,12 @@ class ClothContact(Pass):
             self.start[k] = 0
         for p in range(first, last):
             if self.panel[p] > 0:
-                g = self.grid(self.at(x, at + p))
+                g = self.grid(self.at(x, p))
                 key = self.hashed(g[0], g[1], g[2])
                 self.bucket[p] = key
                 self.start[key + 1] += 1
                 for c in ti.static(range(3)):
-                    self.reference[c][p] = x[c][at + p]
+                    self.reference[c][p] = x[c][p]
         for k in range(1, self.start.shape[0]):
             self.start[k] += self.start[k - 1]
             self.cursor[k - 1] = self.start[k - 1]
@@ -203,10 +203,10 @@ class ClothContact(Pass):
         for f in range(first, last):
             if self.patch[f] > 0:
                 a, b, c, d = (
-                    self.at(x, at + f),
-                    self.at(x, at + f + 1),
-                    self.at(x, at + f + row),
-                    self.at(x, at + f + row + 1),
+                    self.at(x, f),
+                    self.at(x, f + 1),
+                    self.at(x, f + row),
+                    self.at(x, f + row + 1),
                 )
                 low = ti.min(ti.min(a, b), ti.min(c, d)) - wide
                 high = ti.max(ti.max(a, b), ti.max(c, d)) + wide
@@ -224,7 +224,7 @@ class ClothContact(Pass):
                                 di, dj = p // row - fi, p % row - fj
                                 other = ti.max(ti.abs(2 * di - 1), ti.abs(2 * dj - 1)) > 2 * self.reach + 1
                                 if other or self.panel[p] != self.patch[f]:  # nested: `and` works out all of it
-                                    y = self.at(x, at + p)
+                                    y = self.at(x, p)
                                     if (y >= low).all() and (y <= high).all():
                                         rise = (y - middle).dot(across)
                                         if rise * rise < most:
@@ -235,7 +235,7 @@ class ClothContact(Pass):
         self.pairs[None] = found
 
     @ti.func
-    def meet(self, work: Template, at):
+    def meet(self, work: Template):
         """Contacts of the pairs: the nearest point of each face by turns in u and v, and the normal towards the key
         point."""
         x = ti.static(work.position)
@@ -244,10 +244,10 @@ class ClothContact(Pass):
         found = 0
         for k in range(ti.min(self.pairs[None], self.pair_room)):
             p, f = self.pair_point[k], self.pair_face[k]
-            a = self.at(x, at + f)
-            b, c = self.at(x, at + f + 1) - a, self.at(x, at + f + row) - a
-            y = self.at(x, at + p) - a
-            d = self.at(x, at + f + row + 1) - a - b - c
+            a = self.at(x, f)
+            b, c = self.at(x, f + 1) - a, self.at(x, f + row) - a
+            y = self.at(x, p) - a
+            d = self.at(x, f + row + 1) - a - b - c
             across = (2.0 * b + d).cross(2.0 * c + d)  # 4 × the area vector of the face
             rise = (y - 0.5 * (b + c) - 0.25 * d).dot(across)
             room = near + 0.25 * d.norm()
@@ -271,7 +271,7 @@ class ClothContact(Pass):
         self.most_contacts[None] = ti.max(self.most_contacts[None], found)
 
     @ti.func
-    def solve(self, work: Template, at, done):
+    def solve(self, work: Template, done):
         """Every contact once, in turns from the first to the last and from the last to the first."""
         x, s, inverse = ti.static(work.position, work.step, work.inverse_mass)
         row = ti.static(self.width)
@@ -282,15 +282,15 @@ class ClothContact(Pass):
             n = self.at(self.normal, m)
             u, v = self.u[m], self.v[m]
             w = ti.Vector([(1.0 - u) * (1.0 - v), u * (1.0 - v), (1.0 - u) * v, u * v])
-            patch = w[0] * self.at(x, at + f) + w[1] * self.at(x, at + f + 1)
-            patch += w[2] * self.at(x, at + f + row) + w[3] * self.at(x, at + f + row + 1)
-            depth = self.thickness - n.dot(self.at(x, at + p) - patch)
+            patch = w[0] * self.at(x, f) + w[1] * self.at(x, f + 1)
+            patch += w[2] * self.at(x, f + row) + w[3] * self.at(x, f + row + 1)
+            depth = self.thickness - n.dot(self.at(x, p) - patch)
             if depth > 0.0:
                 i = ti.Vector([inverse[f], inverse[f + 1], inverse[f + row], inverse[f + row + 1]])
                 yielding = inverse[p] + (i * w * w).sum()
                 if yielding > 0.0:
-                    step = self.at(s, at + p) - w[0] * self.at(s, at + f) - w[1] * self.at(s, at + f + 1)
-                    step -= w[2] * self.at(s, at + f + row) + w[3] * self.at(s, at + f + row + 1)
+                    step = self.at(s, p) - w[0] * self.at(s, f) - w[1] * self.at(s, f + 1)
+                    step -= w[2] * self.at(s, f + row) + w[3] * self.at(s, f + row + 1)
                     along = step.dot(n)
                     push = ti.min(depth, ti.max(-along, 0.0))
                     slide = step - along * n
@@ -298,10 +298,10 @@ class ClothContact(Pass):
                     change = (push * n - held * slide) / yielding
                     move = change + MEND * (depth - push) / yielding * n
                     for axis in ti.static(range(3)):
-                        s[axis][at + p] += inverse[p] * change[axis]
-                        x[axis][at + p] += inverse[p] * move[axis]
+                        s[axis][p] += inverse[p] * change[axis]
+                        x[axis][p] += inverse[p] * move[axis]
                     for corner, offset in ti.static(enumerate((0, 1, row, row + 1))):
                         share = i[corner] * w[corner]
                         for axis in ti.static(range(3)):
-                            s[axis][at + f + offset] -= share * change[axis]
-                            x[axis][at + f + offset] -= share * move[axis]
+                            s[axis][f + offset] -= share * change[axis]
+                            x[axis][f + offset] -= share * move[axis]

@@ -5,6 +5,10 @@ rows have a width known at compile time, and fast_math is off. All of that is ne
 of two to four, silently.
 
 Everything is scaled so that inverse mass × sum is a displacement: constants come multiplied by h².
+
+Damping of Kelvin and Voigt, a stress σ(ε + τ dε/dt), is to first order the stress at x + τ v, where the cloth would be a
+time τ later. So springs and hinges are measured there, at `ahead`, and cost no more than without damping; and as they
+read nothing else, positions change in place.
 """
 
 # In kernels a vector is a Taichi expression, which type checkers cannot follow.
@@ -26,11 +30,9 @@ class Features:
     """What the kernel contains. Taichi compiles one kernel for each combination that is used."""
 
     hinges: bool
-    fibre_damping: bool
     wind: bool
     sphere: bool
     plane: bool
-    limit: bool = False
 
 
 NUMBERS = (
@@ -42,11 +44,8 @@ NUMBERS = (
     *("wind_drag", "wind_lift", "rate"),  # ½ ρ C h² [kg s²/m³], the last 1/h [1/s]
     *("sphere_x", "sphere_y", "sphere_z", "sphere_radius", "sphere_friction"),  # [m], gap included
     *("plane_x", "plane_y", "plane_z", "plane_height", "plane_friction"),
-    *("longest_x", "longest_y"),  # [m] that a thread between two key points may be, for the strain limit
+    *("longest_x", "longest_y", "sweeps"),  # [m] that a thread may be, and how often it is seen to, for the strain limit
 )
-
-RELAXATION = 0.75
-"""Share of an excess that a pass of the strain limit takes away; all springs at once converge below 1."""
 
 if TYPE_CHECKING:
     Numbers: TypeAlias = Any
@@ -77,78 +76,59 @@ def contact(features: Template, nx, ny, nz, depth, friction, dx, dy, dz):
 
 @ti.data_oriented
 class Stencil:
-    """Work memory for substeps: two buffers that take turns, and the weights. `size` elements; rows of `width`.
+    """Work memory for substeps, and the weights. `size` elements; rows of `width`.
 
-    position, step: [axis] fields [m] of both buffers, one after the other: element p of the first is p, of the second
-    size + p. So one copy of the code serves both. east, north, cell: weights of `Sheet`. inverse_mass: [1/kg].
+    position, step: [axis] fields [m]. ahead: [axis], position and what is moved within the lag of the stress [m]. east,
+    north, cell: weights of `Sheet`. inverse_mass: [1/kg].
     """
 
     def __init__(self, size: int, width: int) -> None:
-        def fields(count: int, buffers: int = 1) -> list[ti.Field]:
-            return [ti.field(ti.f32, buffers * size) for _ in range(count)]
+        def fields(count: int) -> list[ti.Field]:
+            return [ti.field(ti.f32, size) for _ in range(count)]
 
         self.size, self.width = size, width
-        self.position, self.step = fields(3, 2), fields(3, 2)
+        self.position, self.step, self.ahead = fields(3), fields(3), fields(3)
         self.east, self.north, self.cell, self.inverse_mass = fields(4)
 
     @ti.func
-    def lanes(self, p, at):
-        """Element at + p, a whole number of lanes. The bounds tell the compiler that nothing overflows."""
-        return ti.min(ti.max((p + at) // LANES, 0), 1 << 24) * LANES
+    def lanes(self, p):
+        """Element p, a whole number of lanes. The bounds tell the compiler that nothing overflows."""
+        return ti.min(ti.max(p // LANES, 0), 1 << 24) * LANES
 
     @ti.func
-    def away(self, a, offset: Template):
-        """Vector to the neighbour at a + offset, and how much more than p it moved in the last step."""
-        x, y, z = ti.static(*self.position)
+    def away(self, place: Template, p, offset: Template):
+        """Vector from the lanes at p to those at p + offset. place: position or ahead."""
+        x, y, z = ti.static(*place)
         return (
-            load(x, a + offset) - load(x, a),
-            load(y, a + offset) - load(y, a),
-            load(z, a + offset) - load(z, a),
+            load(x, p + offset) - load(x, p),
+            load(y, p + offset) - load(y, p),
+            load(z, p + offset) - load(z, p),
         )
 
     @ti.func
-    def moved(self, a, offset: Template):
-        u, v, w = ti.static(*self.step)
-        return (
-            load(u, a + offset) - load(u, a),
-            load(v, a + offset) - load(v, a),
-            load(w, a + offset) - load(w, a),
-        )
+    def lead(self, p, n: Template):
+        """Where the lanes at p would be a lag later."""
+        for axis in ti.static(range(3)):
+            store(self.ahead[axis], p, load(self.position[axis], p) + n.lag * load(self.step[axis], p))
 
     @ti.func
-    def spring(self, a, features: Template, offset: Template, constant, rest, lag):
-        """Pull of the spring to the key point at a + offset, and the vector to it."""
-        x, y, z = self.away(a, offset)
-        squared = ti.max(x * x + y * y + z * z, 1e-20)
-        factor = 1.0 - rest / ti.sqrt(squared)
-        if ti.static(features.fibre_damping):
-            u, v, w = self.moved(a, offset)
-            factor += lag * (u * x + v * y + w * z) / squared
-        factor *= constant
+    def spring(self, p, offset: Template, constant, rest):
+        """Pull of the spring to the key point at p + offset."""
+        x, y, z = self.away(self.ahead, p, offset)
+        factor = constant * (1.0 - rest / ti.sqrt(ti.max(x * x + y * y + z * z, 1e-20)))
         return factor * x, factor * y, factor * z
 
     @ti.func
-    def curve(self, a, features: Template, offset: Template, lag):
-        """As `away`, with what damping adds to it in a law that is linear in the positions."""
-        x, y, z = self.away(a, offset)
-        if ti.static(features.fibre_damping):
-            u, v, w = self.moved(a, offset)
-            x += lag * u
-            y += lag * v
-            z += lag * w
-        return x, y, z
-
-    @ti.func
-    def bend(self, a, features: Template, p, offset: Template, weight: Template, beta, lag):
+    def bend(self, p, offset: Template, weight: Template, beta):
         """Pull of the three hinges that p is part of, in the direction of neighbours at ±offset."""
         before, here = load(weight, p - offset), load(weight, p)
         c_minus = ti.min(load(weight, p - 2 * offset), before)
         c_here = ti.min(before, here)
         c_plus = ti.min(here, load(weight, p + offset))
-        x1, y1, z1 = self.curve(a, features, offset, lag)
-        x2, y2, z2 = self.curve(a, features, 2 * offset, lag)
-        x_1, y_1, z_1 = self.curve(a, features, -offset, lag)
-        x_2, y_2, z_2 = self.curve(a, features, -2 * offset, lag)
+        x1, y1, z1 = self.away(self.ahead, p, offset)
+        x2, y2, z2 = self.away(self.ahead, p, 2 * offset)
+        x_1, y_1, z_1 = self.away(self.ahead, p, -offset)
+        x_2, y_2, z_2 = self.away(self.ahead, p, -2 * offset)
         return (
             beta * (2.0 * c_here * (x1 + x_1) - c_plus * (x2 - 2.0 * x1) - c_minus * (x_2 - 2.0 * x_1)),
             beta * (2.0 * c_here * (y1 + y_1) - c_plus * (y2 - 2.0 * y1) - c_minus * (y_2 - 2.0 * y_1)),
@@ -156,54 +136,54 @@ class Stencil:
         )
 
     @ti.func
-    def second(self, a, features: Template, p, offset: Template, weight: Template, k, rest, lag):
+    def second(self, p, offset: Template, weight: Template, k, rest):
         """Pull of the paper's two springs to the second neighbours at ±2 offset."""
         ahead = ti.min(load(weight, p), load(weight, p + offset))
         behind = ti.min(load(weight, p - offset), load(weight, p - 2 * offset))
-        x, y, z = self.spring(a, features, 2 * offset, k * ahead, rest, lag)
-        u, v, w = self.spring(a, features, -2 * offset, k * behind, rest, lag)
+        x, y, z = self.spring(p, 2 * offset, k * ahead, rest)
+        u, v, w = self.spring(p, -2 * offset, k * behind, rest)
         return x + u, y + v, z + w
 
     @ti.func
-    def elastic(self, a, features: Template, p, n: Template):
+    def elastic(self, features: Template, p, n: Template):
         """Pull of all springs and hinges on the lanes at p."""
         row = ti.static(self.width)
         e, w = load(self.east, p), load(self.east, p - 1)
-        x, y, z = self.spring(a, features, 1, n.structural_x * e, n.spacing_x, n.lag)
-        u, v, t = self.spring(a, features, -1, n.structural_x * w, n.spacing_x, n.lag)
+        x, y, z = self.spring(p, 1, n.structural_x * e, n.spacing_x)
+        u, v, t = self.spring(p, -1, n.structural_x * w, n.spacing_x)
         x, y, z = x + u, y + v, z + t
         e, w = load(self.north, p), load(self.north, p - row)
-        u, v, t = self.spring(a, features, row, n.structural_y * e, n.spacing_y, n.lag)
+        u, v, t = self.spring(p, row, n.structural_y * e, n.spacing_y)
         x, y, z = x + u, y + v, z + t
-        u, v, t = self.spring(a, features, -row, n.structural_y * w, n.spacing_y, n.lag)
+        u, v, t = self.spring(p, -row, n.structural_y * w, n.spacing_y)
         x, y, z = x + u, y + v, z + t
         for corner, cell in ti.static(((row + 1, 0), (-row - 1, -row - 1), (row - 1, -1), (1 - row, -row))):
             c = n.diagonal * load(self.cell, p + cell)
-            u, v, t = self.spring(a, features, corner, c, n.diagonal_length, n.lag)
+            u, v, t = self.spring(p, corner, c, n.diagonal_length)
             x, y, z = x + u, y + v, z + t
         if ti.static(features.hinges):
-            u, v, t = self.bend(a, features, p, 1, self.east, n.hinge_x, n.lag)
+            u, v, t = self.bend(p, 1, self.east, n.hinge_x)
             x, y, z = x + u, y + v, z + t
-            u, v, t = self.bend(a, features, p, row, self.north, n.hinge_y, n.lag)
+            u, v, t = self.bend(p, row, self.north, n.hinge_y)
             x, y, z = x + u, y + v, z + t
         else:
-            u, v, t = self.second(a, features, p, 1, self.east, n.second_x, 2.0 * n.spacing_x, n.lag)
+            u, v, t = self.second(p, 1, self.east, n.second_x, 2.0 * n.spacing_x)
             x, y, z = x + u, y + v, z + t
-            u, v, t = self.second(a, features, p, row, self.north, n.second_y, 2.0 * n.spacing_y, n.lag)
+            u, v, t = self.second(p, row, self.north, n.second_y, 2.0 * n.spacing_y)
             x, y, z = x + u, y + v, z + t
         return x, y, z
 
     @ti.func
-    def air(self, a, p, dx, dy, dz, wind, n: Template):
+    def air(self, p, dx, dy, dz, wind, n: Template):
         """Drag and lift of the wind × h². The area vector is that of the cells around, so it is right at edges too."""
         row = ti.static(self.width)
         e, w = ti.min(2.0 * load(self.east, p), 1.0), ti.min(2.0 * load(self.east, p - 1), 1.0)
         s, t = ti.min(2.0 * load(self.north, p), 1.0), ti.min(2.0 * load(self.north, p - row), 1.0)
-        x1, y1, z1 = self.away(a, 1)
-        x2, y2, z2 = self.away(a, -1)
+        x1, y1, z1 = self.away(self.ahead, p, 1)
+        x2, y2, z2 = self.away(self.ahead, p, -1)
         ax, ay, az = e * x1 - w * x2, e * y1 - w * y2, e * z1 - w * z2
-        x1, y1, z1 = self.away(a, row)
-        x2, y2, z2 = self.away(a, -row)
+        x1, y1, z1 = self.away(self.ahead, p, row)
+        x2, y2, z2 = self.away(self.ahead, p, -row)
         bx, by, bz = s * x1 - t * x2, s * y1 - t * y2, s * z1 - t * z2
         nx, ny, nz = 0.25 * (ay * bz - az * by), 0.25 * (az * bx - ax * bz), 0.25 * (ax * by - ay * bx)
         ux, uy, uz = wind[0] - n.rate * dx, wind[1] - n.rate * dy, wind[2] - n.rate * dz
@@ -215,14 +195,13 @@ class Stencil:
         return along * ux + across * nx, along * uy + across * ny, along * uz + across * nz
 
     @ti.func
-    def substep(self, at, features: Template, p, wind, n: Template):
-        """Störmer–Verlet for the lanes at p, from one buffer to the other: dx ← D dx + a h², x ← x + dx."""
-        a, b = self.lanes(p, at), self.lanes(p, self.size - at)
-        px, py, pz = load(self.position[0], a), load(self.position[1], a), load(self.position[2], a)
-        sx, sy, sz = load(self.step[0], a), load(self.step[1], a), load(self.step[2], a)
-        fx, fy, fz = self.elastic(a, features, p, n)
+    def substep(self, features: Template, p, wind, n: Template):
+        """Störmer–Verlet for the lanes at p: dx ← D dx + a h², x ← x + dx. Needs `lead` of all around them."""
+        px, py, pz = load(self.position[0], p), load(self.position[1], p), load(self.position[2], p)
+        sx, sy, sz = load(self.step[0], p), load(self.step[1], p), load(self.step[2], p)
+        fx, fy, fz = self.elastic(features, p, n)
         if ti.static(features.wind):
-            x, y, z = self.air(a, p, sx, sy, sz, wind, n)
+            x, y, z = self.air(p, sx, sy, sz, wind, n)
             fx, fy, fz = fx + x, fy + y, fz + z
         inverse = load(self.inverse_mass, p)
         free = ti.min(inverse * 1e30, 1.0)  # 1, or 0 for pinned and absent key points, which keep their step
@@ -239,47 +218,9 @@ class Stencil:
             x, y, z = px + dx, py + dy, pz + dz
             depth = free * ti.max(n.plane_height - (x * n.plane_x + y * n.plane_y + z * n.plane_z), 0.0)
             dx, dy, dz = contact(features, n.plane_x, n.plane_y, n.plane_z, depth, n.plane_friction, dx, dy, dz)
-        store(self.position[0], b, px + dx)
-        store(self.position[1], b, py + dy)
-        store(self.position[2], b, pz + dz)
-        store(self.step[0], b, dx)
-        store(self.step[1], b, dy)
-        store(self.step[2], b, dz)
-
-    @ti.func
-    def excess(self, b, p, offset: Template, weight, longest, inverse):
-        """What the thread to the key point at p + offset asks of the lanes at p: to be moved by the first three [m],
-        and to change their steps by the last three."""
-        x, y, z = self.away(b, offset)
-        u, v, w = self.moved(b, offset)
-        length = ti.sqrt(ti.max(x * x + y * y + z * z, 1e-20))
-        growth = (u * x + v * y + w * z) / length
-        other = load(self.inverse_mass, p + offset)
-        share = RELAXATION * ti.min(weight * 1e30, 1.0) * inverse / ti.max(inverse + other, 1e-30)
-        over = ti.max(length - longest, 0.0)
-        move = share * over / length
-        slow = share * ti.min(ti.max(growth, 0.0), over) / length
-        return move * x, move * y, move * z, slow * x, slow * y, slow * z
-
-    @ti.func
-    def shorten(self, at, p, n: Template):
-        """Strain limit (Provot 1995, section 4) for the lanes at p, from the buffer at `at` to the other.
-
-        Threads longer than they may be are shortened, both ends by the share of their inverse mass, so that momentum
-        is kept and pinned key points stay. Provot goes from spring to spring; here all move at once from the same
-        positions (Jacobi), which is symmetric and needs no order. From the steps is taken the speed at which a thread
-        grows, and no more: what was too long before is mended in positions alone, and so adds no energy of motion.
-        """
-        a, b = self.lanes(p, self.size - at), self.lanes(p, at)
-        row = ti.static(self.width)
-        inverse = load(self.inverse_mass, p)
-        x, y, z, i, j, k = self.excess(b, p, 1, load(self.east, p), n.longest_x, inverse)
-        u, v, w, l, m, o = self.excess(b, p, -1, load(self.east, p - 1), n.longest_x, inverse)  # noqa: E741
-        x, y, z, i, j, k = x + u, y + v, z + w, i + l, j + m, k + o
-        u, v, w, l, m, o = self.excess(b, p, row, load(self.north, p), n.longest_y, inverse)  # noqa: E741
-        x, y, z, i, j, k = x + u, y + v, z + w, i + l, j + m, k + o
-        u, v, w, l, m, o = self.excess(b, p, -row, load(self.north, p - row), n.longest_y, inverse)  # noqa: E741
-        x, y, z, i, j, k = x + u, y + v, z + w, i + l, j + m, k + o
-        for axis, move, slow in ti.static(((0, x, i), (1, y, j), (2, z, k))):
-            store(self.position[axis], a, load(self.position[axis], b) + move)
-            store(self.step[axis], a, load(self.step[axis], b) + slow)
+        store(self.position[0], p, px + dx)
+        store(self.position[1], p, py + dy)
+        store(self.position[2], p, pz + dz)
+        store(self.step[0], p, dx)
+        store(self.step[1], p, dy)
+        store(self.step[2], p, dz)

@@ -17,6 +17,7 @@ from math import ceil, exp, expm1
 
 import numpy as np
 import taichi as ti
+from numpy.typing import NDArray
 
 from taichi_cloth import runtime
 from taichi_cloth.arrays import F32x3, Float, I32x2, Int, Template
@@ -29,6 +30,7 @@ from taichi_cloth.solvers.passes import MEETING, Pass, strips_allowed
 from taichi_cloth.solvers.self_contact import ClothContact
 from taichi_cloth.solvers.stability import highest_frequency, longest_step, rounding_speed
 from taichi_cloth.solvers.stencil import Features, Numbers, Stencil
+from taichi_cloth.solvers.strain_limit import ThreadLimit
 
 __all__ = ["Verlet"]
 
@@ -72,12 +74,14 @@ class Verlet(Solver):
                 f"solver.step: {step!r} s; the springs of this sheet allow at most {longest:.4g} s "
                 f"({safety:g} of the stable limit); leave it out, or name one above 0 up to that"
             )
-        # Two substeps at a time: the buffers take turns. 1e-9: a frame that is just so many steps is not one more.
+        # Two substeps at a time, for passes that are paired. 1e-9: a frame that is just so many steps is not one more.
         self.substeps = max(2, 2 * ceil(1 / frame_rate / (step or longest) / 2 - 1e-9))
         self.step = 1 / frame_rate / self.substeps
         rows = sheet.shape[0]
         count = threads or (runtime.threads() if sheet.present.sum() >= WORTH_THREADS else 1)
         self.passes = (*passes, ClothContact(sheet, forces.self_contact)) if forces.self_contact else passes
+        if forces.strain_limit:
+            self.passes = (ThreadLimit(sheet, forces.strain_limit), *self.passes)
         self.strips = max(1, min(count, rows // (4 * MEETING))) if threads is None else max(1, min(count, rows))
         if not strips_allowed(self.passes):
             self.strips = 1
@@ -89,13 +93,10 @@ class Verlet(Solver):
         self._rows = np.stack([cuts[:-1], cuts[1:]], axis=1)
         self._features = Features(
             hinges=sheet.springs.law == "hinge",
-            fibre_damping=m.fibre_damping > 0,
             wind=forces.wind is not None,
             sphere=forces.sphere is not None,
             plane=forces.plane is not None,
-            limit=forces.strain_limit is not None,
         )
-        self.limit_passes = forces.strain_limit.passes if forces.strain_limit else 0
         self._forces = forces
         self._take(self.step)
         for one in self.passes:
@@ -123,13 +124,13 @@ class Verlet(Solver):
             sheet = self.sheet
             model = np.stack([sheet.padded(v) for v in (*sheet.weights, sheet.inverse_mass)])
             work.take_model(model, state.values)
+            work.take_blocks(sheet.padded(sheet.present) > 0)
             work.cuts.from_numpy(self._rows)
             work.holder = self
         first, last = np.asarray(forces.wind_start), np.asarray(forces.wind_end)
         meeting = self.substeps if self.strips == 1 else MEETING
         for one in self.passes:
             one.begin(state, forces)
-        pairs = self.limit_passes // 2
         source, target = work.states
         source.from_numpy(state.values)
         for done in range(0, self.substeps, meeting):
@@ -138,11 +139,11 @@ class Verlet(Solver):
             change = ((last - first) / self.substeps).tolist()
             kernel = work.serial if self.strips == 1 else work.parallel
             with runtime.plain_code():  # half the time to compile, and as fast a frame
-                kernel(source, work.cuts, self._numbers, *wind, *change, done, count, pairs, self._features, target)
+                kernel(source, work.cuts, self._numbers, *wind, *change, done, count, self._features, target)
             source, target = target, source
             if self.strips > 1:
                 for one in self.passes:
-                    one.exchange(work.cuts, (3 + 2 * pairs) * MEETING, self.sheet.width)
+                    one.exchange(work.cuts, 3 * MEETING, self.sheet.width)
         rows = slice(PAD, -PAD)
         state.values[:, rows] = source.to_numpy()[:, rows]
         for one in self.passes:
@@ -171,6 +172,7 @@ def _numbers(sheet: Sheet, forces: Forces, step: float) -> dict[str, float]:
     out["plane_friction"] = plane.friction if plane else 0.0
     longest = 1 + (forces.strain_limit.strain if forces.strain_limit else 0.0)
     out |= {"longest_x": s.spacing_x * longest, "longest_y": s.spacing_y * longest}
+    out["sweeps"] = float(forces.strain_limit.passes) if forces.strain_limit else 1.0
     for k, axis in enumerate("xyz"):
         out[f"gravity_{axis}"] = forces.gravity[k] * h2
         out[f"sphere_{axis}"] = ball.centre[k] if ball else 0.0
@@ -197,11 +199,12 @@ class _Workspace(Stencil):
         self.rows, self.strips, self.passes = rows, strips, passes
         self.states = [ti.ndarray(ti.f32, (6, rows, width)) for _ in range(2)]
         self.cuts = ti.ndarray(ti.i32, (strips, 2))
+        self.block, self.row_start = ti.field(ti.i32, rows * width // LANES), ti.field(ti.i32, rows + 1)
         self.holder: Verlet | None = None
 
     @ti.kernel
     def take_model(self, model: F32x3, values: F32x3):
-        """Weights into every strip, and the state, with what lies around the sheet, into both buffers."""
+        """Weights into every strip, and the state, with what lies around the sheet."""
         ti.loop_config(serialize=True)
         for strip in range(self.strips):
             for i in range(self.rows):
@@ -211,29 +214,24 @@ class _Workspace(Stencil):
                     self.north[p] = model[1, i, j]
                     self.cell[p] = model[2, i, j]
                     self.inverse_mass[p] = model[3, i, j]
-                    for b in range(2):
-                        for c in ti.static(range(3)):
-                            self.position[c][b * self.size + p] = values[c, i, j]
-                            self.step[c][b * self.size + p] = values[3 + c, i, j]
+                    for c in ti.static(range(3)):
+                        self.position[c][p] = values[c, i, j]
+                        self.ahead[c][p] = values[c, i, j]
+                        self.step[c][p] = values[3 + c, i, j]
+
+    def take_blocks(self, present: NDArray[np.bool_]) -> None:
+        """Those blocks of lanes that hold key points, in order, and where the ones of each row begin. present: (rows,
+        width)."""
+        used = present.reshape(self.rows, -1, LANES).any(axis=2)
+        listed = np.zeros(self.block.shape[0], np.int32)
+        listed[: used.sum()] = np.flatnonzero(used)
+        self.block.from_numpy(listed)
+        self.row_start.from_numpy(np.concatenate([[0], np.cumsum(used.sum(axis=1))]).astype(np.int32))
 
     @ti.func
-    def blocks(self, strip, row):
-        """Block of lanes where a row of a strip starts. The bounds tell the compiler that nothing overflows."""
-        return ti.min(ti.max((strip * self.rows + row) * (self.width // LANES), 0), 1 << 24)
-
-    @ti.func
-    def buffer(self, turn):
-        """Element at which the buffer of an even or odd turn starts."""
-        return ti.min(ti.max(turn % 2, 0), 1) * self.size
-
-    @ti.func
-    def limit(self, turn, strip, first, last, n: Template):
-        """A pass of the strain limit over rows of a strip."""
-        at = self.buffer(turn)
-        b0 = self.blocks(strip, ti.max(first, PAD))
-        b1 = self.blocks(strip, ti.min(last, self.rows - PAD))
-        for k in range(b0, b1):
-            self.shorten(at, k * LANES, n)
+    def inside(self, row):
+        """A row, or the first or the one after the last of the sheet."""
+        return ti.min(ti.max(row, PAD), self.rows - PAD)
 
     @ti.func
     def frame(
@@ -247,49 +245,42 @@ class _Workspace(Stencil):
         change,
         begun,
         count,
-        pairs,
         features: Template,
         target: Template,
     ):
         """`count` substeps, from number `begun` of the frame, of the rows `first` to `last` of a strip.
 
-        Stencil and strain limit read one buffer and write the other; a turn is one of them.
+        Rows around them are computed as long as they are needed, two less on each side each substep.
         """
-        lowest, highest = PAD, self.rows - PAD
-        reach = 2 + (1 + 2 * pairs if ti.static(features.limit) else 0)
         base = strip * self.rows
-        for i in range(ti.max(first - reach * count, lowest), ti.min(last + reach * count, highest)):
+        blocks = self.width // LANES
+        for i in range(self.inside(first - 2 * count), self.inside(last + 2 * count)):
             for j in range(self.width):
                 p = (base + i) * self.width + j
                 for c in ti.static(range(3)):
                     self.position[c][p] = source[c, i, j]
                     self.step[c][p] = source[3 + c, i, j]
-        turn = 0
         for done in range(count):
-            halo = reach * (count - done) - 2
+            halo = 2 * (count - done) - 2
             air = wind + done * change
-            b0 = self.blocks(strip, ti.max(first - halo, lowest))
-            b1 = self.blocks(strip, ti.min(last + halo, highest))
-            at = self.buffer(turn)
+            low, high = self.inside(first - halo), self.inside(last + halo)
+            b0, b1 = (base + low) * blocks, (base + high) * blocks
             for one in ti.static(self.passes):
                 if not one.paired or done % 2 == 0:
-                    one.before(self, at, b0, b1, -base * self.width, begun + done, n)
-            for b in range(b0, b1):
-                self.substep(at, features, b * LANES, air, n)
-            turn += 1
-            if ti.static(features.limit):
-                for k in range(1 + 2 * pairs):
-                    inner = halo - 1 - k
-                    self.limit(turn, strip, first - inner, last + inner, n)
-                    turn += 1
-            at = self.buffer(turn)
-            for one in ti.static(self.passes):
+                    one.before(self, b0, b1, -base * self.width, begun + done, n)
+            for e in range(self.row_start[self.inside(low - 2)], self.row_start[self.inside(high + 2)]):
+                self.lead(self.lanes((base * blocks + self.block[e]) * LANES), n)
+            for e in range(self.row_start[low], self.row_start[high]):
+                self.substep(features, self.lanes((base * blocks + self.block[e]) * LANES), air, n)
+            for _ in range(ti.cast(n.sweeps, ti.i32)):
+                for one in ti.static([one for one in self.passes if one.repeated]):
+                    one.after(self, b0, b1, -base * self.width, begun + done, n)
+            for one in ti.static([one for one in self.passes if not one.repeated]):
                 if not one.paired or done % 2 == 1:
-                    one.after(self, at, b0, b1, -base * self.width, begun + done, n)
-        at = self.buffer(turn)
+                    one.after(self, b0, b1, -base * self.width, begun + done, n)
         for i in range(first, last):
             for j in range(self.width):
-                p = at + (base + i) * self.width + j
+                p = (base + i) * self.width + j
                 for c in ti.static(range(3)):
                     target[c, i, j] = self.position[c][p]
                     target[3 + c, i, j] = self.step[c][p]
@@ -309,7 +300,6 @@ class _Workspace(Stencil):
         change_z: Float,
         begun: Int,
         count: Int,
-        pairs: Int,
         features: Template,
         # out
         target: F32x3,
@@ -318,7 +308,7 @@ class _Workspace(Stencil):
         for strip in range(1):
             wind = ti.Vector([wind_x, wind_y, wind_z])
             change = ti.Vector([change_x, change_y, change_z])
-            self.frame(strip, source, rows[0, 0], rows[0, 1], n, wind, change, begun, count, pairs, features, target)
+            self.frame(strip, source, rows[0, 0], rows[0, 1], n, wind, change, begun, count, features, target)
 
     @ti.kernel
     def parallel(
@@ -335,7 +325,6 @@ class _Workspace(Stencil):
         change_z: Float,
         begun: Int,
         count: Int,
-        pairs: Int,
         features: Template,
         # out
         target: F32x3,
@@ -355,7 +344,6 @@ class _Workspace(Stencil):
                     change,
                     begun,
                     count,
-                    pairs,
-                    features,
+                                features,
                     target,
                 )
