@@ -32,7 +32,7 @@ class PropertiesSection(Section):
     tensile_share: Share | None = Field(
         default=None,
         gt=0,
-        description="of the tensile stiffness that springs carry, default 1; below it [forces.strain_limit] holds the rest",
+        description="of the tensile stiffness that springs carry; below 1 [forces.strain_limit] holds the rest",
     )
 
 
@@ -130,7 +130,9 @@ class PlaneSection(Section):
 
 class StrainLimitSection(Section):
     percent: float = Field(default=10.0, ge=0, le=100, description="by how much a thread may grow at most [%]")
-    passes: int = Field(default=3, ge=1, le=101, description="over the sheet each substep, odd; more keep closer to it")
+    passes: int = Field(
+        default=3, ge=1, le=101, description="over threads and seams each substep, odd; more hold closer"
+    )
 
     @field_validator("passes")
     @classmethod

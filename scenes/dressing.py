@@ -32,7 +32,7 @@ from .standing import primitives_of
 
 __all__ = ["Dressed", "Parts", "dress", "dressed_parts", "garment_of", "motion_of", "simulation_of"]
 
-VERSION = 2
+VERSION = 3
 """Of what is kept on disk: raised whenever the same scene would come to another rest."""
 
 Progress = Callable[[str, int, int], None]
@@ -121,7 +121,12 @@ def simulation_of(scene: Scene, dressed: Dressed) -> Simulation:
     if not still:
         poses = [dressed.body.bone_transforms(moves.pose(time)) for time in (0.1, 0.37, 1.0, 2.3)]
         name = f"{moves.name} {digest(poses)}"
-        colliders = replace(colliders, motion=lambda time: dressed.body.bone_transforms(moves.pose(time)), name=name)
+
+        @lru_cache(maxsize=2)  # a frame starts where the one before ended
+        def bones_at(time: float) -> np.ndarray:
+            return dressed.body.bone_transforms(moves.pose(time))
+
+        colliders = replace(colliders, motion=bones_at, name=name)
     garment = dressed.garment
     met = spared(garment.atlas, dressed.worn.positions, dressed.primitives, moving=not still)
     colliders = replace(colliders, spared=met)

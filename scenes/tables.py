@@ -39,7 +39,9 @@ from .view import finish_of, lighting_of
 __all__ = ["FRAMES", "measure", "scene_of", "table_lines"]
 
 FRAMES = 200
-BEFORE = 40
+RATE = 60
+"""Frames a second."""
+BEFORE = 80
 """Frames of the walk before the first one that is timed: the body has come into its stride."""
 
 SIZE = (1280, 720)
@@ -61,7 +63,7 @@ def table_lines(
     heading = [
         f"{cpu_name()}, {cores()} cores, {platform.system()}; "
         f"Taichi on {started.arch}, {started.threads} threads{load}",
-        f"medians of {frames} frames of a walking body; paper: Core i7-2675QM, 4 cores",
+        f"medians of {frames} frames of 1/{RATE} s of a walking body; paper: Core i7-2675QM, 4 cores",
     ]
     yield from heading
     measured: dict[str, Measured] = {}
@@ -101,6 +103,7 @@ def scene_of(name: str) -> Scene:
         "garment.hem_mm=0",
         f"body.gender={gender}",
         "body.motion=walk",
+        f"output.fps={RATE}",
         "yarn.plies=1",
         "yarn.hairiness.loops_per_m=0",
     ]

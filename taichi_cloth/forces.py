@@ -104,8 +104,8 @@ class Plane:
 class StrainLimit:
     """Threads that have become too long are shortened after each substep (Provot 1995, "Deformation constraints").
 
-    strain: by how much of its length a thread may grow; Provot takes a tenth. passes: over the whole sheet, each
-    substep, odd; the more, the closer the limit is kept where a long row of threads hangs on one.
+    strain: by how much of its length a thread may grow; Provot takes a tenth. passes: over those threads and the seams,
+    each substep, odd; the more, the closer the limit is kept where a long row of threads hangs on one.
     """
 
     strain: float = 0.1

@@ -35,8 +35,8 @@ class Material:
     density: mass per area [kg/m²].
     air_damping: share of the velocity lost a second, as a rate [1/s].
     fibre_damping: time by which the stress in springs and hinges lags behind, of Kelvin and Voigt [s].
-    tensile_share: of the tensile stiffness that springs carry. Below 1 the cloth is soft while the crimp of its yarns is
-    drawn out, and `forces.strain_limit`, which it then needs, holds what has grown further.
+    tensile_share: of the tensile stiffness that springs carry. Below 1 the cloth is soft while the crimp of its yarns
+    is drawn out, and `forces.strain_limit`, which it then needs, holds what has grown further.
     """
 
     tensile_warp: float

@@ -84,11 +84,35 @@ def test_masses_are_areas_and_edges_get_half() -> None:
     assert half.mass.sum() == pytest.approx(PLAIN.density * 0.4 * 0.04)
 
 
+def test_no_key_point_of_a_cut_sheet_is_lighter_than_the_corner_of_a_cell() -> None:
+    """Cells of which an outline leaves 2 % and 30 %: where 0.02 or 0.3 quarters would meet there is one, elsewhere what
+    meets there."""
+    cells = np.ones((4, 4))
+    cells[0, 0], cells[3, 3] = 0.02, 0.3
+    sheet = Sheet.of_cells(cells, material=PLAIN, springs=sheet_of(PLAIN, 0.01, 0.01).springs)
+    quarter = PLAIN.density * 0.01**2 / 4
+    assert sheet.mass[0, 0] == pytest.approx(quarter)
+    assert sheet.mass[4, 4] == pytest.approx(quarter)
+    assert sheet.mass[0, 1] == pytest.approx(1.02 * quarter)
+    assert sheet.mass[1, 1] == pytest.approx(3.02 * quarter)
+
+
+def test_springs_that_carry_a_share_are_those_of_a_softer_fabric() -> None:
+    """In tension only: the shear and bending of the sheet stay what they are."""
+    springs = [
+        calibrate(replace(PLAIN, **changes), spacing_x=0.01, spacing_y=0.012)
+        for changes in ({"tensile_share": 0.25}, {"tensile_warp": 12.5, "tensile_weft": 12.5})
+    ]
+    assert springs[0] == springs[1]
+    assert springs[0].structural_x < 0.25 * calibrate(PLAIN, spacing_x=0.01, spacing_y=0.012).structural_x
+
+
 def test_refusals_are_one_line() -> None:
     cases = [
         (lambda: named_material("denin"), 'did you mean "denim"'),
         (lambda: replace(PLAIN, density=0.0), "material.density: 0.0; allowed: a finite number, above 0"),
         (lambda: replace(PLAIN, shear=-1.0), "0 or more"),
+        (lambda: replace(PLAIN, tensile_share=0.0), "material.tensile_share: 0.0; allowed: above 0, at most 1"),
         (lambda: calibrate(PLAIN, spacing_x=0.0, spacing_y=0.1), "springs.spacing_x"),
         (lambda: calibrate(PLAIN, spacing_x=1, spacing_y=1, bending="hinges"), 'did you mean "hinge"'),  # pyright: ignore
         (lambda: calibrate(PLAIN, spacing_x=0.001, spacing_y=0.001, bending="spring"), 'use bending "hinge"'),

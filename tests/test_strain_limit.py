@@ -7,6 +7,7 @@ from strips import COLS, NOTHING, ROWS, run, simulate, strip
 from taichi_cloth.energy import elastic_energy, kinetic_energy
 from taichi_cloth.errors import InputError
 from taichi_cloth.forces import Forces, StrainLimit
+from taichi_cloth.garment.ties import Ties
 from taichi_cloth.solvers.strain_limit import ThreadLimit
 from taichi_cloth.solvers.verlet import Verlet
 
@@ -99,6 +100,28 @@ def test_one_and_two_threads_limit_to_the_same_bytes() -> None:
         run(simulation, 3)
         states.append(simulation.state.values.tobytes())
     assert states[0] == states[1]
+
+
+def test_seams_and_threads_that_pull_against_each_other_both_hold() -> None:
+    """A soft heavy strip that hangs by two ties: nowhere longer by more than 12 %, where the limit is 10 % and springs
+    alone would give 20 %, no tie wider than 0.5 mm, and no speed left over."""
+    sheet = strip(length=0.4, spacing_x=0.01, **SOFT)  # pyright: ignore[reportArgumentType]
+    nodes = np.array([[[0, 0]], [[0, COLS - 1]]])
+    places = sheet.flat()[0, [0, COLS - 1]]
+    ties = Ties(sheet, nodes, np.ones((2, 1)), places=places)
+    forces = Forces(gravity=(0.0, 9.81, 0.0), strain_limit=LIMIT)
+    simulation = simulate(sheet, forces=forces, step=1 / 60 / 20, passes=(ties,))
+    x = run(simulation, 180)
+    assert longest(sheet, x[-1]) < 0.12
+    assert ties.gaps(simulation.state).max() < 5e-4
+    assert np.abs(x[-1] - x[-2]).max() * 60 < 0.02
+
+
+def test_springs_of_a_share_need_the_limit() -> None:
+    soft = strip(tensile_share=0.5)
+    with pytest.raises(InputError, match=r"material\.tensile_share: 0\.5 without forces\.strain_limit"):
+        simulate(soft)
+    simulate(soft, forces=Forces(strain_limit=LIMIT))
 
 
 def test_limits_that_cannot_be_are_refused() -> None:

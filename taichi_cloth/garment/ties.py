@@ -38,7 +38,7 @@ ROW = ALLOWED + 2
 allowed at the start [m] and how that changes."""
 
 SLACK = 1e-4
-"""Width that is always allowed [m]: a thread's. Most ties of a garment at rest stay within it and move nothing."""
+"""By how much a tie has to be too wide to be seen to more than once in a substep [m]: few are."""
 
 
 class Ties(Pass):
@@ -118,7 +118,7 @@ class Ties(Pass):
         now = self.gaps(state, frame.start if frame else None)
         rows = np.zeros((self.memory.capacity + 1, ROW), np.float32)
         rows[: self.count] = np.column_stack(
-            [self.weight, self.share, start, end - start, now, np.maximum(now - self.reach, SLACK) - now]
+            [self.weight, self.share, start, end - start, now, np.maximum(now - self.reach, 0.0) - now]
         )
         rows[-1, :2] = self.count, 1.0 / self.substeps
         if self.memory.holder is not self:
@@ -126,6 +126,10 @@ class Ties(Pass):
             self.memory.holder = self
         self.memory.buffer.from_numpy(rows)
         self.memory.take(self.memory.buffer)
+
+    @ti.func
+    def before(self, work: Template, first, last, shift, done, n: Template):
+        self.memory.wide[None] = -1
 
     @ti.func
     def after(self, work: Template, first, last, shift, done, n: Template):
@@ -146,6 +150,7 @@ class _Memory:
         self.row = ti.field(ti.f32, (capacity + 1, ROW))
         self.node = ti.field(ti.i32, (capacity, NODES))
         self.holder: Ties | None = None
+        self.wide, self.listed = ti.field(ti.i32, ()), ti.field(ti.i32, capacity)
 
     @ti.kernel
     def take(self, rows: F32x2):
@@ -154,29 +159,44 @@ class _Memory:
 
     @ti.func
     def pull(self, work: Template, done):
+        """Every tie once, the first time in a substep; from then on those that were much too wide."""
+        share = ti.cast(done + 1, ti.f32) * self.row[self.capacity, 1]
+        if self.wide[None] < 0:
+            found = 0
+            for k in range(ti.cast(self.row[self.capacity, 0], ti.i32)):
+                if self.close(work, k, share):
+                    self.listed[found] = k
+                    found += 1
+            self.wide[None] = found
+        else:
+            for m in range(self.wide[None]):
+                self.close(work, self.listed[m], share)
+
+    @ti.func
+    def close(self, work: Template, k, share):
+        """Closes tie k to the width allowed after this share of the frame. Returns whether it was wider by SLACK."""
         x, y, z = ti.static(*work.position)
         u, v, w = ti.static(*work.step)
-        share = ti.cast(done + 1, ti.f32) * self.row[self.capacity, 1]
-        for k in range(ti.cast(self.row[self.capacity, 0], ti.i32)):
-            dx = -self.row[k, TARGET] - share * self.row[k, TARGET + 3]
-            dy = -self.row[k, TARGET + 1] - share * self.row[k, TARGET + 4]
-            dz = -self.row[k, TARGET + 2] - share * self.row[k, TARGET + 5]
+        dx = -self.row[k, TARGET] - share * self.row[k, TARGET + 3]
+        dy = -self.row[k, TARGET + 1] - share * self.row[k, TARGET + 4]
+        dz = -self.row[k, TARGET + 2] - share * self.row[k, TARGET + 5]
+        for c in range(NODES):
+            p, a = self.node[k, c], self.row[k, c]
+            dx += a * x[p]
+            dy += a * y[p]
+            dz += a * z[p]
+        gap = ti.sqrt(dx * dx + dy * dy + dz * dz)
+        allowed = self.row[k, ALLOWED] + share * self.row[k, ALLOWED + 1]
+        if gap > allowed:
+            pull = (gap - allowed) / gap
+            dx, dy, dz = pull * dx, pull * dy, pull * dz
             for c in range(NODES):
-                p, a = self.node[k, c], self.row[k, c]
-                dx += a * x[p]
-                dy += a * y[p]
-                dz += a * z[p]
-            gap = ti.sqrt(dx * dx + dy * dy + dz * dz)
-            allowed = self.row[k, ALLOWED] + share * self.row[k, ALLOWED + 1]
-            if gap > allowed:
-                pull = (gap - allowed) / gap
-                dx, dy, dz = pull * dx, pull * dy, pull * dz
-                for c in range(NODES):
-                    p, f = self.node[k, c], self.row[k, SHARE + c]
-                    fx, fy, fz = f * dx, f * dy, f * dz
-                    x[p] -= fx
-                    y[p] -= fy
-                    z[p] -= fz
-                    u[p] -= fx
-                    v[p] -= fy
-                    w[p] -= fz
+                p, f = self.node[k, c], self.row[k, SHARE + c]
+                fx, fy, fz = f * dx, f * dy, f * dz
+                x[p] -= fx
+                y[p] -= fy
+                z[p] -= fz
+                u[p] -= fx
+                v[p] -= fy
+                w[p] -= fz
+        return gap > allowed + SLACK

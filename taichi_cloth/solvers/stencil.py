@@ -6,8 +6,8 @@ of two to four, silently.
 
 Everything is scaled so that inverse mass × sum is a displacement: constants come multiplied by h².
 
-Damping of Kelvin and Voigt, a stress σ(ε + τ dε/dt), is to first order the stress at x + τ v, where the cloth would be a
-time τ later. So springs and hinges are measured there, at `ahead`, and cost no more than without damping; and as they
+Damping of Kelvin and Voigt, a stress σ(ε + τ dε/dt), is to first order the stress at x + τ v, where the cloth would be
+a time τ later. So springs and hinges are measured there, at `ahead`, and cost no more than without damping; and as they
 read nothing else, positions change in place.
 """
 
@@ -44,7 +44,8 @@ NUMBERS = (
     *("wind_drag", "wind_lift", "rate"),  # ½ ρ C h² [kg s²/m³], the last 1/h [1/s]
     *("sphere_x", "sphere_y", "sphere_z", "sphere_radius", "sphere_friction"),  # [m], gap included
     *("plane_x", "plane_y", "plane_z", "plane_height", "plane_friction"),
-    *("longest_x", "longest_y", "sweeps"),  # [m] that a thread may be, and how often it is seen to, for the strain limit
+    *("longest_x", "longest_y"),  # [m] that a thread between two key points may be, for the strain limit
+    "sweeps",  # how often passes that are repeated are called
 )
 
 if TYPE_CHECKING:

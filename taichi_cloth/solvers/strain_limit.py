@@ -1,10 +1,10 @@
 """Strain limit (Provot 1995, "Deformation constraints", section 4): threads that have grown too long are shortened.
 
-Threads are the structural springs. Those near the limit are few: they are sought every few substeps, and every substep
-gone through one after the other, each seeing what those before it did (Gauss–Seidel, as Provot's own), in turns from the
-first to the last and from the last to the first. Both ends of a thread move by the share of their inverse mass, so that
-momentum is kept and pinned key points stay. From the steps is taken the speed at which a thread grows, and no more:
-what was too long before is mended in positions alone, and so adds no energy of motion.
+Threads are the structural springs. Those near the limit are few: they are listed, and then gone through one after the
+other, each seeing what those before it did (Gauss–Seidel, as Provot's own), in turns from the first to the last and
+from the last to the first. Both ends of a thread move by the share of their inverse mass, so that momentum is kept and
+pinned key points stay. From the steps is taken the speed at which a thread grows, and no more: what was too long before
+is mended in positions alone, and so adds no energy of motion.
 """
 
 # In kernels a vector is a Taichi expression, which type checkers cannot follow.
@@ -17,31 +17,29 @@ import taichi as ti
 
 from taichi_cloth import runtime
 from taichi_cloth.arrays import Template
-from taichi_cloth.forces import StrainLimit
 from taichi_cloth.sheet import LANES, Sheet
 from taichi_cloth.solvers.passes import Pass
 from taichi_cloth.solvers.stencil import load, store
 
 __all__ = ["ThreadLimit"]
 
-SEEK = 2
-"""Substeps between two searches for threads near the limit."""
 NEAR = 0.02
-"""Share of its length by which a thread may be shorter than the limit and is near it: one that grows faster than that
-within SEEK substeps, 0.1 m/s in a garment, is met late."""
+"""Share of its length by which a thread may be shorter than the limit and is listed: the others may stretch it."""
 
-SWEEPS = 4
+LISTED = 2
+"""How often they are listed in a substep: as the springs left them, and once more when seams have pulled at them."""
+
+SWEEPS = 2
 """Over the list, each time: they cost little beside those of the other passes that take turns with them."""
 
 
 class ThreadLimit(Pass):
-    """The limit of one sheet's threads."""
+    """The limit of one sheet's threads; how far they may grow stands in the solver's `Numbers`."""
 
     local = False
     repeated = True
 
-    def __init__(self, sheet: Sheet, options: StrainLimit) -> None:
-        self.options = options
+    def __init__(self, sheet: Sheet) -> None:
         self.memory = _memory(runtime.generation(), sheet.padded_shape)
 
     # Limits that share their memory are one pass to the solver: they need no second kernel.
@@ -53,11 +51,13 @@ class ThreadLimit(Pass):
 
     @ti.func
     def before(self, work: Template, first, last, shift, done, n: Template):
-        if done % SEEK == 0:
-            self.memory.seek(work, first, last, n)
+        self.memory.calls[None] = 0
 
     @ti.func
     def after(self, work: Template, first, last, shift, done, n: Template):
+        if self.memory.calls[None] < LISTED:
+            self.memory.seek(work, first, last, n)
+        self.memory.calls[None] += 1
         for sweep in range(SWEEPS):
             self.memory.shorten(work, sweep, n)
 
@@ -72,7 +72,7 @@ def _memory(generation: int, padded_shape: tuple[int, int]) -> "_Memory":
 class _Memory:
     def __init__(self, rows: int, width: int) -> None:
         self.width = width
-        self.count = ti.field(ti.i32, ())
+        self.count, self.calls = ti.field(ti.i32, ()), ti.field(ti.i32, ())
         self.one, self.two = (ti.field(ti.i32, 2 * rows * width) for _ in range(2))
         self.over_x, self.over_y = (ti.field(ti.f32, rows * width) for _ in range(2))
 

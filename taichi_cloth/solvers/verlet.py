@@ -81,7 +81,7 @@ class Verlet(Solver):
         count = threads or (runtime.threads() if sheet.present.sum() >= WORTH_THREADS else 1)
         self.passes = (*passes, ClothContact(sheet, forces.self_contact)) if forces.self_contact else passes
         if forces.strain_limit:
-            self.passes = (ThreadLimit(sheet, forces.strain_limit), *self.passes)
+            self.passes = (ThreadLimit(sheet), *self.passes)
         self.strips = max(1, min(count, rows // (4 * MEETING))) if threads is None else max(1, min(count, rows))
         if not strips_allowed(self.passes):
             self.strips = 1
@@ -344,6 +344,6 @@ class _Workspace(Stencil):
                     change,
                     begun,
                     count,
-                                features,
+                    features,
                     target,
                 )
