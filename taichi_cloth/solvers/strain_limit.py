@@ -23,7 +23,7 @@ from taichi_cloth.solvers.stencil import load, store
 
 __all__ = ["ThreadLimit"]
 
-NEAR = 0.02
+NEAR = 0.005
 """Share of its length by which a thread may be shorter than the limit and is listed: the others may stretch it."""
 
 LISTED = 2
