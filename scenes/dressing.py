@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from taichi_cloth.body.colliders import Colliders
+from taichi_cloth.body.grid import DistanceGrid
 from taichi_cloth.body.motion import Motion
 from taichi_cloth.body.primitives import Primitive
 from taichi_cloth.body.skinning import Body
@@ -28,7 +29,7 @@ from .body_section import BodySection, prepare_body, prepare_motion
 from .garment_schema import GarmentSection
 from .moving import forces_of, material_of
 from .schema import Scene
-from .standing import primitives_of
+from .standing import grids_of, primitives_of
 
 __all__ = ["Dressed", "Parts", "dress", "dressed_parts", "garment_of", "motion_of", "simulation_of"]
 
@@ -40,10 +41,12 @@ Progress = Callable[[str, int, int], None]
 
 @dataclass(frozen=True, eq=False)
 class Parts:
-    """What is known before anything is sewn: a body, what stands for it in contact, and a garment cut for it."""
+    """What is known before anything is sewn: a body, its primitives, which tell its limbs, the distance grids that
+    cloth touches instead of them where a scene asks for those, and a garment cut for it."""
 
     body: Body
     primitives: tuple[Primitive, ...]
+    grids: tuple[DistanceGrid, ...]
     garment: Garment
 
 
@@ -66,15 +69,16 @@ def dressed_parts(scene: Scene) -> Parts:
 def _parts(garment: str, body: str) -> Parts:
     section, worn_by = GarmentSection.model_validate_json(garment), BodySection.model_validate_json(body)
     figure = prepare_body(worn_by)
-    return Parts(figure, primitives_of(figure, worn_by.primitives), garment_of(section, figure))
+    grids = grids_of(figure) if worn_by.contact == "grid" else ()
+    return Parts(figure, primitives_of(figure, worn_by.primitives), grids, garment_of(section, figure))
 
 
 def dress(scene: Scene, each: Progress | None = None) -> Dressed:
     """The scene's garment on its body, sewn unless it was before. Raises InputError; needs Taichi only to sew."""
     parts = dressed_parts(scene)
-    colliders = _colliders(scene, parts.primitives)
+    colliders = _colliders(scene, parts)
     limit = forces_of(scene.forces).strain_limit
-    made_of = digest(VERSION, parts.garment, limit, colliders.gap, colliders.friction, list(parts.primitives))
+    made_of = digest(VERSION, parts.garment, limit, colliders.made_of(), list(parts.primitives))
 
     def make() -> dict[str, np.ndarray]:
         worn = sew(parts.garment, colliders, limit=limit, each=each)
@@ -83,7 +87,7 @@ def dress(scene: Scene, each: Progress | None = None) -> Dressed:
     arrays, found = kept("worn", made_of, make)
     numbers = {name: arrays[name].item() for name in ("gap", "depth", "stretch", "speed", "frames")}
     worn = Worn(positions=arrays["positions"], places=arrays["places"], **numbers)
-    return Dressed(parts.body, parts.primitives, parts.garment, worn, found)
+    return Dressed(parts.body, parts.primitives, parts.grids, parts.garment, worn, found)
 
 
 def garment_of(section: GarmentSection, body: Body) -> Garment:
@@ -117,7 +121,7 @@ def simulation_of(scene: Scene, dressed: Dressed) -> Simulation:
     """The worn garment, ready to move with its body by one frame of the video at a time."""
     moves = motion_of(scene, dressed.body)
     still = moves.name == "rest"
-    colliders = _colliders(scene, dressed.primitives)
+    colliders = _colliders(scene, dressed)
     if not still:
         poses = [dressed.body.bone_transforms(moves.pose(time)) for time in (0.1, 0.37, 1.0, 2.3)]
         name = f"{moves.name} {digest(poses)}"
@@ -144,7 +148,8 @@ def simulation_of(scene: Scene, dressed: Dressed) -> Simulation:
     )
 
 
-def _colliders(scene: Scene, primitives: tuple[Primitive, ...]) -> Colliders:
+def _colliders(scene: Scene, parts: Parts) -> Colliders:
     section = scene.garment
     assert section is not None
-    return Colliders(primitives=primitives, friction=section.friction, gap=1e-3 * section.gap_mm)
+    touched = () if parts.grids else parts.primitives
+    return Colliders(primitives=touched, grids=parts.grids, friction=section.friction, gap=1e-3 * section.gap_mm)

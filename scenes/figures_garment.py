@@ -15,11 +15,11 @@ from ..render.caption import label
 from ..render.mesh import Mesh
 from .body_fit import GREY
 from .body_picture import HUES, KIND_COLOURS, Shown, draw_panels, part_mesh, primitive_meshes
-from .dressing import primitives_of
 from .garment import GarmentModel, woven_garment
 from .load import load_scene
 from .models import build
 from .prepare import prepare_fabric
+from .standing import primitives_of
 from .view import View
 
 __all__ = ["body_parts", "dressed_twice", "magnified", "moving", "primitives", "skirt_and_shirt", "stretched"]

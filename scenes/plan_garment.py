@@ -16,7 +16,7 @@ def garment_stages(scene: Scene) -> tuple[dict[str, str], dict[str, str], int, S
     parts = dressed_parts(scene)
     pattern, atlas = parts.garment.pattern, parts.garment.atlas
     a, b = atlas.spacing
-    kinds = [p.kind for p in parts.primitives]
+    kinds = ["distance grid"] * len(parts.grids) or [p.kind for p in parts.primitives]
     counted = ", ".join(f"{kinds.count(k)} {k}{'s' * (kinds.count(k) > 1)}" for k in dict.fromkeys(kinds))
     moves = motion_of(scene, parts.body)
     built = {

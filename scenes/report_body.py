@@ -15,6 +15,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
+from taichi_cloth.body.colliders import solid_distance
 from taichi_cloth.body.distance import nearest_distance
 from taichi_cloth.body.fit import fit
 from taichi_cloth.body.fit_report import report_fit
@@ -38,7 +39,6 @@ __all__ = [
     "exact_distance",
     "exact_rows",
     "garment_points",
-    "grid_distance",
     "query_lines",
 ]
 
@@ -93,11 +93,6 @@ def exact_distance(mesh: trimesh.Trimesh, points: F64) -> F64:
         raise InputError(f"comparison: {error}; install it with: pip install taichi-cloth[report]") from None
 
 
-def grid_distance(grids: Sequence[DistanceGrid], points: F64) -> F64:
-    """Signed distance (n,) [m] from what several grids stand for together."""
-    return np.min([grid.at(points)[0] for grid in grids], axis=0)
-
-
 def body_rows(body: Body, counts: Sequence[int] = COUNTS) -> list[BodyRow]:
     """A fit for each count, measured. Taichi must have been started. Some ten seconds of CPU time each."""
     faces = body.faces.astype(np.int64)
@@ -136,7 +131,7 @@ def exact_rows(
     ways: list[tuple[str, Callable[[], NDArray]]] = [
         (f"{len(primitives)} primitives, all of them, kernel", lambda: query(points)[0]),
         (f"{len(primitives)} primitives, all of them, numpy", lambda: nearest_distance(primitives, points)[0]),
-        *([(f"{len(grids)} distance grids, numpy", lambda: grid_distance(grids, points))] if grids else []),
+        *([(f"{len(grids)} distance grids, numpy", lambda: solid_distance(grids, points))] if grids else []),
         (f"mesh of {len(mesh.faces):,} faces, trimesh with {rays}", lambda: exact_distance(mesh, points)),
     ]  # fmt: skip
     rows = []

@@ -259,8 +259,6 @@ class Scene(Section):
             raise ValueError("a [body] wears a [garment] or has a [cloth] fall on it; add one of them")
         if self.cloth and self.cloth.pins.body and not self.body:
             raise ValueError("cloth.pins.body attaches key points to a [body]; add it")
-        if self.garment and self.body and self.body.contact == "grid":
-            raise ValueError('body.contact: "grid" is for [cloth]; a [garment] is sewn on "primitives"')
         return self
 
     @model_validator(mode="after")

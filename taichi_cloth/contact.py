@@ -25,11 +25,10 @@ from numpy.typing import NDArray
 
 from taichi_cloth import runtime
 from taichi_cloth.arrays import Template
-from taichi_cloth.body.colliders import BoneFrame, Colliders
+from taichi_cloth.body.colliders import BoneFrame, Colliders, Solid
 from taichi_cloth.body.distance import newton_steps
 from taichi_cloth.body.grid import DistanceGrid
 from taichi_cloth.body.hierarchy import build, corners
-from taichi_cloth.body.primitives import Primitive
 from taichi_cloth.contact_response import response
 from taichi_cloth.contact_surface import BONE, CONE, ELLIPTIC, GRID, MOTION, ROW, SHAPE
 from taichi_cloth.forces import FrameForces
@@ -37,8 +36,6 @@ from taichi_cloth.sheet import SheetState
 from taichi_cloth.solvers.passes import MEETING, Pass
 
 __all__ = ["Contact"]
-
-Solid = Primitive | DistanceGrid
 
 F64 = NDArray[np.float64]
 
@@ -61,7 +58,7 @@ class Contact(Pass):
 
     def __init__(self, body: Colliders, *, size: int, substeps: int, step: float, strips: int = 1) -> None:
         self.body, self.substeps = body, substeps
-        primitives: tuple[Solid, ...] = (*body.primitives, *body.grids)
+        primitives = body.solids
         self._constant = _shapes(body)
         kinds = tuple(sorted({int(k) for k in self._constant[:, 0]}))
         thinnest = min(_thickness(row) for row in self._constant)

@@ -94,8 +94,6 @@ def test_a_body_needs_cloth_and_pins_need_a_body() -> None:
         load_scene("plain", ["body.gender=male"])
     with pytest.raises(InputError, match=r"cloth.pins.body attaches"):
         load_scene("drape", ["cloth.pins.body=[{bone='head'}]"])
-    with pytest.raises(InputError, match="is for \\[cloth\\]"):
-        load_scene("tshirt", ["body.contact=grid"])
 
 
 def test_pins_that_overlap_or_hold_nothing_are_refused() -> None:

@@ -8,6 +8,7 @@ import trimesh
 from numpy.typing import NDArray
 
 from taichi_cloth.body.build import built_in_body
+from taichi_cloth.body.colliders import solid_distance
 from taichi_cloth.body.distance import nearest_distance
 from taichi_cloth.body.fit import fit
 from taichi_cloth.body.primitives import Primitive
@@ -15,7 +16,7 @@ from taichi_cloth.body.query import PrimitiveQuery
 from taichi_cloth.body.segment import segment
 
 from ..body_fit import BONES
-from ..report_body import POINTS, exact_distance, garment_points, grid_distance
+from ..report_body import POINTS, exact_distance, garment_points
 from ..standing import GRID_SPACING, grids_at, primitives_of
 from .study import Axis, Row, Study, cpu_seconds
 
@@ -65,9 +66,9 @@ def rows(quick: bool) -> Iterator[Row]:
         yield from both("primitives, NumPy", knob, value, found, cost)
     for spacing in SPACINGS[:2] if quick else SPACINGS:
         grids = grids_at(body, spacing)
-        cost = cpu_seconds(lambda grids=grids: grid_distance(grids, points), runs)
+        cost = cpu_seconds(lambda grids=grids: solid_distance(grids, points), runs)
         knob, usual = f"{1e3 * spacing:g} mm", spacing == GRID_SPACING
-        yield from both("a grid a part, NumPy", knob, spacing, grid_distance(grids, points), cost, usual)
+        yield from both("a grid a part, NumPy", knob, spacing, solid_distance(grids, points), cost, usual)
 
 
 STUDY = Study(

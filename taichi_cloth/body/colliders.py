@@ -1,20 +1,31 @@
 """What of a body cloth can touch: its primitives or distance grids, how its bones move, gap and friction."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_cloth.body.distance import nearest_distance
 from taichi_cloth.body.grid import DistanceGrid
 from taichi_cloth.body.primitives import Primitive
 from taichi_cloth.cache import digest
 from taichi_cloth.errors import InputError
 
-__all__ = ["BoneFrame", "Colliders", "Motion"]
+__all__ = ["BoneFrame", "Colliders", "Motion", "Solid", "solid_distance"]
 
 F64 = NDArray[np.float64]
 Motion = Callable[[float], F64]
+Solid = Primitive | DistanceGrid
+"""What a part of a body may be to the cloth that touches it."""
+
+
+def solid_distance(solids: Sequence[Solid], points: NDArray) -> F64:
+    """Signed distance (n,) [m] of points (n, 3) from what one or more solids at rest stand for together."""
+    at = np.asarray(points, np.float64)
+    primitives = [s for s in solids if isinstance(s, Primitive)]
+    found = [nearest_distance(primitives, at)[0]] if primitives else []
+    return np.min(found + [s.at(at)[0] for s in solids if isinstance(s, DistanceGrid)], axis=0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +67,11 @@ class Colliders:
         if self.motion is not None:
             self.during(0.0, 0.0)
 
+    @property
+    def solids(self) -> tuple[Solid, ...]:
+        """Primitives, then grids."""
+        return (*self.primitives, *self.grids)
+
     def made_of(self) -> str:
         """A hash of what cloth meets. Of a motion that has no name, where it leads in the first seconds."""
         moves = [self.name] if self.name or self.motion is None else [self.at(t) for t in (0.0, 0.1, 0.37, 1.0, 2.3)]
@@ -65,7 +81,7 @@ class Colliders:
 
     def at(self, time: float) -> F64:
         """(bones, 4, 4) at a time [s]. Raises InputError where the motion gives something that is not rigid."""
-        bones = 1 + max(p.bone for p in (*self.primitives, *self.grids))
+        bones = 1 + max(s.bone for s in self.solids)
         if self.motion is None:
             return np.broadcast_to(np.eye(4), (bones, 4, 4))
         out = np.asarray(self.motion(time), np.float64)

@@ -12,8 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_cloth.body.colliders import Colliders
-from taichi_cloth.body.distance import nearest_distance
+from taichi_cloth.body.colliders import Colliders, solid_distance
 from taichi_cloth.errors import InputError, Unstable
 from taichi_cloth.forces import Forces, StrainLimit
 from taichi_cloth.garment.curves import along, length
@@ -212,7 +211,8 @@ def sew(
             if _gap(simulation) < OPEN:
                 break
         speed = 0.0
-        still = replace(still, spared=spared(garment.atlas, simulation.positions, body.primitives, moving=False))
+        if body.primitives:  # in whose folds both keep out; of grids, which are one skin at rest, there are none
+            still = replace(still, spared=spared(garment.atlas, simulation.positions, body.primitives, moving=False))
         for first, last, air in ((0, SWINGING, THIN), (SWINGING, settling, THICK)):
             simulation = garment.simulation(
                 Forces(body=still, strain_limit=limit),
@@ -241,7 +241,7 @@ def sew(
         ) from None
     positions = simulation.positions
     present = simulation.sheet.present
-    distance = nearest_distance(body.primitives, positions[present].astype(np.float64))[0]
+    distance = solid_distance(body.solids, positions[present])
     depth = float(max(0.0, -distance.min()))
     nodes, weights = garment.holds()[:2]
     rested = np.einsum("nkc,nk->nc", positions[nodes[..., 0], nodes[..., 1]], weights)
