@@ -40,7 +40,7 @@ __all__ = ["Contact"]
 F64 = NDArray[np.float64]
 
 LONGEST_WAIT = 8e-3  # [s] between two walks of the tree
-LEAST_WAIT = 0.4e-3  # [s] between two looks at one primitive
+LEAST_WAIT = 1.1e-3  # [s] between two looks at one primitive
 SPARE = 0.5  # [m/s] that a key point may gain meanwhile, beside a quarter of its speed; what gains more is met late
 SLIDE = 0.01  # of the least radius of curvature a key point may slide while a plane lasts
 FLAT = 0.03  # [m] of radius for which an edge between flank and cap counts at least
