@@ -10,6 +10,7 @@ the bytes do not depend on the number of threads.
 """
 
 # pyright: reportOptionalCall=false, reportOperatorIssue=false, reportGeneralTypeIssues=false, reportCallIssue=false
+# pyright: reportArgumentType=false
 
 from copy import copy
 from functools import lru_cache
