@@ -120,9 +120,17 @@ def visible(mesh: Mesh, camera: Camera, *, chunks: int) -> tuple[NDArray[np.floa
 
 
 def normals_at(
-    mesh: Mesh, camera: Camera, face: NDArray, edges: NDArray | None, row: NDArray, column: NDArray
+    mesh: Mesh,
+    face: NDArray,
+    edges: NDArray | None,
+    behind: NDArray[np.int32],
+    row: NDArray,
+    column: NDArray,
 ) -> NDArray[np.float64]:
-    """Smooth normals (n, 3) of what `visible` found in these pixels (n,), of the side that is seen."""
+    """Smooth normals (n, 3) of what `visible` found in these pixels (n,), of the side that is seen.
+
+    behind: (f,), as of `from_behind`.
+    """
     assert edges is not None
     seen = face[row, column]
     at = np.stack([column + 0.5, row + 0.5, np.ones(len(row))], -1)
@@ -130,7 +138,7 @@ def normals_at(
     share /= np.maximum(share.sum(axis=1, keepdims=True), 1e-30)
     normal = np.einsum("nk,nkc->nc", share, np.asarray(mesh.normals)[mesh.faces[seen]])
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
-    return np.where(from_behind(mesh, camera)[seen, None] > 0, -normal, normal)
+    return np.where(behind[seen, None] > 0, -normal, normal)
 
 
 def from_behind(mesh: Mesh, camera: Camera) -> NDArray[np.int32]:

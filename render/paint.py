@@ -80,11 +80,12 @@ def paint(
     lamps = [(lamp.towards(camera), np.multiply(lamp.intensity, lamp.colour)) for lamp in lighting.lights]
     lamps = np.array(lamps, np.float32) * np.array([[1.0], [2.0**lighting.exposure]], np.float32)
     lights = () if maps is None else maps.lights
+    behind = from_behind(mesh, camera)
     passing = np.ones((1, 1, 1), np.float32)
     if any(lights):
         row, column = np.nonzero(face >= 0)
         at = unproject(camera, row, column, depth[row, column])
-        normal = normals_at(mesh, camera, face, edges, row, column)
+        normal = normals_at(mesh, face, edges, behind, row, column)
         passing = np.ones((len(lamps), *face.shape), np.float32)
         for j, one in enumerate(lights):
             if one is not None:
@@ -95,8 +96,8 @@ def paint(
             seen = maps.sky.seen_from(mesh.vertices + LIFT * maps.sky.texel * normals, normals)
             open_sky[:, side] = spread(seen, mesh.faces, SPREAD)
     _shade(
-        width, any(lights), c, lamps, mesh.faces, from_behind(mesh, camera), mesh.colour, mesh.normals, open_sky, edges,
-        face, passing, colour,
+        width, any(lights), c, lamps, mesh.faces, behind, mesh.colour, mesh.normals, open_sky, edges, face, passing,
+        colour,
     )  # fmt: skip
     return Backdrop(colour, tiled(depth), face, edges)
 

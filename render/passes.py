@@ -26,7 +26,7 @@ from .backdrop import Backdrop
 from .blocks import NORMAL, RADIUS, ParticleBlocks
 from .camera import Camera
 from .errors import RenderError, did_you_mean
-from .mesh import Mesh, normals_at
+from .mesh import Mesh, from_behind, normals_at
 from .particles import Particles
 from .raster import row_from_sprite
 from .splat import Splatter
@@ -157,7 +157,7 @@ class PassTaker:
                 made["part"][bare] = np.asarray(mesh.part)[face[bare]]
             if self._normals:
                 row, column = np.nonzero(face >= 0)
-                of_mesh = normals_at(mesh, camera, face, backdrop.edges, row, column)
+                of_mesh = normals_at(mesh, face, backdrop.edges, from_behind(mesh, camera), row, column)
                 normal[row, column] += through[row, column, None] * of_mesh
         if self._normals:
             length = np.linalg.norm(normal, axis=-1, keepdims=True)
@@ -211,7 +211,6 @@ def _passes(
     """Alpha is `raster`'s, row by row; see there and `project` for what a splat's numbers are."""
     keep(hit_out, (0, 0), tiles)
     keep(depth_out, (0, 0), tiles)
-    keep(normal_out, (0, 0, 0), tiles)
     rounds = ti.max(512, (tiles + blocks - 1) // blocks)
     for step in range(rounds * blocks):
         tile = (step % rounds) * blocks + step // rounds

@@ -54,16 +54,15 @@ def places(histogram: NDArray[np.int32], chunks: int, bins: int, starts: NDArray
     histogram: (chunks or more, bins or more). starts: (bins + 1 or more,). A graphics device would go through the
     bins with one lane, so there it is done on the host.
     """
+    if starts is None:
+        starts = np.empty(bins + 1, np.int32)
     if _on_cpu():
-        if starts is None:
-            return _scan(chunks, bins, histogram)
-        return _scan_tiles(chunks, bins, histogram, starts)
+        return _scan(chunks, bins, histogram, starts)
     counts = histogram[:chunks, :bins].T.ravel().astype(np.int64)
     ends = np.cumsum(counts)
     begins = (ends - counts).reshape(bins, chunks)
     histogram[:chunks, :bins] = begins.T.astype(np.int32)
-    if starts is not None:
-        starts[: bins + 1] = np.append(begins[:, 0], ends[-1]).astype(np.int32)
+    starts[: bins + 1] = np.append(begins[:, 0], ends[-1]).astype(np.int32)
     return int(ends[-1])
 
 
@@ -74,29 +73,17 @@ def share(total, chunk, chunks):
 
 
 @ti.kernel
-def _scan(chunks: Int, bins: Int, histogram: Ints2) -> Int:
-    total = 0
-    ti.loop_config(serialize=True)
-    for k in range(bins):
-        for chunk in range(chunks):
-            count = histogram[chunk, k]
-            histogram[chunk, k] = total
-            total += count
-    return total
-
-
-@ti.kernel
-def _scan_tiles(chunks: Int, tiles: Int, histogram: Ints2, starts_out: Ints1) -> Long:
+def _scan(chunks: Int, bins: Int, histogram: Ints2, starts_out: Ints1) -> Long:
     """The total is 64 bits wide, to notice overflow."""
     total = ti.cast(0, ti.i64)
     ti.loop_config(serialize=True)
-    for k in range(tiles):
+    for k in range(bins):
         starts_out[k] = ti.cast(total, ti.i32)
         for chunk in range(chunks):
             count = histogram[chunk, k]
             histogram[chunk, k] = ti.cast(total, ti.i32)
             total += count
-    starts_out[tiles] = ti.cast(total, ti.i32)
+    starts_out[bins] = ti.cast(total, ti.i32)
     return total
 
 

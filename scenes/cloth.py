@@ -15,7 +15,7 @@ from ..render.mesh import Mesh
 from ..render.particles import Particles
 from .facts import Fact, fabric_facts, yarn_facts
 from .kept import KeptRun
-from .models import Numbers, Panel
+from .model import Numbers, Panel
 from .moving import simulation_of, standing_in, start_of, woven_scene
 from .prepare import Prepared, draft_of, fibre_kind, prepare_fabric
 from .schema import Scene

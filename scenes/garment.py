@@ -22,7 +22,7 @@ from .cloth import ALBEDO, nothing
 from .dressing import Dressed, Progress, dress, motion_of, simulation_of
 from .facts import Fact, fabric_facts, yarn_facts
 from .kept import KeptRun
-from .models import Numbers, Panel
+from .model import Numbers, Panel
 from .prepare import Prepared, fibre_kind, prepare_fabric
 from .prints import print_of
 from .schema import FabricSection, Scene

@@ -6,10 +6,8 @@ model.panels()            what is to be drawn now, side by side
 model.facts()             what can be said of it, beside the textbook
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable
 from functools import partial
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,58 +24,18 @@ from taichi_cloth.streaming import FabricStream
 from taichi_cloth.twisting import TwistingYarn
 
 from ..render.blocks import ParticleBlocks
-from ..render.mesh import Mesh
 from ..render.particles import Particles
 from .facts import Fact, fabric_facts, yarn_facts
+from .model import Model, Numbers, Panel
 from .prepare import LIT, Prepared, fibre_kind, prepare_fabric, yarn_of
 from .schema import FabricSection, Scene
 
-__all__ = ["FabricModel", "FibreModel", "Model", "Panel", "TwistModel", "YarnModel", "build", "shown_frame"]
+__all__ = ["FabricModel", "FibreModel", "TwistModel", "YarnModel", "build", "shown_frame"]
 
 OPACITY = 1.0
 SURFACE_POINTS = 400_000
 SURFACE_COVER = 1.6
 """Radius of a point on a surface over the side of the square that it stands for: π 1.6² = 8 lie over each other."""
-
-
-@dataclass(frozen=True)
-class Numbers:
-    """Which yarn and which part each particle is of, (n,) int32, and what the numbers stand for. Of a panel with a
-    source the particles' numbers come from that, batch by batch, and there are none here."""
-
-    yarn: NDArray[np.int32]
-    part: NDArray[np.int32]
-    yarns: dict[int, dict[str, str | int]]
-    parts: dict[int, str]
-
-
-@dataclass(frozen=True)
-class Panel:
-    """One picture of a frame: its particles, the points that must be in it, the words under it, labels at
-    points of the world [m], and the particles' numbers, which are made only when asked for."""
-
-    particles: Particles | ParticleBlocks
-    bounds: NDArray[np.float32]
-    caption: str = ""
-    labels: tuple[tuple[str, tuple[float, float, float]], ...] = ()
-    numbers: Callable[[], Numbers] | None = None
-    meshes: tuple[Mesh, ...] = ()
-    """Surfaces among the particles, lit and shadowed with them."""
-    source: FabricStream | None = None
-    """Makes what is drawn, a batch at a time; `particles` are then a sample of it, which casts its shadows."""
-
-
-class Model(Protocol):
-    """A built scene."""
-
-    scene: Scene
-    frames: int
-
-    def step(self, frame: int) -> None: ...
-
-    def panels(self) -> Sequence[Panel]: ...
-
-    def facts(self) -> list[Fact]: ...
 
 
 def build(scene: Scene, prepared: Prepared | None = None, each: Callable[[str, int, int], None] | None = None) -> Model:

@@ -24,7 +24,8 @@ from ..render.passes import PASSES, Passes, render_passes
 from ..render.stream import stream_passes
 from ..render.tone import Tone, tone_curve
 from .load import load_scene
-from .models import Model, Numbers, build, shown_frame
+from .model import Model, Numbers
+from .models import build, shown_frame
 from .plan import plan
 from .prepare import require_picture
 from .run import image_size

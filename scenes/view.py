@@ -22,7 +22,7 @@ from ..render.splat import Splatter
 from ..render.sprites import CRISP, SOFT, SpriteSheet, fibre_sprite, round_sprite, sheet_from_png
 from ..render.stage import Stage, stage_under
 from ..render.tone import tone_inverse
-from .models import Model, Panel
+from .model import Model, Panel
 from .prepare import fibre_kind, has_floor
 from .schema import Scene
 from .streamed import Streamed

@@ -21,7 +21,8 @@ from ..render.finish import Finish
 from ..render.light import Lighting
 from ..render.splat import Splatter
 from .gains import fit_gains, fit_near, views_of
-from .models import FabricModel, Model
+from .model import Model
+from .models import FabricModel
 from .prepare import LIT, fibre_kind, has_floor
 from .streamed import Streamed
 from .view import View

@@ -58,12 +58,12 @@ class Contact(Pass):
 
     def __init__(self, body: Colliders, *, size: int, substeps: int, step: float, strips: int = 1) -> None:
         self.body, self.substeps = body, substeps
-        primitives = body.solids
+        solids = body.solids
         self._constant = _shapes(body)
         kinds = tuple(sorted({int(k) for k in self._constant[:, 0]}))
         thinnest = min(_thickness(row) for row in self._constant)
         nodes = sum(g.values.size for g in body.grids)
-        capacity = -(-len(primitives) // 16) * 16
+        capacity = -(-len(solids) // 16) * 16
         long_steps = step * FASTEST > thinnest / 2
         self.memory = response(
             runtime.generation(), size * strips, strips, capacity, kinds, bool(long_steps), nodes,
@@ -75,15 +75,15 @@ class Contact(Pass):
         while every > 1 and every * step > LEAST_WAIT:
             every //= 2
         self._settings = np.array(
-            [len(primitives), wait, SPARE * step, body.gap, body.recovery * step, thinnest, every, body.friction,
+            [len(solids), wait, SPARE * step, body.gap, body.recovery * step, thinnest, every, body.friction,
              TURN]
         )  # fmt: skip
-        self._points, self._radii = corners(primitives)
+        self._points, self._radii = corners(solids)
         self._tree = build(self._points.mean(axis=1))
-        self._bones = np.array([p.bone for p in primitives])
+        self._bones = np.array([p.bone for p in solids])
         self._constant[:, BONE] = self._bones
-        self._anchors = np.stack([_anchor(p) for p in primitives])
-        self._axes = np.stack([np.stack(_axes(p)) for p in primitives])
+        self._anchors = np.stack([_anchor(p) for p in solids])
+        self._axes = np.stack([np.stack(_axes(p)) for p in solids])
         self._capsules = np.array([_capsule(row) for row in self._constant])
         self._reach = np.linalg.norm(self._points - self._anchors[:, None], axis=2).max(axis=1) + self._radii.max(
             axis=1

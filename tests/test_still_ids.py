@@ -7,7 +7,8 @@ import pytest
 
 from taichi_cloth.render.mesh import Mesh
 from taichi_cloth.scenes.load import load_scene
-from taichi_cloth.scenes.models import Model, Panel, build
+from taichi_cloth.scenes.model import Model, Panel
+from taichi_cloth.scenes.models import build
 from taichi_cloth.scenes.still import shoot
 from taichi_cloth.scenes.view import View
 
