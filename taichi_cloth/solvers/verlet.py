@@ -97,6 +97,8 @@ class Verlet(Solver):
             wind=forces.wind is not None,
             sphere=forces.sphere is not None,
             plane=forces.plane is not None,
+            leads=not self.passes,
+            apart=bool(self.passes) or m.fibre_damping > 0,
         )
         self._forces = forces
         self._take(self.step)
@@ -104,7 +106,7 @@ class Verlet(Solver):
             one.join(self.substeps, self.step)
 
     def _take(self, step: float) -> None:
-        self._numbers = Numbers(**_numbers(self.sheet, self._forces, step))
+        self._numbers = _numbers(self.sheet, self._forces, step)
 
     def rounding(self, ulp: float) -> float:
         m = self.sheet.material
@@ -126,27 +128,26 @@ class Verlet(Solver):
             model = np.stack([sheet.padded(v) for v in (*sheet.weights, sheet.inverse_mass)])
             work.take_model(model, state.values)
             work.take_blocks(sheet.padded(sheet.present) > 0)
-            work.cuts.from_numpy(self._rows)
+            work.numbers[None] = Numbers(**self._numbers)
             work.holder = self
         first, last = np.asarray(forces.wind_start), np.asarray(forces.wind_end)
         meeting = self.substeps if self.strips == 1 else MEETING
         for one in self.passes:
             one.begin(state, forces)
-        source, target = work.states
-        source.from_numpy(state.values)
+        source, target = state.values, np.empty_like(state.values)
         for done in range(0, self.substeps, meeting):
             count = min(meeting, self.substeps - done)
             wind = (first + (last - first) * (done / self.substeps)).tolist()
             change = ((last - first) / self.substeps).tolist()
             kernel = work.serial if self.strips == 1 else work.parallel
             with runtime.plain_code():  # half the time to compile, and as fast a frame
-                kernel(source, work.cuts, self._numbers, *wind, *change, done, count, self._features, target)
+                kernel(source, self._rows, *wind, *change, done, count, self._features, target)
             source, target = target, source
             if self.strips > 1:
                 for one in self.passes:
-                    one.exchange(work.cuts, 3 * MEETING, self.sheet.width)
+                    one.exchange(self._rows, 3 * MEETING, self.sheet.width)
         rows = slice(PAD, -PAD)
-        state.values[:, rows] = source.to_numpy()[:, rows]
+        state.values[:, rows] = source[:, rows]
         for one in self.passes:
             one.end(state)
 
@@ -198,9 +199,9 @@ class _Workspace(Stencil):
         rows, width = padded_shape
         super().__init__(strips * rows * width, width)
         self.rows, self.strips, self.passes = rows, strips, passes
-        self.states = [ti.ndarray(ti.f32, (6, rows, width)) for _ in range(2)]
-        self.cuts = ti.ndarray(ti.i32, (strips, 2))
-        self.block, self.row_start = ti.field(ti.i32, rows * width // LANES), ti.field(ti.i32, rows + 1)
+        self.numbers = Numbers.field(shape=())
+        self.run = ti.Vector.field(2, ti.i32, rows * width // LANES)
+        self.row_start = ti.field(ti.i32, rows + 1)
         self.holder: Verlet | None = None
 
     @ti.kernel
@@ -218,21 +219,32 @@ class _Workspace(Stencil):
                     for c in ti.static(range(3)):
                         self.position[c][p] = values[c, i, j]
                         self.ahead[c][p] = values[c, i, j]
+                        self.ahead[c][p + self.size] = values[c, i, j]
                         self.step[c][p] = values[3 + c, i, j]
 
     def take_blocks(self, present: NDArray[np.bool_]) -> None:
-        """Those blocks of lanes that hold key points, in order, and where the ones of each row begin. present: (rows,
-        width)."""
+        """Runs of blocks of lanes that hold key points: first and one after the last of each, and where the runs of
+        each row begin. present: (rows, width)."""
         used = present.reshape(self.rows, -1, LANES).any(axis=2)
-        listed = np.zeros(self.block.shape[0], np.int32)
-        listed[: used.sum()] = np.flatnonzero(used)
-        self.block.from_numpy(listed)
-        self.row_start.from_numpy(np.concatenate([[0], np.cumsum(used.sum(axis=1))]).astype(np.int32))
+        change = np.diff(np.pad(used, ((0, 0), (1, 1))).astype(np.int8), axis=1)
+        listed = np.zeros(self.run.shape + (2,), np.int32)
+        for end, sign in enumerate((1, -1)):
+            row, block = np.nonzero(change == sign)
+            listed[: len(row), end] = row * used.shape[1] + block
+        self.run.from_numpy(listed)
+        self.row_start.from_numpy(np.concatenate([[0], np.cumsum((change == 1).sum(axis=1))]).astype(np.int32))
 
     @ti.func
     def inside(self, row):
         """A row, or the first or the one after the last of the sheet."""
         return ti.min(ti.max(row, PAD), self.rows - PAD)
+
+    @ti.func
+    def lead_rows(self, base, first, last, n: Template):
+        """`lead` of rows of a strip, as far as the sheet has them, into the first buffer."""
+        for e in range(self.row_start[self.inside(first)], self.row_start[self.inside(last)]):
+            for b in range(base + self.run[e][0], base + self.run[e][1]):
+                self.lead(self.lanes(b * LANES), n)
 
     @ti.func
     def frame(
@@ -255,12 +267,16 @@ class _Workspace(Stencil):
         """
         base = strip * self.rows
         blocks = self.width // LANES
+        first_block = base * blocks
         for i in range(self.inside(first - 2 * count), self.inside(last + 2 * count)):
             for j in range(self.width):
                 p = (base + i) * self.width + j
                 for c in ti.static(range(3)):
                     self.position[c][p] = source[c, i, j]
                     self.step[c][p] = source[3 + c, i, j]
+        if ti.static(features.leads):
+            self.lead_rows(first_block, first - 2 * count, last + 2 * count, n)
+        at = 0
         for done in range(count):
             halo = 2 * (count - done) - 2
             air = wind + done * change
@@ -269,16 +285,23 @@ class _Workspace(Stencil):
             for one in ti.static(self.passes):
                 if not one.paired or done % 2 == 0:
                     one.before(self, b0, b1, -base * self.width, begun + done, n)
-            for e in range(self.row_start[self.inside(low - 2)], self.row_start[self.inside(high + 2)]):
-                self.lead(self.lanes((base * blocks + self.block[e]) * LANES), n)
+            if ti.static(not features.leads):
+                self.lead_rows(first_block, low - 2, high + 2, n)
             for e in range(self.row_start[low], self.row_start[high]):
-                self.substep(features, self.lanes((base * blocks + self.block[e]) * LANES), air, n)
+                for b in range(first_block + self.run[e][0], first_block + self.run[e][1]):
+                    self.substep(features, at, self.lanes(b * LANES), air, n)
+            if ti.static(features.leads):
+                at = self.size - at
             for _ in range(ti.cast(n.sweeps, ti.i32)):
                 for one in ti.static([one for one in self.passes if one.repeated]):
                     one.after(self, b0, b1, -base * self.width, begun + done, n)
             for one in ti.static([one for one in self.passes if not one.repeated]):
                 if not one.paired or done % 2 == 1:
                     one.after(self, b0, b1, -base * self.width, begun + done, n)
+        if ti.static(not features.apart):
+            for e in range(self.row_start[first], self.row_start[last]):
+                for b in range(first_block + self.run[e][0], first_block + self.run[e][1]):
+                    self.settle(self.lanes(b * LANES), at)
         for i in range(first, last):
             for j in range(self.width):
                 p = (base + i) * self.width + j
@@ -292,7 +315,6 @@ class _Workspace(Stencil):
         # in
         source: F32x3,
         rows: I32x2,
-        n: Numbers,
         wind_x: Float,
         wind_y: Float,
         wind_z: Float,
@@ -309,6 +331,7 @@ class _Workspace(Stencil):
         for strip in range(1):
             wind = ti.Vector([wind_x, wind_y, wind_z])
             change = ti.Vector([change_x, change_y, change_z])
+            n = self.numbers[None]
             self.frame(strip, source, rows[0, 0], rows[0, 1], n, wind, change, begun, count, features, target)
 
     @ti.kernel
@@ -317,7 +340,6 @@ class _Workspace(Stencil):
         # in
         source: F32x3,
         rows: I32x2,
-        n: Numbers,
         wind_x: Float,
         wind_y: Float,
         wind_z: Float,
@@ -335,6 +357,7 @@ class _Workspace(Stencil):
                 strip = t // _CHUNK
                 wind = ti.Vector([wind_x, wind_y, wind_z])
                 change = ti.Vector([change_x, change_y, change_z])
+                n = self.numbers[None]
                 self.frame(
                     strip,
                     source,
