@@ -111,8 +111,7 @@ class Contact(Pass):
             if self.body.spared is not None:
                 self.memory.spare(self.body.spared, state.values.shape[1:])
             self.memory.holder = self.body
-        self.memory.buffer.from_numpy(rows)
-        self.memory.take(self.memory.buffer)
+        self.memory.take(rows)
 
     def _rows(self, frame: BoneFrame) -> F64:
         """(primitives, ROW): shape; then anchor, axis and across at the start of the frame, the anchor's shift [m] and

@@ -35,7 +35,6 @@ class BodySurface:
         self.nodes = ti.field(ti.f32, max(1, nodes))
         self.holder: object = None
         self.capacity, self.kinds = capacity, kinds
-        self.buffer = ti.ndarray(ti.f32, (3 * capacity + 1, ROW))
         self.row = ti.field(ti.f32, capacity * ROW)
         self.setting = ti.field(ti.f32, ROW)
         self.skip = ti.field(ti.i32, 2 * capacity)

@@ -105,20 +105,24 @@ A_POSE = {"upper_arm": (0.7071, -0.7071, 0.03), "forearm": (0.6293, -0.7771, 0.1
 """Ways of the left arm's bones in the pose from which arms are turned, that of the built-in body."""
 
 
-def _alike(skeleton: Skeleton, turns: dict[str, F64]) -> dict[str, F64]:
-    """Turns of arms that start from another rest pose, such as bent elbows, so that they end at the same directions."""
-    turns = dict(turns)
+def _alike(skeleton: Skeleton) -> Callable[[dict[str, F64]], dict[str, F64]]:
+    """What makes turns of arms that start from another rest pose, such as bent elbows, end at the same directions."""
+    names, fits, before = list[str](), list[Rotation](), list[Rotation]()
     for side, sign in (("l", 1.0), ("r", -1.0)):
-        before = Rotation.identity()
+        before.append(Rotation.identity())
         for part, way in A_POSE.items():
-            name = f"{part}_{side}"
-            j = JOINTS.index(name)
-            bone = skeleton.tips[j] - skeleton.joints[j]
-            fit = _least_turn(bone, np.array(way) * [sign, 1, 1])
-            own = Rotation.from_rotvec(turns.get(name, np.zeros(3)))
-            turns[name] = (before.inv() * own * fit).as_rotvec()
-            before = fit
-    return turns
+            names.append(f"{part}_{side}")
+            j = JOINTS.index(names[-1])
+            fits.append(_least_turn(skeleton.tips[j] - skeleton.joints[j], np.array(way) * [sign, 1, 1]))
+            before.append(fits[-1])
+        before.pop()
+    fit, back = Rotation.concatenate(fits), Rotation.concatenate(before).inv()
+
+    def alike(turns: dict[str, F64]) -> dict[str, F64]:
+        own = Rotation.from_rotvec([turns.get(name, np.zeros(3)) for name in names])
+        return turns | dict(zip(names, (back * own * fit).as_rotvec(), strict=True))
+
+    return alike
 
 
 def _least_turn(bone: F64, way: F64) -> Rotation:
@@ -144,6 +148,7 @@ def _rest(skeleton: Skeleton) -> Callable[[float], Pose]:
 
 
 def _idle(skeleton: Skeleton) -> Callable[[float], Pose]:
+    alike = _alike(skeleton)
     tall = float(skeleton.tips[JOINTS.index("head"), 1])
 
     def cycle(time: float) -> Pose:
@@ -153,8 +158,7 @@ def _idle(skeleton: Skeleton) -> Callable[[float], Pose]:
         pelvis = {"pelvis": _turns(("z", -1.2 * side), ("y", 2.0 * np.sin(a - 0.5)))}
         return planted_legs(
             skeleton,
-            _alike(
-                skeleton,
+            alike(
                 pelvis
                 | {
                     "spine1": _turns(("z", 0.9 * side), ("x", 0.5 * breath)),
@@ -184,6 +188,7 @@ def _turn(skeleton: Skeleton) -> Callable[[float], Pose]:
 
 
 def _walk(skeleton: Skeleton) -> Callable[[float], Pose]:
+    alike = _alike(skeleton)
     curve = {k: _periodic(rows) for k, rows in GAIT.items()}
     tall = float(skeleton.tips[JOINTS.index("head"), 1])
 
@@ -217,12 +222,14 @@ def _walk(skeleton: Skeleton) -> Callable[[float], Pose]:
         a = 2 * np.pi * phase
         up = float(rise[0].real + 2 * np.sum((rise[1:9] * np.exp(1j * a * np.arange(1, 9))).real))
         sway = 0.011 * tall * np.sin(a - 0.25)
-        return Pose.of(_alike(skeleton, turns(phase)), (sway, up, 0.0))
+        return Pose.of(alike(turns(phase)), (sway, up, 0.0))
 
     return cycle
 
 
 def _arms_raised(skeleton: Skeleton) -> Callable[[float], Pose]:
+    alike = _alike(skeleton)
+
     def cycle(time: float) -> Pose:
         up = 0.5 * (1 - np.cos(2 * np.pi * time / 6.0))
         out = {}
@@ -230,12 +237,13 @@ def _arms_raised(skeleton: Skeleton) -> Callable[[float], Pose]:
             out[f"clavicle_{name}"] = _turns(("z", side * 24 * up))
             out[f"upper_arm_{name}"] = _turns(("z", side * 82 * up), ("x", -6 * up))
             out[f"forearm_{name}"] = _turns(("z", side * 10 * up))
-        return Pose.of(_alike(skeleton, out) | {"spine3": _turns(("x", -3 * up)), "head": _turns(("x", -4 * up))})
+        return Pose.of(alike(out) | {"spine3": _turns(("x", -3 * up)), "head": _turns(("x", -4 * up))})
 
     return cycle
 
 
 def _sit(skeleton: Skeleton) -> Callable[[float], Pose]:
+    alike = _alike(skeleton)
     thigh = float(np.linalg.norm(skeleton.tips[JOINTS.index("thigh_l")] - skeleton.joints[JOINTS.index("thigh_l")]))
 
     def cycle(time: float) -> Pose:
@@ -250,7 +258,7 @@ def _sit(skeleton: Skeleton) -> Callable[[float], Pose]:
         }
         for side in (1, -1):
             turns |= _arm(side, lowered=26 * down, forward=26 * down + 8 * lean, bent=42 * down, twist=14 * down)
-        return planted_legs(skeleton, _alike(skeleton, turns), shift)
+        return planted_legs(skeleton, alike(turns), shift)
 
     return cycle
 

@@ -73,11 +73,17 @@ class Ties(Pass):
         self.index = np.zeros((n, NODES), np.int32)
         self.weight = np.zeros((n, NODES), np.float32)
         self.index[:, :m] = (nodes[..., 0] + PAD) * sheet.width + nodes[..., 1]
-        self.index[:, m:] = self.index[:, :1]
         self.weight[:, :m] = weights
+        for c in range(1, m):  # a key point that a tie names twice is one: its lanes are read and written at once
+            for b in range(c):
+                again = self.index[:, c] == self.index[:, b]
+                self.weight[again, b] += self.weight[again, c]
+                self.weight[again, c] = 0.0
+        self.index[self.weight == 0.0] = 0  # in the padding, where nothing is
         inverse = sheet.padded(sheet.inverse_mass).reshape(-1)[self.index]
         compliance = (self.weight.astype(np.float64) ** 2 * inverse).sum(axis=1, keepdims=True)
         self.share = self.weight * inverse / np.where(compliance > 0, compliance, np.inf)
+        self.wide = self.weight.astype(np.float64)
         self.places = np.full((n, 3), np.nan) if places is None else np.asarray(places, np.float64)
         self.bones = np.full(n, -1) if bones is None else np.asarray(bones)
         self.held = np.asarray(np.isfinite(self.places).all(axis=1))
@@ -105,7 +111,7 @@ class Ties(Pass):
     def gaps(self, state: SheetState, bones: F64 | None = None) -> F64:
         """Width of each gap (n,) [m]."""
         flat = state.values[:3].reshape(3, -1)
-        points = np.einsum("cnk,nk->nc", flat[:, self.index], self.weight.astype(np.float64))
+        points = np.einsum("cnk,nk->nc", flat[:, self.index], self.wide)
         return np.linalg.norm(points - self.targets(bones), axis=1)
 
     def join(self, substeps: int, step: float) -> None:
@@ -124,8 +130,7 @@ class Ties(Pass):
         if self.memory.holder is not self:
             self.memory.node.from_numpy(np.pad(self.index, ((0, self.memory.capacity - self.count), (0, 0))))
             self.memory.holder = self
-        self.memory.buffer.from_numpy(rows)
-        self.memory.take(self.memory.buffer)
+        self.memory.take(rows)
 
     @ti.func
     def before(self, work: Template, first, last, shift, done, n: Template):
@@ -146,7 +151,6 @@ def _memory(generation: int, capacity: int) -> "_Memory":
 class _Memory:
     def __init__(self, capacity: int) -> None:
         self.capacity = capacity
-        self.buffer = ti.ndarray(ti.f32, (capacity + 1, ROW))
         self.row = ti.field(ti.f32, (capacity + 1, ROW))
         self.node = ti.field(ti.i32, (capacity, NODES))
         self.holder: Ties | None = None
@@ -177,26 +181,32 @@ class _Memory:
         """Closes tie k to the width allowed after this share of the frame. Returns whether it was wider by SLACK."""
         x, y, z = ti.static(*work.position)
         u, v, w = ti.static(*work.step)
-        dx = -self.row[k, TARGET] - share * self.row[k, TARGET + 3]
-        dy = -self.row[k, TARGET + 1] - share * self.row[k, TARGET + 4]
-        dz = -self.row[k, TARGET + 2] - share * self.row[k, TARGET + 5]
-        for c in range(NODES):
-            p, a = self.node[k, c], self.row[k, c]
-            dx += a * x[p]
-            dy += a * y[p]
-            dz += a * z[p]
+        place = ti.Vector([self.node[k, c] for c in ti.static(range(NODES))])
+        weight = ti.Vector([self.row[k, c] for c in ti.static(range(NODES))])
+        here = (gather(x, place), gather(y, place), gather(z, place))
+        dx = (weight * here[0]).sum() - self.row[k, TARGET] - share * self.row[k, TARGET + 3]
+        dy = (weight * here[1]).sum() - self.row[k, TARGET + 1] - share * self.row[k, TARGET + 4]
+        dz = (weight * here[2]).sum() - self.row[k, TARGET + 2] - share * self.row[k, TARGET + 5]
         gap = ti.sqrt(dx * dx + dy * dy + dz * dz)
         allowed = self.row[k, ALLOWED] + share * self.row[k, ALLOWED + 1]
         if gap > allowed:
             pull = (gap - allowed) / gap
-            dx, dy, dz = pull * dx, pull * dy, pull * dz
-            for c in range(NODES):
-                p, f = self.node[k, c], self.row[k, SHARE + c]
-                fx, fy, fz = f * dx, f * dy, f * dz
-                x[p] -= fx
-                y[p] -= fy
-                z[p] -= fz
-                u[p] -= fx
-                v[p] -= fy
-                w[p] -= fz
+            f = pull * ti.Vector([self.row[k, SHARE + c] for c in ti.static(range(NODES))])
+            scatter(x, place, here[0] - dx * f)
+            scatter(y, place, here[1] - dy * f)
+            scatter(z, place, here[2] - dz * f)
+            scatter(u, place, gather(u, place) - dx * f)
+            scatter(v, place, gather(v, place) - dy * f)
+            scatter(w, place, gather(w, place) - dz * f)
         return gap > allowed + SLACK
+
+
+@ti.func
+def gather(field: Template, places):
+    return ti.Vector([field[places[c]] for c in ti.static(range(NODES))])
+
+
+@ti.func
+def scatter(field: Template, places, values):
+    for c in ti.static(range(NODES)):
+        field[places[c]] = values[c]

@@ -33,6 +33,14 @@ SWEEPS = 2
 """Over the list, each time: they cost little beside those of the other passes that take turns with them."""
 
 
+@ti.func
+def largest(values):
+    """Of the lanes; in halves, as vector instructions have it."""
+    four = ti.Vector([ti.max(values[k], values[k + 4]) for k in ti.static(range(4))])
+    two = ti.Vector([ti.max(four[k], four[k + 2]) for k in ti.static(range(2))])
+    return ti.max(two[0], two[1])
+
+
 class ThreadLimit(Pass):
     """The limit of one sheet's threads; how far they may grow stands in the solver's `Numbers`."""
 
@@ -56,7 +64,7 @@ class ThreadLimit(Pass):
     @ti.func
     def after(self, work: Template, first, last, shift, done, n: Template):
         if self.memory.calls[None] < LISTED:
-            self.memory.seek(work, first, last, n)
+            self.memory.seek(work, n)
         self.memory.calls[None] += 1
         for sweep in range(SWEEPS):
             self.memory.shorten(work, sweep, n)
@@ -70,11 +78,17 @@ def _memory(generation: int, padded_shape: tuple[int, int]) -> "_Memory":
 
 @ti.data_oriented
 class _Memory:
+    """Lists of the threads near the limit, by their first key point: those along rows, in the order of their columns,
+    and those across, in the order of their rows. So a sweep goes along every yarn from end to end, but the threads next
+    to each other in a list are of different yarns, and a processor need not wait for one to begin with the next."""
+
     def __init__(self, rows: int, width: int) -> None:
         self.width = width
-        self.count, self.calls = ti.field(ti.i32, ()), ti.field(ti.i32, ())
-        self.one, self.two = (ti.field(ti.i32, 2 * rows * width) for _ in range(2))
-        self.over_x, self.over_y = (ti.field(ti.f32, rows * width) for _ in range(2))
+        self.calls = ti.field(ti.i32, ())
+        self.count = ti.field(ti.i32, 2)
+        self.found, self.along, self.across = (ti.field(ti.i32, rows * width) for _ in range(3))
+        self.column = ti.field(ti.i32, width + 1)
+        self.over = ti.field(ti.f32, 2 * LANES)
 
     @ti.func
     def grown(self, work: Template, p, offset: Template, weight: Template, near):
@@ -84,53 +98,69 @@ class _Memory:
         return there * (x * x + y * y + z * z) - near * near
 
     @ti.func
-    def seek(self, work: Template, first, last, n: Template):
-        """Lists the threads near the limit, in the order of their key points."""
-        row = ti.static(self.width)
+    def seek(self, work: Template, n: Template):
+        """Lists the threads near the limit."""
         x, y = n.longest_x - NEAR * n.spacing_x, n.longest_y - NEAR * n.spacing_y
-        found = 0
-        for b in range(first, last):
-            q = work.lanes(b * LANES)
-            store(self.over_x, q, self.grown(work, q, 1, work.east, x))
-            store(self.over_y, q, self.grown(work, q, row, work.north, y))
-            most = -1.0
-            for k in range(q, q + LANES):
-                most = ti.max(most, self.over_x[k], self.over_y[k])
-            if most > 0.0:
-                for k in range(q, q + LANES):
-                    for over, offset in ti.static(((self.over_x, 1), (self.over_y, row))):
-                        if over[k] > 0.0:
-                            self.one[found], self.two[found] = k, k + offset
-                            found += 1
-        self.count[None] = found
+        along, across = 0, 0
+        for c in range(self.width + 1):
+            self.column[c] = 0
+        for e in range(work.row_start[0], work.row_start[work.rows]):
+            for b in range(work.run[e][0], work.run[e][1]):
+                p = work.lanes(b * LANES)
+                over_x = self.grown(work, p, 1, work.east, x)
+                over_y = self.grown(work, p, ti.static(self.width), work.north, y)
+                if largest(ti.max(over_x, over_y)) > 0.0:
+                    store(self.over, 0, over_x)
+                    store(self.over, LANES, over_y)
+                    for k in range(LANES):
+                        if self.over[k] > 0.0:
+                            self.found[along] = p + k
+                            self.column[(p + k) % self.width + 1] += 1
+                            along += 1
+                        if self.over[LANES + k] > 0.0:
+                            self.across[across] = p + k
+                            across += 1
+        for c in range(self.width):
+            self.column[c + 1] += self.column[c]
+        for k in range(along):
+            p = self.found[k]
+            c = p % self.width
+            self.along[self.column[c]] = p
+            self.column[c] += 1
+        self.count[0], self.count[1] = along, across
 
     @ti.func
     def shorten(self, work: Template, sweep, n: Template):
-        """Every thread of the list once."""
+        """Every thread of the lists once, from their first to their last or back."""
+        self.shorten_all(work, self.along, self.count[0], 1, n.longest_x, sweep % 2)
+        self.shorten_all(work, self.across, self.count[1], self.width, n.longest_y, sweep % 2)
+
+    @ti.func
+    def shorten_all(self, work: Template, listed: Template, count, offset: Template, longest, back):
         x, y, z = ti.static(*work.position)
         u, v, w = ti.static(*work.step)
-        total = self.count[None]
-        for k in range(total):
-            m = k if sweep % 2 == 0 else total - 1 - k
-            p, q = self.one[m], self.two[m]
-            longest = n.longest_x if q == p + 1 else n.longest_y
+        for k in range(count):
+            p = listed[count - 1 - k if back else k]
+            q = p + offset
             dx, dy, dz = x[q] - x[p], y[q] - y[p], z[q] - z[p]
-            length = ti.sqrt(dx * dx + dy * dy + dz * dz)
-            here, there = work.inverse_mass[p], work.inverse_mass[q]
-            if length > longest and here + there > 0.0:
-                over = length - longest
-                growth = ((u[q] - u[p]) * dx + (v[q] - v[p]) * dy + (w[q] - w[p]) * dz) / length
-                move, slow = over / length, ti.min(ti.max(growth, 0.0), over) / length
-                here, there = here / (here + there), there / (here + there)
-                x[p] += here * move * dx
-                y[p] += here * move * dy
-                z[p] += here * move * dz
+            squared = dx * dx + dy * dy + dz * dz
+            free = work.inverse_mass[p] + work.inverse_mass[q]
+            if squared > longest * longest and free > 0.0:
+                scale = 1.0 / ti.sqrt(squared)
+                over = 1.0 - longest * scale
+                growth = ((u[q] - u[p]) * dx + (v[q] - v[p]) * dy + (w[q] - w[p]) * dz) * scale * scale
+                slow = ti.min(ti.max(growth, 0.0), over)
+                here = work.inverse_mass[p] / free
+                there = 1.0 - here
+                x[p] += here * over * dx
+                y[p] += here * over * dy
+                z[p] += here * over * dz
                 u[p] += here * slow * dx
                 v[p] += here * slow * dy
                 w[p] += here * slow * dz
-                x[q] -= there * move * dx
-                y[q] -= there * move * dy
-                z[q] -= there * move * dz
+                x[q] -= there * over * dx
+                y[q] -= there * over * dy
+                z[q] -= there * over * dz
                 u[q] -= there * slow * dx
                 v[q] -= there * slow * dy
                 w[q] -= there * slow * dz

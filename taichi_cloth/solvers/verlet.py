@@ -227,7 +227,7 @@ class _Workspace(Stencil):
         each row begin. present: (rows, width)."""
         used = present.reshape(self.rows, -1, LANES).any(axis=2)
         change = np.diff(np.pad(used, ((0, 0), (1, 1))).astype(np.int8), axis=1)
-        listed = np.zeros(self.run.shape + (2,), np.int32)
+        listed = np.zeros((*self.run.shape, 2), np.int32)
         for end, sign in enumerate((1, -1)):
             row, block = np.nonzero(change == sign)
             listed[: len(row), end] = row * used.shape[1] + block
