@@ -149,6 +149,21 @@ def test_a_place_holds_and_is_carried_by_its_bone(pair):
     assert ties.targets(None)[0] == pytest.approx(places[0])
 
 
+def test_a_key_point_named_twice_counts_once_with_both_weights(pair):
+    sheet, positions = pair
+    after = []
+    for nodes, weights in (
+        ([[0, 1], [0, 1], [0, 3], [1, 3]], [0.25, 0.75, -0.5, -0.5]),
+        ([[0, 1], [0, 3], [1, 3]], [1.0, -0.5, -0.5]),
+    ):
+        ties = Ties(sheet, np.array([nodes]), np.array([weights]))
+        state = sheet.state(positions)
+        Verlet(sheet, no_forces(), frame_rate=100.0, passes=(ties,)).advance(state, FrameForces())
+        assert ties.gaps(state)[0] < ties.gaps(sheet.state(positions))[0] - 0.004
+        after.append(state.values)
+    assert np.array_equal(*after)
+
+
 def test_bad_ties_are_refused(pair):
     with pytest.raises(InputError, match="ties"):
         Ties(pair[0], np.zeros((0, 2, 2), np.int64), np.zeros((0, 2)))
