@@ -39,7 +39,7 @@ __all__ = ["Contact"]
 
 F64 = NDArray[np.float64]
 
-LONGEST_WAIT = 8e-3  # [s] between two walks of the tree
+LONGEST_WAIT = 16e-3  # [s] between two walks of the tree
 LEAST_WAIT = 1.1e-3  # [s] between two looks at one primitive
 SPARE = 0.5  # [m/s] that a key point may gain meanwhile, beside a quarter of its speed; what gains more is met late
 SLIDE = 0.01  # of the least radius of curvature a key point may slide while a plane lasts
