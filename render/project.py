@@ -15,6 +15,7 @@ import taichi as ti
 
 from .arrays import LANES, TILE, Blocks, Floats2, Int, Ints1, Ints2, Longs1, Switch, Vec16
 from .blocks import POSITION, RADIUS, TANGENT
+from .compiling import left_to_llvm
 from .shade import DEPTH, EDGE, IMAGE, KEY_DIRECTION, LENS, SURFACE, TRANSLATION, shade
 from .sort import BINS, CHUNK_STEPS, share
 
@@ -73,6 +74,7 @@ def _thread(radius, half_length, endwise):
     return reach, long, ti.min(alpha, 1.0), ti.max(0.5 * reach, 1.0), 1.0 / (1.001 - endwise)
 
 
+@left_to_llvm
 @ti.kernel
 def project(
     layout: Switch,

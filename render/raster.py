@@ -28,6 +28,7 @@ from .arrays import (
     Vec8,
     Vec16,
 )
+from .compiling import left_to_llvm
 from .rows import (
     BOTH,
     HALF,
@@ -50,6 +51,7 @@ CHECK_EVERY = 32
 """Splats between two looks at whether a tile is already opaque."""
 
 
+@left_to_llvm
 @ti.kernel
 def raster(
     layout: Switch,

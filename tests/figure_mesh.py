@@ -1,10 +1,13 @@
 """A plain person made of primitives whose parts are known, meshed at any fineness, standing or bent."""
 
+from functools import cache
+
 import numpy as np
 
 from taichi_cloth.body.distance import nearest_distance, signed_distance
 from taichi_cloth.body.implicit import smooth_union
 from taichi_cloth.body.primitives import Primitive
+from taichi_cloth.body.segment import segment
 from taichi_cloth.body.surface_nets import surface_nets
 
 
@@ -68,6 +71,14 @@ def meshed(solids, spacing=0.02, blend=0.03):
         value = smooth_union(value, signed_distance(p, nodes)[0], blend)
     vertices, faces = surface_nets(value.reshape([len(a) for a in axes]), np.array([a[0] for a in axes]), spacing)
     return vertices, faces.astype(np.int64)
+
+
+@cache
+def standing():
+    """The figure, its vertices and faces, and what `segment` finds of them; made once for all who only read them."""
+    solids = figure()
+    vertices, faces = meshed(solids)
+    return solids, vertices, faces, segment(vertices, faces)
 
 
 def true_parts(solids, vertices, faces):

@@ -8,7 +8,7 @@ import json
 import numpy as np
 import pytest
 import trimesh
-from figure_mesh import figure, meshed
+from figure_mesh import figure, meshed, standing
 
 from taichi_cloth.body.distance import signed_distance
 from taichi_cloth.body.fit import fit
@@ -16,7 +16,6 @@ from taichi_cloth.body.fit_report import exposed_samples, report_fit
 from taichi_cloth.body.primitive_file import load_primitives, primitives_json
 from taichi_cloth.body.primitives import Primitive
 from taichi_cloth.body.samples import mesh_distance, skin_samples
-from taichi_cloth.body.segment import segment
 from taichi_cloth.body.skin_field import SkinField
 from taichi_cloth.body.solids import Solid
 from taichi_cloth.errors import InputError
@@ -62,8 +61,7 @@ def test_a_solid_is_found_again(known):
 
 @pytest.fixture(scope="module")
 def wrapped():
-    vertices, faces = meshed(figure())
-    found = segment(vertices, faces)
+    _, vertices, faces, found = standing()
     primitives = fit(vertices, faces, found.labels, found.names, count=19, bones={"left hand": 9, "right hand": 13})
     return vertices, faces, found, primitives
 

@@ -6,7 +6,7 @@
 import numpy as np
 import pytest
 import trimesh
-from figure_mesh import figure, meshed, true_parts
+from figure_mesh import figure, meshed, standing, true_parts
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
@@ -21,11 +21,9 @@ from taichi_cloth.body.segment import rand_index, segment
 from taichi_cloth.errors import InputError
 
 
-@pytest.fixture(scope="module")
-def standing():
-    solids = figure()
-    vertices, faces = meshed(solids)
-    return solids, vertices, faces, segment(vertices, faces)
+@pytest.fixture(name="standing")
+def the_standing_figure():
+    return standing()
 
 
 def areas(vertices, faces):

@@ -20,6 +20,9 @@ from taichi_cloth.scenes.sequence import Sequence, fingerprint
 
 COUNT = 4
 TINY = ["plain", "--set", "weave.ends=6", "--set", "weave.picks=6", "--size", "64x48", "--views", "3"]
+IN_PLAIN_LIGHT = [
+    word for key in ("light.shadows", "light.occlusion", "stage.ground") for word in ("--set", f"{key}=false")
+]
 TURNTABLE_FILES = {
     "frame_0000.png",
     "frame_0001.png",
@@ -187,9 +190,12 @@ def test_resume_of_the_whole_command_gives_the_same_bytes(tmp_path: Path) -> Non
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_a_signal_leaves_whole_frames_and_resume_goes_on(number: signal.Signals, status: int, tmp_path: Path) -> None:
-    code = "from taichi_cloth.scenes.__main__ import main; main()"
+    # A shell that runs pytest in the background has SIGINT ignored, and children inherit that.
+    listening = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)"
+    code = f"{listening}; from taichi_cloth.scenes.__main__ import main; main()"
     folder = tmp_path / "out"
-    arguments = [sys.executable, "-P", "-c", code, "turntable", *TINY, "--views", "600", "--out", str(folder)]
+    scene = [*TINY, *IN_PLAIN_LIGHT, "--views", "600"]
+    arguments = [sys.executable, "-P", "-c", code, "turntable", *scene, "--out", str(folder)]
     with subprocess.Popen(arguments, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as run:
         try:
             while run.poll() is None and not (folder / "frame_0003.png").exists():

@@ -20,14 +20,13 @@ It runs on the host in float64, beside Taichi; the bytes do not depend on Taichi
 thread: the bands are so narrow that a second one only waits, 10 to 50 times as long where the cores have other work.
 """
 
-from functools import lru_cache
 from math import ceil, sqrt
 
 import numpy as np
 from numpy.linalg import LinAlgError
 from numpy.typing import NDArray
-from threadpoolctl import ThreadpoolController
 
+from taichi_cloth.blas import one_thread
 from taichi_cloth.errors import InputError
 from taichi_cloth.forces import Forces, FrameForces
 from taichi_cloth.sheet import PAD, Sheet, SheetState
@@ -60,12 +59,6 @@ is taken away after a step stretches them, which made 370 J at 10⁸ × cotton. 
 GAIN = 1.0e-3
 """Share of its energy that a step of second order may make before it is taken by Euler: it is as large in smooth
 motion, by the method's error."""
-
-
-@lru_cache(maxsize=1)
-def _libraries() -> ThreadpoolController:
-    """The linear algebra that is loaded; looking takes milliseconds."""
-    return ThreadpoolController()
 
 
 class Implicit(Solver):
@@ -124,7 +117,7 @@ class Implicit(Solver):
         x[gone], u[gone] = 0.0, 0.0
         v = u / self.step
         first, last = np.asarray(forces.wind_start), np.asarray(forces.wind_end)
-        with _libraries().limit(limits=1, user_api="blas"):
+        with one_thread():
             for k in range(self.substeps):
                 x, v = self._advanced(x, v, first + (last - first) * ((k + 0.5) / self.substeps))
         here = self._free.reshape(self.sheet.shape)
