@@ -107,10 +107,10 @@ def places(primitive: Primitive, count: int) -> np.ndarray:
 
 @pytest.mark.parametrize("name", SHAPES)
 def test_the_distance_is_that_to_a_sampled_surface(name: str) -> None:
-    """3·10⁴ points. Samples lie on the surface, none further than s from the next: |d| ≤ nearest sample ≤ |d| + s, and
+    """10⁵ points. Samples lie on the surface, none further than s from the next: |d| ≤ nearest sample ≤ |d| + s, and
     where the surface is smooth and far, ≤ |d| + s²/(2|d|) + s²/(2R). Lower bound to 1e-9 m."""
     primitive = SHAPES[name]
-    p = places(primitive, 30_000)
+    p = places(primitive, 100_000)
     surface = profile(primitive)
     tree = cKDTree(surface)
     d, _ = signed_distance(primitive, p)
