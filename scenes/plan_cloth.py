@@ -1,6 +1,11 @@
 """What a moving cloth will build, in words."""
 
+from dataclasses import replace
+
 from taichi_cloth.forces import Forces
+from taichi_cloth.sheet import Sheet
+from taichi_cloth.solvers.base import Solver
+from taichi_cloth.solvers.self_contact import require_thickness
 
 from .moving import forces_of, sheet_of, solver_of
 from .schema import Scene
@@ -28,7 +33,7 @@ def sheet_stages(scene: Scene) -> tuple[dict[str, str], dict[str, str]]:
     cloth = scene.cloth
     assert cloth is not None
     sheet, forces = sheet_of(cloth), forces_of(scene.forces)
-    solver = solver_of(sheet, forces, scene.solver, frame_rate=float(scene.output.fps))
+    solver = _solver(scene, sheet, forces)
     s, material = sheet.springs, sheet.material
     law = "hinges" if s.law == "hinge" else "springs to second neighbours"
     built = {
@@ -68,3 +73,12 @@ def sheet_stages(scene: Scene) -> tuple[dict[str, str], dict[str, str]]:
     if meshes:
         built["meshes"] = " and ".join(meshes)
     return built, left
+
+
+def _solver(scene: Scene, sheet: Sheet, forces: Forces) -> Solver:
+    """The scene's, but without those passes of Verlet that hold fields: Taichi may not have been started."""
+    if not (scene.solver and scene.solver.name == "implicit"):  # that refuses them
+        if forces.self_contact:
+            require_thickness(sheet, forces.self_contact)
+        forces = replace(forces, strain_limit=None, self_contact=None)
+    return solver_of(sheet, forces, scene.solver, frame_rate=float(scene.output.fps))

@@ -210,6 +210,15 @@ def test_strain_limit_and_cloth_on_cloth_are_asked_for_by_the_scene() -> None:
         assert stages["cloth on cloth"].built is built
 
 
+def test_plan_makes_no_field_of_taichi(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It comes before the start of Taichi, without which a field is an error."""
+    forces = ["forces.strain_limit={}", "forces.self_contact={thickness_mm=3}"]
+    with monkeypatch.context() as without:
+        without.delattr("taichi.field")
+        without.delattr("taichi.ndarray")
+        plan(load_scene("drape", [*PLANNED, *forces]))
+
+
 def test_properties_replace_those_of_the_preset() -> None:
     cloth = load_scene("drape", ["cloth.properties.bending_warp_un_m=50", "cloth.material=denim"]).cloth
     assert cloth is not None

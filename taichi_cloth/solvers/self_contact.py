@@ -35,7 +35,7 @@ from taichi_cloth.forces import SelfContact
 from taichi_cloth.sheet import LANES, Sheet, SheetState
 from taichi_cloth.solvers.passes import Pass
 
-__all__ = ["ClothContact"]
+__all__ = ["ClothContact", "require_thickness"]
 
 BAND = 0.5
 """Contacts are kept up to the thickness and this share of the spacing."""
@@ -57,6 +57,15 @@ MEND = 0.25
 """Share of the depth beyond the approach that is mended at a time."""
 
 
+def require_thickness(sheet: Sheet, options: SelfContact) -> None:
+    """Raises InputError on a thickness that the key points of a flat sheet would already violate."""
+    spacing = min(sheet.springs.spacing_x, sheet.springs.spacing_y)
+    if options.thickness > 4 * spacing:
+        raise InputError(
+            f"self_contact.thickness: {options.thickness:g} m; allowed: up to 4 times the spacing ({4 * spacing:g} m)"
+        )
+
+
 @ti.data_oriented
 class ClothContact(Pass):
     """The contact of one sheet. thickness, friction: see `SelfContact`.
@@ -64,7 +73,7 @@ class ClothContact(Pass):
     Key points of the same panel within `reach` cells of a face do not touch it: they are its own neighbourhood. So
     are those on both sides of a seam. seams: bool (rows, cols), key points that are sewn to others; they and all within
     `reach` of them touch no other cloth.
-    Raises InputError on a thickness that the key points of a flat sheet would already violate.
+    Raises InputError as `require_thickness`.
     """
 
     local = False
@@ -74,10 +83,7 @@ class ClothContact(Pass):
         s = sheet.springs
         spacing = min(s.spacing_x, s.spacing_y)
         self.thickness, self.friction = options.thickness, options.friction
-        if self.thickness > 4 * spacing:
-            raise InputError(
-                f"self_contact.thickness: {self.thickness:g} m; allowed: up to 4 times the spacing ({4 * spacing:g} m)"
-            )
+        require_thickness(sheet, options)
         self.reach = 1 + ceil(pi / 2 * self.thickness / spacing)  # half a circle of that diameter is a tight fold
         self.band, self.least, self.most = BAND * spacing, LEAST * spacing, MOST * spacing
         self.cell = max(s.spacing_x, s.spacing_y) + self.thickness + spacing
