@@ -26,6 +26,7 @@ def test_the_matrix_has_every_start_stiffness_step_mass_and_spacing() -> None:
     assert {round(1 / c.frame) for c in every} == {240, 60, 10}
     assert max(c.ratio for c in every) == 1e6
     assert min(c.spacing for c in every) == 1e-4
+    assert {c.start for c in every if c.limited} == set(STARTS)
     assert len(set(every)) == len(every)
 
 
@@ -38,6 +39,7 @@ def test_the_matrix_has_every_start_stiffness_step_mass_and_spacing() -> None:
         (Cell(solver="verlet", stiffness=1e4), REFUSED, "rounding alone would shake"),
         (Cell(solver="implicit", start="no rest length"), REFUSED, "springs.spacing_x: 0.0"),
         (Cell(solver="implicit", start="no mass"), REFUSED, "material.density: 0.0"),
+        pytest.param(Cell(solver="verlet", start="shuffled", limited=True), STABLE, "", marks=pytest.mark.slow),
     ],
     ids=lambda value: value.what if isinstance(value, Cell) else "",
 )

@@ -14,7 +14,7 @@ from taichi_cloth.body.colliders import Colliders
 from taichi_cloth.body.primitives import Primitive
 from taichi_cloth.energy import elastic_energy, kinetic_energy, links
 from taichi_cloth.errors import InputError, Unstable
-from taichi_cloth.forces import Forces, Plane, Sphere, Wind
+from taichi_cloth.forces import Forces, Plane, Sphere, StrainLimit, Wind
 from taichi_cloth.materials import Material, named_material
 from taichi_cloth.pins import Pins
 from taichi_cloth.sheet import Sheet
@@ -38,6 +38,9 @@ STARTS = (
     "held", "point", "line", "shuffled", "stretched", "inverted", "twisted", "dropped", "thrown", "teleport", "wind",
     "no rest length", "no mass",
 )  # fmt: skip
+SHARE, LIMIT = 0.25, StrainLimit(strain=0.03, passes=3)
+"""As of the built-in skirt, for cells that are `limited`."""
+
 WORKING = ("teleport", "wind")
 """Starts in which something outside does work, so that energy tells nothing."""
 
@@ -51,7 +54,8 @@ MADE = 0.05
 @dataclass(frozen=True, kw_only=True)
 class Cell:
     """stiffness: × cotton shirting. frame: time between two frames [s]; the implicit solver takes it as its step.
-    ratio: of the heaviest and the lightest key point's mass. spacing: of key points [m]."""
+    ratio: of the heaviest and the lightest key point's mass. spacing: of key points [m]. limited: springs carry a
+    quarter of the tensile stiffness, and a strain limit holds the rest, as in garments."""
 
     solver: str
     start: str = "held"
@@ -59,6 +63,7 @@ class Cell:
     frame: float = 1 / 60
     ratio: float = 1.0
     spacing: float = SIDE / (POINTS - 1)
+    limited: bool = False
 
     @property
     def what(self) -> str:
@@ -68,6 +73,8 @@ class Cell:
             words.append(f"masses 1 to {self.ratio:.0e}".replace("e+0", "e"))
         if self.spacing in SPACINGS:
             words.append(f"spacing {1e3 * self.spacing:g} mm")
+        if self.limited:
+            words.append("limited")
         return ", ".join(words)
 
 
@@ -85,6 +92,10 @@ def cells(quick: bool = False) -> list[Cell]:
         ]
         out += [Cell(solver=solver, stiffness=k, ratio=r) for k, r in product(few, RATIOS)]
         out += [Cell(solver=solver, stiffness=k, spacing=a) for k, a in product(few, SPACINGS)]
+    out += [
+        Cell(solver="verlet", start=s, stiffness=k, limited=True)
+        for s, k in product(STARTS, few[:1] if quick else (1.0, 1e2, 1e4))
+    ]
     return list(dict.fromkeys(out))
 
 
@@ -103,7 +114,9 @@ def _material(cell: Cell) -> Material:
     base = named_material("cotton-shirting")
     names = ("tensile_warp", "tensile_weft", "shear", "bending_warp", "bending_weft")
     scaled = {name: cell.stiffness * getattr(base, name) for name in names}
-    return replace(base, **scaled, density=0.0 if cell.start == "no mass" else base.density, air_damping=4.0)
+    share = SHARE if cell.limited else 1.0
+    density = 0.0 if cell.start == "no mass" else base.density
+    return replace(base, **scaled, density=density, air_damping=4.0, tensile_share=share)
 
 
 def _sheet(cell: Cell) -> Sheet:
@@ -148,6 +161,8 @@ def _start(cell: Cell, sheet: Sheet) -> tuple[F64, float | Sequence[float], Forc
         forces = Forces(plane=floor, body=_jumping())
     elif cell.start == "wind":
         forces = Forces(wind=Wind(velocity=(60.0, 0.0, 80.0), gusts=0.2))
+    if cell.limited:
+        forces = replace(forces, strain_limit=LIMIT)
     x = x.copy()
     x[sheet.pinned] = flat[sheet.pinned]
     return x, speed, forces
