@@ -91,7 +91,8 @@ def _panel(axis: Any, study: Study, lines: dict[str, list[Row]], methods: Sequen
         named = range(len(drawn)) if count <= LABELLED else sorted({0, len(drawn) - 1} if first else {len(drawn) - 1})
         first = False
         for n in named:
-            axis.annotate(drawn[n].knob, (x[n], y[n]), (5, 5), textcoords="offset points", fontsize=7.5, color=colour)
+            away = (9, 7) if drawn[n].default else (5, 5)  # clear of the ring
+            axis.annotate(drawn[n].knob, (x[n], y[n]), away, textcoords="offset points", fontsize=7.5, color=colour)
     axis.set_xscale("log")
     axis.set_yscale("log")
     axis.margins(0.16, 0.12)

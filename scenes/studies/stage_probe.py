@@ -10,17 +10,20 @@ import sys
 import time
 from dataclasses import asdict, dataclass
 from math import prod
+from statistics import median
 
 __all__ = ["Probe", "field_bytes", "kernel_count"]
 
-FRAMES = 3
+FRAMES, LONG = 3, 2.0
+"""Frames that are timed, and CPU time [s] after which no more are."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Probe:
     """kernels: compiled or taken from the cache. bytes: of Taichi's fields and arrays. import_s … picture_s: time [s]
     since the process was asked for, at the end of each: Python and imports, the start of Taichi, the scene built, its
-    first picture. frame_s: median of further frames, moved where it moves, and drawn. stages: names of those built."""
+    first picture. cpu_s: CPU time up to there. frame_s: CPU time, median of further frames, moved where it moves, and
+    drawn. stages: names of those built."""
 
     kernels: int
     bytes: int
@@ -28,6 +31,7 @@ class Probe:
     start_s: float
     build_s: float
     picture_s: float
+    cpu_s: float
     frame_s: float
     stages: list[str]
 
@@ -74,12 +78,12 @@ def probe(begun: float, size: tuple[int, int], name: str, overrides: list[str]) 
     view = View(model, size)
     frames = view.animation(list(range(1 + FRAMES))) if moves else view.turntable(36, list(range(1 + FRAMES)))
     next(frames)
-    shown = time.time()
-    times = []
-    for _ in range(FRAMES):
-        begin = time.perf_counter()
+    shown, cpu = time.time(), time.process_time()
+    times: list[float] = []
+    while len(times) < FRAMES and sum(times) < LONG:
+        begin = time.process_time()
         next(frames)
-        times.append(time.perf_counter() - begin)
+        times.append(time.process_time() - begin)
     return Probe(
         kernels=kernel_count(),
         bytes=field_bytes(),
@@ -87,7 +91,8 @@ def probe(begun: float, size: tuple[int, int], name: str, overrides: list[str]) 
         start_s=started - begun,
         build_s=built - begun,
         picture_s=shown - begun,
-        frame_s=sorted(times)[FRAMES // 2],
+        cpu_s=cpu,
+        frame_s=median(times),
         stages=[stage.name for stage in planned.stages if stage.built],
     )
 

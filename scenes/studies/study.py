@@ -55,7 +55,8 @@ class Study:
     """A study and what has to be said of it.
 
     about: what is measured, and the reference. claimed: the order of a method in its knob's number, by "panel: method"
-    or by method. floor: rows of this method are no method but the reference against itself: a level, not a line.
+    or by method. why: what speaks for a default that is not the knee, by the same. floor: rows of this method are no
+    method but the reference against itself: a level, not a line.
     rows: measures, quickly or in full, a row at a time; Taichi has been started.
     """
 
@@ -66,6 +67,7 @@ class Study:
     time: Axis
     rows: Callable[[bool], Iterator[Row]]
     claimed: Mapping[str, float] = field(default_factory=dict)
+    why: Mapping[str, str] = field(default_factory=dict)
     floor: str = "reference"
 
 
@@ -125,5 +127,6 @@ def standing_of(study: Study, rows: Sequence[Row]) -> list[str]:
                     )
             best = min(known, key=lambda r: r.error * r.seconds)
             words += "; it is the knee" if best is row else f"; the knee is {best.knob}"
-            out.append(words + ".")
+            reason = study.why.get(f"{panel}: {method}", study.why.get(method, ""))
+            out.append(words + (f", but {reason}." if reason and best is not row else "."))
     return out
