@@ -166,3 +166,26 @@ def test_the_version_is_stated_once() -> None:
     import taichi_cloth
 
     assert taichi_cloth.__version__ == PROJECT["project"]["version"] == importlib.metadata.version("taichi-cloth")
+
+
+WRONG = """import taichi as ti
+from taichi_cloth import runtime
+
+runtime.start("cpu", threads=1)
+
+
+@ti.kernel
+def kernel() -> ti.i32:
+    return (1 +
+        missing)
+
+
+kernel()
+"""
+
+
+def test_an_error_in_a_kernel_names_its_file_line_and_name(tmp_path: Path) -> None:
+    (tmp_path / "wrong.py").write_text(WRONG)
+    done = subprocess.run([sys.executable, "-P", "wrong.py"], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert 'wrong.py", line 10, in kernel' in done.stderr
+    assert '"missing" is not defined' in done.stderr
