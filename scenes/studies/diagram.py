@@ -17,8 +17,17 @@ __all__ = ["draw", "require_matplotlib"]
 COLOURS = ("#c0392b", "#1f4e9c", "#2f8f4e", "#e08e2b", "#7d4fa6", "#5fa8e8", "#8a5a16", "#444444")
 MARKERS = ("o", "s", "^", "D", "v", "P", "<", ">")
 WIDTH, HEIGHT = 5.6, 4.0  # of a panel [inch]
+FOOT = 0.05
+"""Where on the axis of errors, as a share of it, a setting stands that is as good as the reference."""
+
+RING: dict[str, Any] = {
+    "marker": "o", "ms": 15, "mfc": "none", "mec": "black", "mew": 1.4, "ls": "none", "label": "default"
+}  # fmt: skip
 LEAST = 4.0
 """Ratio of the ends of an axis at least, so that noise does not look like much."""
+
+CLOSE = 8.0
+"""Ratio of the ends of an axis below which more than 1, 2 and 5 are written at it."""
 
 LABELLED = 9
 """Points of a panel up to which each is named."""
@@ -65,7 +74,7 @@ def draw(study: Study, rows: Sequence[Row]) -> bytes:
 
 
 def _panel(axis: Any, study: Study, lines: dict[str, list[Row]], methods: Sequence[str]) -> None:
-    from matplotlib.ticker import FuncFormatter, NullFormatter
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     count = sum(len(line) for line in lines.values())
     first = True
@@ -76,6 +85,7 @@ def _panel(axis: Any, study: Study, lines: dict[str, list[Row]], methods: Sequen
         if all(row.error == 0 for row in line):
             axis.axvline(study.time.scale * line[0].seconds, color="0.35", ls=":", lw=1.6, label=method)
             continue
+        exact = [row for row in line if row.error == 0]
         drawn = [row for row in line if isfinite(row.error) and isfinite(row.seconds) and row.error > 0]
         k = methods.index(method)
         x, y = ([scale * v for v in values] for scale, values in (
@@ -85,7 +95,14 @@ def _panel(axis: Any, study: Study, lines: dict[str, list[Row]], methods: Sequen
         axis.plot(x, y, color=colour, marker=MARKERS[k % len(MARKERS)], ms=5, lw=1.6, label=method)
         for row, a, b in zip(drawn, x, y, strict=True):
             if row.default:
-                axis.plot([a], [b], "o", ms=15, mfc="none", mec="black", mew=1.4, ls="none", label="default")
+                axis.plot([a], [b], **RING)
+        for row in exact:  # at the foot of the panel
+            at, foot = study.time.scale * row.seconds, axis.get_xaxis_transform()
+            axis.plot([at], [FOOT], MARKERS[k % len(MARKERS)], color=colour, ms=5, transform=foot)
+            axis.annotate(f"{row.knob}: no error", (at, FOOT), (9, 3), xycoords=foot, textcoords="offset points",
+                          fontsize=7.5, color=colour)  # fmt: skip
+            if row.default:
+                axis.plot([at], [FOOT], transform=foot, **RING)
         if not drawn:  # refused at every setting, as the table says
             continue
         named = range(len(drawn)) if count <= LABELLED else sorted({0, len(drawn) - 1} if first else {len(drawn) - 1})
@@ -103,17 +120,15 @@ def _panel(axis: Any, study: Study, lines: dict[str, list[Row]], methods: Sequen
             middle = (low * high) ** 0.5
             low, high = middle / LEAST**0.5, middle * LEAST**0.5
         (axis.set_xlim if one is axis.xaxis else axis.set_ylim)(low, high)
-        few = high / low < 30
-        one.set_minor_formatter(FuncFormatter(_two_or_five) if few else NullFormatter())
+        marks = (1.5, 2, 3, 4, 5, 7) if high / low < CLOSE else (2, 5) if high / low < 100 else ()
+        if marks:
+            one.set_minor_locator(LogLocator(subs=marks))
+            one.set_minor_formatter(FuncFormatter(lambda value, _: f"{value:.3g}"))
+        else:
+            one.set_minor_formatter(NullFormatter())
     axis.grid(which="major", color="0.86")
     axis.grid(which="minor", color="0.94", lw=0.6)
     axis.set_axisbelow(True)
     axis.spines[["top", "right"]].set_visible(False)
     axis.set_xlabel(study.time.label)
     axis.set_ylabel(study.error.label)
-
-
-def _two_or_five(value: float, _: int | None = None) -> str:
-    """The label of a mark between powers of ten."""
-    text = f"{value:.0e}"
-    return f"{value:g}" if text[0] in "25" else ""

@@ -15,7 +15,8 @@ __all__ = ["STUDY", "rows"]
 SIZE = (360, 240)
 PER_PARTICLE = ("radius", "colour", "tangent", "normal", "half_length", "openness")
 FINEST = 8  # samples a pixel each way
-OPAQUE = (1 / 8, 1 / 32, 1 / 64, 1 / 255, 1 / 1024, 1 / 4096)
+USUAL_OPAQUE = 1 / 255
+OPAQUE = (1 / 8, 1 / 32, 1 / 64, USUAL_OPAQUE, 1 / 1024, 1 / 4096)
 MAPS = (32, 64, 128, 256, 512)  # texels
 FINEST_MAP = 2048
 LAYERS, APART, NEAR = 4, 2e-3, 6.0
@@ -26,7 +27,7 @@ def rows(quick: bool) -> Iterator[Row]:
     swatch = Swatch(*(["yarn.fibres=6"] if quick else []))
     runs = 1 if quick else 3
     yield from _samples(swatch, 4 if quick else FINEST, runs)
-    yield from _opaque(swatch, OPAQUE[::2] if quick else OPAQUE, runs)
+    yield from _opaque(swatch, (*OPAQUE[::2], USUAL_OPAQUE) if quick else OPAQUE, runs)
     yield from _maps(swatch, MAPS[::2] if quick else MAPS, runs)
 
 
@@ -78,7 +79,7 @@ def _opaque(swatch: Swatch, shares: tuple[float, ...], runs: int) -> Iterator[Ro
             value=share,
             error=difference(found, truth),
             seconds=cpu_seconds(draw, runs),
-            default=share == 1 / 255,
+            default=share == USUAL_OPAQUE,
         )
 
 

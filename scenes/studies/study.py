@@ -112,11 +112,17 @@ def standing_of(study: Study, rows: Sequence[Row]) -> list[str]:
     setting with the least error × time, from which a finer one buys less accuracy than it costs time."""
     out = []
     for (panel, method), line in lines_of(rows).items():
+        at = f"{panel}, {method}: the default,"
+        out += [
+            f"{at} {row.knob}, is as good as the reference, in {study.time.text(row.seconds)}."
+            for row in line
+            if row.default and row.error == 0
+        ]
         known = [r for r in line if isfinite(r.error) and isfinite(r.seconds) and r.error > 0 and r.seconds > 0]
         for k, row in enumerate(known):
             if not row.default:
                 continue
-            words = f"{panel}, {method}: the default, {row.knob}, is off by {study.error.text(row.error)}"
+            words = f"{at} {row.knob}, is off by {study.error.text(row.error)}"
             words += f" in {study.time.text(row.seconds)}"
             for there, what in ((k - 1, "coarser"), (k + 1, "finer")):
                 if 0 <= there < len(known):
