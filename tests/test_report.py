@@ -54,6 +54,11 @@ def test_a_default_is_told_from_its_neighbours_and_the_knee_is_the_least_error_t
     assert sentence.endswith("the knee is h/2.")
     (sentence,) = standing_of(STUDY, line([1.0, 0.1, 0.09], [1.0, 2.0, 4.0], 1))
     assert sentence.endswith("it is the knee.")
+    rows = line([1.0, 0.1, 0.09], [1.0, 2.0, 4.0], 2)
+    (sentence,) = standing_of(replace(STUDY, why={"p: m": "it is pretty"}), rows)
+    assert sentence.endswith("the knee is h/2, but it is pretty.")
+    (sentence,) = standing_of(STUDY, line([1.0, 0.1, 0.0], [1.0, 2.0, 4.0], 2))
+    assert sentence == "p, m: the default, h/4, is as good as the reference, in 4 s."
 
 
 def section(name: str, image: bytes | None = None) -> Section:

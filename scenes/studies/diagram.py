@@ -74,6 +74,7 @@ def draw(study: Study, rows: Sequence[Row]) -> bytes:
 
 
 def _panel(axis: Any, study: Study, lines: dict[str, list[Row]], methods: Sequence[str]) -> None:
+    from matplotlib.patheffects import Normal, Stroke
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     count = sum(len(line) for line in lines.values())
@@ -105,11 +106,22 @@ def _panel(axis: Any, study: Study, lines: dict[str, list[Row]], methods: Sequen
                 axis.plot([at], [FOOT], transform=foot, **RING)
         if not drawn:  # refused at every setting, as the table says
             continue
-        named = range(len(drawn)) if count <= LABELLED else sorted({0, len(drawn) - 1} if first else {len(drawn) - 1})
+        ends = {0, len(drawn) - 1} if first else {len(drawn) - 1}
+        usual = {n for n, row in enumerate(drawn) if row.default}
+        named = range(len(drawn)) if count <= LABELLED else sorted(ends | usual)
         first = False
         for n in named:
-            away = (9, 7) if drawn[n].default else (5, 5)  # clear of the ring
-            axis.annotate(drawn[n].knob, (x[n], y[n]), away, textcoords="offset points", fontsize=7.5, color=colour)
+            default = drawn[n].default  # below the line, clear of the ring: other lines are rather above
+            axis.annotate(
+                drawn[n].knob,
+                (x[n], y[n]),
+                (-8, -13) if default else (5, 5),
+                ha="right" if default else "left",
+                textcoords="offset points",
+                fontsize=7.5,
+                color=colour,
+                path_effects=[Stroke(linewidth=2.5, foreground="white"), Normal()],
+            )
     axis.set_xscale("log")
     axis.set_yscale("log")
     axis.margins(0.16, 0.12)

@@ -16,6 +16,11 @@ FIBRES = (1, 2, 4, 8, 12, 24, 48)
 STEPS = (1, 2, 4, 6, 10, 20)
 USUAL_FIBRES, USUAL_STEPS, FINEST_STEPS = 12, 10, 40
 VIEWS = {"from afar": 1.0, "four times nearer": 4.0}
+WHY = {
+    "fibres a ply": "so few are cords and not fibres, which the eye tells long before this number does",
+    "pieces of a fibre": "twice the pieces are twice the particles to hold and to draw, for what is not seen",
+}
+"""What speaks for the defaults, by the panels' first words."""
 AVERAGED = {"each pixel": 1, "means of 8 × 8 pixels": 8}
 """Single pixels show which fibres were drawn, means over about a yarn how bright they are together."""
 
@@ -67,4 +72,7 @@ STUDY = Study(
     error=Axis("picture error, rms", "of 255", 1.0),
     time=Axis("CPU time of a picture", "ms", 1e3),
     rows=rows,
+    why={
+        f"{panel}, {view}: {method}": reason for panel, reason in WHY.items() for view in VIEWS for method in AVERAGED
+    },
 )

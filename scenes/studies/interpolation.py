@@ -147,6 +147,7 @@ STUDY = Study(
     error=Axis("error of fibres, rms", "µm", 1e6),
     time=Axis("CPU time a frame", "ms", 1e3),
     rows=rows,
+    why={"smooth, offsets in the cloth's frame": "its error is a small part of a pixel where all of a cloth is seen"},
     claimed={
         "away from its edges: linear, offsets in the cloth's frame": 2.0,
         "away from its edges: smooth, offsets in the cloth's frame": 3.0,
