@@ -135,7 +135,7 @@ def _panel(axis: Any, study: Study, lines: dict[str, list[Row]], methods: Sequen
         marks = (1.5, 2, 3, 4, 5, 7) if high / low < CLOSE else (2, 5) if high / low < 100 else ()
         if marks:
             one.set_minor_locator(LogLocator(subs=marks))
-            one.set_minor_formatter(FuncFormatter(lambda value, _: f"{value:.3g}"))
+            one.set_minor_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         else:
             one.set_minor_formatter(NullFormatter())
     axis.grid(which="major", color="0.86")
