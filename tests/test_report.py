@@ -16,7 +16,7 @@ from taichi_cloth.scenes.studies.diagram import draw
 from taichi_cloth.scenes.studies.make import STUDIES, chosen, make_report
 from taichi_cloth.scenes.studies.page import Section, write_report
 from taichi_cloth.scenes.studies.stages import probed
-from taichi_cloth.scenes.studies.study import Axis, Row, Study, lines_of, orders, standing_of
+from taichi_cloth.scenes.studies.study import Axis, Row, Study, lines_of, microseconds, orders, standing_of
 
 
 def line(errors: list[float], seconds: list[float], default: int) -> list[Row]:
@@ -44,6 +44,10 @@ def test_the_order_of_errors_that_fall_with_the_square_is_two() -> None:
     assert orders(found) == pytest.approx([2.0, 2.0])
     nameless = [Row(panel="p", method="m", knob="a", error=1.0, seconds=1.0, value=nan)] * 2
     assert orders(nameless) == []
+
+
+def test_a_step_is_written_without_powers() -> None:
+    assert [microseconds(s) for s in (1 / 600, 303.03e-6, 9.1e-6)] == ["1670 µs", "303 µs", "9.1 µs"]
 
 
 def test_a_default_is_told_from_its_neighbours_and_the_knee_is_the_least_error_times_time() -> None:

@@ -11,7 +11,7 @@ from itertools import pairwise
 from math import isfinite, log2, nan
 from statistics import median
 
-__all__ = ["Axis", "Row", "Study", "cpu_seconds", "lines_of", "orders", "standing_of"]
+__all__ = ["Axis", "Row", "Study", "cpu_seconds", "lines_of", "microseconds", "orders", "standing_of"]
 
 SHORTEST = 5e-3
 """Time [s] of work below which the clock is too coarse."""
@@ -69,6 +69,11 @@ class Study:
     claimed: Mapping[str, float] = field(default_factory=dict)
     why: Mapping[str, str] = field(default_factory=dict)
     floor: str = "reference"
+
+
+def microseconds(seconds: float) -> str:
+    """As a knob's words, with three digits."""
+    return f"{float(f'{1e6 * seconds:.3g}'):g} µs"
 
 
 def cpu_seconds(work: Callable[[], object], runs: int = 5) -> float:

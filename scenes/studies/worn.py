@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..dressing import Dressed, dress, dressed_parts, simulation_of
 from ..load import load_scene
-from .study import Row
+from .study import Row, microseconds
 
 __all__ = ["SECONDS", "rows"]
 
@@ -43,7 +43,7 @@ def rows() -> Iterator[Row]:
         yield Row(
             panel=panel,
             method="Verlet",
-            knob=f"{1e6 * step:.3g} µs",
+            knob=microseconds(step),
             value=step,
             error=_distance(found, best),
             seconds=cost,
@@ -55,7 +55,7 @@ def rows() -> Iterator[Row]:
         yield Row(
             panel="skirt, share that springs carry, of all",
             method="Verlet, strain limit",
-            knob=f"{share:g}: {1e6 * step:.3g} µs",
+            knob=f"{share:g}: {microseconds(step)}",
             value=1 / share,
             error=_distance(found, whole),
             seconds=cost,
