@@ -17,7 +17,7 @@ that, positions are what is ahead, and are not kept beside it within a frame.
 # pyright: reportOptionalCall=false, reportOperatorIssue=false, reportGeneralTypeIssues=false
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any
 
 import taichi as ti
 
@@ -52,11 +52,8 @@ NUMBERS = (
     "sweeps",  # how often passes that are repeated are called
 )
 
-if TYPE_CHECKING:
-    Numbers: TypeAlias = Any
-else:
-    Numbers = ti.types.struct(**dict.fromkeys(NUMBERS, ti.f32))
-"""Constants of a step, an argument of the kernel: changing them compiles nothing."""
+Numbers: Any = ti.types.struct(**dict.fromkeys(NUMBERS, ti.f32))
+"""Constants of a step, in a field: changing them compiles nothing."""
 
 
 @ti.func
