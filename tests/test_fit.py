@@ -182,7 +182,7 @@ def test_farthest_points_are_on_the_surface_and_nothing_is_beyond():
     cone = Solid("cylinder", np.array([0, 0, 0, 0.1, 0.3, 0, np.log(0.08), np.log(0.05)]))
     slab = Solid("elliptic", np.array([0, 0, 0, 0, 0.3, 0, np.log(0.2), np.log(0.1), 0.4, 0.0]), np.array([1.0, 0, 0]))
     for one in (cone, slab):
-        primitive = one.primitive()
+        primitive = one.primitive
         far = one.farthest(up)
         assert np.abs(signed_distance(primitive, far)[0]).max() < 1e-9
         points = chance.uniform(-0.5, 0.5, (20_000, 3))
