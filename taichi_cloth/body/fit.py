@@ -81,11 +81,11 @@ def fit(
             pieces.append(Piece(_best(task, mine, twin), group[0], twin))
     pieces, _ = turn(pieces, task, 8)
     while (had := _count(pieces)) < count:
-        distance, _, whose = nearest([p.solid for p in pieces], space.at)
+        distance, whose = nearest([p.solid for p in pieces], space.at)
         if error_mm is not None and np.abs(distance[space.side == 0]).mean() * 1000 <= error_mm:
             break
         grown = _split(pieces, task, distance, whose, count - had)
-        if len(grown) == len(pieces):
+        if _count(grown) == had:
             break
         pieces, _ = turn(grown, task, 6)
     pieces, _ = turn(simpler(pieces, task), task, 40)

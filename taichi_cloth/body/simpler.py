@@ -47,7 +47,7 @@ def _before(kind: PrimitiveKind) -> tuple[PrimitiveKind, ...]:
 
 def _of_kind(kind: PrimitiveKind, k: int, pieces: list[Piece], task: Task, most: float) -> tuple[list[Piece], float]:
     """The pieces with another kind in place k, turned with what it touches, and the cost; infinite above `most`."""
-    whose = nearest([p.solid for p in pieces], task.space.at)[2]
+    whose = nearest([p.solid for p in pieces], task.space.at)[1]
     mine = task.space.at[(whose == k) & (task.space.side == 0)]
     begun = [s for s in task.starts(mine, pieces[k].twin) if s.kind == kind] if len(mine) >= FEWEST else []
     tried = [turn([*pieces[:k], replace(pieces[k], solid=s), *pieces[k + 1 :]], task, 6, [k]) for s in begun]

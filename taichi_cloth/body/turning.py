@@ -60,15 +60,6 @@ def cost_of(distance: F64) -> F64:
     return 2 * SCALE**2 * (np.sqrt(1 + (distance / SCALE) ** 2) - 1)
 
 
-def _beyond(solid: Solid, skin: SkinField) -> F64:
-    """How far a solid's farthest points in many directions are outside the skin [m], beyond what is allowed."""
-    return np.maximum(skin(solid.farthest(DIRECTIONS)) - OUT, 0)
-
-
-def _beyond_cost(solid: Solid, skin: SkinField) -> float:
-    return float(cost_of(_beyond(solid, skin)).sum())
-
-
 def ball(solid: Solid) -> tuple[F64, float]:
     """A ball that holds a solid: its middle (3,) and radius [m]."""
     p = solid.primitive
@@ -77,23 +68,65 @@ def ball(solid: Solid) -> tuple[F64, float]:
     return (p.start + p.end) / 2, float(np.linalg.norm(p.end - p.start)) / 2 + max(p.radii)
 
 
-def nearest(solids: Sequence[Solid], points: F64) -> tuple[F64, F64, NDArray[np.int64]]:
-    """The least signed distance (n,) over all, its normal (n, 3), and whose it is (n,). Only those are asked whose ball
-    may hold it."""
-    made = [s.primitive for s in solids]
-    middle, reach = (np.array(of) for of in zip(*map(ball, solids), strict=True))
+class _Asked:
+    """What is known of a solid at points (n, 3), each asked once at most, and of where it is outside the skin."""
+
+    def __init__(self, solid: Solid, points: F64, skin: SkinField | None) -> None:
+        self.solid, self.points = solid, points
+        self.known = np.zeros(len(points), bool)
+        self.distance, self.normal = np.empty(len(points)), np.empty(points.shape)
+        if skin is not None:
+            far = solid.farthest(DIRECTIONS)
+            said, rise = skin.slope(far)
+            out = said > OUT
+            self.far, self.towards, self.rise, self.beyond = far[out], DIRECTIONS[out], rise[out], said[out] - OUT
+            self.beyond_cost = float(cost_of(self.beyond).sum())
+
+    def at(self, near: NDArray[np.int64]) -> F64:
+        """Signed distance [m] of some of the points, by number."""
+        primitive = self.solid.primitive
+        assert primitive is not None
+        new = near[~self.known[near]]
+        if len(new):
+            self.distance[new], self.normal[new] = signed_distance(primitive, self.points[new])
+            self.known[new] = True
+        return self.distance[near]
+
+    def step(self, error: F64, mine: NDArray[np.int64], damping: float) -> F64:
+        """Of the solid's numbers, to where errors (n,) [m] at points `mine`, and those outside the skin, cost less."""
+        slope = np.concatenate(
+            [
+                distance_slopes(self.solid, self.points[mine], self.distance[mine], self.normal[mine]),
+                farthest_slopes(self.solid, self.far, self.towards, self.rise),
+            ]
+        )
+        wrong = np.concatenate([error[mine], self.beyond])
+        weight = 1 / np.sqrt(1 + (wrong / SCALE) ** 2)
+        square = slope.T @ (weight[:, None] * slope)
+        ridge = damping * np.diag(square) + 1e-9 * np.trace(square) + 1e-12
+        return np.linalg.solve(square + np.diag(ridge), -slope.T @ (weight * wrong))
+
+
+def nearest(solids: Sequence[Solid], points: F64) -> tuple[F64, NDArray[np.int64]]:
+    """The least signed distance (n,) [m] of points (n, 3) [m] over all solids, and whose it is (n,)."""
+    return _nearest([_Asked(s, points, None) for s in solids], points)
+
+
+def _nearest(asked: Sequence[_Asked], points: F64) -> tuple[F64, NDArray[np.int64]]:
+    """Only those are asked whose ball may hold a point's nearest."""
+    made = [a.solid.primitive for a in asked]
+    middle, reach = (np.array(of) for of in zip(*(ball(a.solid) for a in asked), strict=True))
     away = cdist(points, middle)
     most = (away + [0.0 if p is None else -min(p.radii) * (p.kind != "elliptic") for p in made]).min(axis=1)
-    best, normal, whose = np.full(len(points), np.inf), np.zeros(points.shape), np.zeros(len(points), np.int64)
+    best, whose = np.full(len(points), np.inf), np.zeros(len(points), np.int64)
     for k, primitive in enumerate(made):
         if primitive is None:
             continue
         near = np.flatnonzero(away[:, k] - reach[k] <= most)
-        distance, gradient = signed_distance(primitive, points[near])
+        distance = asked[k].at(near)
         closer = distance < best[near]
-        here = near[closer]
-        best[here], normal[here], whose[here] = distance[closer], gradient[closer], k
-    return best, normal, whose
+        best[near[closer]], whose[near[closer]] = distance[closer], k
+    return best, whose
 
 
 def turn(pieces: list[Piece], task: Task, rounds: int, only: Sequence[int] | None = None) -> tuple[list[Piece], float]:
@@ -101,63 +134,45 @@ def turn(pieces: list[Piece], task: Task, rounds: int, only: Sequence[int] | Non
     state met, and its cost."""
     space, skin = task.space, task.skin
     moving = range(len(pieces)) if only is None else only
-    solids = [pieces[k].solid for k in moving]
-    others = [p.solid for k, p in enumerate(pieces) if k not in moving]
-    count, points = len(solids), space.at
-    rest = nearest(others, points)[0] if others else np.full(len(points), np.inf)
-
-    def asked(solids: list[Solid]) -> tuple[F64, F64, NDArray[np.int64]]:
-        distance, normal, whose = nearest(solids, points)
-        return np.minimum(distance, rest), normal, np.where(rest < distance, count, whose)
-
+    others = [_Asked(p.solid, space.at, skin) for k, p in enumerate(pieces) if k not in moving]
+    rest = _nearest(others, space.at)[0] if others else np.full(len(space.at), np.inf)
+    always = sum(a.beyond_cost for a in others)
+    solids = [_Asked(pieces[k].solid, space.at, skin) for k in moving]
+    count = len(solids)
     damping = np.full(count, 1e-2)
-    distance, normal, whose = asked(solids)
-    error = space.error(distance)
-    beyond = np.array([_beyond_cost(s, skin) for s in solids])
-    always = sum(_beyond_cost(s, skin) for s in others)
-    best, least = solids, float(cost_of(error).sum() + beyond.sum())
+
+    def errors(solids: list[_Asked]) -> tuple[F64, NDArray[np.int64]]:
+        """Of the union at all points (n,) [m], and whose each is (n,): `count` for those that stand still."""
+        distance, whose = _nearest(solids, space.at)
+        return space.error(np.minimum(distance, rest)), np.where(rest < distance, count, whose)
+
+    def costs(solids: list[_Asked], error: F64, whose: NDArray[np.int64]) -> F64:
+        """What each solid answers for, and last those that stand still (count + 1,)."""
+        return np.bincount(whose, cost_of(error), count + 1) + np.array([*(a.beyond_cost for a in solids), always])
+
+    error, whose = errors(solids)
+    before = costs(solids, error, whose)
+    best, least = solids, float(before.sum())
     for _ in range(rounds):
         trial = []
-        for k, solid in enumerate(solids):
+        for k, one in enumerate(solids):
             mine = np.flatnonzero((whose == k) & (error != 0))
-            if len(mine) < 4:
-                trial.append(solid)
-                continue
-            far = solid.farthest(DIRECTIONS)
-            said, rise = skin.slope(far)
-            out = said > OUT
-            slope = np.concatenate(
-                [
-                    distance_slopes(solid, points[mine], distance[mine], normal[mine]),
-                    farthest_slopes(solid, far[out], DIRECTIONS[out], rise[out]),
-                ]
-            )
-            wrong = np.concatenate([error[mine], said[out] - OUT])
-            weight = 1 / np.sqrt(1 + (wrong / SCALE) ** 2)
-            square = slope.T @ (weight[:, None] * slope)
-            ridge = damping[k] * np.diag(square) + 1e-9 * np.trace(square) + 1e-12
-            step = np.linalg.solve(square + np.diag(ridge), -slope.T @ (weight * wrong))
-            moved = solid.moved(step)
-            trial.append(moved if moved.primitive is not None else solid)
-        new_distance, new_normal, new_whose = asked(trial)
-        new_beyond = np.array([_beyond_cost(s, skin) for s in trial])
-        before = np.bincount(whose, cost_of(error), count + 1)[:count] + beyond
-        after = np.bincount(whose, cost_of(space.error(new_distance)), count + 1)[:count] + new_beyond
-        better = after <= before
+            moved = one.solid if len(mine) < 4 else one.solid.moved(one.step(error, mine, damping[k]))
+            trial.append(one if len(mine) < 4 or moved.primitive is None else _Asked(moved, space.at, skin))
+        new_error, new_whose = errors(trial)
+        better = (costs(trial, new_error, whose) <= before)[:count]  # of the points that were its own
         damping = np.clip(np.where(better, damping / 3, damping * 5), 1e-7, 1e7)
         if not better.all():
             trial = [t if b else s for t, s, b in zip(trial, solids, better, strict=True)]
-            new_distance, new_normal, new_whose = asked(trial)
-        solids, distance, normal, whose = trial, new_distance, new_normal, new_whose
-        error = space.error(distance)
-        beyond = np.where(better, new_beyond, beyond)
-        cost = float(cost_of(error).sum() + beyond.sum())
-        gain = least - cost
+            new_error, new_whose = errors(trial)
+        solids, error, whose = trial, new_error, new_whose
+        before = costs(solids, error, whose)
+        gain = least - float(before.sum())
         if gain > 0:
-            best, least = solids, cost
+            best, least = solids, least - gain
         if 0 <= gain < 1e-6 * least and better.all():
             break
     out = list(pieces)
-    for k, solid in zip(moving, best, strict=True):
-        out[k] = replace(pieces[k], solid=solid)
-    return out, least + always
+    for k, one in zip(moving, best, strict=True):
+        out[k] = replace(pieces[k], solid=one.solid)
+    return out, least
