@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from taichi_cloth.body.primitives import PrimitiveKind
-from taichi_cloth.body.turning import Piece, Task, ball, nearest, turn
+from taichi_cloth.body.turning import Piece, Task, nearest, turn
 
 __all__ = ["simpler"]
 
@@ -57,5 +57,7 @@ def _of_kind(kind: PrimitiveKind, k: int, pieces: list[Piece], task: Task, most:
 
 def _touched(k: int, pieces: list[Piece]) -> list[int]:
     """Which pieces' balls meet that of piece k, itself among them."""
-    balls = [ball(p.solid) for p in pieces]
-    return [j for j, (at, reach) in enumerate(balls) if np.linalg.norm(at - balls[k][0]) < reach + balls[k][1]]
+    made = [p.solid.primitive for p in pieces]
+    mine = made[k]
+    assert mine is not None
+    return [j for j, other in enumerate(made) if other is not None and mine.meets(other)]

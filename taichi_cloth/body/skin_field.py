@@ -35,7 +35,7 @@ class SkinField:
         normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
         tree = KDTree(on)
         few = np.arange(0, len(on), 5)  # will do far from the skin
-        far, near = KDTree(on[few]).query(nodes)
+        far, near = KDTree(on[few], leafsize=32).query(nodes)  # twice as fast as with leaves of 10
         near = few[near]
         side = ((nodes - on[near]) * normal[face[near]]).sum(axis=1)
         self._value = np.where(side >= 0, far, -far)

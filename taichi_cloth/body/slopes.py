@@ -57,7 +57,7 @@ def _elliptic(solid: Solid, made: Primitive, at: F64, normal: F64, push: F64) ->
     assert made.across is not None
     assert solid.across is not None
     span = made.end - made.start
-    length = np.sqrt(span @ span)
+    length = float(np.sqrt(span @ span))
     x, axis, r = made.across, span / length, made.rounding
     frame = np.stack([x, cross(axis, x), axis])
     (m, n, k), (gx, gy, gz) = frame @ normal.T, frame @ push.T

@@ -1,7 +1,7 @@
 """Solids turned to a skin together, by Levenberg and Marquardt's method on the distances of their union."""
 
 # SciPy and NumPy say less about their types than they do.
-# pyright: reportArgumentType=false
+# pyright: reportArgumentType=false, reportReturnType=false
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -16,7 +16,7 @@ from taichi_cloth.body.skin_field import SkinField
 from taichi_cloth.body.slopes import distance_slopes, farthest_slopes
 from taichi_cloth.body.solids import Solid, starts
 
-__all__ = ["Piece", "Task", "ball", "cost_of", "nearest", "turn"]
+__all__ = ["Piece", "Task", "cost_of", "nearest", "turn"]
 
 F64 = NDArray[np.float64]
 SCALE = 0.02
@@ -27,6 +27,8 @@ _TURN = np.pi * (3 - np.sqrt(5)) * np.arange(60)
 _UP = 1 - (2 * np.arange(60) + 1) / 60
 DIRECTIONS = np.stack([np.sqrt(1 - _UP**2) * np.cos(_TURN), _UP, np.sqrt(1 - _UP**2) * np.sin(_TURN)], axis=-1)
 """Sixty unit vectors spread over the ball: Fibonacci's spiral."""
+NOWHERE = np.full(3, 1e9), 0.0
+"""Middle and radius [m] of the ball round what is no solid."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,14 +60,6 @@ class Task:
 def cost_of(distance: F64) -> F64:
     """What errors (n,) [m] cost, soft L1: their square where small, linear beyond SCALE; shape (n,) [m²]."""
     return 2 * SCALE**2 * (np.sqrt(1 + (distance / SCALE) ** 2) - 1)
-
-
-def ball(solid: Solid) -> tuple[F64, float]:
-    """A ball that holds a solid: its middle (3,) and radius [m]."""
-    p = solid.primitive
-    if p is None:
-        return np.full(3, 1e9), 0.0
-    return (p.start + p.end) / 2, float(np.linalg.norm(p.end - p.start)) / 2 + max(p.radii)
 
 
 class _Asked:
@@ -115,7 +109,7 @@ def nearest(solids: Sequence[Solid], points: F64) -> tuple[F64, NDArray[np.int64
 def _nearest(asked: Sequence[_Asked], points: F64) -> tuple[F64, NDArray[np.int64]]:
     """Only those are asked whose ball may hold a point's nearest."""
     made = [a.solid.primitive for a in asked]
-    middle, reach = (np.array(of) for of in zip(*(ball(a.solid) for a in asked), strict=True))
+    middle, reach = (np.array(of) for of in zip(*(p.ball if p else NOWHERE for p in made), strict=True))
     away = cdist(points, middle)
     most = (away + [0.0 if p is None else -min(p.radii) * (p.kind != "elliptic") for p in made]).min(axis=1)
     best, whose = np.full(len(points), np.inf), np.zeros(len(points), np.int64)
