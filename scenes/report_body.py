@@ -104,7 +104,7 @@ def check_exact() -> None:
 
 
 def body_rows(body: Body, counts: Sequence[int] = COUNTS) -> list[BodyRow]:
-    """A fit for each count, measured. Taichi must have been started. Some ten seconds of CPU time each."""
+    """A fit for each count, measured. Taichi must have been started. Some seven seconds of CPU time each."""
     faces = body.faces.astype(np.int64)
     parts = segment(body.vertices, faces)
     points = garment_points(body)
