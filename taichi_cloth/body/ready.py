@@ -18,7 +18,7 @@ from taichi_cloth.body.skinning import Body
 __all__ = ["SEEDS", "fit_body", "ready_primitives"]
 
 SEEDS = {"female": 3, "male": 6}
-"""Of nine fits each, alike in error, one on which garments walk within 10 % of stretch and 3 mm of depth (docs/body.md)."""
+"""Of nine fits each, alike in error, one on which garments walk with less than 10 % of stretch (docs/body.md)."""
 MARKS = 97
 NEAR = 1e-4  # [m]
 
