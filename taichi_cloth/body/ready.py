@@ -52,10 +52,10 @@ def _marks(vertices: NDArray) -> NDArray:
 def main() -> None:
     from taichi_cloth.body.build import built_in_body
 
-    for gender, seed in SEEDS.items():
+    for gender in ("female", "male"):
         body = built_in_body(gender=gender)
         skin = {"vertices": len(body.vertices), "marks": np.round(_marks(body.vertices), 6).tolist()}
-        rounded = primitives_json(fit_body(body, seed=seed), {"skin": skin})
+        rounded = primitives_json(fit_body(body, seed=SEEDS[gender]), {"skin": skin})
         Path(__file__).with_name(f"{gender}.json").write_bytes(rounded)
 
 
