@@ -1,18 +1,23 @@
 """Render the pictures of the README into docs/img: python docs/pictures.py [NAME …]"""
 
 import sys
+import tempfile
 from pathlib import Path
 
 import cv2
 import numpy as np
 
 from taichi_cloth import runtime
+from taichi_cloth.body.build import built_in_body
+from taichi_cloth.body.segment import segment
 from taichi_cloth.contours import known_contours
 from taichi_cloth.render.caption import label
-from taichi_cloth.render.image import contact_sheet
+from taichi_cloth.render.image import contact_sheet, read_png
+from taichi_cloth.scenes.body_fit import draw_fit
 from taichi_cloth.scenes.cloth import ClothModel
 from taichi_cloth.scenes.load import load_scene
 from taichi_cloth.scenes.models import build
+from taichi_cloth.scenes.standing import primitives_of
 from taichi_cloth.scenes.view import View
 from taichi_cloth.scenes.zoom import zoom
 
@@ -110,6 +115,17 @@ def worn(name: str, *overrides: str, size: tuple[int, int], views: list[int]) ->
     return np.concatenate([image for _, image in view.turntable(12, views)], axis=1)
 
 
+def body() -> np.ndarray:
+    """The built-in woman in parts, and in primitives (paper, Figures 10 and 11)."""
+    made = built_in_body(gender="female")
+    faces = made.faces.astype(np.int64)
+    found = segment(made.vertices, faces)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "body.png"
+        draw_fit(made.vertices, faces, found.labels, found.names, primitives_of(made), path)
+        return read_png(path)
+
+
 def zoomed() -> np.ndarray:
     """Twelve frames of `taichi-cloth zoom swatch`."""
     view = View(build(load_scene("swatch", [])), (960, 640))
@@ -121,6 +137,7 @@ PICTURES = {
     "skirt": lambda: worn("skirt", size=(840, 1120), views=[0, 2]),
     "dress": lambda: worn("dress", size=(840, 1120), views=[0, 2]),
     "trousers": lambda: worn("trousers", size=(840, 1120), views=[0, 2]),
+    "body": body,
     "materials": materials,
     "distances": distances,
     "fringe": fringe,

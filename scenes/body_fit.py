@@ -37,6 +37,10 @@ def fit_body(
     """Everything `taichi-cloth body fit` does. Raises InputError."""
     if not out.parent.is_dir():
         raise InputError(f"--out {out}: no such folder {out.parent}; make it first")
+    if compare:
+        from .report_body import check_exact
+
+        check_exact()
     body = read_body(source)
     for note in body.notes:
         print(f"note: {note}")

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
@@ -151,19 +152,19 @@ def draw_panels(
     """
     background = Background(top=(0.93, 0.935, 0.94), bottom=(0.80, 0.80, 0.795))
     rim = KeyLight(direction=(0.8, 0.5, -0.6), intensity=0.35)
-    lighting = Lighting(key=0.75, fill=0.42, others=(rim,))
+    lighting = Lighting(direction=(-0.5, 1.3, 0.85), size=16.0, key=0.85, fill=0.46, others=(rim,))
     width, height = size[0] * scale, size[1] * scale
     splatter = Splatter(width, height).load(NOTHING)
     images = []
+    stages = {id(mesh): stage_under(NOTHING, mesh) for mesh in {id(p.mesh): p.mesh for p in panels}.values()}
     for panel in panels:
         corners = box_corners(*bounds)
-        camera = frame(corners, width=width, height=height, azimuth=panel.azimuth, elevation=6.0, fov=22.0, margin=0.03)
-        stage = stage_under(NOTHING, panel.mesh)
+        camera = frame(corners, width=width, height=height, azimuth=panel.azimuth, elevation=9.0, fov=22.0, margin=0.02)
         layers = []
         for mesh in filter(None, (panel.mesh, panel.veil)):
-            backdrop = paint(camera, mesh=mesh, stage=stage, lighting=lighting, background=background)
+            backdrop = paint(camera, mesh=mesh, stage=stages[id(panel.mesh)], lighting=lighting, background=background)
             image = splatter.render(camera, lighting=lighting, background=background, backdrop=backdrop)
-            layers.append(image.reshape(size[1], scale, size[0], scale, 3).mean(axis=(1, 3)))
+            layers.append(cv2.resize(image, size, interpolation=cv2.INTER_AREA).astype(np.float32))
         image = layers[0] if len(layers) == 1 else (1 - VEIL) * layers[0] + VEIL * layers[1]
         image = image.round().astype(np.uint8)
         images.append(caption(image, panel.words) if panel.words else image)

@@ -15,10 +15,14 @@ from taichi_cloth.body.fit import fit
 from taichi_cloth.body.fit_report import exposed_samples, report_fit
 from taichi_cloth.body.primitive_file import load_primitives, primitives_json
 from taichi_cloth.body.primitives import Primitive
-from taichi_cloth.body.samples import mesh_distance, skin_samples
+from taichi_cloth.body.samples import mesh_distance, skin_samples, skin_space
+from taichi_cloth.body.simpler import simpler
 from taichi_cloth.body.skin_field import SkinField
+from taichi_cloth.body.slopes import distance_slopes, farthest_slopes
 from taichi_cloth.body.solids import Solid
+from taichi_cloth.body.turning import Piece, Task
 from taichi_cloth.errors import InputError
+from taichi_cloth.scenes import body_fit
 from taichi_cloth.scenes.__main__ import main
 
 
@@ -182,13 +186,58 @@ def test_farthest_points_are_on_the_surface_and_nothing_is_beyond():
     cone = Solid("cylinder", np.array([0, 0, 0, 0.1, 0.3, 0, np.log(0.08), np.log(0.05)]))
     slab = Solid("elliptic", np.array([0, 0, 0, 0, 0.3, 0, np.log(0.2), np.log(0.1), 0.4, 0.0]), np.array([1.0, 0, 0]))
     for one in (cone, slab):
-        primitive = one.primitive()
+        primitive = one.primitive
         far = one.farthest(up)
         assert np.abs(signed_distance(primitive, far)[0]).max() < 1e-9
         points = chance.uniform(-0.5, 0.5, (20_000, 3))
         inside = points[signed_distance(primitive, points)[0] < 0]
         assert (inside @ up.T).max(axis=0).max() <= (far * up).sum(axis=1).max() + 1e-9
         assert ((inside @ up.T).max(axis=0) <= (far * up).sum(axis=1) + 1e-9).all()
+
+
+MOVING = [
+    Solid("sphere", np.array([0.1, 0.2, 0.3, np.log(0.1)])),
+    Solid("cylinder", np.array([0, 0, 0, 0.1, 0.3, 0.05, np.log(0.08), np.log(0.05)])),
+    Solid("cylinder", np.array([0, 0, 0, 0.01, 0.03, 0.05, np.log(0.05), np.log(0.15)])),  # a ball holds the other
+    Solid("elliptic", np.array([0, 0.1, 0, 0.06, 0.3, 0.1, np.log(0.2), np.log(0.1), 0.4, 0.3]), np.eye(3)[0]),
+    Solid("elliptic", np.array([0, 0.1, 0, 0.15, 0.2, 0.03, np.log(0.1), np.log(0.2), -2, -1.3]), np.eye(3)[0]),
+    Solid("elliptic", np.array([0, 0.1, 0, 0, 0.05, 0.03, np.log(0.1), np.log(0.2), 0, 0.5]), np.eye(3)[0]).on_plane(
+        np.eye(3)[0], 0.0
+    ),
+]
+
+
+@pytest.mark.parametrize("solid", MOVING)
+def test_slopes_are_those_of_finite_differences(solid):
+    chance = np.random.default_rng(6)
+    points = chance.uniform(-0.4, 0.5, (600, 3))
+    up = chance.normal(size=(200, 3))
+    up /= np.linalg.norm(up, axis=1, keepdims=True)
+    distance, normal = signed_distance(solid.primitive, points)
+    near = distance_slopes(solid, points, distance, normal)
+    far = solid.farthest(up)
+    x, y, z = far.T
+    rise = np.stack([3 * np.cos(3 * x), 2 * z, 2 * y - 2 * np.sin(2 * z)], axis=1)
+    reach = farthest_slopes(solid, far, up, rise)
+    for k, step in enumerate(1e-6 * np.eye(len(solid.numbers))):
+        one, two = solid.moved(step), solid.moved(-step)
+        change = (signed_distance(one.primitive, points)[0] - signed_distance(two.primitive, points)[0]) / 2e-6
+        np.testing.assert_allclose(near[:, k], change, atol=1e-6)
+        said = [np.sin(3 * x) + 2 * y * z + np.cos(2 * z) for x, y, z in (one.farthest(up).T, two.farthest(up).T)]
+        np.testing.assert_allclose(reach[:, k], (said[0] - said[1]) / 2e-6, atol=1e-4)
+
+
+@pytest.mark.parametrize("known", KNOWN, ids=lambda p: p.kind)
+def test_the_simplest_kind_that_fits_as_well_is_taken(known):
+    """Begun with an elliptic cylinder each: of a ball a sphere is left, of a tapered cylinder a cylinder."""
+    vertices, faces = meshed([known], 0.012, 1e-9)
+    task = Task(skin_space(vertices, faces, 500, 150, 80), SkinField(vertices, faces), None)
+    middle, span = vertices.mean(axis=0), np.ptp(vertices, axis=0)
+    numbers = np.array([*middle, 0, span[1], 0, *np.log(span[[0, 2]] / 2), 0, 1.0])
+    (found,) = simpler([Piece(Solid("elliptic", numbers, np.eye(3)[0]), "limb")], task)
+    assert found.solid.kind == known.kind
+    assert found.solid.primitive is not None
+    np.testing.assert_allclose(sorted(found.solid.primitive.radii), sorted(known.radii), atol=2e-3)
 
 
 def test_file_and_back(tmp_path):
@@ -243,6 +292,20 @@ def test_the_command_refuses_in_one_line(arguments, says, tmp_path, monkeypatch,
     assert end.value.code == 2
     error = capsys.readouterr().err
     assert says in error
+    assert error.count("\n") == 1
+
+
+def test_a_comparison_that_cannot_be_made_is_refused_first(monkeypatch, capsys):
+    def missing(*_):
+        raise ModuleNotFoundError("No module named 'rtree'", name="rtree")
+
+    monkeypatch.setattr(trimesh.proximity, "signed_distance", missing)
+    monkeypatch.setattr(body_fit, "read_body", lambda source: pytest.fail("the body was read"))
+    with pytest.raises(SystemExit) as end:
+        main(["body", "fit", "built-in:female", "--compare"])
+    assert end.value.code == 2
+    error = capsys.readouterr().err
+    assert "package rtree is not there; install it with: pip install taichi-cloth[report]" in error
     assert error.count("\n") == 1
 
 

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from taichi_cloth.body.primitives import Primitive
 
-__all__ = ["nearest_distance", "newton_steps", "signed_distance"]
+__all__ = ["cross", "nearest_distance", "newton_steps", "signed_distance"]
 
 F64 = NDArray[np.float64]
 Pair = tuple[F64, F64]
@@ -52,10 +52,16 @@ def nearest_distance(primitives: Sequence[Primitive], points: ArrayLike) -> tupl
     return best, gradient, whose
 
 
+def cross(a: F64, b: F64) -> F64:
+    """Of two vectors (3,): NumPy's own is slow on so few numbers."""
+    (ax, ay, az), (bx, by, bz) = a.tolist(), b.tolist()
+    return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
+
+
 def square_to(axis: F64) -> F64:
     """A unit vector square to a unit vector."""
     other = np.eye(3)[int(np.argmin(np.abs(axis)))]
-    out = np.cross(axis, other)
+    out = cross(axis, other)
     return out / np.linalg.norm(out)
 
 
@@ -76,7 +82,7 @@ def _cone(primitive: Primitive, points: F64) -> Pair:
     along = v @ axis
     q = v - along[:, None] * axis
     q -= (q @ axis)[:, None] * axis  # beside the axis the first difference is mostly rounding
-    radial = np.linalg.norm(q, axis=1)
+    radial = np.sqrt(np.einsum("nk,nk->n", q, q))
     out = np.where(radial[:, None] > 1e-14 * length, q / np.maximum(radial, 1e-300)[:, None], square_to(axis))
     out -= (out @ axis)[:, None] * axis
     foot = c * along - s * radial  # from 0 to c·length on the flank
@@ -88,7 +94,7 @@ def _cone(primitive: Primitive, points: F64) -> Pair:
 
 
 def _ball(v: F64, radius: float, otherwise: ArrayLike = (0.0, 1.0, 0.0)) -> Pair:
-    far = np.linalg.norm(v, axis=1)
+    far = np.sqrt(np.einsum("nk,nk->n", v, v))
     return far - radius, np.where(far[:, None] > 0, v / np.maximum(far, 1e-300)[:, None], np.asarray(otherwise))
 
 
@@ -98,7 +104,7 @@ def _elliptic(primitive: Primitive, points: F64) -> Pair:
     span = primitive.end - primitive.start
     length = float(np.linalg.norm(span))
     axis, x = span / length, primitive.across
-    y = np.cross(axis, x)
+    y = cross(axis, x)
     v = points - (primitive.start + primitive.end) / 2
     along = v @ axis
     flank, nx, ny = _ellipse(

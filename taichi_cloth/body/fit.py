@@ -3,24 +3,26 @@
 Least squares of the signed distance between the skin and the primitives' union. A point of the skin is answered for
 by one primitive, the nearest, so that the normal matrix is one small block a primitive, and all turn at once by
 Levenberg and Marquardt's method. The error that counts is the union's, so primitives may overlap, and one that sticks
-out through the skin is pulled back. Part by part first; then the worst is split and all are turned again. Of a body
-that is its own mirror image one half is fitted, and what stands in the middle stays symmetric.
+out through the skin is pulled back. Part by part first; then the worst is split and all are turned again; last, what
+a simpler kind stands for as well becomes one of it. Of a body that is its own mirror image one half is fitted, and what
+stands in the middle stays symmetric.
 """
 
 # SciPy and NumPy say less about their types than they do.
 # pyright: reportArgumentType=false
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_cloth.body.distance import signed_distance
 from taichi_cloth.body.primitives import Primitive
-from taichi_cloth.body.samples import SkinSpace, mirror_plane, skin_space
+from taichi_cloth.body.samples import mirror_plane, skin_space
+from taichi_cloth.body.simpler import simpler
 from taichi_cloth.body.skin_field import SkinField
-from taichi_cloth.body.solids import Solid, starts
+from taichi_cloth.body.solids import Solid
+from taichi_cloth.body.turning import Piece, Task, cost_of, nearest, turn
 from taichi_cloth.errors import InputError
 
 __all__ = ["fit"]
@@ -28,30 +30,13 @@ __all__ = ["fit"]
 F64 = NDArray[np.float64]
 SKIN, OUTSIDE, INSIDE = 2600, 1800, 500
 """Points the fit is made from: on the skin; where no primitive is to reach; where one is to be."""
-SCALE = 0.02
-"""Beyond this distance [m] an error counts linearly: soft L1, so that single fingers do not pull a hand."""
 SIMPLER = {"sphere": 1.0, "cylinder": 1.6, "elliptic": 2.2}
 """A kind is taken when its cost, times this, is least: of two that fit alike, the one that contact answers sooner."""
-OUT = 0.003
-"""A solid's farthest points may be this far outside the skin [m] at no cost."""
-_TURN = np.pi * (3 - np.sqrt(5)) * np.arange(60)
-_UP = 1 - (2 * np.arange(60) + 1) / 60
-DIRECTIONS = np.stack([np.sqrt(1 - _UP**2) * np.cos(_TURN), _UP, np.sqrt(1 - _UP**2) * np.sin(_TURN)], axis=-1)
-"""Sixty unit vectors spread over the ball: Fibonacci's spiral."""
 MERGED = (
     ("lower arm", "hand"), ("head", "neck"), ("pelvis", "abdomen"), ("upper arm", "lower arm"), ("lower leg", "foot"),
     ("upper leg", "lower leg"), ("chest", "pelvis"),
 )  # fmt: skip
 """For fewer primitives than parts: which part takes in which, in this order, left and right together."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Piece:
-    """A solid and the part it is of; twin: there is another, its image in the body's plane of symmetry."""
-
-    solid: Solid
-    part: str
-    twin: bool = False
 
 
 def fit(
@@ -87,26 +72,27 @@ def fit(
         half = np.flatnonzero(space.at[: len(part)] @ mirror[0] > mirror[1])
         space, part = space.part(half), part[half]
         groups = [g for g in groups if not g[0].startswith("right ")]
-    task = _Task(space, skin, mirror)
+    task = Task(space, skin, mirror)
     pieces = []
     for group in groups:
         mine = np.flatnonzero(np.isin(part, [k for k, n in enumerate(names) if n in group]))
         if len(mine) >= 8:
             twin = mirror is not None and group[0].startswith("left ")
-            pieces.append(_Piece(_best(task, mine, twin), group[0], twin))
-    pieces = _turn(pieces, task, 8)
+            pieces.append(Piece(_best(task, mine, twin), group[0], twin))
+    pieces, _ = turn(pieces, task, 8)
     while (had := _count(pieces)) < count:
-        distance, whose = _nearest([p.solid for p in pieces], space.at)
+        distance, whose = nearest([p.solid for p in pieces], space.at)
         if error_mm is not None and np.abs(distance[space.side == 0]).mean() * 1000 <= error_mm:
             break
         grown = _split(pieces, task, distance, whose, count - had)
-        if len(grown) == len(pieces):
+        if _count(grown) == had:
             break
-        pieces = _turn(grown, task, 6)
+        pieces, _ = turn(grown, task, 6)
+    pieces, _ = turn(simpler(pieces, task), task, 40)
     made = []
-    for piece in _turn(pieces, task, 40):
-        primitive = piece.solid.primitive(piece.part, (bones or {}).get(piece.part, 0))
-        assert primitive is not None
+    for piece in pieces:
+        assert piece.solid.primitive is not None
+        primitive = replace(piece.solid.primitive, part=piece.part, bone=(bones or {}).get(piece.part, 0))
         made.append(primitive)
         if piece.twin and mirror is not None:
             name = "right " + piece.part.removeprefix("left ") if piece.part.startswith("left ") else piece.part
@@ -114,16 +100,7 @@ def fit(
     return made
 
 
-@dataclass(frozen=True, eq=False)
-class _Task:
-    """What is fitted: the points, the field they are from, and the plane of symmetry of which they fill one side."""
-
-    space: SkinSpace
-    skin: SkinField
-    mirror: tuple[F64, float] | None
-
-
-def _count(pieces: Sequence[_Piece]) -> int:
+def _count(pieces: Sequence[Piece]) -> int:
     return sum(1 + p.twin for p in pieces)
 
 
@@ -154,111 +131,25 @@ def _groups(names: list[str], count: int) -> list[list[str]]:
     return groups
 
 
-def _cost(distance: F64) -> F64:
-    return 2 * SCALE**2 * (np.sqrt(1 + (distance / SCALE) ** 2) - 1)
-
-
-def _beyond(solid: Solid, skin: SkinField) -> F64:
-    """How far a solid's farthest points in many directions are outside the skin [m], beyond what is allowed."""
-    return np.maximum(skin(solid.farthest(DIRECTIONS)) - OUT, 0)
-
-
-def _beyond_cost(solid: Solid, skin: SkinField) -> float:
-    return float(_cost(_beyond(solid, skin)).sum())
-
-
-def _best(task: _Task, mine: NDArray[np.int64], free: bool) -> Solid:
+def _best(task: Task, mine: NDArray[np.int64], free: bool) -> Solid:
     """The kind and solid that fit the skin's points `mine` best by themselves. free: it may leave the plane."""
     space = task.space.part(mine)
-    points = space.at[space.side == 0]
-    if task.mirror is None or free:
-        first = starts(points)
-    else:
-        normal, level = task.mirror
-        image = points - 2 * (points @ normal - level)[:, None] * normal
-        first = [s for t in starts(np.concatenate([points, image])) if (s := t.on_plane(normal, level))]
+    part = Task(space, task.skin, task.mirror)
     best, least = None, np.inf
-    part = _Task(space, task.skin, task.mirror)
-    for solid in first:
-        (piece,) = _turn([_Piece(solid, "")], part, 12)
-        cost = float(_cost(space.error(_nearest([piece.solid], space.at)[0])).sum())
-        cost = (cost + _beyond_cost(piece.solid, task.skin)) * SIMPLER[solid.kind]
+    for solid in task.starts(space.at[space.side == 0], free):
+        (piece,), cost = turn([Piece(solid, "")], part, 12)
+        cost *= SIMPLER[solid.kind]
         if best is None or cost < least:
             best, least = piece.solid, cost
     assert best is not None
     return best
 
 
-def _nearest(solids: Sequence[Solid], points: F64) -> tuple[F64, NDArray[np.int64]]:
-    """The least signed distance (n,) over all, and whose it is (n,). Only those are asked whose ball may hold it."""
-    made = [s.primitive() for s in solids]
-    middle = np.stack([(p.start + p.end) / 2 if p else np.full(3, 1e9) for p in made])
-    half = [np.linalg.norm(p.end - p.start) / 2 if p else 0.0 for p in made]
-    reach = np.array([h + max(p.radii) if p else 0.0 for h, p in zip(half, made, strict=True)])
-    away = np.linalg.norm(points[:, None] - middle, axis=-1)
-    most = (away + [0.0 if p is None else -min(p.radii) * (p.kind != "elliptic") for p in made]).min(axis=1)
-    best, whose = np.full(len(points), np.inf), np.zeros(len(points), np.int64)
-    for k, primitive in enumerate(made):
-        if primitive is None:
-            continue
-        near = np.flatnonzero(away[:, k] - reach[k] <= most)
-        distance = signed_distance(primitive, points[near])[0]
-        closer = distance < best[near]
-        best[near[closer]], whose[near[closer]] = distance[closer], k
-    return best, whose
-
-
-def _turn(pieces: list[_Piece], task: _Task, rounds: int) -> list[_Piece]:
-    """All solids towards the least soft-L1 sum of the union's distances, a damping each; the best state met."""
-    space, skin = task.space, task.skin
-    solids = [p.solid for p in pieces]
-    damping = np.full(len(solids), 1e-2)
-    points = space.at
-    distance, whose = _nearest(solids, points)
-    error = space.error(distance)
-    beyond = np.array([_beyond_cost(s, skin) for s in solids])
-    best, least = solids, float(_cost(error).sum() + beyond.sum())
-    for _ in range(rounds):
-        trial = []
-        for k, solid in enumerate(solids):
-            mine = np.flatnonzero((whose == k) & (error != 0))
-            if len(mine) < 4:
-                trial.append(solid)
-                continue
-            slope = solid.slopes(points[mine], distance[mine], DIRECTIONS, lambda far: np.maximum(skin(far) - OUT, 0))
-            wrong = np.concatenate([error[mine], _beyond(solid, skin)])
-            weight = 1 / np.sqrt(1 + (wrong / SCALE) ** 2)
-            square = slope.T @ (weight[:, None] * slope)
-            ridge = damping[k] * np.diag(square) + 1e-9 * np.trace(square) + 1e-12
-            step = np.linalg.solve(square + np.diag(ridge), -slope.T @ (weight * wrong))
-            moved = solid.moved(step)
-            trial.append(moved if moved.primitive() is not None else solid)
-        new_distance, new_whose = _nearest(trial, points)
-        new_beyond = np.array([_beyond_cost(s, skin) for s in trial])
-        before = np.bincount(whose, _cost(error), len(solids)) + beyond
-        after = np.bincount(whose, _cost(space.error(new_distance)), len(solids)) + new_beyond
-        better = after <= before
-        damping = np.clip(np.where(better, damping / 3, damping * 5), 1e-7, 1e7)
-        if not better.all():
-            trial = [t if b else s for t, s, b in zip(trial, solids, better, strict=True)]
-            new_distance, new_whose = _nearest(trial, points)
-        solids, distance, whose = trial, new_distance, new_whose
-        error = space.error(distance)
-        beyond = np.where(better, new_beyond, beyond)
-        cost = float(_cost(error).sum() + beyond.sum())
-        gain = least - cost
-        if gain > 0:
-            best, least = solids, cost
-        if 0 <= gain < 1e-6 * least and better.all():
-            break
-    return [replace(p, solid=s) for p, s in zip(pieces, best, strict=True)]
-
-
-def _split(pieces: list[_Piece], task: _Task, distance: F64, whose: NDArray[np.int64], room: int) -> list[_Piece]:
+def _split(pieces: list[Piece], task: Task, distance: F64, whose: NDArray[np.int64], room: int) -> list[Piece]:
     """Two for the worst, `room` more primitives at most: those whose points cost most for each primitive they would
     take, and with them what costs nearly as much. Left and right of a body without symmetry go together."""
     space = task.space
-    cost = np.bincount(whose, _cost(space.error(distance)), len(pieces))
+    cost = np.bincount(whose, cost_of(space.error(distance)), len(pieces))
     on = whose[space.side == 0]
     held = np.bincount(on, minlength=len(pieces))
     family: dict[str, list[int]] = {}
@@ -292,7 +183,7 @@ def _split(pieces: list[_Piece], task: _Task, distance: F64, whose: NDArray[np.i
             aside = points @ normal - level
             flat = points - aside[:, None] * normal
             if (aside**2).mean() > np.linalg.eigvalsh(np.cov(flat.T))[-1]:
-                out.append(_Piece(_best(task, mine, True), piece.part, True))
+                out.append(Piece(_best(task, mine, True), piece.part, True))
                 continue
             points = flat
         first = _halves(points)

@@ -142,7 +142,7 @@ def exposed_samples(primitives: Sequence[Primitive], *, each: int = 4000, seed: 
         on = points[near] - distance[near, None] * gradient[near]
         free = np.ones(len(on), bool)
         for other, solid in enumerate(primitives):
-            if other != number:
+            if other != number and primitive.meets(solid):
                 free[free] = signed_distance(solid, on[free])[0] > -1e-9
         found.append(on[free])
         area.append(np.full(int(free.sum()), volume / (2 * thin)))

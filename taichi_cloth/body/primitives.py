@@ -4,6 +4,7 @@ One class for all three, so that a body is a plain list of them. Lengths in metr
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal, get_args
 
 import numpy as np
@@ -65,3 +66,14 @@ class Primitive:
                 f"primitive.rounding: {self.rounding!r}; allowed: 0 or more, below both semi-axes and half the length"
             )
         object.__setattr__(self, "across", across)
+
+    @cached_property
+    def ball(self) -> tuple[F64, float]:
+        """A ball that holds it: middle (3,) and radius [m]."""
+        span = self.end - self.start
+        return (self.start + self.end) / 2, float(np.sqrt(span @ span)) / 2 + max(self.radii)
+
+    def meets(self, other: "Primitive") -> bool:
+        """Whether their balls do."""
+        (here, reach), (there, beyond) = self.ball, other.ball
+        return float(np.linalg.norm(here - there)) < reach + beyond

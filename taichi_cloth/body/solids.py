@@ -5,24 +5,22 @@ log semi-axes, the turn of `across` about the axis from where it was, and the ro
 as a logit (10).
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_cloth.body.distance import signed_distance
+from taichi_cloth.body.distance import cross
 from taichi_cloth.body.primitives import Primitive, PrimitiveKind
 
-__all__ = ["Solid", "starts"]
+__all__ = ["MOST_ROUND", "Solid", "starts"]
 
 F64 = NDArray[np.float64]
 SHORTEST = 0.004
 """An elliptic cylinder is no shorter than this [m], nor any radius smaller."""
 MOST_ROUND = 0.98
 """Rounding, of the smaller of the semi-axes and half the length."""
-NUDGE_LENGTH, NUDGE_LOG = 1e-5, 1e-4
-"""Steps of the finite differences: metres, and of logs, angles and logits."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,21 +33,25 @@ class Solid:
     free: F64 | None = None
     """Which changes of the numbers there may be, a projection (numbers, numbers); None: all."""
 
-    def primitive(self, part: str = "", bone: int = 0) -> Primitive | None:
+    @property
+    def freedom(self) -> int:
+        """How many numbers may move."""
+        return len(self.numbers) if self.free is None else round(float(np.trace(self.free)))
+
+    @cached_property
+    def primitive(self) -> Primitive | None:
         """None where the numbers make no solid."""
         n = self.numbers
         if not np.isfinite(n).all():
             return None
         if self.kind == "sphere":
             r = float(np.exp(n[3]))
-            return Primitive(kind="sphere", start=n[:3], end=n[:3], radii=(r, r), part=part, bone=bone)
+            return Primitive(kind="sphere", start=n[:3], end=n[:3], radii=(r, r))
         radii = np.exp(n[6:8])
         if radii.min() < SHORTEST or radii.max() > 10:
             return None
         if self.kind == "cylinder":
-            return Primitive(
-                kind="cylinder", start=n[:3], end=n[3:6], radii=(float(radii[0]), float(radii[1])), part=part, bone=bone
-            )
+            return Primitive(kind="cylinder", start=n[:3], end=n[3:6], radii=(float(radii[0]), float(radii[1])))
         length = float(np.linalg.norm(n[3:6]))
         if length < 2 * SHORTEST:
             return None
@@ -57,7 +59,7 @@ class Solid:
         assert self.across is not None
         x = self.across - (self.across @ axis) * axis
         x /= np.linalg.norm(x)
-        y = _cross(axis, x)
+        y = cross(axis, x)
         across = np.cos(n[8]) * x + np.sin(n[8]) * y
         across -= (across @ axis) * axis
         across /= np.linalg.norm(across)
@@ -69,8 +71,6 @@ class Solid:
             radii=(float(radii[0]), float(radii[1])),
             across=across,
             rounding=float(rounding),
-            part=part,
-            bone=bone,
         )
 
     def moved(self, step: F64) -> "Solid":
@@ -107,29 +107,8 @@ class Solid:
 
     def farthest(self, directions: F64) -> F64:
         """The surface's farthest point in each unit direction (n, 3), shape (n, 3)."""
-        p = self.primitive()
+        p = self.primitive
         return np.full(directions.shape, 1e3) if p is None else _farthest(p, directions)
-
-    def slopes(self, points: F64, distance: F64, directions: F64, reach: Callable[[F64], F64]) -> F64:
-        """Change, by each number, of the signed distance of points (n, 3), and below it of what `reach` says of the
-        farthest points in the directions (m, 3), by finite differences, shape (n + m, numbers)."""
-        n, m = len(points), len(directions)
-        out = np.zeros((n + m, len(self.numbers)))
-        places = 3 if self.kind == "sphere" else 6
-        far, nudges = [self.farthest(directions)], np.zeros(len(self.numbers))
-        for k in range(len(self.numbers)):
-            nudge = NUDGE_LENGTH if k < places else NUDGE_LOG
-            step = np.zeros(len(self.numbers))
-            step[k] = nudge
-            other = replace(self, numbers=self.numbers + step).primitive()
-            far.append(far[0] if other is None else _farthest(other, directions))
-            if other is not None:
-                nudges[k] = nudge
-                out[:n, k] = (signed_distance(other, points)[0] - distance) / nudge
-        said = reach(np.concatenate(far)).reshape(-1, m)
-        moved = nudges > 0
-        out[n:, moved] = ((said[1:] - said[0])[moved] / nudges[moved, None]).T
-        return out if self.free is None else out @ self.free
 
 
 def _farthest(p: Primitive, directions: F64) -> F64:
@@ -139,19 +118,13 @@ def _farthest(p: Primitive, directions: F64) -> F64:
     assert p.across is not None
     span = p.end - p.start
     axis = span / np.sqrt(span @ span)
-    other, r = _cross(axis, p.across), p.rounding
+    other, r = cross(axis, p.across), p.rounding
     a, b = p.radii[0] - r, p.radii[1] - r
     x, y = directions @ p.across * a, directions @ other * b
     size = np.maximum(np.hypot(x, y), 1e-12)
     inner = (x / size * a)[:, None] * p.across + (y / size * b)[:, None] * other
     end = np.where((directions @ axis > 0)[:, None], p.end - r * axis, p.start + r * axis)
     return end + inner + r * directions
-
-
-def _cross(a: F64, b: F64) -> F64:
-    """Of two vectors (3,): NumPy's own is slow on so few numbers."""
-    (ax, ay, az), (bx, by, bz) = a.tolist(), b.tolist()
-    return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
 
 
 def starts(points: F64) -> list[Solid]:
