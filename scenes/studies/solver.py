@@ -6,7 +6,6 @@ Reference: Verlet in float64 (`reference.py`). Error: root mean square of the di
 their places in the reference, at the same physical time.
 """
 
-import time
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -24,6 +23,7 @@ from taichi_cloth.solvers.verlet import Verlet
 from taichi_cloth.springs import calibrate
 
 from . import worn
+from .moved import rms, timed
 from .reference import reference
 from .study import Axis, Row, Study, microseconds
 
@@ -65,18 +65,12 @@ def scene(case: str, stiffness: float, points: int) -> tuple[Sheet, Forces, NDAr
 def run(
     sheet: Sheet, forces: Forces, start: NDArray[np.float64], solver: Solver, seconds: float
 ) -> tuple[NDArray[np.float64] | None, float]:
-    """Positions at the end, None where the run was refused or stopped, and the CPU time [s] a simulated second.
-
-    A frame before, of a simulation of its own, compiles."""
+    """Positions at the end, None where the run was refused or stopped, and the CPU time [s] a simulated second."""
     try:
-        Simulation(sheet, solver, forces=forces, positions=start).step()
-        simulation = Simulation(sheet, solver, forces=forces, positions=start)
-        begun = time.process_time()
-        for _ in range(round(seconds * FRAME_RATE)):
-            simulation.step()
-        return simulation.positions.astype(np.float64), (time.process_time() - begun) / seconds
+        simulation, cost = timed(lambda: Simulation(sheet, solver, forces=forces, positions=start), seconds)
     except (InputError, Unstable):
         return None, float("nan")
+    return simulation.positions.astype(np.float64), cost
 
 
 def solver_rows(
@@ -96,9 +90,7 @@ def solver_rows(
     def row(
         method: str, knob: str, step: float, positions: NDArray[np.float64] | None, cost: float, usual: bool
     ) -> Row:
-        error = float("nan")
-        if positions is not None:
-            error = float(np.sqrt(np.mean(np.sum((positions - best) ** 2, axis=-1))))
+        error = float("nan") if positions is None else rms(positions, best)
         return Row(panel=panel, method=method, knob=knob, value=step, error=error, seconds=cost, default=usual)
 
     coarse, _ = reference(sheet, forces, start, seconds, share=2 * share)

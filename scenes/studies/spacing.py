@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from taichi_cloth.solvers.convergence import FRAME_RATE, LENGTH, swing
 from taichi_cloth.solvers.verlet import Verlet
 
+from .moved import rms
 from .solver import SIDE, run, scene
 from .study import Axis, Row, Study
 
@@ -44,8 +45,8 @@ def _hang_rows(cells: tuple[int, ...], finer: int) -> Iterator[Row]:
     best, _ = _hang(most)
     for n in cells:
         found, cost = _hang(n)
-        off = found[:: n // cells[0], :: n // cells[0]] - best[:: most // cells[0], :: most // cells[0]]
-        yield _row("hang, cotton", SIDE / n, float(np.sqrt((off**2).sum(-1).mean())), cost, n == DEFAULT)
+        off = rms(found[:: n // cells[0], :: n // cells[0]], best[:: most // cells[0], :: most // cells[0]])
+        yield _row("hang, cotton", SIDE / n, off, cost, n == DEFAULT)
 
 
 def _hang(cells: int) -> tuple[NDArray[np.float64], float]:

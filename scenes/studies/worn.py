@@ -3,7 +3,6 @@
 Its start is where it rests as the scene has it, whatever the setting, so that all runs begin alike.
 """
 
-import time
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..dressing import Dressed, dress, dressed_parts, simulation_of
 from ..load import load_scene
+from .moved import rms, timed
 from .study import Row, microseconds
 
 __all__ = ["SECONDS", "rows"]
@@ -36,7 +36,7 @@ def rows() -> Iterator[Row]:
     nearly, _, _ = _run(dressed, usual, FINEST // 2)
     yield Row(
         panel=panel, method="reference", knob="reference, step × 2", value=2 * step,
-        error=_distance(nearly, best), seconds=float("nan"),
+        error=rms(nearly, best), seconds=float("nan"),
     )  # fmt: skip
     for parts in PARTS:
         found, cost, step = _run(dressed, usual, parts)
@@ -45,7 +45,7 @@ def rows() -> Iterator[Row]:
             method="Verlet",
             knob=microseconds(step),
             value=step,
-            error=_distance(found, best),
+            error=rms(found, best),
             seconds=cost,
             default=parts == 1,
         )
@@ -57,25 +57,16 @@ def rows() -> Iterator[Row]:
             method="Verlet, strain limit",
             knob=f"{share:g}: {microseconds(step)}",
             value=1 / share,
-            error=_distance(found, whole),
+            error=rms(found, whole),
             seconds=cost,
             default=share == usual,
         )
 
 
 def _run(dressed: Dressed, share: float, parts: int) -> tuple[NDArray[np.float64], float, float]:
-    """Key points (n, 3) [m] at the end, CPU time [s] a simulated second, and the step [s]. A frame before compiles."""
+    """Key points (n, 3) [m] at the end, CPU time [s] a simulated second, and the step [s]."""
     changes = ["body.motion=walk", f"garment.properties.tensile_share={share}", f"solver.safety={0.9 / parts}"]
     scene = load_scene(SCENE, changes)
     worn = replace(dressed, garment=dressed_parts(scene).garment)
-    simulation_of(scene, worn).step()
-    simulation = simulation_of(scene, worn)
-    begun = time.process_time()
-    for _ in range(round(SECONDS * scene.output.fps)):
-        simulation.step()
-    cost = (time.process_time() - begun) / simulation.time
+    simulation, cost = timed(lambda: simulation_of(scene, worn), SECONDS)
     return simulation.positions[simulation.sheet.present].astype(np.float64), cost, simulation.solver.step
-
-
-def _distance(one: NDArray[np.float64], two: NDArray[np.float64]) -> float:
-    return float(np.sqrt(((one - two) ** 2).sum(axis=-1).mean()))

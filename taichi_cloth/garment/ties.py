@@ -83,7 +83,7 @@ class Ties(Pass):
         inverse = sheet.padded(sheet.inverse_mass).reshape(-1)[self.index]
         compliance = (self.weight.astype(np.float64) ** 2 * inverse).sum(axis=1, keepdims=True)
         self.share = self.weight * inverse / np.where(compliance > 0, compliance, np.inf)
-        self.wide = self.weight.astype(np.float64)
+        self.blend = self.weight.astype(np.float64)
         self.places = np.full((n, 3), np.nan) if places is None else np.asarray(places, np.float64)
         self.bones = np.full(n, -1) if bones is None else np.asarray(bones)
         self.held = np.asarray(np.isfinite(self.places).all(axis=1))
@@ -111,7 +111,7 @@ class Ties(Pass):
     def gaps(self, state: SheetState, bones: F64 | None = None) -> F64:
         """Width of each gap (n,) [m]."""
         flat = state.values[:3].reshape(3, -1)
-        points = np.einsum("cnk,nk->nc", flat[:, self.index], self.wide)
+        points = np.einsum("cnk,nk->nc", flat[:, self.index], self.blend)
         return np.linalg.norm(points - self.targets(bones), axis=1)
 
     def join(self, substeps: int, step: float) -> None:

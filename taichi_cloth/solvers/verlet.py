@@ -101,12 +101,9 @@ class Verlet(Solver):
             apart=bool(self.passes) or m.fibre_damping > 0,
         )
         self._forces = forces
-        self._take(self.step)
+        self._numbers = _numbers(sheet, forces, self.step)
         for one in self.passes:
             one.join(self.substeps, self.step)
-
-    def _take(self, step: float) -> None:
-        self._numbers = _numbers(self.sheet, self._forces, step)
 
     def rounding(self, ulp: float) -> float:
         m = self.sheet.material
@@ -118,7 +115,7 @@ class Verlet(Solver):
         assert not self.passes
         other = copy(self)
         other.step, other.substeps = step, substeps
-        other._take(step)
+        other._numbers = _numbers(self.sheet, self._forces, step)
         return other
 
     def advance(self, state: SheetState, forces: FrameForces) -> None:
