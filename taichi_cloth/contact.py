@@ -33,7 +33,7 @@ from taichi_cloth.contact_response import response
 from taichi_cloth.contact_surface import BONE, CONE, ELLIPTIC, GRID, MOTION, ROW, SHAPE
 from taichi_cloth.forces import FrameForces
 from taichi_cloth.sheet import SheetState
-from taichi_cloth.solvers.passes import MEETING, Pass
+from taichi_cloth.solvers.passes import Pass
 
 __all__ = ["Contact"]
 
@@ -41,6 +41,7 @@ F64 = NDArray[np.float64]
 
 LONGEST_WAIT = 16e-3  # [s] between two walks of the tree
 LEAST_WAIT = 1.1e-3  # [s] between two looks at one primitive
+RAREST = 16  # substeps at most between two looks
 SPARE = 0.5  # [m/s] that a key point may gain meanwhile, beside a quarter of its speed; what gains more is met late
 SLIDE = 0.01  # of the least radius of curvature a key point may slide while a plane lasts
 FLAT = 0.03  # [m] of radius for which an edge between flank and cap counts at least
@@ -51,12 +52,12 @@ FASTEST = 20.0  # [m/s] past the body, for which a step is called short
 class Contact(Pass):
     """The pass for one body and one sheet's solver.
 
-    size: elements of the padded grid. substeps: a frame. step: of each [s]. strips: of the solver.
+    size: elements of the padded grid. substeps: a frame. step: of each [s].
     """
 
-    local = True
+    shared = True
 
-    def __init__(self, body: Colliders, *, size: int, substeps: int, step: float, strips: int = 1) -> None:
+    def __init__(self, body: Colliders, *, size: int, substeps: int, step: float) -> None:
         self.body, self.substeps = body, substeps
         solids = body.solids
         self._constant = _shapes(body)
@@ -66,12 +67,11 @@ class Contact(Pass):
         capacity = -(-len(solids) // 16) * 16
         long_steps = step * FASTEST > thinnest / 2
         self.memory = response(
-            runtime.generation(), size * strips, strips, capacity, kinds, bool(long_steps), nodes,
-            body.spared is not None,
-        )  # fmt: skip
+            runtime.generation(), size, capacity, kinds, bool(long_steps), nodes, body.spared is not None
+        )
         wait = max(2, int(LONGEST_WAIT / step))
-        wait = wait // MEETING * MEETING if wait >= MEETING else 1 << (wait.bit_length() - 1)
-        every = 1 if long_steps else min(wait, MEETING)
+        wait = wait // RAREST * RAREST if wait >= RAREST else 1 << (wait.bit_length() - 1)
+        every = 1 if long_steps else min(wait, RAREST)
         while every > 1 and every * step > LEAST_WAIT:
             every //= 2
         self._settings = np.array(
@@ -134,12 +134,14 @@ class Contact(Pass):
         out[:, b : b + 3], out[:, b + 3 : b + 6] = (both - radii).min(axis=1), (both + radii).max(axis=1)
         return out
 
-    def exchange(self, cuts: Any, halo: int, width: int) -> None:
-        self.memory.share(cuts, halo, width)
+    @ti.func
+    def before(self, work: Template, first, last, done, n: Template):
+        if done % int(self.memory.setting[6]) == 0:
+            self.memory.follow(done)
 
     @ti.func
-    def after(self, work: Template, first, last, shift, done, n: Template):
-        self.memory.touch(work, first, last, shift, done)
+    def after(self, work: Template, part, first, last, done, n: Template):
+        self.memory.touch(work, part, first, last, done)
 
 
 def _anchor(p: Solid) -> F64:

@@ -9,8 +9,7 @@ A plane lasts until its key point has slid by a hundredth of the least radius of
 when it was looked at: of one that touches the normal is then off by 10 mrad, and it lies 2 µm off a limb of 40 mm.
 Cloth that sticks to a limb keeps its planes.
 
-A strip of the sheet has its own poses, lists and planes, so that strips on several threads share nothing they write.
-When they meet each takes what the others know of the rows around its own (`share`): so their number does not show.
+A block's lists and planes are its own, so parts of the sheet on several threads share nothing they write.
 """
 
 # In kernels a vector is a Taichi expression, which type checkers cannot follow.
@@ -24,9 +23,10 @@ import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
 
-from taichi_cloth.arrays import I32x2, Int, Template
-from taichi_cloth.contact_surface import BONE, BOX, ROW, SCRATCH, SHAPE, BodySurface
+from taichi_cloth.arrays import Template
+from taichi_cloth.contact_surface import BONE, BOX, ROW, SHAPE, BodySurface
 from taichi_cloth.sheet import LANES, PAD
+from taichi_cloth.solvers.crew import PARTS
 from taichi_cloth.solvers.stencil import load, store
 
 __all__ = ["Response", "response"]
@@ -55,35 +55,34 @@ class Response(BodySurface):
     def __init__(
         self,
         size: int,
-        strips: int,
         capacity: int,
         kinds: tuple[int, ...],
         long_steps: bool,
         nodes: int,
         sparing: bool,
     ) -> None:
-        super().__init__(strips, capacity, kinds, nodes)
+        super().__init__(capacity, kinds, nodes)
         self.long_steps, self.sparing = long_steps, sparing
         self.spared = ti.field(ti.i32, size if sparing else 1)
-        self.strip_size, blocks = size // strips, size // LANES
+        blocks = size // LANES
         self.count, self.next = ti.field(ti.i32, blocks), ti.field(ti.i32, blocks)
         self.list, self.due = ti.field(ti.i32, blocks * capacity), ti.field(ti.i32, blocks * capacity)
         self.used = ti.field(ti.i32, blocks)  # a bit a slot
         self.owner, self.pair, self.looked = (ti.field(ti.i32, blocks * SLOTS) for _ in range(3))
         self.plane = ti.field(ti.f32, blocks * SLOTS * PLANE * LANES)
         # What a substep meets, one after the other in memory: blocks, their primitives, and normals and offsets now.
-        self.entries = ti.field(ti.i32, strips)
+        self.entries = ti.field(ti.i32, PARTS)
         self.entry_block, self.entry_of = ti.field(ti.i32, blocks * SLOTS), ti.field(ti.i32, blocks * SLOTS)
         self.entry = ti.field(ti.f32, blocks * SLOTS * 4 * LANES)
 
     def spare(self, bits: NDArray[np.int32], padded_shape: tuple[int, ...]) -> None:
-        """Takes the bits of `Colliders.spared` (rows, cols), into every strip of the padded grid."""
+        """Takes the bits of `Colliders.spared` (rows, cols)."""
         padded = np.full(padded_shape, -1, np.int32)
         padded[PAD : PAD + bits.shape[0], : bits.shape[1]] = bits
-        self.spared.from_numpy(np.tile(padded.ravel(), self.spared.shape[0] // padded.size))
+        self.spared.from_numpy(padded.ravel())
 
     @ti.func
-    def walk(self, work: Template, strip, b, done):
+    def walk(self, work: Template, part, b, done):
         """The list of block b: what it can reach until the next walk, by boxes and then by capsules, and when."""
         low, high = ti.Vector([1e30, 1e30, 1e30]), ti.Vector([-1e30, -1e30, -1e30])
         fastest, slow, fast = 0.0, ti.Vector([1e30, 1e30, 1e30]), ti.Vector([-1e30, -1e30, -1e30])
@@ -117,11 +116,11 @@ class Response(BodySurface):
                     if ti.static(self.sparing):  # i stays -1 where it is
                         i |= -((spared >> int(self.row[ti.max(i, 0) * ROW + BONE])) & 1)
                     if i >= 0:
-                        here = middle - self.posed(strip * self.capacity + i, 0)
+                        here = middle - self.posed(i, 0)
                         u, v, w = self.slip(i, here[0], here[1], here[2], step[0], step[1], step[2])
                         slip = ti.sqrt(u * u + v * v + w * w) + spread + radius * self.vector(i, SHAPE + 12).norm()
                         rate = self.setting[2] + GROWTH * slip
-                        free = (self.apart(work, strip, b, i) - self.setting[3]) / rate
+                        free = (self.apart(work, part, b, i) - self.setting[3]) / rate
                         if free < wait:
                             due = done + ti.max(int(free), 0)
                             self.list[b * self.capacity + count] = i
@@ -132,12 +131,12 @@ class Response(BodySurface):
         self.count[b], self.next[b], self.used[b] = count, soonest, 0
 
     @ti.func
-    def apart(self, work: Template, strip, b, i):
+    def apart(self, work: Template, part, b, i):
         """Least distance [m] of the block's free key points from the capsule around primitive i."""
         a = work.lanes(b * LANES)
-        q = ti.min(ti.max(strip, 0), 1 << 10) * SCRATCH * LANES
-        p, row = strip * self.capacity + i, i * ROW + SHAPE
-        c, axis = self.posed(p, 0), self.posed(p, 3)
+        q = self.scratch_of(part)
+        row = i * ROW + SHAPE
+        c, axis = self.posed(i, 0), self.posed(i, 3)
         x, y, z = load(work.position[0], a) - c[0], load(work.position[1], a) - c[1], load(work.position[2], a) - c[2]
         along = x * axis[0] + y * axis[1] + z * axis[2]
         along = ti.min(ti.max(along, self.row[row + 16]), self.row[row + 17])
@@ -158,10 +157,10 @@ class Response(BodySurface):
         return push * nx - held * u, push * ny - held * v, push * nz - held * w
 
     @ti.func
-    def cross(self, work: Template, a, i, p, q, free):
+    def cross(self, work: Template, a, i, q, free):
         """Where a long step of the lanes at a meets the primitive on its way it is pushed back to the first such place:
         so far that it stays outside."""
-        gap, c = self.setting[3], self.posed(p, 0)
+        gap, c = self.setting[3], self.posed(i, 0)
         x, y, z = load(work.position[0], a) - c[0], load(work.position[1], a) - c[1], load(work.position[2], a) - c[2]
         dx, dy, dz = load(work.step[0], a), load(work.step[1], a), load(work.step[2], a)
         u, v, w = self.slip(i, x, y, z, dx, dy, dz)
@@ -170,7 +169,7 @@ class Response(BodySurface):
         nx, ny, nz, push = 0.0 * x, 0.0 * x, 0.0 * x, 0.0 * x
         for j in range(1, pieces):
             left = 1.0 - j / float(pieces)
-            self.measure(i, p, q, x - left * u, y - left * v, z - left * w)
+            self.measure(i, q, x - left * u, y - left * v, z - left * w)
             d, ax = load(self.scratch, q), load(self.scratch, q + LANES)
             ay, az = load(self.scratch, q + 2 * LANES), load(self.scratch, q + 3 * LANES)
             depth = free * ti.max(gap - d, 0.0)
@@ -183,21 +182,20 @@ class Response(BodySurface):
             store(work.step[axis], a, load(work.step[axis], a) + more)
 
     @ti.func
-    def look(self, work: Template, strip, b, i, slot):
+    def look(self, work: Template, part, b, i, slot):
         """Planes of block b on primitive i, into a slot. Returns the substeps until one of them could be touched."""
         a = work.lanes(b * LANES)
-        q = ti.min(ti.max(strip, 0), 1 << 10) * SCRATCH * LANES
+        q = self.scratch_of(part)
         o = ti.min(ti.max(slot, 0), 1 << 22) * PLANE * LANES
-        p = strip * self.capacity + i
-        c = self.posed(p, 0)
+        c = self.posed(i, 0)
         free = ti.min(load(work.inverse_mass, a) * 1e30, 1.0)
         if ti.static(self.sparing):
             met = 1 - ((load(self.spared, a) >> int(self.row[i * ROW + BONE])) & 1)
             free *= ti.cast(met, ti.f32)
         if ti.static(self.long_steps):
-            self.cross(work, a, i, p, q, free)
+            self.cross(work, a, i, q, free)
         x, y, z = load(work.position[0], a) - c[0], load(work.position[1], a) - c[1], load(work.position[2], a) - c[2]
-        self.measure(i, p, q, x, y, z)
+        self.measure(i, q, x, y, z)
         d, nx = load(self.scratch, q), load(self.scratch, q + LANES)
         ny, nz = load(self.scratch, q + 2 * LANES), load(self.scratch, q + 3 * LANES)
         dx, dy, dz = load(work.step[0], a), load(work.step[1], a), load(work.step[2], a)
@@ -222,13 +220,13 @@ class Response(BodySurface):
         return arrives
 
     @ti.func
-    def moved(self, work: Template, strip, slot, done):
+    def moved(self, work: Template, part, slot, done):
         """Whether a key point has slid further over the primitive from where it was looked at than its plane lasts."""
         a = work.lanes(slot // SLOTS * LANES)
         o = ti.min(ti.max(slot, 0), 1 << 22) * PLANE * LANES
-        q = ti.min(ti.max(strip, 0), 1 << 10) * SCRATCH * LANES
+        q = self.scratch_of(part)
         i = self.owner[slot]
-        c, m = self.posed(strip * self.capacity + i, 0), self.turned(i, float(done - self.looked[slot]))
+        c, m = self.posed(i, 0), self.turned(i, float(done - self.looked[slot]))
         x, y, z = load(work.position[0], a) - c[0], load(work.position[1], a) - c[1], load(work.position[2], a) - c[2]
         u = m[0, 0] * x + m[1, 0] * y + m[2, 0] * z - load(self.plane, o + 4 * LANES)
         v = m[0, 1] * x + m[1, 1] * y + m[2, 1] * z - load(self.plane, o + 5 * LANES)
@@ -242,11 +240,11 @@ class Response(BodySurface):
         return most >= 0.0
 
     @ti.func
-    def merge(self, work: Template, strip, b, kept, new):
+    def merge(self, work: Template, b, kept, new):
         """Slot `kept` takes, for each key point of the block, the plane of slot `new` where nearer. It moves on as the
         primitive that has the slot, until the next look."""
-        other = self.posed(strip * self.capacity + self.owner[kept], 0)
-        mine = self.posed(strip * self.capacity + self.owner[new], 0)
+        other = self.posed(self.owner[kept], 0)
+        mine = self.posed(self.owner[new], 0)
         for lane in range(LANES):
             j, k = kept * PLANE * LANES + lane, new * PLANE * LANES + lane
             one, two, shift = -self.plane[j + 3 * LANES], -self.plane[k + 3 * LANES], 0.0
@@ -261,7 +259,7 @@ class Response(BodySurface):
                     self.plane[j + c * LANES] = self.plane[k + c * LANES]
 
     @ti.func
-    def refresh(self, work: Template, strip, b, done):
+    def refresh(self, work: Template, part, b, done):
         """Looks at those of the block's list whose time has come."""
         base, pairs = b * SLOTS, b * self.capacity
         used = self.used[b] & ((1 << KEPT) - 1)
@@ -275,7 +273,7 @@ class Response(BodySurface):
                 while k < KEPT + 1 and (used >> k) & 1 == 1:
                     k += 1
                 slot = base + k
-                arrives = self.look(work, strip, b, i, slot)
+                arrives = self.look(work, part, b, i, slot)
                 due = done + ti.max(int(arrives) // every, 1) * every
                 if arrives < ti.max(SOON, every):
                     self.owner[slot], self.pair[slot], self.looked[slot] = i, c, done
@@ -286,42 +284,40 @@ class Response(BodySurface):
                     if k <= KEPT:
                         used |= 1 << k
                     else:
-                        self.merge(work, strip, b, slot - 1, slot)
+                        self.merge(work, b, slot - 1, slot)
                 self.due[pairs + c] = due
             soonest = ti.min(soonest, self.due[pairs + c])
         self.used[b], self.next[b] = used, soonest
 
     @ti.func
-    def touch(self, work: Template, first, last, shift, done):
-        """Response of the blocks `first` to `last` to the body at the end of substep `done`."""
-        strip = -shift // self.strip_size
-        base = strip * (self.strip_size // LANES * SLOTS)
+    def touch(self, work: Template, part, first, last, done):
+        """Response of a part, the blocks `first` to `last`, to the body at the end of substep `done`."""
+        base = first * SLOTS
         since = done % int(self.setting[6])
         if since == 0:
-            self.follow(strip, done)
             if done % int(self.setting[1]) == 0:
                 for b in range(first, last):
-                    self.walk(work, strip, b, done)
+                    self.walk(work, part, b, done)
             e = base
             for b in range(first, last):
                 used = self.used[b]
                 if used != 0:
                     for k in range(KEPT):
                         slot = b * SLOTS + k
-                        if (used >> k) & 1 == 1 and self.moved(work, strip, slot, done):
+                        if (used >> k) & 1 == 1 and self.moved(work, part, slot, done):
                             self.due[b * self.capacity + self.pair[slot]] = done
                             self.next[b] = done
                 if self.next[b] <= done:
-                    self.refresh(work, strip, b, done)
+                    self.refresh(work, part, b, done)
                 used = self.used[b]
                 if used != 0:
                     for k in range(KEPT + 1):
                         if (used >> k) & 1 == 1:
                             self.enter(b * SLOTS + k, e, b, done)
                             e += 1
-            self.entries[strip] = e
-        for e in range(base, self.entries[strip]):
-            self.respond(work, strip, e, float(since))
+            self.entries[part] = e
+        for e in range(base, self.entries[part]):
+            self.respond(work, e, float(since))
 
     @ti.func
     def enter(self, slot, e, b, done):
@@ -337,14 +333,14 @@ class Response(BodySurface):
         store(self.entry, q + 3 * LANES, load(self.plane, o + 3 * LANES))
 
     @ti.func
-    def respond(self, work: Template, strip, e, since):
+    def respond(self, work: Template, e, since):
         """Straight-line code that ends in stores: that is what makes it vector code. since: substeps since the poses
         were worked out; anchors go on straight, normals turn to first order."""
         a = work.lanes(self.entry_block[e] * LANES)
         o = ti.min(ti.max(e, 0), 1 << 22) * 4 * LANES
         i = self.entry_of[e]
         shift, turn = self.vector(i, SHAPE + 9), self.vector(i, SHAPE + 12)
-        c, t = self.posed(strip * self.capacity + i, 0) + since * shift, since * turn
+        c, t = self.posed(i, 0) + since * shift, since * turn
         px, py, pz = load(work.position[0], a), load(work.position[1], a), load(work.position[2], a)
         dx, dy, dz = load(work.step[0], a), load(work.step[1], a), load(work.step[2], a)
         ax, ay, az = load(self.entry, o), load(self.entry, o + LANES), load(self.entry, o + 2 * LANES)
@@ -367,31 +363,3 @@ class Response(BodySurface):
         store(work.step[0], a, dx + x)
         store(work.step[1], a, dy + y)
         store(work.step[2], a, dz + z)
-
-    @ti.kernel
-    def share(self, cuts: I32x2, halo: Int, width: Int):
-        """Between two meetings: each strip takes what the others know of the rows within `halo` of its own."""
-        blocks, strips = self.strip_size // LANES, cuts.shape[0]
-        rows = self.strip_size // width
-        for strip, row in ti.ndrange(strips, rows):
-            first, last = cuts[strip, 0], cuts[strip, 1]
-            if first - halo <= row < first or last <= row < last + halo:
-                for other in range(strips):
-                    if cuts[other, 0] <= row < cuts[other, 1]:
-                        for b in range(row * (width // LANES), (row + 1) * (width // LANES)):
-                            self.copy(other * blocks + b, strip * blocks + b)
-
-    @ti.func
-    def copy(self, source, target):
-        """All that is known of a block."""
-        self.count[target], self.next[target] = self.count[source], self.next[source]
-        self.used[target] = self.used[source]
-        for c in range(self.count[source]):
-            self.list[target * self.capacity + c] = self.list[source * self.capacity + c]
-            self.due[target * self.capacity + c] = self.due[source * self.capacity + c]
-        for k in range(SLOTS):
-            if (self.used[source] >> k) & 1 == 1:
-                one, two = source * SLOTS + k, target * SLOTS + k
-                self.owner[two], self.pair[two], self.looked[two] = self.owner[one], self.pair[one], self.looked[one]
-                for c in range(PLANE * LANES):
-                    self.plane[two * PLANE * LANES + c] = self.plane[one * PLANE * LANES + c]

@@ -1,7 +1,7 @@
 """Where the surfaces of a body are, inside the frame's kernel: poses of its primitives, distances to them, their speed.
 
-Rows of numbers a primitive come from the host once a frame. A strip of the sheet has its own poses, so that strips on
-several threads share nothing they write.
+Rows of numbers a primitive come from the host once a frame. Poses follow within it; each part of the sheet has lanes of
+its own to work out distances in, so that parts on several threads share nothing they write.
 """
 
 # In kernels a vector is a Taichi expression, which type checkers cannot follow.
@@ -13,6 +13,7 @@ import taichi as ti
 from taichi_cloth.arrays import F32x2, Template
 from taichi_cloth.body.shapes import cone, ellipse, local, prism
 from taichi_cloth.sheet import LANES
+from taichi_cloth.solvers.crew import PARTS
 from taichi_cloth.solvers.stencil import load, store
 
 __all__ = ["BONE", "BOX", "CONE", "ELLIPTIC", "GRID", "MOTION", "ROW", "SHAPE", "BodySurface"]
@@ -31,7 +32,7 @@ SCRATCH = 10
 class BodySurface:
     """Primitives of a body and the tree of their boxes. nodes: values of all distance grids together."""
 
-    def __init__(self, strips: int, capacity: int, kinds: tuple[int, ...], nodes: int) -> None:
+    def __init__(self, capacity: int, kinds: tuple[int, ...], nodes: int) -> None:
         self.nodes = ti.field(ti.f32, max(1, nodes))
         self.holder: object = None
         self.capacity, self.kinds = capacity, kinds
@@ -40,8 +41,8 @@ class BodySurface:
         self.skip = ti.field(ti.i32, 2 * capacity)
         self.leaf = ti.field(ti.i32, 2 * capacity)
         self.box = ti.field(ti.f32, 2 * capacity * BOX)
-        self.pose = ti.field(ti.f32, strips * capacity * POSE)
-        self.scratch = ti.field(ti.f32, strips * SCRATCH * LANES)
+        self.pose = ti.field(ti.f32, capacity * POSE)
+        self.scratch = ti.field(ti.f32, PARTS * SCRATCH * LANES)
 
     @ti.kernel
     def take(self, rows: F32x2):
@@ -68,12 +69,17 @@ class BodySurface:
                         self.box[node * BOX + k] = ti.min(one, two) if k < 3 else ti.max(one, two)
 
     @ti.func
+    def scratch_of(self, part):
+        """The first of a part's lanes of scratch. The bounds tell the compiler that nothing overflows."""
+        return ti.min(ti.max(part, 0), PARTS - 1) * SCRATCH * LANES
+
+    @ti.func
     def vector(self, i, k: Template):
         return ti.Vector([self.row[i * ROW + k], self.row[i * ROW + k + 1], self.row[i * ROW + k + 2]])
 
     @ti.func
-    def posed(self, p, k: Template):
-        return ti.Vector([self.pose[p * POSE + k], self.pose[p * POSE + k + 1], self.pose[p * POSE + k + 2]])
+    def posed(self, i, k: Template):
+        return ti.Vector([self.pose[i * POSE + k], self.pose[i * POSE + k + 1], self.pose[i * POSE + k + 2]])
 
     @ti.func
     def turned(self, i, age):
@@ -91,7 +97,7 @@ class BodySurface:
         )
 
     @ti.func
-    def follow(self, strip, done):
+    def follow(self, done):
         """Poses at the end of substep `done`: anchors on a line, axes turned about one vector (Rodrigues)."""
         for i in range(int(self.setting[0])):
             anchor = self.vector(i, SHAPE) + (done + 1.0) * self.vector(i, SHAPE + 9)
@@ -103,19 +109,18 @@ class BodySurface:
                 axis = cosine * axis + sine * about.cross(axis) + (1.0 - cosine) * about.dot(axis) * about
                 across = cosine * across + sine * about.cross(across) + (1.0 - cosine) * about.dot(across) * about
             other = axis.cross(across)
-            p = strip * self.capacity + i
             for k in ti.static(range(3)):
-                self.pose[p * POSE + k] = anchor[k]
-                self.pose[p * POSE + 3 + k] = axis[k]
-                self.pose[p * POSE + 6 + k] = across[k]
-                self.pose[p * POSE + 9 + k] = other[k]
+                self.pose[i * POSE + k] = anchor[k]
+                self.pose[i * POSE + 3 + k] = axis[k]
+                self.pose[i * POSE + 6 + k] = across[k]
+                self.pose[i * POSE + 9 + k] = other[k]
 
     @ti.func
-    def measure(self, i, p, q, x, y, z):
-        """Signed distance [m] and normal of primitive i, at pose p, at points relative to its anchor, into the scratch
+    def measure(self, i, q, x, y, z):
+        """Signed distance [m] and normal of primitive i at points relative to its anchor, into the scratch
         lanes q, q + 1, q + 2 and q + 3. Lanes are stored half-way: what ends in stores becomes vector code."""
         row = i * ROW
-        axis, across, other = self.posed(p, 3), self.posed(p, 6), self.posed(p, 9)
+        axis, across, other = self.posed(i, 3), self.posed(i, 6), self.posed(i, 9)
         one, two, three, four = self.row[row + 1], self.row[row + 2], self.row[row + 3], self.row[row + 4]
         kind = int(self.row[row])
         for k in ti.static(self.kinds):

@@ -186,7 +186,7 @@ def test_one_and_two_threads_give_the_same_bytes() -> None:
     sheet = strip(pinned=(0,))
     x = shaken(sheet)
     states = [simulate(sheet, forces=Forces(), positions=x, threads=threads) for threads in (1, 2, 1, 2)]
-    assert [s.solver.strips for s in states] == [1, 2, 1, 2]  # pyright: ignore[reportAttributeAccessIssue]
+    assert [s.solver.threads for s in states] == [1, 2, 1, 2]  # pyright: ignore[reportAttributeAccessIssue]
     for simulation in states:
         run(simulation, 3)
     assert all(s.state.values.tobytes() == states[0].state.values.tobytes() for s in states[1:])

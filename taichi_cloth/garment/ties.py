@@ -6,7 +6,7 @@ between one and its place. A gap wider than allowed is closed along d, shared ou
     Δx_k = −w_k/m_k · λ,      λ = (1 − allowed/|d|) d / Σ w_k²/m_k,
 
 which keeps the momentum of what is tied together. Ties are worked through in order, each seeing what the ones before
-did (Gauss–Seidel). What is allowed shrinks from frame to frame, so panels are drawn together at a set speed.
+did (Gauss–Seidel); those that have no key point in common, as on two sides of a garment, on several threads. What is allowed shrinks from frame to frame, so panels are drawn together at a set speed.
 """
 
 # pyright: reportOptionalCall=false, reportOperatorIssue=false, reportGeneralTypeIssues=false
@@ -17,6 +17,8 @@ from functools import lru_cache
 import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
+from scipy import sparse
+from scipy.sparse import csgraph
 
 from taichi_cloth import runtime
 from taichi_cloth.arrays import F32x2, Template
@@ -24,6 +26,7 @@ from taichi_cloth.cache import digest
 from taichi_cloth.errors import InputError
 from taichi_cloth.forces import FrameForces
 from taichi_cloth.sheet import PAD, Sheet, SheetState
+from taichi_cloth.solvers.crew import LINE, PARTS, even_parts
 from taichi_cloth.solvers.passes import Pass
 
 __all__ = ["Ties"]
@@ -50,7 +53,7 @@ class Ties(Pass):
     Raises InputError on shapes that differ or no ties.
     """
 
-    local = False
+    shared = True
     repeated = True
     substeps: int
     reach: float
@@ -79,7 +82,9 @@ class Ties(Pass):
                 again = self.index[:, c] == self.index[:, b]
                 self.weight[again, b] += self.weight[again, c]
                 self.weight[again, c] = 0.0
-        self.index[self.weight == 0.0] = 0  # in the padding, where nothing is
+        part = self._parts()
+        padding = part * LINE % (PAD * sheet.width)  # where nothing is, and each part writes in a place of its own
+        self.index = np.where(self.weight == 0.0, padding[:, None], self.index).astype(np.int32)
         inverse = sheet.padded(sheet.inverse_mass).reshape(-1)[self.index]
         compliance = (self.weight.astype(np.float64) ** 2 * inverse).sum(axis=1, keepdims=True)
         self.share = self.weight * inverse / np.where(compliance > 0, compliance, np.inf)
@@ -87,6 +92,8 @@ class Ties(Pass):
         self.places = np.full((n, 3), np.nan) if places is None else np.asarray(places, np.float64)
         self.bones = np.full(n, -1) if bones is None else np.asarray(bones)
         self.held = np.asarray(np.isfinite(self.places).all(axis=1))
+        self._order = np.argsort(part, kind="stable")
+        self._starts = np.searchsorted(part[self._order], np.arange(PARTS + 1)).astype(np.int32)
         self.memory = _memory(runtime.generation(), -(-n // 256) * 256)
 
     # Ties that share their memory are one pass to the solver: they need no second kernel.
@@ -125,20 +132,30 @@ class Ties(Pass):
         rows = np.zeros((self.memory.capacity + 1, ROW), np.float32)
         rows[: self.count] = np.column_stack(
             [self.weight, self.share, start, end - start, now, np.maximum(now - self.reach, 0.0) - now]
-        )
-        rows[-1, :2] = self.count, 1.0 / self.substeps
+        )[self._order]
+        rows[-1, 0] = 1.0 / self.substeps
         if self.memory.holder is not self:
-            self.memory.node.from_numpy(np.pad(self.index, ((0, self.memory.capacity - self.count), (0, 0))))
+            listed = self.index[self._order]
+            self.memory.node.from_numpy(np.pad(listed, ((0, self.memory.capacity - self.count), (0, 0))))
+            self.memory.start.from_numpy(self._starts)
             self.memory.holder = self
         self.memory.take(rows)
 
-    @ti.func
-    def before(self, work: Template, first, last, shift, done, n: Template):
-        self.memory.wide[None] = -1
+    def _parts(self) -> NDArray[np.int32]:
+        """(n,) parts; ties that are linked by key points they have in common are in the same."""
+        tie, node = np.nonzero(self.weight)
+        members = sparse.coo_array((np.ones(len(tie)), (tie, self.index[tie, node]))).tocsr()
+        linked = csgraph.connected_components(members @ members.T, directed=False)[1]
+        return even_parts(np.bincount(linked))[linked]
 
     @ti.func
-    def after(self, work: Template, first, last, shift, done, n: Template):
-        self.memory.pull(work, done)
+    def before(self, work: Template, first, last, done, n: Template):
+        for part in range(PARTS):
+            self.memory.wide[part * LINE] = -1
+
+    @ti.func
+    def after(self, work: Template, part, first, last, done, n: Template):
+        self.memory.pull(work, part, done)
 
 
 @lru_cache(maxsize=8)
@@ -154,7 +171,8 @@ class _Memory:
         self.row = ti.field(ti.f32, (capacity + 1, ROW))
         self.node = ti.field(ti.i32, (capacity, NODES))
         self.holder: Ties | None = None
-        self.wide, self.listed = ti.field(ti.i32, ()), ti.field(ti.i32, capacity)
+        self.start = ti.field(ti.i32, PARTS + 1)
+        self.wide, self.listed = ti.field(ti.i32, PARTS * LINE), ti.field(ti.i32, capacity)
 
     @ti.kernel
     def take(self, rows: F32x2):
@@ -162,18 +180,19 @@ class _Memory:
             self.row[i, j] = rows[i, j]
 
     @ti.func
-    def pull(self, work: Template, done):
-        """Every tie once, the first time in a substep; from then on those that were much too wide."""
-        share = ti.cast(done + 1, ti.f32) * self.row[self.capacity, 1]
-        if self.wide[None] < 0:
+    def pull(self, work: Template, part, done):
+        """Every tie of a part once, the first time in a substep; from then on those that were much too wide."""
+        share = ti.cast(done + 1, ti.f32) * self.row[self.capacity, 0]
+        first = self.start[part]
+        if self.wide[part * LINE] < 0:
             found = 0
-            for k in range(ti.cast(self.row[self.capacity, 0], ti.i32)):
+            for k in range(first, self.start[part + 1]):
                 if self.close(work, k, share):
-                    self.listed[found] = k
+                    self.listed[first + found] = k
                     found += 1
-            self.wide[None] = found
+            self.wide[part * LINE] = found
         else:
-            for m in range(self.wide[None]):
+            for m in range(first, first + self.wide[part * LINE]):
                 self.close(work, self.listed[m], share)
 
     @ti.func

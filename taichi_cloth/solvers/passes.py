@@ -5,34 +5,29 @@ The stencil knows neighbours at fixed offsets only. Whatever is irregular (a bod
 is given none compiles none.
 """
 
-from typing import Any
-
 import taichi as ti
 
 from taichi_cloth.arrays import Template
 from taichi_cloth.forces import FrameForces
 from taichi_cloth.sheet import SheetState
 
-__all__ = ["MEETING", "Pass", "strips_allowed"]
-
-MEETING = 16
-"""Substeps between two meetings of the strips of a sheet on several threads; even."""
+__all__ = ["Pass"]
 
 
 @ti.data_oriented
 class Pass:
     """Base of all passes; a subclass is `@ti.data_oriented` too. Each object that is made compiles a kernel of its own.
 
-    local: a key point is changed from its own values alone, so that strips on several threads may call it. A pass that
-    reads or writes other key points says False; the sheet is then one strip, all calls come from one thread, in
-    order, and lists may be worked through one after the other.
+    shared: threads may call it for different parts at once (`crew.py`): calls for two parts write nothing in common,
+    and neither reads what the other writes. A part is a range of rows, or whatever the pass makes of its number. One that
+    is not shared is called once, by one thread, for all rows, so lists may be worked through one after the other.
     paired: called after every second substep (those with an odd number) instead of each, which is half the time to run
     and to compile.
     repeated: called after each substep, before those that are not, and with the others that are as often as the strain
     limit asks: what one of them changes the next answers.
     """
 
-    local = False
+    shared = False
     paired = False
     repeated = False
 
@@ -46,27 +41,19 @@ class Pass:
     def begin(self, state: SheetState, forces: FrameForces) -> None:
         """On the host, before each frame. What it leaves must follow from its arguments, or a resumed run differs."""
 
-    def exchange(self, cuts: Any, halo: int, width: int) -> None:
-        """On the host, where the strips of a sheet meet within a frame: what one knows of the rows within `halo` of
-        another's, it is to know too. cuts: (strips, 2) first row of each and the one after its last, padding counted.
-        width: of a row."""
-
     def end(self, state: SheetState) -> None:
         """On the host, after each frame: the place to report that a capacity was too small."""
 
     @ti.func
-    def before(self, work: Template, first, last, shift, done, n: Template):
-        """Before the stencil of substep number `done`; where `paired`, of each even one. Arguments as of `after`."""
+    def before(self, work: Template, first, last, done, n: Template):
+        """Before the stencil of substep number `done`; where `paired`, of each even one. Once, for all rows, while other
+        threads read positions and steps. Arguments as of `after`."""
 
     @ti.func
-    def after(self, work: Template, first, last, shift, done, n: Template):
+    def after(self, work: Template, part, first, last, done, n: Template):
         """After the stencil of substep number `done` of the frame, from 0.
 
         work: the `Stencil`; elements p of its position[axis] and step[axis] [m] are what to change, and inverse_mass
-        [1/kg] of p is 0 where nothing may move. p is to go from first × LANES up to last × LANES.
-        shift: element p is element p + shift of the sheet's padded grid; 0 with one strip. n: `Numbers`.
+        [1/kg] of p is 0 where nothing may move. p is an element of the sheet's padded grid, and is to go from first ×
+        LANES up to last × LANES. part: number of the part, from 0 to PARTS − 1. n: `Numbers`.
         """
-
-
-def strips_allowed(passes: tuple[Any, ...]) -> bool:
-    return all(one.local for one in passes)

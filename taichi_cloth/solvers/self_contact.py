@@ -76,7 +76,6 @@ class ClothContact(Pass):
     Raises InputError as `require_thickness`.
     """
 
-    local = False
     paired = True
 
     def __init__(self, sheet: Sheet, options: SelfContact, seams: NDArray[np.bool_] | None = None) -> None:
@@ -147,12 +146,12 @@ class ClothContact(Pass):
         return ((i & mask) << (2 * _BITS)) | ((j & mask) << _BITS) | (k & mask)
 
     @ti.func
-    def before(self, work: Template, first, last, shift, done, n: Template):
+    def before(self, work: Template, first, last, done, n: Template):
         if done == 0 or done >= self.until[None]:
             self.refresh(work, first * LANES, last * LANES, done)
 
     @ti.func
-    def after(self, work: Template, first, last, shift, done, n: Template):
+    def after(self, work: Template, part, first, last, done, n: Template):
         self.solve(work, done)
 
     @ti.func

@@ -5,6 +5,8 @@ other, each seeing what those before it did (Gauss–Seidel, as Provot's own), i
 from the last to the first. Both ends of a thread move by the share of their inverse mass, so that momentum is kept and
 pinned key points stay. From the steps is taken the speed at which a thread grows, and no more: what was too long before
 is mended in positions alone, and so adds no energy of motion.
+
+Panels that hang together by seams only have no thread in common, and are seen to on several threads.
 """
 
 # In kernels a vector is a Taichi expression, which type checkers cannot follow.
@@ -13,11 +15,15 @@ is mended in positions alone, and so adds no energy of motion.
 
 from functools import lru_cache
 
+import numpy as np
 import taichi as ti
+from scipy import ndimage
 
 from taichi_cloth import runtime
 from taichi_cloth.arrays import Template
-from taichi_cloth.sheet import LANES, Sheet
+from taichi_cloth.forces import FrameForces
+from taichi_cloth.sheet import LANES, Sheet, SheetState
+from taichi_cloth.solvers.crew import LINE, PARTS, even_parts
 from taichi_cloth.solvers.passes import Pass
 from taichi_cloth.solvers.stencil import load, store
 
@@ -44,10 +50,11 @@ def largest(values):
 class ThreadLimit(Pass):
     """The limit of one sheet's threads; how far they may grow stands in the solver's `Numbers`."""
 
-    local = False
+    shared = True
     repeated = True
 
     def __init__(self, sheet: Sheet) -> None:
+        self.sheet = sheet
         self.memory = _memory(runtime.generation(), sheet.padded_shape)
 
     # Limits that share their memory are one pass to the solver: they need no second kernel.
@@ -57,17 +64,23 @@ class ThreadLimit(Pass):
     def __hash__(self) -> int:
         return id(self.memory)
 
-    @ti.func
-    def before(self, work: Template, first, last, shift, done, n: Template):
-        self.memory.calls[None] = 0
+    def begin(self, state: SheetState, forces: FrameForces) -> None:
+        if self.memory.holder is not self.sheet:
+            self.memory.take(self.sheet)
+            self.memory.holder = self.sheet
 
     @ti.func
-    def after(self, work: Template, first, last, shift, done, n: Template):
-        if self.memory.calls[None] < LISTED:
-            self.memory.seek(work, n)
-        self.memory.calls[None] += 1
+    def before(self, work: Template, first, last, done, n: Template):
+        for part in range(PARTS):
+            self.memory.calls[part * LINE] = 0
+
+    @ti.func
+    def after(self, work: Template, part, first, last, done, n: Template):
+        if self.memory.calls[part * LINE] < LISTED:
+            self.memory.seek(work, part, n)
+        self.memory.calls[part * LINE] += 1
         for sweep in range(SWEEPS):
-            self.memory.shorten(work, sweep, n)
+            self.memory.shorten(work, part, sweep, n)
 
 
 @lru_cache(maxsize=8)
@@ -83,12 +96,28 @@ class _Memory:
     to each other in a list are of different yarns, and a processor need not wait for one to begin with the next."""
 
     def __init__(self, rows: int, width: int) -> None:
-        self.width = width
-        self.calls = ti.field(ti.i32, ())
-        self.count = ti.field(ti.i32, 2)
-        self.found, self.along, self.across = (ti.field(ti.i32, rows * width) for _ in range(3))
-        self.column = ti.field(ti.i32, width + 1)
-        self.over = ti.field(ti.f32, 2 * LANES)
+        self.width, size = width, rows * width
+        self.holder: Sheet | None = None
+        self.panel_part = ti.field(ti.i32, size)
+        # Blocks of lanes of each part, one part after the other; a block may be of two.
+        self.start, self.block = ti.field(ti.i32, PARTS + 1), ti.field(ti.i32, 2 * size // LANES)
+        self.calls, self.along_count, self.across_count = (ti.field(ti.i32, PARTS * LINE) for _ in range(3))
+        self.found, self.along, self.across = (ti.field(ti.i32, 2 * size) for _ in range(3))
+        self.column = ti.field(ti.i32, PARTS * (width + 1))
+        self.over = ti.field(ti.f32, PARTS * 2 * LANES)
+
+    def take(self, sheet: Sheet) -> None:
+        """Parts of whole panels."""
+        panels = np.asarray(ndimage.label(sheet.padded(sheet.present))[0])
+        part = np.append(-1, even_parts(np.bincount(panels.ravel())[1:]))[panels].ravel()
+        blocks = [np.flatnonzero((part == k).reshape(-1, LANES).any(axis=1)) for k in range(PARTS)]
+        if sum(len(b) for b in blocks) > self.block.shape[0]:  # panels so narrow that many share a block
+            part = np.minimum(part, 0)
+            blocks = [np.flatnonzero((part == 0).reshape(-1, LANES).any(axis=1))] + [np.zeros(0, np.int64)] * (PARTS - 1)
+        listed = np.concatenate(blocks)
+        self.panel_part.from_numpy(part.astype(np.int32))
+        self.start.from_numpy(np.cumsum([0, *(len(b) for b in blocks)]).astype(np.int32))
+        self.block.from_numpy(np.pad(listed, (0, self.block.shape[0] - len(listed))).astype(np.int32))
 
     @ti.func
     def grown(self, work: Template, p, offset: Template, weight: Template, near):
@@ -98,49 +127,51 @@ class _Memory:
         return there * (x * x + y * y + z * z) - near * near
 
     @ti.func
-    def seek(self, work: Template, n: Template):
-        """Lists the threads near the limit."""
+    def seek(self, work: Template, part, n: Template):
+        """Lists the threads of a part near the limit."""
         x, y = n.longest_x - NEAR * n.spacing_x, n.longest_y - NEAR * n.spacing_y
-        along, across = 0, 0
+        first = self.start[part] * LANES
+        along, across, column, over = first, first, part * (self.width + 1), part * 2 * LANES
         for c in range(self.width + 1):
-            self.column[c] = 0
-        for e in range(work.row_start[0], work.row_start[work.rows]):
-            for b in range(work.run[e][0], work.run[e][1]):
-                p = work.lanes(b * LANES)
-                over_x = self.grown(work, p, 1, work.east, x)
-                over_y = self.grown(work, p, ti.static(self.width), work.north, y)
-                if largest(ti.max(over_x, over_y)) > 0.0:
-                    store(self.over, 0, over_x)
-                    store(self.over, LANES, over_y)
-                    for k in range(LANES):
-                        if self.over[k] > 0.0:
+            self.column[column + c] = 0
+        for b in range(self.start[part], self.start[part + 1]):
+            p = work.lanes(self.block[b] * LANES)
+            over_x = self.grown(work, p, 1, work.east, x)
+            over_y = self.grown(work, p, ti.static(self.width), work.north, y)
+            if largest(ti.max(over_x, over_y)) > 0.0:
+                store(self.over, over, over_x)
+                store(self.over, over + LANES, over_y)
+                for k in range(LANES):
+                    if self.panel_part[p + k] == part:
+                        if self.over[over + k] > 0.0:
                             self.found[along] = p + k
-                            self.column[(p + k) % self.width + 1] += 1
+                            self.column[column + (p + k) % self.width + 1] += 1
                             along += 1
-                        if self.over[LANES + k] > 0.0:
+                        if self.over[over + LANES + k] > 0.0:
                             self.across[across] = p + k
                             across += 1
         for c in range(self.width):
-            self.column[c + 1] += self.column[c]
-        for k in range(along):
+            self.column[column + c + 1] += self.column[column + c]
+        for k in range(first, along):
             p = self.found[k]
-            c = p % self.width
-            self.along[self.column[c]] = p
+            c = column + p % self.width
+            self.along[first + self.column[c]] = p
             self.column[c] += 1
-        self.count[0], self.count[1] = along, across
+        self.along_count[part * LINE], self.across_count[part * LINE] = along - first, across - first
 
     @ti.func
-    def shorten(self, work: Template, sweep, n: Template):
-        """Every thread of the lists once, from their first to their last or back."""
-        self.shorten_all(work, self.along, self.count[0], 1, n.longest_x, sweep % 2)
-        self.shorten_all(work, self.across, self.count[1], self.width, n.longest_y, sweep % 2)
+    def shorten(self, work: Template, part, sweep, n: Template):
+        """Every thread of the part's lists once, from their first to their last or back."""
+        first, back = self.start[part] * LANES, sweep % 2
+        self.shorten_all(work, self.along, first, self.along_count[part * LINE], 1, n.longest_x, back)
+        self.shorten_all(work, self.across, first, self.across_count[part * LINE], self.width, n.longest_y, back)
 
     @ti.func
-    def shorten_all(self, work: Template, listed: Template, count, offset: Template, longest, back):
+    def shorten_all(self, work: Template, listed: Template, first, count, offset: Template, longest, back):
         x, y, z = ti.static(*work.position)
         u, v, w = ti.static(*work.step)
         for k in range(count):
-            p = listed[count - 1 - k if back else k]
+            p = listed[first + (count - 1 - k if back else k)]
             q = p + offset
             dx, dy, dz = x[q] - x[p], y[q] - y[p], z[q] - z[p]
             squared = dx * dx + dy * dy + dz * dz

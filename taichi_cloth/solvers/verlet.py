@@ -3,10 +3,8 @@
 The step follows from the springs: h = safety × the longest that is stable (`stability.py`), so a person names a frame
 rate only.
 
-Threads: the rows are cut into strips, one a thread. A strip takes its rows and a halo of two more for each substep
-until the strips meet again, and works on its own copy; the halo, which shrinks by two rows a substep, is computed
-twice. Nobody waits inside a kernel, so nothing can hang, and as every key point goes through the same arithmetic
-the bytes do not depend on the number of threads.
+All substeps are one kernel, and its threads share the work of each stage of each (`crew.py`). As every key point goes
+through the same arithmetic the bytes do not depend on the number of threads.
 """
 
 # pyright: reportOptionalCall=false, reportOperatorIssue=false, reportGeneralTypeIssues=false, reportCallIssue=false
@@ -21,13 +19,14 @@ import taichi as ti
 from numpy.typing import NDArray
 
 from taichi_cloth import runtime
-from taichi_cloth.arrays import F32x3, Float, I32x2, Int, Template
+from taichi_cloth.arrays import F32x3, Float, Int, Template
 from taichi_cloth.contact import Contact
 from taichi_cloth.errors import InputError
 from taichi_cloth.forces import Forces, FrameForces
 from taichi_cloth.sheet import LANES, PAD, Sheet, SheetState
 from taichi_cloth.solvers.base import Solver
-from taichi_cloth.solvers.passes import MEETING, Pass, strips_allowed
+from taichi_cloth.solvers.crew import PARTS, Crew
+from taichi_cloth.solvers.passes import Pass
 from taichi_cloth.solvers.self_contact import ClothContact
 from taichi_cloth.solvers.stability import highest_frequency, longest_step, rounding_speed
 from taichi_cloth.solvers.stencil import Features, Numbers, Stencil
@@ -35,18 +34,20 @@ from taichi_cloth.solvers.strain_limit import ThreadLimit
 
 __all__ = ["Verlet"]
 
-WORTH_THREADS = 50_000
-"""Key points from which a second thread pays: 158² gained nothing on two shared cores, 257² a factor of 1.4."""
+WORTH_THREADS = 2_000
+"""Key points from which a second thread pays."""
 
-_CHUNK = 1024  # iterations a strip: Taichi gives a thread 512 or more
+MOST_THREADS = PARTS // 2
+
+_CHUNK = 1024  # iterations a thread: Taichi gives it 512 or more
 
 
 class Verlet(Solver):
     """The paper's method for one sheet.
 
     frame_rate: frames a second [1/s]. step: asked for [s]; None takes the longest that is safe. safety: share of the
-    stable limit. threads: strips; None takes 1, or all of the runtime's where the sheet is large enough. passes: what
-    acts after the stencil of each substep, in that order.
+    stable limit. threads: None takes 1, or those of the runtime where the sheet is large enough. passes: what acts
+    after the stencil of each substep, in that order.
     Raises InputError on a step that is not stable, with the one that is.
     """
 
@@ -78,20 +79,14 @@ class Verlet(Solver):
         # Two substeps at a time, for passes that are paired. 1e-9: a frame that is just so many steps is not one more.
         self.substeps = max(2, 2 * ceil(1 / frame_rate / (step or longest) / 2 - 1e-9))
         self.step = 1 / frame_rate / self.substeps
-        rows = sheet.shape[0]
         count = threads or (runtime.threads() if sheet.present.sum() >= WORTH_THREADS else 1)
+        self.threads = min(count, MOST_THREADS)
         self.passes = (*passes, ClothContact(sheet, forces.self_contact)) if forces.self_contact else passes
         if forces.strain_limit:
             self.passes = (ThreadLimit(sheet), *self.passes)
-        self.strips = max(1, min(count, rows // (4 * MEETING))) if threads is None else max(1, min(count, rows))
-        if not strips_allowed(self.passes):
-            self.strips = 1
         if forces.body is not None:
             size = int(np.prod(sheet.padded_shape))
-            one = Contact(forces.body, size=size, substeps=self.substeps, step=self.step, strips=self.strips)
-            self.passes = (*self.passes, one)
-        cuts = np.linspace(PAD, PAD + rows, self.strips + 1).round().astype(np.int32)
-        self._rows = np.stack([cuts[:-1], cuts[1:]], axis=1)
+            self.passes = (*self.passes, Contact(forces.body, size=size, substeps=self.substeps, step=self.step))
         self._features = Features(
             hinges=sheet.springs.law == "hinge",
             wind=forces.wind is not None,
@@ -119,7 +114,7 @@ class Verlet(Solver):
         return other
 
     def advance(self, state: SheetState, forces: FrameForces) -> None:
-        work = _workspace(runtime.generation(), self.sheet.padded_shape, self.strips, self.passes)
+        work = _workspace(runtime.generation(), self.sheet.padded_shape, self.threads, self.passes)
         if work.holder is not self:
             sheet = self.sheet
             model = np.stack([sheet.padded(v) for v in (*sheet.weights, sheet.inverse_mass)])
@@ -128,23 +123,11 @@ class Verlet(Solver):
             work.numbers[None] = Numbers(**self._numbers)
             work.holder = self
         first, last = np.asarray(forces.wind_start), np.asarray(forces.wind_end)
-        meeting = self.substeps if self.strips == 1 else MEETING
+        wind, change = first.tolist(), ((last - first) / self.substeps).tolist()
         for one in self.passes:
             one.begin(state, forces)
-        source, target = state.values, np.empty_like(state.values)
-        for done in range(0, self.substeps, meeting):
-            count = min(meeting, self.substeps - done)
-            wind = (first + (last - first) * (done / self.substeps)).tolist()
-            change = ((last - first) / self.substeps).tolist()
-            kernel = work.serial if self.strips == 1 else work.parallel
-            with runtime.plain_code():  # half the time to compile, and as fast a frame
-                kernel(source, self._rows, *wind, *change, done, count, self._features, target)
-            source, target = target, source
-            if self.strips > 1:
-                for one in self.passes:
-                    one.exchange(self._rows, 3 * MEETING, self.sheet.width)
-        rows = slice(PAD, -PAD)
-        state.values[:, rows] = source[:, rows]
+        with runtime.plain_code():  # half the time to compile, and as fast a frame
+            work.frame(state.values, *wind, *change, self.substeps, self._features)
         for one in self.passes:
             one.end(state)
 
@@ -180,48 +163,47 @@ def _numbers(sheet: Sheet, forces: Forces, step: float) -> dict[str, float]:
 
 
 @lru_cache(maxsize=16)
-def _workspace(generation: int, padded_shape: tuple[int, int], strips: int, passes: tuple[Pass, ...]) -> "_Workspace":
+def _workspace(generation: int, padded_shape: tuple[int, int], threads: int, passes: tuple[Pass, ...]) -> "_Workspace":
     """Fields and kernels for grids of that shape: sheets of one shape share them, and compile once.
 
     generation: of the Taichi runtime; a new start throws all fields away.
     """
-    return _Workspace(padded_shape, strips, passes)
+    return _Workspace(padded_shape, threads, passes)
 
 
 @ti.data_oriented
 class _Workspace(Stencil):
-    """The kernels of a frame, for `strips` copies of a padded grid one after the other."""
+    """The kernel of a frame. Parts are ranges of rows with about as many key points each."""
 
-    def __init__(self, padded_shape: tuple[int, int], strips: int, passes: tuple[Pass, ...]) -> None:
+    def __init__(self, padded_shape: tuple[int, int], threads: int, passes: tuple[Pass, ...]) -> None:
         rows, width = padded_shape
-        super().__init__(strips * rows * width, width)
-        self.rows, self.strips, self.passes = rows, strips, passes
+        super().__init__(rows * width, width)
+        self.rows, self.passes, self.crew = rows, passes, Crew(threads)
         self.numbers = Numbers.field(shape=())
         self.run = ti.Vector.field(2, ti.i32, rows * width // LANES)
-        self.row_start = ti.field(ti.i32, rows + 1)
+        self.row_start, self.cut = ti.field(ti.i32, rows + 1), ti.field(ti.i32, PARTS + 1)
         self.holder: Verlet | None = None
 
     @ti.kernel
     def take_model(self, model: F32x3, values: F32x3):
-        """Weights into every strip, and the state, with what lies around the sheet."""
+        """Weights, and the state, with what lies around the sheet."""
         ti.loop_config(serialize=True)
-        for strip in range(self.strips):
-            for i in range(self.rows):
-                for j in range(self.width):
-                    p = (strip * self.rows + i) * self.width + j
-                    self.east[p] = model[0, i, j]
-                    self.north[p] = model[1, i, j]
-                    self.cell[p] = model[2, i, j]
-                    self.inverse_mass[p] = model[3, i, j]
-                    for c in ti.static(range(3)):
-                        self.position[c][p] = values[c, i, j]
-                        self.ahead[c][p] = values[c, i, j]
-                        self.ahead[c][p + self.size] = values[c, i, j]
-                        self.step[c][p] = values[3 + c, i, j]
+        for i in range(self.rows):
+            for j in range(self.width):
+                p = i * self.width + j
+                self.east[p] = model[0, i, j]
+                self.north[p] = model[1, i, j]
+                self.cell[p] = model[2, i, j]
+                self.inverse_mass[p] = model[3, i, j]
+                for c in ti.static(range(3)):
+                    self.position[c][p] = values[c, i, j]
+                    self.ahead[c][p] = values[c, i, j]
+                    self.ahead[c][p + self.size] = values[c, i, j]
+                    self.step[c][p] = values[3 + c, i, j]
 
     def take_blocks(self, present: NDArray[np.bool_]) -> None:
         """Runs of blocks of lanes that hold key points: first and one after the last of each, and where the runs of
-        each row begin. present: (rows, width)."""
+        each row begin; first rows of the parts. present: (rows, width)."""
         used = present.reshape(self.rows, -1, LANES).any(axis=2)
         change = np.diff(np.pad(used, ((0, 0), (1, 1))).astype(np.int8), axis=1)
         listed = np.zeros((*self.run.shape, 2), np.int32)
@@ -230,141 +212,137 @@ class _Workspace(Stencil):
             listed[: len(row), end] = row * used.shape[1] + block
         self.run.from_numpy(listed)
         self.row_start.from_numpy(np.concatenate([[0], np.cumsum((change == 1).sum(axis=1))]).astype(np.int32))
+        before = np.concatenate([[0], np.cumsum(used.sum(axis=1))])
+        cuts = np.searchsorted(before, before[-1] * np.arange(PARTS + 1) / PARTS)
+        cuts[0], cuts[-1] = PAD, self.rows - PAD
+        self.cut.from_numpy(cuts.clip(PAD, self.rows - PAD).astype(np.int32))
 
     @ti.func
-    def inside(self, row):
-        """A row, or the first or the one after the last of the sheet."""
-        return ti.min(ti.max(row, PAD), self.rows - PAD)
+    def open(self, values: Template, part):
+        """The state of a part's rows from what the host holds."""
+        for i in range(self.cut[part], self.cut[part + 1]):
+            for j in range(self.width):
+                p = i * self.width + j
+                for c in ti.static(range(3)):
+                    self.position[c][p] = values[c, i, j]
+                    self.step[c][p] = values[3 + c, i, j]
 
     @ti.func
-    def lead_rows(self, base, first, last, n: Template):
-        """`lead` of rows of a strip, as far as the sheet has them, into the first buffer."""
-        for e in range(self.row_start[self.inside(first)], self.row_start[self.inside(last)]):
-            for b in range(base + self.run[e][0], base + self.run[e][1]):
+    def close(self, values: Template, part, at, features: Template):
+        """And back."""
+        if ti.static(not features.apart):
+            for e in range(self.row_start[self.cut[part]], self.row_start[self.cut[part + 1]]):
+                for b in range(self.run[e][0], self.run[e][1]):
+                    self.settle(self.lanes(b * LANES), at)
+        for i in range(self.cut[part], self.cut[part + 1]):
+            for j in range(self.width):
+                p = i * self.width + j
+                for c in ti.static(range(3)):
+                    values[c, i, j] = self.position[c][p]
+                    values[3 + c, i, j] = self.step[c][p]
+
+    @ti.func
+    def lead_part(self, part, n: Template):
+        """`lead` of a part's rows into the first buffer."""
+        for e in range(self.row_start[self.cut[part]], self.row_start[self.cut[part + 1]]):
+            for b in range(self.run[e][0], self.run[e][1]):
                 self.lead(self.lanes(b * LANES), n)
 
     @ti.func
-    def frame(
-        self,
-        strip,
-        source: Template,
-        first,
-        last,
-        n: Template,
-        wind,
-        change,
-        begun,
-        count,
-        features: Template,
-        target: Template,
-    ):
-        """`count` substeps, from number `begun` of the frame, of the rows `first` to `last` of a strip.
+    def substep_part(self, part, at, features: Template, air, n: Template):
+        for e in range(self.row_start[self.cut[part]], self.row_start[self.cut[part + 1]]):
+            for b in range(self.run[e][0], self.run[e][1]):
+                self.substep(features, at, self.lanes(b * LANES), air, n)
 
-        Rows around them are computed as long as they are needed, two less on each side each substep.
-        """
-        base = strip * self.rows
+    @ti.func
+    def before(self, done, n: Template):
+        """What passes do before the stencil."""
+        for one in ti.static(self.passes):
+            if not one.paired or done % 2 == 0:
+                one.before(self, PAD * self.width // LANES, (self.rows - PAD) * self.width // LANES, done, n)
+
+    @ti.func
+    def after(self, one: Template, thread, stage, done, n: Template):
+        """A stage: one pass."""
         blocks = self.width // LANES
-        first_block = base * blocks
-        for i in range(self.inside(first - 2 * count), self.inside(last + 2 * count)):
-            for j in range(self.width):
-                p = (base + i) * self.width + j
-                for c in ti.static(range(3)):
-                    self.position[c][p] = source[c, i, j]
-                    self.step[c][p] = source[3 + c, i, j]
-        if ti.static(features.leads):
-            self.lead_rows(first_block, first - 2 * count, last + 2 * count, n)
+        for turn in range(PARTS):
+            part = self.crew.take(thread, turn, stage)
+            if part >= 0:
+                if ti.static(one.shared):
+                    one.after(self, part, self.cut[part] * blocks, self.cut[part + 1] * blocks, done, n)
+                elif part == 0:
+                    one.after(self, part, PAD * blocks, (self.rows - PAD) * blocks, done, n)
+                self.crew.finish()
+        self.crew.meet(stage)
+
+    @ti.func
+    def work(self, thread, values: Template, n: Template, wind, change, substeps, features: Template):
+        """A thread's share of a frame."""
+        stage = 1
+        for turn in range(PARTS):
+            part = self.crew.take(thread, turn, stage)
+            if part >= 0:
+                self.open(values, part)
+                if ti.static(features.leads):
+                    self.lead_part(part, n)
+                self.crew.finish()
+        self.crew.meet(stage)
         at = 0
-        for done in range(count):
-            halo = 2 * (count - done) - 2
-            air = wind + done * change
-            low, high = self.inside(first - halo), self.inside(last + halo)
-            b0, b1 = (base + low) * blocks, (base + high) * blocks
-            for one in ti.static(self.passes):
-                if not one.paired or done % 2 == 0:
-                    one.before(self, b0, b1, -base * self.width, begun + done, n)
+        for done in range(substeps):
             if ti.static(not features.leads):
-                self.lead_rows(first_block, low - 2, high + 2, n)
-            for e in range(self.row_start[low], self.row_start[high]):
-                for b in range(first_block + self.run[e][0], first_block + self.run[e][1]):
-                    self.substep(features, at, self.lanes(b * LANES), air, n)
+                stage += 1
+                for turn in range(PARTS):
+                    part = self.crew.take(thread, turn, stage)
+                    if part >= 0:
+                        if part == 0:
+                            self.before(done, n)
+                        self.lead_part(part, n)
+                        self.crew.finish()
+                self.crew.meet(stage)
+            stage += 1
+            for turn in range(PARTS):
+                part = self.crew.take(thread, turn, stage)
+                if part >= 0:
+                    self.substep_part(part, at, features, wind + done * change, n)
+                    self.crew.finish()
+            self.crew.meet(stage)
             if ti.static(features.leads):
                 at = self.size - at
             for _ in range(ti.cast(n.sweeps, ti.i32)):
                 for one in ti.static([one for one in self.passes if one.repeated]):
-                    one.after(self, b0, b1, -base * self.width, begun + done, n)
+                    stage += 1
+                    self.after(one, thread, stage, done, n)
             for one in ti.static([one for one in self.passes if not one.repeated]):
                 if not one.paired or done % 2 == 1:
-                    one.after(self, b0, b1, -base * self.width, begun + done, n)
-        if ti.static(not features.apart):
-            for e in range(self.row_start[first], self.row_start[last]):
-                for b in range(first_block + self.run[e][0], first_block + self.run[e][1]):
-                    self.settle(self.lanes(b * LANES), at)
-        for i in range(first, last):
-            for j in range(self.width):
-                p = (base + i) * self.width + j
-                for c in ti.static(range(3)):
-                    target[c, i, j] = self.position[c][p]
-                    target[3 + c, i, j] = self.step[c][p]
+                    stage += 1
+                    self.after(one, thread, stage, done, n)
+        stage += 1
+        for turn in range(PARTS):
+            part = self.crew.take(thread, turn, stage)
+            if part >= 0:
+                self.close(values, part, at, features)
+                self.crew.finish()
 
     @ti.kernel
-    def serial(
+    def frame(
         self,
+        # in and out
+        values: F32x3,
         # in
-        source: F32x3,
-        rows: I32x2,
         wind_x: Float,
         wind_y: Float,
         wind_z: Float,
         change_x: Float,
         change_y: Float,
         change_z: Float,
-        begun: Int,
-        count: Int,
+        substeps: Int,
         features: Template,
-        # out
-        target: F32x3,
     ):
         ti.loop_config(serialize=True)
-        for strip in range(1):
-            wind = ti.Vector([wind_x, wind_y, wind_z])
-            change = ti.Vector([change_x, change_y, change_z])
-            n = self.numbers[None]
-            self.frame(strip, source, rows[0, 0], rows[0, 1], n, wind, change, begun, count, features, target)
-
-    @ti.kernel
-    def parallel(
-        self,
-        # in
-        source: F32x3,
-        rows: I32x2,
-        wind_x: Float,
-        wind_y: Float,
-        wind_z: Float,
-        change_x: Float,
-        change_y: Float,
-        change_z: Float,
-        begun: Int,
-        count: Int,
-        features: Template,
-        # out
-        target: F32x3,
-    ):
-        for t in range(self.strips * _CHUNK):
-            if t % _CHUNK == 0:
-                strip = t // _CHUNK
-                wind = ti.Vector([wind_x, wind_y, wind_z])
-                change = ti.Vector([change_x, change_y, change_z])
-                n = self.numbers[None]
-                self.frame(
-                    strip,
-                    source,
-                    rows[strip, 0],
-                    rows[strip, 1],
-                    n,
-                    wind,
-                    change,
-                    begun,
-                    count,
-                    features,
-                    target,
-                )
+        for _ in range(1):
+            self.crew.assemble()
+        ti.loop_config(serialize=ti.static(self.crew.threads == 1))
+        for k in range(self.crew.threads * _CHUNK):
+            if k % _CHUNK == 0:
+                wind, change = ti.Vector([wind_x, wind_y, wind_z]), ti.Vector([change_x, change_y, change_z])
+                self.work(k // _CHUNK, values, self.numbers[None], wind, change, substeps, features)
