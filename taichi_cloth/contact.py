@@ -17,8 +17,6 @@ the thinnest primitive.
 # pyright: reportReturnType=false, reportArgumentType=false
 # pyright: reportOptionalCall=false, reportOperatorIssue=false, reportGeneralTypeIssues=false, reportCallIssue=false
 
-from typing import Any
-
 import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
@@ -33,6 +31,7 @@ from taichi_cloth.contact_response import response
 from taichi_cloth.contact_surface import BONE, CONE, ELLIPTIC, GRID, MOTION, ROW, SHAPE
 from taichi_cloth.forces import FrameForces
 from taichi_cloth.sheet import SheetState
+from taichi_cloth.solvers.crew import PARTS
 from taichi_cloth.solvers.passes import Pass
 
 __all__ = ["Contact"]
@@ -55,7 +54,7 @@ class Contact(Pass):
     size: elements of the padded grid. substeps: a frame. step: of each [s].
     """
 
-    shared = True
+    parts = PARTS
 
     def __init__(self, body: Colliders, *, size: int, substeps: int, step: float) -> None:
         self.body, self.substeps = body, substeps
@@ -135,7 +134,7 @@ class Contact(Pass):
         return out
 
     @ti.func
-    def before(self, work: Template, first, last, done, n: Template):
+    def before(self, work: Template, done, n: Template):
         if done % int(self.memory.setting[6]) == 0:
             self.memory.follow(done)
 

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from taichi_cloth.arrays import Template
 from taichi_cloth.contact_surface import BONE, BOX, ROW, SHAPE, BodySurface
 from taichi_cloth.sheet import LANES, PAD
-from taichi_cloth.solvers.crew import PARTS
+from taichi_cloth.solvers.crew import LINE, PARTS
 from taichi_cloth.solvers.stencil import load, store
 
 __all__ = ["Response", "response"]
@@ -71,7 +71,7 @@ class Response(BodySurface):
         self.owner, self.pair, self.looked = (ti.field(ti.i32, blocks * SLOTS) for _ in range(3))
         self.plane = ti.field(ti.f32, blocks * SLOTS * PLANE * LANES)
         # What a substep meets, one after the other in memory: blocks, their primitives, and normals and offsets now.
-        self.entries = ti.field(ti.i32, PARTS)
+        self.entries = ti.field(ti.i32, PARTS * LINE)
         self.entry_block, self.entry_of = ti.field(ti.i32, blocks * SLOTS), ti.field(ti.i32, blocks * SLOTS)
         self.entry = ti.field(ti.f32, blocks * SLOTS * 4 * LANES)
 
@@ -291,15 +291,16 @@ class Response(BodySurface):
 
     @ti.func
     def touch(self, work: Template, part, first, last, done):
-        """Response of a part, the blocks `first` to `last`, to the body at the end of substep `done`."""
+        """Response of a part, blocks number `first` to `last`, to the body at the end of substep `done`."""
         base = first * SLOTS
         since = done % int(self.setting[6])
         if since == 0:
             if done % int(self.setting[1]) == 0:
-                for b in range(first, last):
-                    self.walk(work, part, b, done)
+                for m in range(first, last):
+                    self.walk(work, part, work.block[m], done)
             e = base
-            for b in range(first, last):
+            for m in range(first, last):
+                b = work.block[m]
                 used = self.used[b]
                 if used != 0:
                     for k in range(KEPT):
@@ -315,8 +316,8 @@ class Response(BodySurface):
                         if (used >> k) & 1 == 1:
                             self.enter(b * SLOTS + k, e, b, done)
                             e += 1
-            self.entries[part] = e
-        for e in range(base, self.entries[part]):
+            self.entries[part * LINE] = e
+        for e in range(base, self.entries[part * LINE]):
             self.respond(work, e, float(since))
 
     @ti.func

@@ -13,7 +13,7 @@ import taichi as ti
 from taichi_cloth.arrays import F32x2, Template
 from taichi_cloth.body.shapes import cone, ellipse, local, prism
 from taichi_cloth.sheet import LANES
-from taichi_cloth.solvers.crew import PARTS
+from taichi_cloth.solvers.crew import LINE, PARTS
 from taichi_cloth.solvers.stencil import load, store
 
 __all__ = ["BONE", "BOX", "CONE", "ELLIPTIC", "GRID", "MOTION", "ROW", "SHAPE", "BodySurface"]
@@ -42,7 +42,7 @@ class BodySurface:
         self.leaf = ti.field(ti.i32, 2 * capacity)
         self.box = ti.field(ti.f32, 2 * capacity * BOX)
         self.pose = ti.field(ti.f32, capacity * POSE)
-        self.scratch = ti.field(ti.f32, PARTS * SCRATCH * LANES)
+        self.scratch = ti.field(ti.f32, (PARTS + 1) * (SCRATCH * LANES + LINE))
 
     @ti.kernel
     def take(self, rows: F32x2):
@@ -71,7 +71,7 @@ class BodySurface:
     @ti.func
     def scratch_of(self, part):
         """The first of a part's lanes of scratch. The bounds tell the compiler that nothing overflows."""
-        return ti.min(ti.max(part, 0), PARTS - 1) * SCRATCH * LANES
+        return (ti.min(ti.max(part, 0), PARTS - 1) + 1) * (SCRATCH * LANES + LINE)
 
     @ti.func
     def vector(self, i, k: Template):

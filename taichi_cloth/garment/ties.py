@@ -6,7 +6,7 @@ between one and its place. A gap wider than allowed is closed along d, shared ou
     Δx_k = −w_k/m_k · λ,      λ = (1 − allowed/|d|) d / Σ w_k²/m_k,
 
 which keeps the momentum of what is tied together. Ties are worked through in order, each seeing what the ones before
-did (Gauss–Seidel); those that have no key point in common, as on two sides of a garment, on several threads. What is allowed shrinks from frame to frame, so panels are drawn together at a set speed.
+did (Gauss–Seidel); those of the two sides of a sheet on two threads, and then those between. What is allowed shrinks from frame to frame, so panels are drawn together at a set speed.
 """
 
 # pyright: reportOptionalCall=false, reportOperatorIssue=false, reportGeneralTypeIssues=false
@@ -17,16 +17,14 @@ from functools import lru_cache
 import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
-from scipy import sparse
-from scipy.sparse import csgraph
 
 from taichi_cloth import runtime
 from taichi_cloth.arrays import F32x2, Template
 from taichi_cloth.cache import digest
 from taichi_cloth.errors import InputError
 from taichi_cloth.forces import FrameForces
-from taichi_cloth.sheet import PAD, Sheet, SheetState
-from taichi_cloth.solvers.crew import LINE, PARTS, even_parts
+from taichi_cloth.sheet import LANES, PAD, Sheet, SheetState
+from taichi_cloth.solvers.crew import LINE, SIDES
 from taichi_cloth.solvers.passes import Pass
 
 __all__ = ["Ties"]
@@ -53,7 +51,8 @@ class Ties(Pass):
     Raises InputError on shapes that differ or no ties.
     """
 
-    shared = True
+    parts = SIDES
+    whole = True
     repeated = True
     substeps: int
     reach: float
@@ -82,9 +81,7 @@ class Ties(Pass):
                 again = self.index[:, c] == self.index[:, b]
                 self.weight[again, b] += self.weight[again, c]
                 self.weight[again, c] = 0.0
-        part = self._parts()
-        padding = part * LINE % (PAD * sheet.width)  # where nothing is, and each part writes in a place of its own
-        self.index = np.where(self.weight == 0.0, padding[:, None], self.index).astype(np.int32)
+        self.index[self.weight == 0.0] = 0  # in the padding, where nothing is
         inverse = sheet.padded(sheet.inverse_mass).reshape(-1)[self.index]
         compliance = (self.weight.astype(np.float64) ** 2 * inverse).sum(axis=1, keepdims=True)
         self.share = self.weight * inverse / np.where(compliance > 0, compliance, np.inf)
@@ -92,8 +89,7 @@ class Ties(Pass):
         self.places = np.full((n, 3), np.nan) if places is None else np.asarray(places, np.float64)
         self.bones = np.full(n, -1) if bones is None else np.asarray(bones)
         self.held = np.asarray(np.isfinite(self.places).all(axis=1))
-        self._order = np.argsort(part, kind="stable")
-        self._starts = np.searchsorted(part[self._order], np.arange(PARTS + 1)).astype(np.int32)
+        self._padding = PAD * sheet.width
         self.memory = _memory(runtime.generation(), -(-n // 256) * 256)
 
     # Ties that share their memory are one pass to the solver: they need no second kernel.
@@ -121,8 +117,15 @@ class Ties(Pass):
         points = np.einsum("cnk,nk->nc", flat[:, self.index], self.blend)
         return np.linalg.norm(points - self.targets(bones), axis=1)
 
-    def join(self, substeps: int, step: float) -> None:
+    def join(self, substeps: int, step: float, sides: NDArray[np.int32]) -> None:
         self.substeps, self.reach = substeps, self.speed * step * substeps
+        there = sides[self.index // LANES]
+        low = np.where(self.weight != 0, there, SIDES).min(axis=1)
+        side = np.where(low == np.where(self.weight != 0, there, -1).max(axis=1), low, SIDES)  # SIDES: between them
+        self._order = np.argsort(side, kind="stable")
+        self._starts = np.searchsorted(side[self._order], np.arange(SIDES + 2)).astype(np.int32)
+        padding = side * LINE % self._padding  # each side writes in a place of its own
+        self.index = np.where(self.weight == 0.0, padding[:, None], self.index).astype(np.int32)
 
     def begin(self, state: SheetState, forces: FrameForces) -> None:
         frame = forces.body
@@ -141,21 +144,18 @@ class Ties(Pass):
             self.memory.holder = self
         self.memory.take(rows)
 
-    def _parts(self) -> NDArray[np.int32]:
-        """(n,) parts; ties that are linked by key points they have in common are in the same."""
-        tie, node = np.nonzero(self.weight)
-        members = sparse.coo_array((np.ones(len(tie)), (tie, self.index[tie, node]))).tocsr()
-        linked = csgraph.connected_components(members @ members.T, directed=False)[1]
-        return even_parts(np.bincount(linked))[linked]
-
     @ti.func
-    def before(self, work: Template, first, last, done, n: Template):
-        for part in range(PARTS):
-            self.memory.wide[part * LINE] = -1
+    def before(self, work: Template, done, n: Template):
+        for side in range(SIDES + 1):
+            self.memory.wide[side * LINE] = -1
 
     @ti.func
     def after(self, work: Template, part, first, last, done, n: Template):
         self.memory.pull(work, part, done)
+
+    @ti.func
+    def after_all(self, work: Template, done, n: Template):
+        self.memory.pull(work, SIDES, done)
 
 
 @lru_cache(maxsize=8)
@@ -171,8 +171,8 @@ class _Memory:
         self.row = ti.field(ti.f32, (capacity + 1, ROW))
         self.node = ti.field(ti.i32, (capacity, NODES))
         self.holder: Ties | None = None
-        self.start = ti.field(ti.i32, PARTS + 1)
-        self.wide, self.listed = ti.field(ti.i32, PARTS * LINE), ti.field(ti.i32, capacity)
+        self.start = ti.field(ti.i32, SIDES + 2)
+        self.wide, self.listed = ti.field(ti.i32, (SIDES + 1) * LINE), ti.field(ti.i32, capacity)
 
     @ti.kernel
     def take(self, rows: F32x2):
@@ -180,19 +180,19 @@ class _Memory:
             self.row[i, j] = rows[i, j]
 
     @ti.func
-    def pull(self, work: Template, part, done):
-        """Every tie of a part once, the first time in a substep; from then on those that were much too wide."""
+    def pull(self, work: Template, side, done):
+        """Every tie of a side once, the first time in a substep; from then on those that were much too wide."""
         share = ti.cast(done + 1, ti.f32) * self.row[self.capacity, 0]
-        first = self.start[part]
-        if self.wide[part * LINE] < 0:
+        first = self.start[side]
+        if self.wide[side * LINE] < 0:
             found = 0
-            for k in range(first, self.start[part + 1]):
+            for k in range(first, self.start[side + 1]):
                 if self.close(work, k, share):
                     self.listed[first + found] = k
                     found += 1
-            self.wide[part * LINE] = found
+            self.wide[side * LINE] = found
         else:
-            for m in range(first, first + self.wide[part * LINE]):
+            for m in range(first, first + self.wide[side * LINE]):
                 self.close(work, self.listed[m], share)
 
     @ti.func

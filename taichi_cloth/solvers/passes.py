@@ -5,7 +5,9 @@ The stencil knows neighbours at fixed offsets only. Whatever is irregular (a bod
 is given none compiles none.
 """
 
+import numpy as np
 import taichi as ti
+from numpy.typing import NDArray
 
 from taichi_cloth.arrays import Template
 from taichi_cloth.forces import FrameForces
@@ -18,16 +20,17 @@ __all__ = ["Pass"]
 class Pass:
     """Base of all passes; a subclass is `@ti.data_oriented` too. Each object that is made compiles a kernel of its own.
 
-    shared: threads may call it for different parts at once (`crew.py`): calls for two parts write nothing in common,
-    and neither reads what the other writes. A part is a range of rows, or whatever the pass makes of its number. One that
-    is not shared is called once, by one thread, for all rows, so lists may be worked through one after the other.
+    parts: into how many parts its `after` is cut, which threads call at once (`crew.py`): calls for two parts write
+    nothing in common, and neither reads what the other writes; PARTS, SIDES, or 0 for none. whole: it has an `after_all`,
+    which one thread calls.
     paired: called after every second substep (those with an odd number) instead of each, which is half the time to run
     and to compile.
     repeated: called after each substep, before those that are not, and with the others that are as often as the strain
     limit asks: what one of them changes the next answers.
     """
 
-    shared = False
+    parts = 0
+    whole = False
     paired = False
     repeated = False
 
@@ -35,8 +38,9 @@ class Pass:
         """A hash of what the motion follows from beside the sheet and the forces; "" where that is all."""
         return ""
 
-    def join(self, substeps: int, step: float) -> None:
-        """By the solver that takes the pass, once: `substeps` a frame, of `step` [s]."""
+    def join(self, substeps: int, step: float, sides: NDArray[np.int32]) -> None:
+        """By the solver that takes the pass, once: `substeps` a frame, of `step` [s]. sides: of the blocks of the padded
+        grid, as of `crew.sides_of`."""
 
     def begin(self, state: SheetState, forces: FrameForces) -> None:
         """On the host, before each frame. What it leaves must follow from its arguments, or a resumed run differs."""
@@ -45,15 +49,19 @@ class Pass:
         """On the host, after each frame: the place to report that a capacity was too small."""
 
     @ti.func
-    def before(self, work: Template, first, last, done, n: Template):
-        """Before the stencil of substep number `done`; where `paired`, of each even one. Once, for all rows, while other
-        threads read positions and steps. Arguments as of `after`."""
+    def before(self, work: Template, done, n: Template):
+        """Before the stencil of substep number `done`; where `paired`, of each even one. By one thread, while others
+        read positions and steps. Arguments as of `after`."""
 
     @ti.func
     def after(self, work: Template, part, first, last, done, n: Template):
         """After the stencil of substep number `done` of the frame, from 0.
 
         work: the `Stencil`; elements p of its position[axis] and step[axis] [m] are what to change, and inverse_mass
-        [1/kg] of p is 0 where nothing may move. p is an element of the sheet's padded grid, and is to go from first ×
-        LANES up to last × LANES. part: number of the part, from 0 to PARTS − 1. n: `Numbers`.
+        [1/kg] of p is 0 where nothing may move. p is an element of the sheet's padded grid, in one of the blocks of lanes
+        work.block[e] of the part, for e from first up to last. part: its number. n: `Numbers`.
         """
+
+    @ti.func
+    def after_all(self, work: Template, done, n: Template):
+        """After the calls of `after` for all parts, and those of the other passes that are repeated."""

@@ -32,7 +32,7 @@ from scipy import ndimage
 from taichi_cloth.arrays import Template
 from taichi_cloth.errors import InputError
 from taichi_cloth.forces import SelfContact
-from taichi_cloth.sheet import LANES, Sheet, SheetState
+from taichi_cloth.sheet import Sheet, SheetState
 from taichi_cloth.solvers.passes import Pass
 
 __all__ = ["ClothContact", "require_thickness"]
@@ -76,6 +76,7 @@ class ClothContact(Pass):
     Raises InputError as `require_thickness`.
     """
 
+    whole = True
     paired = True
 
     def __init__(self, sheet: Sheet, options: SelfContact, seams: NDArray[np.bool_] | None = None) -> None:
@@ -146,20 +147,20 @@ class ClothContact(Pass):
         return ((i & mask) << (2 * _BITS)) | ((j & mask) << _BITS) | (k & mask)
 
     @ti.func
-    def before(self, work: Template, first, last, done, n: Template):
+    def before(self, work: Template, done, n: Template):
         if done == 0 or done >= self.until[None]:
-            self.refresh(work, first * LANES, last * LANES, done)
+            self.refresh(work, done)
 
     @ti.func
-    def after(self, work: Template, part, first, last, done, n: Template):
+    def after_all(self, work: Template, done, n: Template):
         self.solve(work, done)
 
     @ti.func
-    def refresh(self, work: Template, first, last, done):
+    def refresh(self, work: Template, done):
         """Contacts anew, and pairs where they may not be complete before the next time."""
         x, d = ti.static(work.position, work.step)
         step, shift, count = ti.Vector([0.0, 0.0, 0.0]), ti.Vector([0.0, 0.0, 0.0]), 0
-        for p in range(first, last):
+        for p in range(self.size):
             if self.panel[p] > 0:
                 step += self.at(d, p)
                 shift += self.at(x, p) - self.at(self.reference, p)
@@ -167,7 +168,7 @@ class ClothContact(Pass):
         step /= count
         shift /= count
         fastest, farthest = 1e-20, 0.0
-        for p in range(first, last):
+        for p in range(self.size):
             if self.panel[p] > 0:
                 fastest = ti.max(fastest, (self.at(d, p) - step).norm_sqr())
                 farthest = ti.max(farthest, (self.at(x, p) - self.at(self.reference, p) - shift).norm_sqr())
@@ -175,18 +176,18 @@ class ClothContact(Pass):
         held = 2 * ti.cast(ti.min(ti.max(self.band / (4.0 * fastest), 1.0), LONGEST_HOLD / 2), ti.i32)
         if done == 0 or 2.0 * (farthest + held * fastest) > self.margin[None]:
             self.margin[None] = ti.min(ti.max(2.0 * FORESIGHT * fastest, self.least), self.most)
-            self.search(work, first, last)
+            self.search(work)
         self.meet(work)
         self.until[None] = done + held
 
     @ti.func
-    def search(self, work: Template, first, last):
+    def search(self, work: Template):
         """Pairs of key points and faces, in the order of the faces."""
         x = ti.static(work.position)
         self.searches[None] += 1
         for k in range(self.start.shape[0]):
             self.start[k] = 0
-        for p in range(first, last):
+        for p in range(self.size):
             if self.panel[p] > 0:
                 g = self.grid(self.at(x, p))
                 key = self.hashed(g[0], g[1], g[2])
@@ -197,7 +198,7 @@ class ClothContact(Pass):
         for k in range(1, self.start.shape[0]):
             self.start[k] += self.start[k - 1]
             self.cursor[k - 1] = self.start[k - 1]
-        for p in range(first, last):
+        for p in range(self.size):
             if self.panel[p] > 0:
                 key = self.bucket[p]
                 self.order[self.cursor[key]] = p
@@ -205,7 +206,7 @@ class ClothContact(Pass):
         row = ti.static(self.width)
         found = 0
         wide = self.thickness + self.band + self.margin[None]
-        for f in range(first, last):
+        for f in range(self.size):
             if self.patch[f] > 0:
                 a, b, c, d = (
                     self.at(x, f),

@@ -13,19 +13,20 @@ through the same arithmetic the bytes do not depend on the number of threads.
 from copy import copy
 from functools import lru_cache
 from math import ceil, exp, expm1
+from time import perf_counter
 
 import numpy as np
 import taichi as ti
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from taichi_cloth import runtime
 from taichi_cloth.arrays import F32x3, Float, Int, Template
 from taichi_cloth.contact import Contact
 from taichi_cloth.errors import InputError
 from taichi_cloth.forces import Forces, FrameForces
-from taichi_cloth.sheet import LANES, PAD, Sheet, SheetState
+from taichi_cloth.sheet import LANES, Sheet, SheetState
 from taichi_cloth.solvers.base import Solver
-from taichi_cloth.solvers.crew import PARTS, Crew
+from taichi_cloth.solvers.crew import PARTS, Crew, Pace, parts_of, sides_of
 from taichi_cloth.solvers.passes import Pass
 from taichi_cloth.solvers.self_contact import ClothContact
 from taichi_cloth.solvers.stability import highest_frequency, longest_step, rounding_speed
@@ -46,8 +47,9 @@ class Verlet(Solver):
     """The paper's method for one sheet.
 
     frame_rate: frames a second [1/s]. step: asked for [s]; None takes the longest that is safe. safety: share of the
-    stable limit. threads: None takes 1, or those of the runtime where the sheet is large enough. passes: what acts
-    after the stencil of each substep, in that order.
+    stable limit. threads: at most; None takes 1, or those of the runtime where the sheet is large enough. passes: what acts
+    after the stencil of each substep, in that order. across: (rows, cols), by what threads share key points out: those of
+    the two sides should have little to do with each other; None takes the row.
     Raises InputError on a step that is not stable, with the one that is.
     """
 
@@ -61,6 +63,7 @@ class Verlet(Solver):
         safety: float = 0.9,
         threads: int | None = None,
         passes: tuple[Pass, ...] = (),
+        across: ArrayLike | None = None,
     ) -> None:
         if not (np.isfinite(frame_rate) and frame_rate > 0):
             raise InputError(f"solver.frame_rate: {frame_rate!r}; allowed: above 0")
@@ -81,6 +84,7 @@ class Verlet(Solver):
         self.step = 1 / frame_rate / self.substeps
         count = threads or (runtime.threads() if sheet.present.sum() >= WORTH_THREADS else 1)
         self.threads = min(count, MOST_THREADS)
+        self._pace = Pace(self.threads)
         self.passes = (*passes, ClothContact(sheet, forces.self_contact)) if forces.self_contact else passes
         if forces.strain_limit:
             self.passes = (ThreadLimit(sheet), *self.passes)
@@ -97,8 +101,11 @@ class Verlet(Solver):
         )
         self._forces = forces
         self._numbers = _numbers(sheet, forces, self.step)
+        along = np.arange(sheet.shape[0])[:, None] if across is None else np.asarray(across, np.float64)
+        self._parts = parts_of(sheet.padded(sheet.present) > 0, sheet.padded(np.broadcast_to(along, sheet.shape)))
+        sides = sides_of(*self._parts, int(np.prod(sheet.padded_shape)) // LANES)
         for one in self.passes:
-            one.join(self.substeps, self.step)
+            one.join(self.substeps, self.step, sides)
 
     def rounding(self, ulp: float) -> float:
         m = self.sheet.material
@@ -119,15 +126,17 @@ class Verlet(Solver):
             sheet = self.sheet
             model = np.stack([sheet.padded(v) for v in (*sheet.weights, sheet.inverse_mass)])
             work.take_model(model, state.values)
-            work.take_blocks(sheet.padded(sheet.present) > 0)
+            work.take_parts(*self._parts)
             work.numbers[None] = Numbers(**self._numbers)
             work.holder = self
         first, last = np.asarray(forces.wind_start), np.asarray(forces.wind_end)
         wind, change = first.tolist(), ((last - first) / self.substeps).tolist()
         for one in self.passes:
             one.begin(state, forces)
+        threads, begin = self._pace.threads(), perf_counter()
         with runtime.plain_code():  # half the time to compile, and as fast a frame
-            work.frame(state.values, *wind, *change, self.substeps, self._features)
+            work.frame(state.values, *wind, *change, self.substeps, threads, self._features)
+        self._pace.took(perf_counter() - begin)
         for one in self.passes:
             one.end(state)
 
@@ -173,15 +182,18 @@ def _workspace(generation: int, padded_shape: tuple[int, int], threads: int, pas
 
 @ti.data_oriented
 class _Workspace(Stencil):
-    """The kernel of a frame. Parts are ranges of rows with about as many key points each."""
+    """The kernel of a frame."""
 
     def __init__(self, padded_shape: tuple[int, int], threads: int, passes: tuple[Pass, ...]) -> None:
         rows, width = padded_shape
         super().__init__(rows * width, width)
         self.rows, self.passes, self.crew = rows, passes, Crew(threads)
+        self.repeated = tuple(one for one in passes if one.repeated)
+        self.rest = tuple(one for one in passes if not one.repeated)
+        self.repeated_parts = max((one.parts for one in self.repeated), default=0)
+        self.repeated_whole = any(one.whole for one in self.repeated)
         self.numbers = Numbers.field(shape=())
-        self.run = ti.Vector.field(2, ti.i32, rows * width // LANES)
-        self.row_start, self.cut = ti.field(ti.i32, rows + 1), ti.field(ti.i32, PARTS + 1)
+        self.block, self.cut = ti.field(ti.i32, rows * width // LANES), ti.field(ti.i32, PARTS + 1)
         self.holder: Verlet | None = None
 
     @ti.kernel
@@ -201,124 +213,119 @@ class _Workspace(Stencil):
                     self.ahead[c][p + self.size] = values[c, i, j]
                     self.step[c][p] = values[3 + c, i, j]
 
-    def take_blocks(self, present: NDArray[np.bool_]) -> None:
-        """Runs of blocks of lanes that hold key points: first and one after the last of each, and where the runs of
-        each row begin; first rows of the parts. present: (rows, width)."""
-        used = present.reshape(self.rows, -1, LANES).any(axis=2)
-        change = np.diff(np.pad(used, ((0, 0), (1, 1))).astype(np.int8), axis=1)
-        listed = np.zeros((*self.run.shape, 2), np.int32)
-        for end, sign in enumerate((1, -1)):
-            row, block = np.nonzero(change == sign)
-            listed[: len(row), end] = row * used.shape[1] + block
-        self.run.from_numpy(listed)
-        self.row_start.from_numpy(np.concatenate([[0], np.cumsum((change == 1).sum(axis=1))]).astype(np.int32))
-        before = np.concatenate([[0], np.cumsum(used.sum(axis=1))])
-        cuts = np.searchsorted(before, before[-1] * np.arange(PARTS + 1) / PARTS)
-        cuts[0], cuts[-1] = PAD, self.rows - PAD
-        self.cut.from_numpy(cuts.clip(PAD, self.rows - PAD).astype(np.int32))
+    def take_parts(self, blocks: NDArray[np.int32], cuts: NDArray[np.int32]) -> None:
+        """As of `parts_of`."""
+        self.block.from_numpy(np.pad(blocks, (0, self.block.shape[0] - len(blocks))))
+        self.cut.from_numpy(cuts)
 
     @ti.func
     def open(self, values: Template, part):
-        """The state of a part's rows from what the host holds."""
-        for i in range(self.cut[part], self.cut[part + 1]):
-            for j in range(self.width):
-                p = i * self.width + j
-                for c in ti.static(range(3)):
-                    self.position[c][p] = values[c, i, j]
-                    self.step[c][p] = values[3 + c, i, j]
+        """The state of a part's key points from what the host holds."""
+        for e in range(self.cut[part], self.cut[part + 1]):
+            p = self.lanes(self.block[e] * LANES)
+            i, j = p // self.width, p % self.width
+            for c in ti.static(range(3)):
+                for k in range(LANES):
+                    self.position[c][p + k] = values[c, i, j + k]
+                    self.step[c][p + k] = values[3 + c, i, j + k]
 
     @ti.func
     def close(self, values: Template, part, at, features: Template):
         """And back."""
-        if ti.static(not features.apart):
-            for e in range(self.row_start[self.cut[part]], self.row_start[self.cut[part + 1]]):
-                for b in range(self.run[e][0], self.run[e][1]):
-                    self.settle(self.lanes(b * LANES), at)
-        for i in range(self.cut[part], self.cut[part + 1]):
-            for j in range(self.width):
-                p = i * self.width + j
-                for c in ti.static(range(3)):
-                    values[c, i, j] = self.position[c][p]
-                    values[3 + c, i, j] = self.step[c][p]
+        for e in range(self.cut[part], self.cut[part + 1]):
+            p = self.lanes(self.block[e] * LANES)
+            if ti.static(not features.apart):
+                self.settle(p, at)
+            i, j = p // self.width, p % self.width
+            for c in ti.static(range(3)):
+                for k in range(LANES):
+                    values[c, i, j + k] = self.position[c][p + k]
+                    values[3 + c, i, j + k] = self.step[c][p + k]
 
     @ti.func
     def lead_part(self, part, n: Template):
-        """`lead` of a part's rows into the first buffer."""
-        for e in range(self.row_start[self.cut[part]], self.row_start[self.cut[part + 1]]):
-            for b in range(self.run[e][0], self.run[e][1]):
-                self.lead(self.lanes(b * LANES), n)
+        """`lead` of a part into the first buffer."""
+        for e in range(self.cut[part], self.cut[part + 1]):
+            self.lead(self.lanes(self.block[e] * LANES), n)
 
     @ti.func
     def substep_part(self, part, at, features: Template, air, n: Template):
-        for e in range(self.row_start[self.cut[part]], self.row_start[self.cut[part + 1]]):
-            for b in range(self.run[e][0], self.run[e][1]):
-                self.substep(features, at, self.lanes(b * LANES), air, n)
+        for e in range(self.cut[part], self.cut[part + 1]):
+            self.substep(features, at, self.lanes(self.block[e] * LANES), air, n)
 
     @ti.func
     def before(self, done, n: Template):
         """What passes do before the stencil."""
         for one in ti.static(self.passes):
             if not one.paired or done % 2 == 0:
-                one.before(self, PAD * self.width // LANES, (self.rows - PAD) * self.width // LANES, done, n)
+                one.before(self, done, n)
 
     @ti.func
-    def after(self, one: Template, thread, stage, done, n: Template):
-        """A stage: one pass."""
-        blocks = self.width // LANES
-        for turn in range(PARTS):
-            part = self.crew.take(thread, turn, stage)
-            if part >= 0:
-                if ti.static(one.shared):
-                    one.after(self, part, self.cut[part] * blocks, self.cut[part + 1] * blocks, done, n)
-                elif part == 0:
-                    one.after(self, part, PAD * blocks, (self.rows - PAD) * blocks, done, n)
+    def after(self, passes: Template, parts: Template, whole: Template, thread, stage, finished, done, n: Template):
+        """One stage or two: passes after the stencil, for each part and then for all. Returns the last stage, and the
+        parts finished when it ends."""
+        last, goal = stage, finished
+        if ti.static(parts > 0):
+            last, goal, each = last + 1, goal + parts, ti.static(PARTS // max(parts, 1))
+            for turn in range(parts):
+                part = self.crew.take(thread, turn, last, parts, goal)
+                if part >= 0:
+                    for one in ti.static([one for one in passes if one.parts == parts]):
+                        one.after(self, part, self.cut[part * each], self.cut[(part + 1) * each], done, n)
+                    self.crew.finish()
+            self.crew.meet(goal)
+        if ti.static(whole):
+            last, goal = last + 1, goal + 1
+            if self.crew.take(thread, 0, last, 1, goal) == 0:
+                for one in ti.static([one for one in passes if one.whole]):
+                    one.after_all(self, done, n)
                 self.crew.finish()
-        self.crew.meet(stage)
+            self.crew.meet(goal)
+        return last, goal
 
     @ti.func
     def work(self, thread, values: Template, n: Template, wind, change, substeps, features: Template):
         """A thread's share of a frame."""
-        stage = 1
+        stage, finished = 1, PARTS
         for turn in range(PARTS):
-            part = self.crew.take(thread, turn, stage)
+            part = self.crew.take(thread, turn, stage, PARTS, finished)
             if part >= 0:
                 self.open(values, part)
                 if ti.static(features.leads):
                     self.lead_part(part, n)
                 self.crew.finish()
-        self.crew.meet(stage)
+        self.crew.meet(finished)
         at = 0
         for done in range(substeps):
             if ti.static(not features.leads):
-                stage += 1
+                stage, finished = stage + 1, finished + PARTS
                 for turn in range(PARTS):
-                    part = self.crew.take(thread, turn, stage)
+                    part = self.crew.take(thread, turn, stage, PARTS, finished)
                     if part >= 0:
                         if part == 0:
                             self.before(done, n)
                         self.lead_part(part, n)
                         self.crew.finish()
-                self.crew.meet(stage)
-            stage += 1
+                self.crew.meet(finished)
+            stage, finished = stage + 1, finished + PARTS
             for turn in range(PARTS):
-                part = self.crew.take(thread, turn, stage)
+                part = self.crew.take(thread, turn, stage, PARTS, finished)
                 if part >= 0:
                     self.substep_part(part, at, features, wind + done * change, n)
                     self.crew.finish()
-            self.crew.meet(stage)
+            self.crew.meet(finished)
             if ti.static(features.leads):
                 at = self.size - at
             for _ in range(ti.cast(n.sweeps, ti.i32)):
-                for one in ti.static([one for one in self.passes if one.repeated]):
-                    stage += 1
-                    self.after(one, thread, stage, done, n)
-            for one in ti.static([one for one in self.passes if not one.repeated]):
+                stage, finished = self.after(
+                    self.repeated, self.repeated_parts, self.repeated_whole, thread, stage, finished, done, n
+                )
+            for one in ti.static(self.rest):
                 if not one.paired or done % 2 == 1:
-                    stage += 1
-                    self.after(one, thread, stage, done, n)
-        stage += 1
+                    stage, finished = self.after((one,), one.parts, one.whole, thread, stage, finished, done, n)
+        stage, finished = stage + 1, finished + PARTS
         for turn in range(PARTS):
-            part = self.crew.take(thread, turn, stage)
+            part = self.crew.take(thread, turn, stage, PARTS, finished)
             if part >= 0:
                 self.close(values, part, at, features)
                 self.crew.finish()
@@ -336,13 +343,14 @@ class _Workspace(Stencil):
         change_y: Float,
         change_z: Float,
         substeps: Int,
+        threads: Int,
         features: Template,
     ):
         ti.loop_config(serialize=True)
         for _ in range(1):
-            self.crew.assemble()
+            self.crew.assemble(threads)
         ti.loop_config(serialize=ti.static(self.crew.threads == 1))
-        for k in range(self.crew.threads * _CHUNK):
+        for k in range(threads * _CHUNK):
             if k % _CHUNK == 0:
                 wind, change = ti.Vector([wind_x, wind_y, wind_z]), ti.Vector([change_x, change_y, change_z])
                 self.work(k // _CHUNK, values, self.numbers[None], wind, change, substeps, features)
