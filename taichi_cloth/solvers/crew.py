@@ -1,11 +1,11 @@
 """Threads that go through one kernel together, stage by stage.
 
-At 6,000 key points a launch of a parallel loop costs more than a substep, so all substeps of a frame are one kernel, and
-its threads meet inside it. A stage is cut into PARTS that share nothing they write. Whoever comes takes the next part
-that nobody has taken; the next stage begins when all parts of this one are finished.
+At 6,000 key points a launch of a parallel loop costs more than a substep, so all substeps of a frame are one kernel,
+and its threads meet inside it. A stage is cut into parts that share nothing they write. A thread takes its own, and
+then those that nobody has taken, if it must; the next stage begins when all parts of this one are finished.
 
 So no thread waits for another to come, only for a part that another has begun: a thread that gets no processor is done
-without, both can run one after the other, and nothing can hang. What a stage leaves does not depend on who did which
+without, all can run one after the other, and nothing can hang. What a stage leaves does not depend on who did which
 part, so the bytes do not depend on the number of threads.
 """
 

@@ -21,8 +21,8 @@ class Pass:
     """Base of all passes; a subclass is `@ti.data_oriented` too. Each object that is made compiles a kernel of its own.
 
     parts: into how many parts its `after` is cut, which threads call at once (`crew.py`): calls for two parts write
-    nothing in common, and neither reads what the other writes; PARTS, SIDES, or 0 for none. whole: it has an `after_all`,
-    which one thread calls.
+    nothing in common, and neither reads what the other writes; PARTS, SIDES, or 0 for none.
+    whole: it has an `after_all`, which one thread calls.
     paired: called after every second substep (those with an odd number) instead of each, which is half the time to run
     and to compile.
     repeated: called after each substep, before those that are not, and with the others that are as often as the strain
@@ -39,8 +39,8 @@ class Pass:
         return ""
 
     def join(self, substeps: int, step: float, sides: NDArray[np.int32]) -> None:
-        """By the solver that takes the pass, once: `substeps` a frame, of `step` [s]. sides: of the blocks of the padded
-        grid, as of `crew.sides_of`."""
+        """By the solver that takes the pass, once: `substeps` a frame, of `step` [s]. sides: of the blocks of the
+        padded grid, as of `crew.sides_of`."""
 
     def begin(self, state: SheetState, forces: FrameForces) -> None:
         """On the host, before each frame. What it leaves must follow from its arguments, or a resumed run differs."""
@@ -58,8 +58,8 @@ class Pass:
         """After the stencil of substep number `done` of the frame, from 0.
 
         work: the `Stencil`; elements p of its position[axis] and step[axis] [m] are what to change, and inverse_mass
-        [1/kg] of p is 0 where nothing may move. p is an element of the sheet's padded grid, in one of the blocks of lanes
-        work.block[e] of the part, for e from first up to last. part: its number. n: `Numbers`.
+        [1/kg] of p is 0 where nothing may move. p is an element of the sheet's padded grid, in one of the blocks of
+        lanes work.block[e] of the part, for e from first up to last. part: its number. n: `Numbers`.
         """
 
     @ti.func
