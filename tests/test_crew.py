@@ -1,4 +1,4 @@
-"""What threads share: every block of a sheet is in one part, parts are even, and the quicker number of threads is taken."""
+"""What threads share: every block is in one part, parts are even, and the quicker number of threads is taken."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,8 @@ def test_every_block_is_in_one_part_and_parts_are_even(shape: tuple[int, int]) -
     blocks, cuts = parts_of(present, RANDOM.random(shape))
     held = np.flatnonzero(present.reshape(-1, LANES).any(axis=1))
     assert sorted(blocks.tolist()) == held.tolist()
-    assert len(cuts) == PARTS + 1 and cuts[0] == 0 and cuts[-1] == len(blocks)
+    assert len(cuts) == PARTS + 1
+    assert (cuts[0], cuts[-1]) == (0, len(blocks))
     assert np.ptp(np.diff(cuts)) <= 2  # a pair of blocks stays together, and a side is cut into whole blocks
 
 
@@ -28,7 +29,8 @@ def test_sides_are_ordered_and_no_cache_line_is_of_two() -> None:
     assert np.array_equal(side.reshape(12, 4), np.broadcast_to([0, 0, 1, 1], (12, 4)))
     empty = parts_of(np.arange(32) < np.full((12, 1), 8), across)
     side = sides_of(*empty, present.size // LANES).reshape(12, 4)
-    assert (side[:, 1:] == -1).all() and set(side[:, 0]) == set(range(SIDES))
+    assert (side[:, 1:] == -1).all()
+    assert set(side[:, 0]) == set(range(SIDES))
 
 
 @pytest.mark.parametrize(("one", "two", "expected"), [(1.0, 0.6, 2), (1.0, 1.4, 1)])

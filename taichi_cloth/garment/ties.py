@@ -6,7 +6,8 @@ between one and its place. A gap wider than allowed is closed along d, shared ou
     Δx_k = −w_k/m_k · λ,      λ = (1 − allowed/|d|) d / Σ w_k²/m_k,
 
 which keeps the momentum of what is tied together. Ties are worked through in order, each seeing what the ones before
-did (Gauss–Seidel); those of the two sides of a sheet on two threads, and then those between. What is allowed shrinks from frame to frame, so panels are drawn together at a set speed.
+did (Gauss–Seidel); those of the two sides of a sheet on two threads, and then those between. What is allowed shrinks
+from frame to frame, so panels are drawn together at a set speed.
 """
 
 # pyright: reportOptionalCall=false, reportOperatorIssue=false, reportGeneralTypeIssues=false

@@ -167,7 +167,7 @@ class _Memory:
 
     @ti.func
     def seek(self, work: Template, side, first, last, n: Template):
-        """Lists the threads of a side near the limit. Of those that leave it another thread may be at work on the end."""
+        """Lists the threads near the limit within a side. (Of those that leave it the end may be changing just now.)"""
         x, y = n.longest_x - NEAR * n.spacing_x, n.longest_y - NEAR * n.spacing_y
         here = side * self.size
         along, across = here, here

@@ -47,9 +47,9 @@ class Verlet(Solver):
     """The paper's method for one sheet.
 
     frame_rate: frames a second [1/s]. step: asked for [s]; None takes the longest that is safe. safety: share of the
-    stable limit. threads: at most; None takes 1, or those of the runtime where the sheet is large enough. passes: what acts
-    after the stencil of each substep, in that order. across: (rows, cols), by what threads share key points out: those of
-    the two sides should have little to do with each other; None takes the row.
+    stable limit. threads: at most; None takes 1, or those of the runtime where the sheet is large enough. passes: what
+    acts after the stencil of each substep, in that order. across: (rows, cols), by what threads share key points out:
+    those of the two sides should have little to do with each other; None takes the row.
     Raises InputError on a step that is not stable, with the one that is.
     """
 
