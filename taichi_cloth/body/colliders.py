@@ -56,6 +56,7 @@ class Colliders:
     gap: float = 0.0
     recovery: float = 0.5
     spared: NDArray[np.int32] | None = field(default=None, repr=False)
+    _last: dict[float, F64] = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
         if not self.primitives and not self.grids:
@@ -93,5 +94,9 @@ class Colliders:
         return out
 
     def during(self, start: float, end: float) -> BoneFrame:
-        """The bones at the ends of a frame [s]."""
-        return BoneFrame(self.at(start), self.at(end))
+        """The bones at the ends of a frame [s]. Where a frame begins, the one before has ended: that is kept."""
+        begin = self._last.get(start)
+        frame = BoneFrame(self.at(start) if begin is None else begin, self.at(end))
+        self._last.clear()
+        self._last[end] = frame.end
+        return frame
