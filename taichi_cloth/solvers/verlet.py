@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from taichi_cloth import runtime
 from taichi_cloth.arrays import F32x3, Float, I32x2, Int, Template
 from taichi_cloth.contact import Contact
+from taichi_cloth.contact_middles import MiddleContact
 from taichi_cloth.errors import InputError
 from taichi_cloth.forces import Forces, FrameForces
 from taichi_cloth.sheet import LANES, PAD, Sheet, SheetState
@@ -32,6 +33,7 @@ from taichi_cloth.solvers.self_contact import ClothContact
 from taichi_cloth.solvers.stability import highest_frequency, longest_step, rounding_speed
 from taichi_cloth.solvers.stencil import Features, Numbers, Stencil
 from taichi_cloth.solvers.strain_limit import ThreadLimit
+from taichi_cloth.thin_limbs import let_through
 
 __all__ = ["Verlet"]
 
@@ -84,12 +86,14 @@ class Verlet(Solver):
         if forces.strain_limit:
             self.passes = (ThreadLimit(sheet), *self.passes)
         self.strips = max(1, min(count, rows // (4 * MEETING))) if threads is None else max(1, min(count, rows))
-        if not strips_allowed(self.passes):
+        body = forces.body
+        thin = let_through(body.solids, sheet.springs, body.gap) if body is not None else ()
+        if not strips_allowed(self.passes) or len(thin):
             self.strips = 1
-        if forces.body is not None:
+        if body is not None:
             size = int(np.prod(sheet.padded_shape))
-            one = Contact(forces.body, size=size, substeps=self.substeps, step=self.step, strips=self.strips)
-            self.passes = (*self.passes, one)
+            one = Contact(body, size=size, substeps=self.substeps, step=self.step, strips=self.strips)
+            self.passes = (*self.passes, one, *((MiddleContact(one, sheet, thin),) if len(thin) else ()))
         cuts = np.linspace(PAD, PAD + rows, self.strips + 1).round().astype(np.int32)
         self._rows = np.stack([cuts[:-1], cuts[1:]], axis=1)
         self._features = Features(
