@@ -1,14 +1,15 @@
 """The middles of springs against what is too thin for the key points to keep out (`thin_limbs.py`; paper 4.1).
 
 They meet the same surfaces by the same law as key points (`contact_response.py`), right after these: a middle that
-stands deeper than the gap is pushed out along the normal, which takes its velocity towards the surface and no more, and
-is held by friction. A push of the middle by δ moves each end by 2 δ w / (w₁ + w₂), w its inverse mass: both get the same
-impulse, so that neither momentum nor its moment about the middle is made, and a pinned end stays.
+stands deeper than the gap is pushed out along the normal, which takes its velocity towards the surface and no more,
+and is held by friction. A push of the middle by δ moves each end by 2 δ w / (w₁ + w₂), w its inverse mass: both get
+the same impulse, so that no moment about the middle is made, and a pinned end stays.
 
 Springs are those that hold the sheet in its plane: along the weft, along the warp, and both diagonals of each cell.
 Every 16 milliseconds those that could come near a thin solid are listed, by a capsule around it. Eight at a time their
 distances are measured, again when one of them could touch; what could touch soon gets a plane. Only these are gone
-through every substep, one after the other in a fixed order, each seeing what those before it did.
+through every substep, one after the other in a fixed order, each seeing what those before it did. A middle that gets
+from one side of a limb to the other within one step is not seen.
 """
 
 # In kernels a vector is a Taichi expression, which type checkers cannot follow.

@@ -18,23 +18,24 @@ from scipy.ndimage import distance_transform_edt
 
 from taichi_cloth.body.colliders import Solid
 from taichi_cloth.body.grid import DistanceGrid
-from taichi_cloth.springs import Springs
 
 __all__ = ["DEEP", "let_through", "thinnest_held"]
 
 DEEP = 5e-4  # [m]
 
 
-def thinnest_held(springs: Springs, gap: float, *, middles: bool = False) -> float:
-    """Radius [m] of the thinnest limb that key points `gap` [m] off it keep out; with the middles of springs too, if so
-    asked. 0 where they keep out any."""
-    hole, u = springs.diagonal_length / (4 if middles else 2), gap + DEEP
+def thinnest_held(diagonal: float, gap: float, *, middles: bool = False) -> float:
+    """Radius [m] of the thinnest limb that key points `gap` [m] off it keep out, or they and the middles of springs.
+
+    diagonal: of a cell [m]. 0 where they keep out any limb.
+    """
+    hole, u = diagonal / (4 if middles else 2), gap + DEEP
     return (hole * hole + u * u) / (2 * u) - gap if u < hole else 0.0
 
 
-def let_through(solids: Sequence[Solid], springs: Springs, gap: float) -> NDArray[np.int32]:
-    """Numbers (n,) of the solids that key points alone would let through somewhere."""
-    radius = thinnest_held(springs, gap)
+def let_through(solids: Sequence[Solid], diagonal: float, gap: float) -> NDArray[np.int32]:
+    """Numbers (n,) of the solids that key points alone would let through somewhere. diagonal: of a cell [m]."""
+    radius = thinnest_held(diagonal, gap)
     return np.flatnonzero([_is_thinner(solid, radius) for solid in solids]).astype(np.int32)
 
 

@@ -87,7 +87,7 @@ class Verlet(Solver):
             self.passes = (ThreadLimit(sheet), *self.passes)
         self.strips = max(1, min(count, rows // (4 * MEETING))) if threads is None else max(1, min(count, rows))
         body = forces.body
-        thin = let_through(body.solids, sheet.springs, body.gap) if body is not None else ()
+        thin = let_through(body.solids, sheet.springs.diagonal_length, body.gap) if body is not None else ()
         if not strips_allowed(self.passes) or len(thin):
             self.strips = 1
         if body is not None:
