@@ -182,6 +182,16 @@ def test_a_grid_is_thin_where_a_part_of_it_is() -> None:
     assert let_through(grids, diagonal, GAP).tolist() == [1]
 
 
+def test_two_threads_give_the_same_bytes() -> None:
+    """Both ends of a spring are written, so the whole sheet goes through one of them, in order."""
+    sheet = sheet_of(8, 8)
+    forces = Forces(body=Colliders(primitives=(THIN["ball"],), gap=GAP))
+    one, two = (simulate(sheet, forces=forces, positions=level(sheet, 0.03), threads=n) for n in (1, 2))
+    for simulation in (one, two):
+        run(simulation, 12)
+    assert one.state.values.tobytes() == two.state.values.tobytes()
+
+
 def test_where_key_points_are_close_enough_nothing_is_built() -> None:
     made = contact_middles._memory.cache_info().misses
     sheet = sheet_of(3, 3)
