@@ -153,7 +153,7 @@ def plan(scene: Scene) -> Plan:
     order = (
         *("fibre lattice", "yarn", "hairs", "twist", "weave", "fibre blocks"),
         *("body", "pattern", "sheet", "seams", "solver", "pins", "wind", "strain limit", "contact"),
-        *("cloth on cloth", "motion"),
+        *("thin limbs", "cloth on cloth", "motion"),
         *("light pass", "occlusion", "floor", "meshes", "splatter", "passes"),
     )
     stages = tuple(

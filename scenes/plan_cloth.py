@@ -1,16 +1,32 @@
 """What a moving cloth will build, in words."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
+from taichi_cloth.body.colliders import Solid
 from taichi_cloth.forces import Forces
 from taichi_cloth.sheet import Sheet
 from taichi_cloth.solvers.base import Solver
 from taichi_cloth.solvers.self_contact import require_thickness
+from taichi_cloth.thin_limbs import let_through, thinnest_held
 
-from .moving import forces_of, sheet_of, solver_of
+from .moving import forces_of, sheet_of, solver_of, standing_in
 from .schema import Scene
 
-__all__ = ["force_stages", "sheet_stages"]
+__all__ = ["force_stages", "sheet_stages", "thin_limbs"]
+
+THIN = "thin limbs"
+
+
+def thin_limbs(solids: Sequence[Solid], diagonal: float, gap: float) -> tuple[dict[str, str], dict[str, str]]:
+    """Whether the middles of springs are met, and by what, and why or why not."""
+    thin = let_through(solids, diagonal, gap)
+    if not len(thin):
+        held = 1e3 * thinnest_held(diagonal, gap)
+        return {}, {THIN: f"key points keep out all of the body: from {held:.1f} mm radius on"}
+    least = 1e3 * thinnest_held(diagonal, gap, middles=True)
+    parts = ", ".join(dict.fromkeys(solids[number].part or f"number {number}" for number in thin))
+    return {THIN: f"the middles of springs meet {parts}; enough from {least:.1f} mm radius on"}, {}
 
 
 def force_stages(forces: Forces) -> tuple[dict[str, str], dict[str, str]]:
@@ -46,13 +62,18 @@ def sheet_stages(scene: Scene) -> tuple[dict[str, str], dict[str, str]]:
     }
     left: dict[str, str] = {}
     held = int(sheet.pinned.sum())
-    body = scene.body
+    body, standing = scene.body, standing_in(scene)
     if body:
         moved = "standing still" if body.motion == "rest" else f"motion {body.motion}"
         built["body"] = f"{body.source} {body.gender if body.source in ('built-in', 'anny') else ''}".rstrip()
         built["body"] += f", {moved}; skin, skeleton and {body.contact}"
     else:
-        left["body"] = "the scene has no [body]"
+        left["body"] = left[THIN] = "the scene has no [body]"
+    if standing is not None:
+        solids = standing.colliders.solids
+        thin = thin_limbs(solids, s.diagonal_length, 1e-3 * cloth.gap_mm)
+        for stages, more in zip((built, left), thin, strict=True):
+            stages |= more
     if held:
         pull = f", pulled apart by {cloth.pins.pull_mm:g} mm" if cloth.pins.pull_mm else ""
         at = (*cloth.pins.edges, *cloth.pins.corners, *(f"the body's {pin.bone}" for pin in cloth.pins.body))

@@ -1,9 +1,11 @@
 """What a garment will build, in words."""
 
+from math import hypot
+
 from .dressing import dressed_parts, motion_of
 from .garment import woven_garment
 from .moving import forces_of
-from .plan_cloth import force_stages
+from .plan_cloth import force_stages, thin_limbs
 from .schema import Scene
 
 __all__ = ["garment_stages"]
@@ -33,8 +35,13 @@ def garment_stages(scene: Scene) -> tuple[dict[str, str], dict[str, str], int, S
         left["motion"] = 'body.motion is "rest": the garment hangs as it was sewn'
     else:
         built["motion"] = moves.name
-    for stages, more in zip((built, left), force_stages(forces_of(scene.forces)), strict=True):
-        stages |= more
+    solids = parts.grids or parts.primitives
+    for more_built, more_left in (
+        force_stages(forces_of(scene.forces)),
+        thin_limbs(solids, hypot(a, b), 1e-3 * section.gap_mm),
+    ):
+        built |= more_built
+        left |= more_left
     cloth = woven_garment(scene, atlas) if section.representation == "fibre" else None
     if cloth is None:
         left["fibre blocks"] = 'garment.representation is "mesh"'

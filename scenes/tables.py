@@ -14,6 +14,7 @@ from typing import Any
 from taichi_cloth import runtime
 from taichi_cloth.blocks import build_fabric
 from taichi_cloth.contact import Contact
+from taichi_cloth.contact_middles import MiddleContact
 from taichi_cloth.errors import InputError, Unstable
 from taichi_cloth.follow import FibreFollower
 from taichi_cloth.garment.weaving import Weaving
@@ -156,7 +157,7 @@ def measure(scene: Scene, frames: int) -> Measured:
     simulation, free = model.simulation, simulation_of(scene, model.dressed)
     solver = free.solver
     assert isinstance(solver, Verlet)
-    solver.passes = tuple(one for one in solver.passes if not isinstance(one, Contact))
+    solver.passes = tuple(one for one in solver.passes if not isinstance(one, (Contact, MiddleContact)))
     times: dict[str, list[float]] = {}
     draw = _drawing(model)
 

@@ -64,6 +64,7 @@ def test_a_scene_without_a_body_builds_none_of_it(monkeypatch: pytest.MonkeyPatc
     stages = {stage.name: stage for stage in plan(scene).stages}
     assert not stages["body"].built
     assert "no [body]" in stages["body"].why
+    assert not stages["thin limbs"].built
 
 
 def test_the_plan_names_the_body() -> None:
@@ -72,6 +73,14 @@ def test_the_plan_names_the_body() -> None:
     assert "built-in female, motion walk" in stages["body"].why
     assert "the body's primitives" in stages["contact"].why
     assert "skin" in stages["meshes"].why
+    assert stages["thin limbs"].built
+    assert "left hand, right hand" in stages["thin limbs"].why
+
+
+def test_the_plan_says_where_key_points_are_close_enough() -> None:
+    stages = {stage.name: stage for stage in plan(load_scene("drape-body", ["cloth.representation=mesh"])).stages}
+    assert not stages["thin limbs"].built
+    assert "from 3.8 mm" in stages["thin limbs"].why
 
 
 @pytest.mark.parametrize(

@@ -244,6 +244,23 @@ def test_skin_stays_beneath_cloth():
     assert out[far] == pytest.approx(skin[far], abs=1e-7)
 
 
+@pytest.mark.parametrize("height", [0.010, 0.004])
+def test_the_far_side_of_a_finger_stays_where_it_is(height: float) -> None:
+    """A finger of 8 mm radius, cloth 2 mm over it or 4 mm within it: the side that faces the cloth ends 4 mm below it
+    at least, the other has not moved, and so comes out nowhere."""
+    turn, along = np.meshgrid(np.linspace(0, 2 * np.pi, 24, endpoint=False), np.linspace(-0.04, 0.04, 17))
+    skin = np.stack([0.008 * np.sin(turn), 0.008 * np.cos(turn), along], -1).reshape(-1, 3)
+    index = np.arange(24 * 17).reshape(17, 24)
+    a, b, c, d = index[:-1], np.roll(index, -1, 1)[:-1], np.roll(index, -1, 1)[1:], index[1:]
+    faces = np.concatenate([np.stack([a, d, c], -1), np.stack([a, c, b], -1)]).reshape(-1, 3)
+    u, v = np.meshgrid(np.linspace(-0.06, 0.06, 9), np.linspace(-0.06, 0.06, 9))
+    out = beneath(skin, faces, np.stack([u, np.full_like(u, height), v], -1).reshape(-1, 3))
+    top, bottom = skin[:, 1] > 0.0079, skin[:, 1] < -1e-6
+    assert out[top, 1].max() < height - 0.004 + 1e-4
+    assert out[:, 1].max() < height
+    np.testing.assert_allclose(out[bottom], skin[bottom], atol=1e-7)
+
+
 def test_fitting_scales_lifts_and_holds():
     from pathlib import Path
 

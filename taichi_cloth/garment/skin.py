@@ -17,7 +17,8 @@ def beneath(skin: NDArray, faces: NDArray, cloth: NDArray) -> F32:
     """Skin (n, 3) [m], let in along its own normal so that it stays ROOM below the cloth points (m, 3) near it.
 
     Contact knows the body by its primitives, which are some millimetres off the skin; what it lets the cloth rest on
-    may lie under the skin that is drawn. faces: of the skin.
+    may lie under the skin that is drawn. Up is, for a cloth point, along the normal of the skin nearest to it: what is
+    lower than ROOM below it, as the other side of a finger, stays where it is. faces: of the skin.
     """
     corner = skin[faces]
     square = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
@@ -30,10 +31,14 @@ def beneath(skin: NDArray, faces: NDArray, cloth: NDArray) -> F32:
     near = np.flatnonzero(((skin > low) & (skin < high)).all(axis=1))
     distance, index = KDTree(cloth).query(skin[near], NEAREST, distance_upper_bound=REACH)
     found = np.isfinite(distance)
-    way = cloth[np.where(found, index, 0)] - skin[near][:, None]
+    index = np.where(found, index, 0)
+    way = cloth[index] - skin[near][:, None]
     above = np.einsum("nkc,nc->nk", way, normal[near])
     off = np.linalg.norm(way - above[..., None] * normal[near][:, None], axis=2)
-    counts = found & (off < 0.6 * REACH)
+    used, again = np.unique(index, return_inverse=True)
+    up = normal[KDTree(skin).query(cloth[used])[1]][again.reshape(index.shape)]
+    lower = np.einsum("nkc,nkc->nk", way, up)
+    counts = found & (off < 0.6 * REACH) & (lower < ROOM) & (np.einsum("nkc,nc->nk", up, normal[near]) > 0)
     need = np.where(counts, ROOM - above, 0.0).max(axis=1, initial=0.0)
     out = np.asarray(skin, np.float64).copy()
     out[near] -= np.clip(need, 0.0, REACH)[:, None] * normal[near]

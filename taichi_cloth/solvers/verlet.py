@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from taichi_cloth import runtime
 from taichi_cloth.arrays import F32x3, Float, Int, Template
 from taichi_cloth.contact import Contact
+from taichi_cloth.contact_middles import MiddleContact
 from taichi_cloth.errors import InputError
 from taichi_cloth.forces import Forces, FrameForces
 from taichi_cloth.sheet import LANES, Sheet, SheetState
@@ -32,6 +33,7 @@ from taichi_cloth.solvers.self_contact import ClothContact
 from taichi_cloth.solvers.stability import highest_frequency, longest_step, rounding_speed
 from taichi_cloth.solvers.stencil import Features, Numbers, Stencil
 from taichi_cloth.solvers.strain_limit import ThreadLimit
+from taichi_cloth.thin_limbs import let_through
 
 __all__ = ["Verlet"]
 
@@ -89,8 +91,10 @@ class Verlet(Solver):
         if forces.strain_limit:
             self.passes = (ThreadLimit(sheet), *self.passes)
         if forces.body is not None:
-            size = int(np.prod(sheet.padded_shape))
-            self.passes = (*self.passes, Contact(forces.body, size=size, substeps=self.substeps, step=self.step))
+            size, body = int(np.prod(sheet.padded_shape)), forces.body
+            one = Contact(body, size=size, substeps=self.substeps, step=self.step)
+            thin = let_through(body.solids, sheet.springs.diagonal_length, body.gap)
+            self.passes = (*self.passes, one, *((MiddleContact(one, sheet, thin),) if len(thin) else ()))
         self._features = Features(
             hinges=sheet.springs.law == "hinge",
             wind=forces.wind is not None,
