@@ -42,7 +42,7 @@ SMALL = 0.82
 """A particle of smaller radius [texels] is laid at points along its axis, each shared bilinearly between four texels:
 a tent varies as much across as a disc of this radius."""
 
-APART = 1.0
+APART = 1.5
 """Distance between points [texels], at most."""
 
 OPAQUEST = 0.97
@@ -107,7 +107,7 @@ def stamp(
                 e_x = tx * axes[RIGHT, 0] + ty * axes[RIGHT, 1] + tz * axes[RIGHT, 2]
                 e_y = tx * axes[UP, 0] + ty * axes[UP, 1] + tz * axes[UP, 2]
                 flat = ti.min(e_x * e_x + e_y * e_y, 1.0)
-                half = ti.max(0.5 * stretch * particles[layout.half_length_row, b] * texels, radius)
+                half = stretch * ti.max(0.5 * particles[layout.half_length_row, b] * texels, radius)
                 long = ti.sqrt(radius * radius * (1.0 - flat) + half * half * flat)
                 points = ti.max(ti.ceil(half * ti.sqrt(flat) * (2.0 / APART)), 1.0)
                 gap = 2.0 * half / points
@@ -122,7 +122,7 @@ def stamp(
             along = 0.5 + ti.sqrt(0.25 + long * long)
             edge = ti.max(0.5 * across, 1.0)
             area = across * along * (1.0 - 0.5 / edge)
-            alpha = ti.min(radius * long / area, 1.0)
+            alpha = radius * long / area
             thin = radius < SMALL
             short = long < SMALL  # by its area, as if it were even in a texel
             alpha = ti.select(short, ti.min(3.1416 * radius * long, 0.95), alpha)
@@ -164,10 +164,77 @@ def layer_of(behind, span, root):
 
 
 @ti.func
-def _lay(cell, depth, optical, span, root, nearest: Floats1, through: Blocks):
-    """Add optical depth to the layer that a place `depth` [m] deep lies in; it dims the light from its far side on."""
-    k = layer_of(ti.max(depth - nearest[cell], 0.0), span, root)
-    through[cell, 0][ti.min(ti.cast(k, ti.i32) + 1, ti.static(LAYERS - 1))] += optical
+def _points(turn, stamps: Floats3, b, lane, top, bottom, width, span, root, nearest: Floats1, through: Blocks):
+    """What is laid at points, in the rows top to bottom: into the first depths, then into the layers."""
+    count = ti.cast(stamps[b, POINTS, lane], ti.i32)
+    u = stamps[b, U, lane]
+    v = stamps[b, V, lane]
+    depth = stamps[b, BEHIND, lane]
+    for k in range(count):
+        row = ti.cast(v, ti.i32)
+        if row >= top - 1 and row <= bottom:
+            left = ti.min(ti.max(ti.cast(u, ti.i32), 0), width - 2)
+            # Four texels side by side; a row that is not of this band takes nothing.
+            one = ti.max(row, top) * width + left
+            two = ti.min(row + 1, bottom) * width + left
+            if turn == 0:
+                first = depth if row >= top else EMPTY
+                second = depth if row < bottom else EMPTY
+                nearest[one] = ti.min(nearest[one], first)
+                nearest[one + 1] = ti.min(nearest[one + 1], first)
+                nearest[two] = ti.min(nearest[two], second)
+                nearest[two + 1] = ti.min(nearest[two + 1], second)
+            else:
+                near = ti.Vector([nearest[one], nearest[one + 1], nearest[two], nearest[two + 1]])
+                layer = _layer(depth, near, span, root)
+                optical = stamps[b, OPTICAL, lane]
+                g = v - row
+                second = optical * g if row < bottom else 0.0
+                first = optical - optical * g if row >= top else 0.0
+                f = u - left
+                through[one, 0][layer[0]] += first - first * f
+                through[one + 1, 0][layer[1]] += first * f
+                through[two, 0][layer[2]] += second - second * f
+                through[two + 1, 0][layer[3]] += second * f
+        if k + 1 < count:
+            u += stamps[b, STEP_U, lane]
+            v += stamps[b, STEP_V, lane]
+            depth += stamps[b, STEP_BEHIND, lane]
+
+
+@ti.func
+def _layer(depth, nearest, span, root):
+    """The layer that a place `depth` [m] deep dims: it lies in the one before."""
+    k = layer_of(ti.max(depth - nearest, 0.0), span, root)
+    return ti.min(ti.cast(k, ti.i32) + 1, ti.static(LAYERS - 1))
+
+
+@ti.func
+def _disc(turn, stamps: Floats3, b, lane, top, bottom, width, span, root, nearest: Floats1, through: Blocks):
+    """What covers more than four texels, in the rows top to bottom: into the first depths, then into the layers."""
+    u = stamps[b, U, lane]
+    v = stamps[b, V, lane]
+    depth = stamps[b, BEHIND, lane]
+    reach = stamps[b, REACH, lane]
+    wide = stamps[b, WIDE, lane]
+    left = ti.max(ti.cast(ti.ceil(u - wide - 0.5), ti.i32), 0)
+    right = ti.min(ti.cast(ti.floor(u + wide - 0.5), ti.i32), width - 1)
+    first = ti.max(ti.cast(ti.ceil(v - reach - 0.5), ti.i32), top)
+    last = ti.min(ti.cast(ti.floor(v + reach - 0.5), ti.i32), bottom)
+    for y in range(first, last + 1):
+        dy = y + 0.5 - v
+        for x in range(left, right + 1):
+            dx = x + 0.5 - u
+            s = dx * stamps[b, S_X, lane] + dy * stamps[b, S_Y, lane]
+            t = dx * stamps[b, T_X, lane] + dy * stamps[b, T_Y, lane]
+            q = 1.0 - s * s - t * t
+            if q > 0.0:
+                cell = y * width + x
+                if turn == 0:
+                    nearest[cell] = ti.min(nearest[cell], depth)
+                else:
+                    layer = _layer(depth, nearest[cell], span, root)
+                    through[cell, 0][layer] += stamps[b, OPTICAL, lane] * ti.min(q * stamps[b, EDGE, lane], 1.0)
 
 
 @ti.kernel
@@ -203,64 +270,10 @@ def deposit(
             for b in range(block_count):
                 if spans[b, 0] <= bottom and spans[b, 1] >= top:
                     for lane in range(LANES):
-                        u = stamps[b, U, lane]
-                        v = stamps[b, V, lane]
-                        depth = stamps[b, BEHIND, lane]
-                        optical = stamps[b, OPTICAL, lane]
-                        edge = stamps[b, EDGE, lane]
-                        s_x = stamps[b, S_X, lane]
-                        s_y = stamps[b, S_Y, lane]
-                        t_x = stamps[b, T_X, lane]
-                        reach = stamps[b, REACH, lane]
-                        if edge == 0.0:
-                            for _ in range(ti.cast(reach, ti.i32)):
-                                left = ti.min(ti.max(ti.cast(u, ti.i32), 0), width - 2)
-                                row = ti.cast(v, ti.i32)
-                                for j in ti.static(range(2)):
-                                    if row + j >= top and row + j <= bottom:
-                                        cell = (row + j) * width + left
-                                        if turn == 0:
-                                            nearest_out[cell] = ti.min(nearest_out[cell], depth)
-                                            nearest_out[cell + 1] = ti.min(nearest_out[cell + 1], depth)
-                                        else:
-                                            g = v - row
-                                            part = optical * (g if ti.static(j == 1) else 1.0 - g)
-                                            _lay(
-                                                cell,
-                                                depth,
-                                                part * (1.0 - u + left),
-                                                span,
-                                                root,
-                                                nearest_out,
-                                                through_out,
-                                            )
-                                            _lay(
-                                                cell + 1, depth, part * (u - left), span, root, nearest_out, through_out
-                                            )
-                                u += s_x
-                                v += s_y
-                                depth += t_x
+                        if stamps[b, EDGE, lane] == 0.0:
+                            _points(turn, stamps, b, lane, top, bottom, width, span, root, nearest_out, through_out)
                         else:
-                            t_y = stamps[b, T_Y, lane]
-                            wide = stamps[b, WIDE, lane]
-                            left = ti.max(ti.cast(ti.ceil(u - wide - 0.5), ti.i32), 0)
-                            right = ti.min(ti.cast(ti.floor(u + wide - 0.5), ti.i32), width - 1)
-                            first = ti.max(ti.cast(ti.ceil(v - reach - 0.5), ti.i32), top)
-                            last = ti.min(ti.cast(ti.floor(v + reach - 0.5), ti.i32), bottom)
-                            for y in range(first, last + 1):
-                                dy = y + 0.5 - v
-                                for x in range(left, right + 1):
-                                    dx = x + 0.5 - u
-                                    s = dx * s_x + dy * s_y
-                                    t = dx * t_x + dy * t_y
-                                    q = 1.0 - s * s - t * t
-                                    if q > 0.0:
-                                        cell = y * width + x
-                                        if turn == 0:
-                                            nearest_out[cell] = ti.min(nearest_out[cell], depth)
-                                        else:
-                                            part = optical * ti.min(q * edge, 1.0)
-                                            _lay(cell, depth, part, span, root, nearest_out, through_out)
+                            _disc(turn, stamps, b, lane, top, bottom, width, span, root, nearest_out, through_out)
             if turn == 0:
                 for cell in range(top * width, (bottom + 1) * width):
                     if nearest_out[cell] < EMPTY:
