@@ -91,8 +91,11 @@ def fit_gains(
     for a, elevation in enumerate(views.elevations):
         for level in measured:
             cameras = [patch.seen(points, target * 0.5 ** (level / 2), elevation) for patch in patches]
-            tilts = [whole.survey(camera).tilt for whole, camera in zip(wholes, cameras, strict=True)]
-            tilt[a] = np.mean(tilts)  # pyright: ignore[reportArgumentType, reportCallIssue]
+            tilts = [
+                whole.survey(camera).tilt  # pyright: ignore[reportArgumentType]
+                for whole, camera in zip(wholes, cameras, strict=True)
+            ]
+            tilt[a] = np.mean(tilts)
             seen = list(zip(cameras, [p.window(c) for p, c in zip(patches, cameras, strict=True)], strict=True))
             want = eye.parts(seen, wholes)
 
