@@ -4,6 +4,7 @@ __all__ = [
     "KEY_STRIDE",
     "LAYERS",
     "MAP_SIZE",
+    "ROUND_STRIDE",
     "SCRATCH_ROWS",
     "SKY_DIRECTIONS",
     "SKY_SIZE",
@@ -22,7 +23,10 @@ STAMP_ROWS = 11
 """Of a particle on a shadow map."""
 
 KEY_STRIDE = 2
-"""Of elongated particles, every so many along a fibre throws and receives the shadows of a distant light."""
+"""Of particles in chains, every so many along a fibre throws and receives the shadows of a distant light."""
+
+ROUND_STRIDE = 2
+"""The most where they are round."""
 
 SKY_SIZE = 384
 """Texels along a map of the sky: coarser than a shadow's, which has one direction."""

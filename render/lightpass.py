@@ -19,7 +19,7 @@ from .camera import Camera
 from .errors import RenderError
 from .finish import Finish
 from .light import Lighting
-from .light_sizes import KEY_STRIDE, MAP_SIZE, SKY_STRIDE
+from .light_sizes import KEY_STRIDE, MAP_SIZE, ROUND_STRIDE, SKY_STRIDE
 from .mesh import Mesh
 from .occlusion import SkyMaps, occlude
 from .shade import MOST_OTHERS, Shading
@@ -162,7 +162,8 @@ class LightPass:
         return known if isinstance(known, ShadowMap) else None
 
     def _thinned(self, layout: Layout, blocks: NDArray[np.float32], stride: int) -> tuple[NDArray[np.float32], int]:
-        """Every stride-th particle and the stride; all of them and 1 where they are no chains."""
+        """Every stride-th particle and the stride: fewer of round ones, which are short; 1 where they are no chains."""
+        stride = stride if layout.elliptic else min(stride, ROUND_STRIDE)
         if self._chained is None:
             self._chained = chained(layout, blocks)
         if not self._chained:

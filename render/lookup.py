@@ -5,7 +5,7 @@
 
 import taichi as ti
 
-from .arrays import LANES, Float, Floats1, Floats2, Floats3, Int, Ints2, Switch, keep
+from .arrays import LANES, Blocks, Float, Floats1, Floats2, Int, Ints2, Switch, Vec16, keep
 from .blocks import NORMAL, POSITION, RADIUS
 from .light_sizes import LAYERS
 from .transmittance import AWAY, ORIGIN, RIGHT, SCALE, UP, layer_of
@@ -14,31 +14,40 @@ __all__ = ["gather", "look_up"]
 
 
 @ti.func
-def _bilinear(first, width, height, u, v, depth, span, root, nearest: Floats1, through: Floats2):
-    """Transmittance at u, v [texels of this level] and a depth [m]; and how far behind the first depth [m]."""
+def _corner(width, height, u, v):
+    """Column and row of the first of the four texels around u, v [texels], and the shares of the second ones."""
     column = ti.min(ti.max(u - 0.5, 0.0), ti.cast(width - 1, ti.f32))
     row = ti.min(ti.max(v - 0.5, 0.0), ti.cast(height - 1, ti.f32))
     left = ti.min(ti.cast(column, ti.i32), width - 2)
     top = ti.min(ti.cast(row, ti.i32), height - 2)
-    f = column - left
-    g = row - top
-    total = 0.0
-    farthest = 0.0
-    for j in ti.static(range(2)):
-        for i in ti.static(range(2)):
-            weight = (f if ti.static(i == 1) else 1.0 - f) * (g if ti.static(j == 1) else 1.0 - g)
-            cell = first + (top + j) * width + left + i
-            behind = depth - nearest[cell]
-            value = 1.0
-            if behind > 0.0:
-                farthest = ti.max(farthest, behind)
-                at = layer_of(behind, span, root) - 1.0
-                if at > 0.0:
-                    low = ti.min(ti.cast(at, ti.i32), ti.static(LAYERS - 2))
-                    part = ti.min(at - low, 1.0)
-                    value = through[cell, low] + part * (through[cell, low + 1] - through[cell, low])
-            total += weight * value
-    return total, farthest
+    return left, top, column - left, row - top
+
+
+@ti.func
+def _nearest(levels: Ints2, level, u, v, nearest: Floats1):
+    """The first depths [m] of the four texels of a level around u, v [texels of the finest], and where the first is."""
+    width = levels[level, 1]
+    scale = 1.0 / ti.cast(1 << level, ti.f32)
+    left, top, f, g = _corner(width, levels[level, 2], u * scale, v * scale)
+    cell = levels[level, 0] + top * width + left
+    near = ti.Vector([nearest[cell], nearest[cell + 1], nearest[cell + width], nearest[cell + width + 1]])
+    return near, cell, f, g
+
+
+@ti.func
+def _bilinear(levels: Ints2, level, u, v, depth, span, root, nearest: Floats1, through: Floats2):
+    """Transmittance at u, v [texels of the finest level] and a depth [m]: four texels at once, without branches."""
+    near, cell, f, g = _nearest(levels, level, u, v, nearest)
+    at = ti.max(layer_of(ti.max(depth - near, 0.0), span, root) - 1.0, 0.0)
+    low = ti.min(ti.cast(at, ti.i32), ti.static(LAYERS - 2))
+    part = ti.min(at - low, 1.0)
+    value = ti.Vector([1.0, 1.0, 1.0, 1.0])
+    for k in ti.static(range(4)):
+        texel = cell + k // 2 * levels[level, 1] + k % 2
+        here = through[texel, low[k]]
+        there = through[texel, low[k] + 1]
+        value[k] = ti.select(at[k] > 0.0, here + part[k] * (there - here), 1.0)  # undefined where nothing is behind
+    return (1.0 - g) * (value[0] + f * (value[1] - value[0])) + g * (value[2] + f * (value[3] - value[2]))
 
 
 @ti.func
@@ -48,31 +57,19 @@ def _through(soft: Switch, levels: Ints2, u, v, depth, softness, span, root, nea
     levels: rows (first texel, width, height). Between two levels the two are mixed, as in a mip map.
     """
     value = 1.0
-    level = -1.0
     if ti.static(soft):
         # What stops the light of a penumbra may stand beside this texel: look as wide as the coarsest level.
         top = levels.shape[0] - 1
-        wide = 1.0 / ti.cast(1 << top, ti.f32)
-        far, behind = _bilinear(
-            levels[top, 0], levels[top, 1], levels[top, 2], u * wide, v * wide, depth, span, root, nearest, through
-        )
+        near, _, _, _ = _nearest(levels, top, u, v, nearest)
         # The mean of a texel read bilinearly blurs an edge over one to two texels, by where it falls in them.
-        if behind * softness > 1.5:
-            level = ti.min(ti.log(behind * softness / 1.5) * 1.4427, ti.cast(top, ti.f32))
-            low = ti.min(ti.cast(level, ti.i32), top - 1)
-            scale = 1.0 / ti.cast(1 << low, ti.f32)
-            value, behind = _bilinear(
-                levels[low, 0], levels[low, 1], levels[low, 2],
-                u * scale, v * scale, depth, span, root, nearest, through,
-            )  # fmt: skip
-            if low + 1 < top:
-                far, behind = _bilinear(
-                    levels[low + 1, 0], levels[low + 1, 1], levels[low + 1, 2],
-                    0.5 * u * scale, 0.5 * v * scale, depth, span, root, nearest, through,
-                )  # fmt: skip
-            value += (level - low) * (far - value)
-    if level < 0.0:
-        value, _ = _bilinear(levels[0, 0], levels[0, 1], levels[0, 2], u, v, depth, span, root, nearest, through)
+        wide = ti.max((depth - near.min()) * (softness / 1.5), 1.0)
+        bits = ti.bit_cast(wide, ti.i32)
+        low = ti.min((bits >> 23) - 127, top - 1)  # a power of two, and how far on to the next
+        part = ti.min(wide / ti.cast(1 << low, ti.f32) - 1.0, 1.0)
+        value = _bilinear(levels, low, u, v, depth, span, root, nearest, through)
+        value += part * (_bilinear(levels, low + 1, u, v, depth, span, root, nearest, through) - value)
+    else:
+        value = _bilinear(levels, 0, u, v, depth, span, root, nearest, through)
     return value
 
 
@@ -85,7 +82,7 @@ def _slope(cosine):
 @ti.kernel
 def gather(
     soft: Switch,
-    particles: Floats3,
+    particles: Blocks,
     axes: Floats2,
     offset: Float,
     lag: Float,
@@ -97,7 +94,7 @@ def gather(
     through: Floats2,
     row: Int,
     # out:
-    light_out: Floats3,
+    light_out: Blocks,
 ):
     """light_out[block, row, lane]: the light that reaches each particle, 0..1.
 
@@ -105,28 +102,28 @@ def gather(
     radius and `lag` [m], more where the surface slopes, towards the light: the places where its own neighbours
     on the surface do not yet shadow it.
     """
-    keep(light_out, (0, 0, 0), row)
-    for i in range(particles.shape[1] * LANES):
-        b = i // LANES
-        lane = i % LANES
-        value = 1.0
-        size = particles[RADIUS, b, lane]
-        if size > 0.0:
-            out = offset + 0.5 * size
-            px = particles[POSITION, b, lane] + out * particles[NORMAL, b, lane]
-            py = particles[POSITION + 1, b, lane] + out * particles[NORMAL + 1, b, lane]
-            pz = particles[POSITION + 2, b, lane] + out * particles[NORMAL + 2, b, lane]
-            u = (px * axes[RIGHT, 0] + py * axes[RIGHT, 1] + pz * axes[RIGHT, 2] - axes[ORIGIN, 0]) * axes[SCALE, 0]
-            v = (px * axes[UP, 0] + py * axes[UP, 1] + pz * axes[UP, 2] - axes[ORIGIN, 1]) * axes[SCALE, 0]
-            depth = px * axes[AWAY, 0] + py * axes[AWAY, 1] + pz * axes[AWAY, 2] - axes[ORIGIN, 2]
-            cosine = -(
-                axes[AWAY, 0] * particles[NORMAL, b, lane]
-                + axes[AWAY, 1] * particles[NORMAL + 1, b, lane]
-                + axes[AWAY, 2] * particles[NORMAL + 2, b, lane]
-            )
-            depth -= lag * _slope(cosine) + 0.5 * size
-            value = _through(soft, levels, u, v, depth, softness, span, root, nearest, through)
-        light_out[b, row, lane] = value
+    keep(light_out, (0, 0), row)
+    for b in range(particles.shape[1]):
+        size = particles[RADIUS, b]
+        out = offset + 0.5 * size
+        nx = particles[NORMAL, b]
+        ny = particles[NORMAL + 1, b]
+        nz = particles[NORMAL + 2, b]
+        px = particles[POSITION, b] + out * nx
+        py = particles[POSITION + 1, b] + out * ny
+        pz = particles[POSITION + 2, b] + out * nz
+        u = (px * axes[RIGHT, 0] + py * axes[RIGHT, 1] + pz * axes[RIGHT, 2] - axes[ORIGIN, 0]) * axes[SCALE, 0]
+        v = (px * axes[UP, 0] + py * axes[UP, 1] + pz * axes[UP, 2] - axes[ORIGIN, 1]) * axes[SCALE, 0]
+        depth = px * axes[AWAY, 0] + py * axes[AWAY, 1] + pz * axes[AWAY, 2] - axes[ORIGIN, 2]
+        cosine = -(axes[AWAY, 0] * nx + axes[AWAY, 1] * ny + axes[AWAY, 2] * nz)
+        depth -= lag * _slope(cosine) + 0.5 * size
+        light = Vec16(1.0)
+        for lane in range(LANES):
+            if size[lane] > 0.0:
+                light[lane] = _through(
+                    soft, levels, u[lane], v[lane], depth[lane], softness, span, root, nearest, through
+                )
+        light_out[b, row] = light
 
 
 @ti.kernel

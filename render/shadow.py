@@ -132,6 +132,7 @@ def cast(
     span = ((LAYERS - 1 + root) ** 4 - root**4) / deep
 
     stamps = np.empty((max(1, blocks.shape[1]), STAMP_ROWS, LANES), np.float32)
+    spans = np.zeros((max(1, blocks.shape[1]), 2), np.int32)
     rows = np.zeros((chunks, at.height), np.int32)
     nearest = np.empty(first, np.float32)
     through = np.empty((first, LAYERS), np.float32)
@@ -140,10 +141,10 @@ def cast(
     if blocks.shape[1] == 0 and mesh is None:
         nearest[:] = EMPTY
     else:
-        transmittance.stamp(layout, chunks, stretch, blocks, blocks.shape[1], at.height, axes, stamps, rows)
+        transmittance.stamp(layout, chunks, stretch, blocks, blocks.shape[1], at.height, axes, stamps, spans, rows)
         cuts = _cuts(rows.sum(axis=0), chunks)
         transmittance.deposit(
-            chunks, mesh is not None, blocks.shape[1], stamps, cuts, at.width, span, root, wall, nearest,
+            chunks, mesh is not None, blocks.shape[1], stamps, spans, cuts, at.width, span, root, wall, nearest,
             through.reshape(-1, 1, LAYERS),
         )  # fmt: skip
         for fine, coarse in pairwise(levels):

@@ -19,13 +19,16 @@ __all__ = ["chained", "spread", "thin"]
 
 
 def chained(layout: Layout, blocks: NDArray[np.float32]) -> bool:
-    """Whether most neighbours of up to 64 blocks, spread evenly, are nearer than half their length."""
-    if not layout.elliptic or not blocks.shape[1]:
+    """Whether most neighbours of up to 64 blocks, spread evenly, are nearer than half their length, or a radius."""
+    if not blocks.shape[1]:
         return False
     sample = blocks[:, :: max(1, blocks.shape[1] // 64)]
     there = (sample[RADIUS, :, 1:] > 0) & (sample[RADIUS, :, :-1] > 0)
     apart = np.linalg.norm(np.diff(sample[POSITION : POSITION + 3], axis=2), axis=0)
-    return bool(there.any() and np.mean((apart < sample[layout.half_length_row, :, 1:])[there]) > 0.5)
+    return bool(
+        there.any()
+        and np.mean((apart < sample[layout.half_length_row if layout.elliptic else RADIUS, :, 1:])[there]) > 0.5
+    )
 
 
 @ti.kernel

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_cloth.blocks import Fabric
-from taichi_cloth.fabric import Blocks, frames, pose_points
+from taichi_cloth.fabric import Blocks, frames
 from taichi_cloth.pieces import SURFACE
 from taichi_cloth.refine import RefiningStream
 from taichi_cloth.streaming import FabricStream
@@ -22,6 +22,8 @@ from ..render.stream import Source, stream
 __all__ = ["Views", "colours_at", "crossings", "fit_gains", "fit_near", "seen_at", "views_of"]
 
 F64 = NDArray[np.float64]
+Seen = tuple[Camera, tuple[slice, slice]]
+"""A patch as it is measured: from where, and in what rows and columns of the picture."""
 SIZE = 320, 192
 ELEVATIONS = (90.0, 75.0, 60.0, 45.0, 30.0, 18.0)
 LEVELS = 9
@@ -41,10 +43,13 @@ PARTED = 12.0
 """Radius of a drawn fibre [px] at which real ones have parted and show no surface yet."""
 MOST = 4_000_000
 PATCH, MEASURED_SIDE = 24, 16
-"""Of a fabric of more than so many particles, gains are measured on so many threads each way, in the middle of which
-they are those of a large cloth."""
-SAMPLES = 6
-"""Samples of a patch that are averaged: what chance does to one of a few threads is none of the fabric's."""
+"""Of a fabric of more than so many particles, gains are measured on patches of so many threads each way, in the middle
+of which they are those of a large cloth."""
+PATCHES = 5
+"""Patches, spread over the cloth as it is folded: where it gleams depends on how it lies, and one has few threads."""
+APART = np.array([0.7548776662, 0.5698402910])
+"""From one patch to the next, in widths of the cloth: the inverse of the plastic number, and its square (M. Roberts,
+"The unreasonable effectiveness of quasirandom sequences", 2018)."""
 PROBE = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 """Colours of warp and weft by which what comes from either is told apart; blue is what has no colour."""
 
@@ -69,38 +74,35 @@ def fit_gains(
     """Gains by which the cloth, at the distance where a share is drawn, has the coverage and the brightness of all its
     particles, in any colours: warp is red, weft green, and both are black in blue, so that one picture tells their
     parts and the sheen. Measured from `ELEVATIONS` on key points (picks, ends, 3) [m], as how a cloth is folded tells
-    where it gleams; where the fabric is large, on a patch of it that lies flat.
+    where it gleams; where the fabric is large, on patches of it.
 
     views: where it is measured; None is everywhere.
     """
     target = thinned_to(fabric.particles) if target is None else target
     views = views or Views(ELEVATIONS, MEASURED)
-    patch, points, inner = _patch(fabric, points)
-    middle = None if inner is None else inner.mean(axis=0)
-    edges = min(1.0, PATCH / min(fabric.layout.cloth.warp_up.shape)) if inner is not None else 1.0
-    samples = 1 if inner is None else SAMPLES
+    patches = _patches(fabric, points)
+    large = patches[0].inner is not None
+    edges = min(1.0, PATCH / min(fabric.layout.cloth.warp_up.shape)) if large else 1.0
     eye = _Eye(Splatter(*SIZE), lighting, finish, edges)
-    whole, thin = FabricStream(patch, points, target=0.0), FabricStream(patch, points, target=target)
+    wholes, thins = ([FabricStream(patch.fabric, points, target=share) for patch in patches] for share in (0.0, target))
     factor = np.tile(UNCHANGED, (len(views.elevations), LEVELS, 1))
     tilt = np.zeros(len(views.elevations))
     measured = [level for level in views.levels if target * 0.5 ** (level / 2) > FARTHEST] or [1]
     for a, elevation in enumerate(views.elevations):
         for level in measured:
-            camera = seen_at(patch, points, target * 0.5 ** (level / 2), elevation=elevation, about=middle)
-            tilt[a] = whole.survey(camera).tilt  # pyright: ignore[reportArgumentType]
-            window = _window(camera, inner)
-            want = eye.parts(camera, whole, window)
+            cameras = [patch.seen(points, target * 0.5 ** (level / 2), elevation) for patch in patches]
+            tilts = [
+                whole.survey(camera).tilt  # pyright: ignore[reportArgumentType]
+                for whole, camera in zip(wholes, cameras, strict=True)
+            ]
+            tilt[a] = np.mean(tilts)
+            seen = list(zip(cameras, [p.window(c) for p, c in zip(patches, cameras, strict=True)], strict=True))
+            want = eye.parts(seen, wholes)
 
-            def error(
-                now: F64,
-                camera: Camera = camera,
-                window: tuple[slice, slice] = window,
-                want: F64 = want,
-                times: int = samples if level > 2 else 1,
-            ) -> F64:
-                thin.gains = Gains(np.ones(1), np.tile(now, (1, 2, 1)))
-                got = eye.parts(camera, thin, window, times)
-                return np.log(np.maximum(got, 1e-9) / np.maximum(want, 1e-9))
+            def error(now: F64, seen: list[Seen] = seen, want: F64 = want) -> F64:
+                for thin in thins:
+                    thin.gains = Gains(np.ones(1), np.tile(now, (1, 2, 1)))
+                return np.log(np.maximum(eye.parts(seen, thins), 1e-9) / np.maximum(want, 1e-9))
 
             factor[a, level:] = _solved(error, factor[max(a - 1, 0), level if a else level - 1])
         nodes = (0, *measured)
@@ -117,8 +119,7 @@ def views_of(fabric: Fabric, points: NDArray, farthest: Camera) -> Views:
     deepest = float(farthest.project(np.asarray(points).reshape(-1, 3))[:, 2].max())
     smallest = float(fabric.bank.radius.mean()) * farthest.focal / deepest
     lowest = _tilt(points, farthest)
-    patch, places, _ = _patch(fabric, points)
-    tilts = [_tilt(places, seen_at(patch, places, target, elevation=elevation)) for elevation in ELEVATIONS]
+    tilts = [_tilt(points, seen_at(fabric, points, target, elevation=elevation)) for elevation in ELEVATIONS]
     return Views(
         ELEVATIONS[: 1 + sum(tilt > lowest for tilt in tilts)],
         MEASURED[: 1 + sum(target * 0.5 ** (level / 2) > smallest for level in MEASURED)],
@@ -151,41 +152,52 @@ def _solved(error: Callable[[F64], F64], start: F64) -> F64:
     return best
 
 
-def _patch(fabric: Fabric, points: NDArray) -> tuple[Fabric, NDArray, NDArray | None]:
-    """A fabric, every thread of which has the colour of its family in `PROBE`; where it is large, its middle, laid
-    flat, and the corners of what is measured, as the cut edges of a patch are not those of the fabric."""
-    layout = fabric.layout
+@dataclass(frozen=True)
+class _Patch:
+    """What gains are measured on. inner: key points [m] of the corners of what is measured, as the cut edges of a patch
+    are not those of the fabric; None where it is the whole fabric."""
+
+    fabric: Fabric
+    inner: NDArray | None = None
+
+    def seen(self, points: NDArray, pixels: float, elevation: float) -> Camera:
+        about = None if self.inner is None else self.inner.mean(axis=0)
+        return seen_at(self.fabric, points, pixels, elevation=elevation, about=about)
+
+    def window(self, camera: Camera) -> tuple[slice, slice]:
+        """Rows and columns of the picture in which what is measured lies."""
+        if self.inner is None:
+            return slice(None), slice(None)
+        at = camera.project(self.inner)[:, :2]
+        (left, top), (right, bottom) = np.floor(at.min(axis=0)).astype(int), np.ceil(at.max(axis=0)).astype(int)
+        return slice(max(0, top), bottom), slice(max(0, left), right)
+
+
+def _patches(fabric: Fabric, points: NDArray) -> list[_Patch]:
+    """A fabric, every thread of which has the colour of its family in `PROBE`; where it is large, patches of it, none
+    in line with another."""
+    layout, probed = fabric.layout, _probed(fabric)
     picks, ends = points.shape[:2]
-    inner = None
-    if fabric.particles > MOST and min(picks, ends) > PATCH:
-        row, column = np.divmod(layout.blocks.key0, ends)
-        inside = (np.abs(row - picks // 2) <= PATCH // 2) & (np.abs(column - ends // 2) <= PATCH // 2)
-        chosen = np.flatnonzero(inside)
+    if fabric.particles <= MOST or min(picks, ends) <= PATCH:
+        return [_Patch(probed)]
+    row, column = np.divmod(layout.blocks.key0, ends)
+    half, side, patches = PATCH // 2, MEASURED_SIDE // 2, []
+    for k in range(PATCHES):
+        share = (0.5 + k * APART) % 1.0
+        i, j = np.clip(share * (picks, ends), half, (picks - 1 - half, ends - 1 - half)).astype(int)
+        chosen = np.flatnonzero((np.abs(row - i) <= half) & (np.abs(column - j) <= half))
         blocks = Blocks(*(getattr(layout.blocks, name)[chosen] for name in Blocks.__dataclass_fields__))
-        layout = replace(layout, blocks=blocks)
         bank = replace(fabric.bank, template=fabric.bank.template[chosen])
-        points = pose_points(layout, "flat")
-        fabric = Fabric(layout, bank, fabric.thread_colour, bank.particle_start)
-        corners = [(i, j) for i in (-1, 1) for j in (-1, 1)]
-        inner = np.array(
-            [points[picks // 2 + i * MEASURED_SIDE // 2, ends // 2 + j * MEASURED_SIDE // 2] for i, j in corners]
-        )
-    return _probed(fabric), points, inner
+        part = Fabric(replace(layout, blocks=blocks), bank, probed.thread_colour, bank.particle_start)
+        corners = [points[i + a * side, j + b * side] for a in (-1, 1) for b in (-1, 1)]
+        patches.append(_Patch(part, np.array(corners)))
+    return patches
 
 
 def _probed(fabric: Fabric) -> Fabric:
     """The fabric with every thread in the colour of its family in `PROBE`."""
     weft = np.arange(len(fabric.thread_colour)) >= fabric.layout.cloth.warp_up.shape[1]
     return replace(fabric, thread_colour=PROBE[weft.astype(np.intp)].astype(np.float32))
-
-
-def _window(camera: Camera, inner: NDArray | None) -> tuple[slice, slice]:
-    """Rows and columns of the picture in which these points lie; all where there are none."""
-    if inner is None:
-        return slice(None), slice(None)
-    at = camera.project(inner)[:, :2]
-    (left, top), (right, bottom) = np.floor(at.min(axis=0)).astype(int), np.ceil(at.max(axis=0)).astype(int)
-    return slice(max(0, top), bottom), slice(max(0, left), right)
 
 
 def fit_near(
@@ -275,17 +287,16 @@ class _Eye:
     finish: Finish | None
     edges: float
 
-    def parts(
-        self, camera: Camera, source: FabricStream, window: tuple[slice, slice], samples: int = 1
-    ) -> NDArray[np.float64]:
-        """Coverage, light by the colour of warp and of weft, and light without colour; of a patch as of a cloth of
-        which the edges are a share `edges` of those of the patch."""
+    def parts(self, seen: list[Seen], sources: list[FabricStream]) -> NDArray[np.float64]:
+        """Coverage, light by the colour of warp and of weft, and light without colour; of patches as of a cloth of
+        which the edges are a share `edges` of theirs."""
         total = np.zeros(4)
-        for source.turn in range(samples):
+        for k, ((camera, window), source) in enumerate(zip(seen, sources, strict=True)):
+            source.turn = k
             stream(self.splatter, camera, source, most=10**9, lighting=self.lighting, finish=self.finish)
             picture = self.splatter.linear()
             inside = picture[window].sum(axis=(0, 1), dtype=np.float64)
             total += self.edges * picture.sum(axis=(0, 1), dtype=np.float64)
             total += (1 - self.edges) * (PATCH / MEASURED_SIDE) ** 2 * inside
-        red, green, blue, cover = total / samples
+        red, green, blue, cover = total
         return np.array([cover, red - blue, green - blue, blue])

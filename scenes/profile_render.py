@@ -73,23 +73,26 @@ def render_profile_lines(
     runtime.start(arch, threads=threads, pin=True)
     model = build(scene)
     particles = model.panels()[0].particles
-    camera = frame(particles.position, width=WIDTH, height=HEIGHT, elevation=45)
+    cameras = [
+        frame(particles.position, width=WIDTH, height=HEIGHT, elevation=45, azimuth=2.0 * k) for k in range(repeats + 1)
+    ]
     yield f"{name}: {len(particles):,} particles, {WIDTH} × {HEIGHT} px, medians of {repeats}"
     yield f"{'':<16}{'ms':>8}{'project':>9}{'sort':>7}{'bin':>7}{'raster':>8}{'tile entries':>14}"
     round_ones = replace(particles, half_length=None)
-    plain, full = Lighting(), Lighting(shadows=True, occlusion=True)
+    plain, full = Lighting(), Lighting(shadows=True, occlusion=True, key_follows_camera=False)
     ways: tuple[tuple[str, Particles | ParticleBlocks, Profile, Lighting], ...] = (
         ("round, soft", round_ones, SOFT, plain),
         ("round, crisp", round_ones, CRISP, plain),
         ("elliptic, soft", particles, SOFT, plain),
         ("elliptic, crisp", particles, CRISP, plain),
         ("shadows, sky", particles, CRISP, full),
+        ("light turning", particles, CRISP, replace(full, key_follows_camera=True)),  # a shadow map a view
     )
     for label, drawn, profile, lighting in ways:
         splatter = Splatter(WIDTH, HEIGHT, profile=profile).load(drawn)
-        splatter.render(camera, lighting=lighting)
+        splatter.render(cameras[0], lighting=lighting)
         rows, entries = [], 0
-        for _ in range(repeats):
+        for camera in cameras[1:]:
             begin = time.perf_counter()
             splatter.render(camera, lighting=lighting)
             total = 1e3 * (time.perf_counter() - begin)

@@ -25,6 +25,7 @@ from taichi_cloth.render.particles import Particles, concatenate
 from taichi_cloth.render.shade import PLAIN
 from taichi_cloth.render.shadow import ShadowMap, cast
 from taichi_cloth.render.splat import Splatter
+from taichi_cloth.render.thin import chained, thin
 from taichi_cloth.render.tone import TONES, WHITE, tone_curve, tone_inverse, tone_table
 
 UP = (0.0, 1.0, 0.0)
@@ -132,6 +133,39 @@ def test_a_thread_does_not_shadow_itself_and_shadows_what_lies_under_it() -> Non
     _, light = shadow(concatenate([thread, below]))
     assert light[: len(x)].min() > 0.99
     assert light[len(x) + 5 : -5].max() < 0.25
+
+
+@pytest.mark.parametrize("texel_radii", [0.25, 1.0, 1.3, 3.0])
+def test_a_faint_thread_takes_its_area_of_light_at_any_resolution(texel_radii: float) -> None:
+    """Summed over the map, what light is stopped is opacity times area: of ellipses, and of points along a fibre."""
+    along = np.array([0.8, 0.0, 0.6])
+    one = discs([[0, 0, 0], [0.02, 0, 0]], [0.001, 0.0], half_length=0.008, opacity=0.02)
+    one = replace(one, tangent=np.tile(along, (2, 1)))
+    shadow_map, _ = shadow(one, texel_radii=texel_radii)
+    _, width, height = shadow_map.levels[0]
+    there = shadow_map.nearest[: width * height] < 1e20
+    stopped = -np.log(shadow_map.through[: width * height][there, -1].astype(float)).sum() * shadow_map.texel**2
+    assert stopped == pytest.approx(0.02 * pi * 0.001 * 0.004, rel=0.05)
+
+
+def test_a_thinned_thread_throws_the_shadow_of_the_whole() -> None:
+    """Round beads and elongated pieces in a row: half of them, twice as dense or twice as long, dim light as all do."""
+    x = np.arange(0, 0.1, 0.0005)
+    place = np.stack([x, 0 * x, 0.01 * np.cos(60 * x)], 1)
+    ground = np.stack([x[20:-20], 0 * x[20:-20] - 0.02, 0.01 * np.cos(60 * x[20:-20])], 1)
+    for more in ({}, {"half_length": 0.0012}):
+        thread = discs(place, 0.001, opacity=0.2, **more)
+        layout, blocks, box = pack(thread, textured=False)
+        assert chained(layout, blocks)
+        few = np.empty((layout.rows, -(-blocks.shape[1] // 2), LANES), np.float32)
+        thin(2, layout.rows, blocks, few)
+        whole, half = (
+            cast(layout, some, box, UP, opacity=0.2, stretch=stretch).shadow_at(ground)
+            for some, stretch in ((blocks, 1.0), (few, 2.0))
+        )
+        assert whole.mean() < 0.7
+        assert half.mean() == pytest.approx(whole.mean(), abs=0.03)
+        np.testing.assert_allclose(half, whole, atol=0.1)
 
 
 def test_sky_over_a_plane_and_in_a_slot() -> None:

@@ -31,6 +31,7 @@ from taichi_cloth.streaming import LANES, ROWS, FabricStream
 from taichi_cloth.thinning import FULL, LEAST, Gains, thinned_to
 
 SIZE = 320, 192
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of linear sRGB (Rec. 709)
 
 
 @pytest.fixture(scope="module")
@@ -211,6 +212,23 @@ def test_brightness_and_coverage_stay_from_a_pixel_down(
         assert sums[1] == pytest.approx(sums[0], rel=0.02)
         if pixels < 0.6 * target:
             assert made[1] < 1.5 * (pixels / target) ** 2 * FULL * made[0]
+
+
+@pytest.mark.slow
+def test_a_large_folded_cloth_stays_as_bright_and_covers_as_much() -> None:
+    """Five million particles, gains measured on patches: coverage and luminance within 2 % wherever it is seen from."""
+    built = build(load_scene("satin", ["weave.ends=128", "weave.picks=80"]))
+    assert isinstance(built, FabricModel)
+    fabric, points, splatter = built.fabric, built.points, Splatter(*SIZE)
+    assert fabric.particles > scene_gains.MOST
+    gains, target = fit_gains(fabric, points), thinned_to(fabric.particles)
+    full, thin = FabricStream(fabric, points, target=0), FabricStream(fabric, points, target=target, gains=gains)
+    for elevation in (20, 55, 90):
+        for pixels in (0.25, 0.125, 0.0625):
+            camera = seen_at(fabric, points, pixels, elevation=elevation)
+            before, after = (colours_at(splatter, source, camera) for source in (full, thin))
+            assert after[3] == pytest.approx(before[3], rel=0.02)
+            assert after[:3] @ LUMINANCE == pytest.approx(before[:3] @ LUMINANCE, rel=0.02)
 
 
 def test_small_cloths_are_thinned_less() -> None:
