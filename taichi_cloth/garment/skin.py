@@ -13,11 +13,15 @@ REACH = 0.03  # as far as skin is looked for cloth, and let in at most [m]
 NEAREST = 4
 
 
-def beneath(skin: NDArray, faces: NDArray, cloth: NDArray) -> F32:
+def beneath(
+    skin: NDArray, faces: NDArray, cloth: NDArray, *, bone: NDArray | None = None, spared: NDArray | None = None
+) -> F32:
     """Skin (n, 3) [m], let in along its own normal so that it stays ROOM below the cloth points (m, 3) near it.
 
     Contact knows the body by its primitives, which are some millimetres off the skin; what it lets the cloth rest on
-    may lie under the skin that is drawn. faces: of the skin.
+    may lie under the skin that is drawn. faces: of the skin. bone: (n,) that carries each skin point most. spared: (m,)
+    for each cloth point bits 1 << bone of the bones that it does not meet: an arm that swings through the side of a
+    dress stays whole, and hides it. None: cloth meets all.
     """
     corner = skin[faces]
     square = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
@@ -34,6 +38,8 @@ def beneath(skin: NDArray, faces: NDArray, cloth: NDArray) -> F32:
     above = np.einsum("nkc,nc->nk", way, normal[near])
     off = np.linalg.norm(way - above[..., None] * normal[near][:, None], axis=2)
     counts = found & (off < 0.6 * REACH)
+    if bone is not None and spared is not None:
+        counts &= (spared[np.where(found, index, 0)] >> bone[near][:, None]) & 1 == 0
     need = np.where(counts, ROOM - above, 0.0).max(axis=1, initial=0.0)
     out = np.asarray(skin, np.float64).copy()
     out[near] -= np.clip(need, 0.0, REACH)[:, None] * normal[near]
