@@ -60,10 +60,10 @@ def legend(width: int, entries: Sequence[tuple[str, Sequence[float]]], *, height
 
 
 def _scale(image: Image) -> float:
-    """Letters are 1/36 of the image's height, or of half the width of a flat one and twice the width of a narrow one;
+    """Letters are 1/36 of the image's height, or of half the width of a flat one and 2.4 widths of a narrow one;
     and legible on a small one."""
     height, width = image.shape[:2]
-    return max(0.35, min(max(height, width / 2), 2 * width) / 36 / LINE_HEIGHT)
+    return max(0.35, min(max(height, width / 2), 2.4 * width) / 36 / LINE_HEIGHT)
 
 
 def _width(text: str, scale: float) -> int:
