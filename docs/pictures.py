@@ -1,4 +1,4 @@
-"""Render the pictures of the README into docs/img: python docs/pictures.py [NAME …]"""
+"""Render the pictures of README and gallery into docs/img: python docs/pictures.py [NAME …]"""
 
 import sys
 import tempfile
@@ -11,10 +11,11 @@ from taichi_cloth import runtime
 from taichi_cloth.body.build import built_in_body
 from taichi_cloth.body.segment import segment
 from taichi_cloth.contours import known_contours
-from taichi_cloth.render.caption import label
+from taichi_cloth.render.caption import caption
 from taichi_cloth.render.image import contact_sheet, read_png
 from taichi_cloth.scenes.body_fit import draw_fit
 from taichi_cloth.scenes.cloth import ClothModel
+from taichi_cloth.scenes.figures import FIGURES, fitted
 from taichi_cloth.scenes.load import load_scene
 from taichi_cloth.scenes.models import build
 from taichi_cloth.scenes.standing import primitives_of
@@ -60,7 +61,7 @@ def materials() -> np.ndarray:
     for kind in ("cotton", "silk", "wool", "polyester"):
         own = [f"yarn.hairiness.{h}" for h in hairs.get(kind, [])] + twist.get(kind, [])
         image = picture("twill", f"fibre.kind={kind}", *weave, *own, size=(900, 800))[0]
-        images.append(label(image, kind, (100, 770)))
+        images.append(caption(image, kind))
     return np.concatenate([np.concatenate(images[:2], axis=1), np.concatenate(images[2:], axis=1)], axis=0)
 
 
@@ -160,6 +161,7 @@ PICTURES = {
     )[0],
     "closeup": lambda: picture("closeup", size=(2160, 1440))[0],
 }
+PICTURES |= {Path(one.file).stem: lambda one=one: fitted(one.make(False)) for one in FIGURES}
 
 
 def main(names: list[str]) -> None:

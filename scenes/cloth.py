@@ -11,6 +11,7 @@ from taichi_cloth.normals import grid_faces, vertex_normals
 from taichi_cloth.simulation import Simulation
 
 from ..render.blocks import ParticleBlocks
+from ..render.camera import box_corners
 from ..render.mesh import Mesh
 from ..render.particles import Particles
 from .facts import Fact, fabric_facts, yarn_facts
@@ -52,7 +53,7 @@ class ClothModel(KeptRun):
         ball = scene.forces.sphere if scene.forces else None
         self.ball = ball_mesh(ball.centre_m, ball.radius_m, colour(ball.colour)) if ball else None
         box = scene.camera.box_m
-        self.bounds = np.asarray(self._extent() if box is None else _corners(box), np.float32)
+        self.bounds = np.asarray(self._extent() if box is None else box_corners(*box), np.float32)
 
     def at_start(self) -> Simulation:
         return simulation_of(self.scene, self.body)
@@ -146,10 +147,6 @@ def ball_mesh(centre: tuple[float, float, float], radius: float, albedo: NDArray
     ).reshape(-1, 3)
     faces = grid_faces(np.ones((rings + 1, 2 * rings + 1), bool))
     return Mesh(np.asarray(centre) + radius * normal, faces, albedo, normal, part=1)
-
-
-def _corners(box: tuple[tuple[float, float, float], tuple[float, float, float]]) -> NDArray:
-    return np.stack(np.meshgrid(*zip(*box, strict=True), indexing="ij"), -1).reshape(-1, 3)
 
 
 def nothing() -> Particles:

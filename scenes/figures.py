@@ -58,8 +58,8 @@ FIGURES = (
     Figure(
         3,
         4,
-        "Two singles being twisted: at the start, as the twist of zone a (A–B) rises while zone b (B–C) is twisted "
-        "the other way, and in the end, when zone b is straight again: false twist.",
+        "Two singles being twisted: (a) at the start, (b, c) as the twist of zone a (A–B) rises while zone b (B–C) is "
+        "twisted the other way, and (d) in the end, when zone b is straight again: false twist.",
         "taichi-cloth animate twist",
         twist,
     ),
@@ -73,7 +73,7 @@ FIGURES = (
     Figure(
         6,
         6,
-        "Fabric with a texture of coloured yarns: tartan and houndstooth.",
+        "Fabric with a texture of coloured yarns, in soft folds: tartan and houndstooth.",
         "taichi-cloth turntable tartan --views 1",
         textured,
     ),
@@ -103,7 +103,7 @@ FIGURES = (
     Figure(
         12,
         12,
-        "A whole dress as a mesh (left) and as fibre particles (right): the same key points.",
+        "A whole dress (a) as a mesh and (b) as fibre particles: the same key points.",
         "taichi-cloth turntable dress --views 1 --set garment.representation=mesh",
         dressed_twice,
     ),
@@ -117,7 +117,7 @@ FIGURES = (
     Figure(
         14,
         14,
-        "A sheet held left and right: at rest (top) and wrinkled along the pull (bottom).",
+        "A sheet held left and right: (a) at rest and (b) wrinkled along the pull.",
         "taichi-cloth animate stretch",
         stretched,
     ),

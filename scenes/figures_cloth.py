@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..render.caption import label, legend
+from ..render.caption import caption, label, legend
 from .cloth import ClothModel
 from .load import load_scene
 from .models import FabricModel, build
@@ -35,22 +35,27 @@ def fibre(quick: bool) -> Image:
 
 
 def twist(quick: bool) -> Image:
-    return np.concatenate(picture("twist", size=(2400, 520), frames=[0, 12, 30, 71]), axis=0)
+    rows = picture("twist", size=(2400, 640), frames=[0, 12, 30, 71])
+    named = [label(row, f"({letter})", (60.0, 60.0)) for row, letter in zip(rows, "abcd", strict=True)]
+    return np.concatenate(named, axis=0)
 
 
 def weaves(quick: bool) -> Image:
-    own = ["weave.ends=18", "weave.picks=18", "camera.zoom=1.1", "fabric.pose=flat", "camera.elevation_deg=60"]
-    own += ["camera.azimuth_deg=12"]
+    """Four weaves, each of as many threads as make a square of it."""
+    own = ["camera.zoom=1.15", "fabric.pose=flat", "camera.elevation_deg=60", "camera.azimuth_deg=12"]
     if not quick:
         own += ["yarn.fibres=24", "fabric.steps=12"]
     images = []
-    for name in ("plain", "twill", "satin", "herringbone"):
-        images.append(label(picture(name, *own, size=(1200, 860))[0], name, (110.0, 825.0)))
+    for name, ends, picks in (("plain", 20, 16), ("twill", 26, 16), ("satin", 34, 20), ("herringbone", 20, 16)):
+        shown = picture(name, f"weave.ends={ends}", f"weave.picks={picks}", *own, size=(1200, 860))[0]
+        images.append(caption(shown, name))
     return np.concatenate([np.concatenate(images[:2], axis=1), np.concatenate(images[2:], axis=1)], axis=0)
 
 
 def textured(quick: bool) -> Image:
-    return np.concatenate([picture(name, size=(1200, 900))[0] for name in ("tartan", "houndstooth")], axis=1)
+    """Coloured cloth in soft folds."""
+    own = ["fabric.pose=wave", "fabric.pose_amount=0.9", "camera.zoom=1.04", "camera.elevation_deg=52"]
+    return np.concatenate([picture(name, *own, size=(1200, 1000))[0] for name in ("tartan", "houndstooth")], axis=1)
 
 
 def springs(quick: bool) -> Image:
@@ -111,10 +116,10 @@ def _line(image: Image, ends: NDArray, ink: tuple[int, int, int], bulge: float, 
 def drape(quick: bool) -> Image:
     images, simulation = [], None
     for form in ("mesh", "fibre"):
-        model = build(load_scene("drape", [f"cloth.representation={form}", "camera.zoom=1.15"]))
+        model = build(load_scene("drape", [f"cloth.representation={form}", "camera.zoom=1.3"]))
         assert isinstance(model, ClothModel)
         model.simulation = simulation or model.simulation
         model.step(min(model.frames - 1, 45) if quick else model.frames - 1)
         simulation = model.simulation
-        images += [image for _, image in View(model, (1080, 960)).turntable(1, [0])]
+        images += [caption(image, form) for _, image in View(model, (1200, 1000)).turntable(1, [0])]
     return np.concatenate(images, axis=1)

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from taichi_cloth.body.build import built_in_body
 from taichi_cloth.body.segment import segment
 
-from ..render.caption import label
+from ..render.camera import box_corners
+from ..render.caption import caption, tag
 from ..render.mesh import Mesh
 from .body_fit import GREY
 from .body_picture import HUES, KIND_COLOURS, Shown, draw_panels, part_mesh, primitive_meshes
@@ -25,9 +26,12 @@ from .view import View
 __all__ = ["body_parts", "dressed_twice", "magnified", "moving", "primitives", "skirt_and_shirt", "stretched"]
 
 Image = NDArray[np.uint8]
-TALL = (600, 900)
-MOMENTS: tuple[int, ...] = (36, 45, 54, 63)
-"""Frames of the walk."""
+TALL, STRIDING = (600, 860), (300, 640)
+MOMENTS: tuple[int, ...] = (42, 48, 60, 66)
+"""Frames of the walk: lifting a foot, striding, the feet passing, striding on the other side."""
+FINE = 60
+"""Fibres of a thread where it is seen near."""
+FLOOR = "stage.ground=true"
 
 
 def body_parts(quick: bool) -> Image:
@@ -64,43 +68,40 @@ def _panels(shown: list[Shown], body, entries: list) -> Image:
 @lru_cache(maxsize=1)
 def _garment(name: str, *overrides: str) -> GarmentModel:
     """The last garment that was drawn; another takes its place."""
-    model = build(load_scene(name, list(overrides)))
+    model = build(load_scene(name, [FLOOR, *overrides]))
     assert isinstance(model, GarmentModel)
     return model
 
 
-def _at_rest(model: GarmentModel, size: tuple[int, int]) -> Image:
-    model.step(0)
-    return next(image for _, image in View(model, size).turntable(1, [0]))
+def _at_rest(model: GarmentModel, quick: bool) -> Image:
+    """From head to foot; unless quickly on a canvas twice as large, so that threads finer than a pixel come out
+    smooth."""
+    model.bounds = _whole(model, [0])
+    return next(image for _, image in View(model, TALL, scale=_canvas(quick)).animation([0]))
 
 
-def _from_head_to_foot(model: GarmentModel) -> GarmentModel:
-    """The same garment, in pictures as tall as who wears it."""
-    skin = model.dressed.body.vertices[:, 1]
-    model.bounds = np.array(model.bounds)
-    model.bounds[:, 1] = skin.min(), skin.max()
-    return model
+def _canvas(quick: bool) -> int:
+    return 1 if quick else 2
+
+
+def _whole(model: GarmentModel, frames: list[int]) -> NDArray[np.float32]:
+    """Corners (8, 3) [m] of the box that holds who wears a garment in some frames, and the garment at rest."""
+    fps, body = model.scene.output.fps, model.dressed.body
+    skins = [body.posed(model.motion.pose(frame / fps)) for frame in frames]
+    garment = model.dressed.worn.positions[model.simulation.sheet.present]
+    points = np.concatenate([*skins, garment])
+    return box_corners(points.min(axis=0), points.max(axis=0)).astype(np.float32)
 
 
 def dressed_twice(quick: bool) -> Image:
-    model = _from_head_to_foot(_garment("dress"))
-    model.step(0)
-    fibres = _at_rest(model, TALL)
+    model = _garment("dress")
+    fibres = _at_rest(model, quick)
     follower, model.follower = model.follower, None
     try:
-        mesh = _at_rest(model, TALL)
+        mesh = _at_rest(model, quick)
     finally:
         model.follower = follower
-    return np.concatenate([_named(mesh, "mesh"), _named(fibres, "fibres")], axis=1)
-
-
-def _named(image: Image, words: str) -> Image:
-    """The picture with words on a light plate in its lower left corner."""
-    height, width = image.shape[:2]
-    out = image.copy()
-    top, right = round(0.92 * height), round(0.24 * width)
-    out[top:, :right] = 255 - (255 - out[top:, :right].astype(np.uint16)) // 5
-    return label(out, words, (0.12 * width, 0.97 * height))
+    return np.concatenate([caption(mesh, "(a) mesh"), caption(fibres, "(b) fibres")], axis=1)
 
 
 def magnified(quick: bool) -> Image:
@@ -108,7 +109,7 @@ def magnified(quick: bool) -> Image:
     model = _garment("tshirt")
     model.step(0)
     size = (600, 600)
-    view = View(model, size, scale=1 if quick else 2)
+    view = View(model, size, scale=_canvas(quick))
     camera = view.camera()
     points = model.simulation.positions[model.simulation.sheet.present]
     seen = camera.project(points)
@@ -125,13 +126,13 @@ def magnified(quick: bool) -> Image:
         cx = camera.width / 2 + times * (camera.cx - (share * x + (1 - share) * camera.width / 2))
         cy = camera.height / 2 + times * (camera.cy - (share * y + (1 - share) * camera.height / 2))
         image = view.seen_by(replace(camera, focal=times * camera.focal, cx=float(cx), cy=float(cy)))
-        images.append(_named(image, "whole" if times == 1 else f"{times} x"))
+        images.append(tag(image, "whole" if times == 1 else f"{times} x"))
     return np.concatenate([np.concatenate(images[:2], axis=1), np.concatenate(images[2:], axis=1)], axis=0)
 
 
 def _finer(model: GarmentModel, place: NDArray) -> GarmentModel:
     """The surroundings of a place, their threads of as many fibres as a near picture shows."""
-    scene = load_scene("tshirt", ["yarn.fibres=20", "fabric.steps=8"])
+    scene = load_scene("tshirt", [f"yarn.fibres={FINE}", "fabric.steps=8", "light.exposure=-0.2"])
     prepared = prepare_fabric(woven_garment(scene, model.dressed.garment.atlas), streamed=True)
     return GarmentModel(scene, prepared, model.dressed, near=(place, 0.05))
 
@@ -139,15 +140,19 @@ def _finer(model: GarmentModel, place: NDArray) -> GarmentModel:
 def stretched(quick: bool) -> Image:
     scene = load_scene("stretch", [])
     model = build(scene)
-    return np.concatenate([image for _, image in View(model, (1200, 480)).animation([0, model.frames - 1])], axis=0)
+    drawn = View(model, (1200, 480), scale=_canvas(quick)).animation([0, model.frames - 1])
+    return np.concatenate([caption(image, w) for (_, image), w in zip(drawn, ("(a)", "(b)"), strict=True)], axis=0)
 
 
 def skirt_and_shirt(quick: bool) -> Image:
-    shirt = _at_rest(_garment("tshirt"), TALL)
-    return np.concatenate([_at_rest(_garment("skirt"), TALL), shirt], axis=1)
+    return np.concatenate([_at_rest(_garment(name), quick) for name in ("skirt", "tshirt")], axis=1)
 
 
 def moving(quick: bool) -> Image:
-    model = _from_head_to_foot(_garment("dress", "body.motion=walk"))
+    """The moments of a walk from one camera, from head to foot."""
+    model = _garment("dress", "body.motion=walk")
     moments = [k // 2 for k in MOMENTS] if quick else list(MOMENTS)
-    return np.concatenate([image for _, image in View(model, (320, 640)).animation(moments)], axis=1)
+    model.bounds = _whole(model, moments)
+    drawn = View(model, STRIDING, scale=_canvas(quick)).animation(moments)
+    fps = model.scene.output.fps
+    return np.concatenate([caption(image, f"t = {frame / fps:.1f} s") for frame, image in drawn], axis=1)

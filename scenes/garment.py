@@ -9,6 +9,7 @@ from taichi_cloth.blocks import build_fabric
 from taichi_cloth.colour_order import colour, thread_repeat
 from taichi_cloth.follow import FibreFollower
 from taichi_cloth.garment.cut import Atlas
+from taichi_cloth.garment.limbs import spared
 from taichi_cloth.garment.sew import misfit
 from taichi_cloth.garment.stitches import Stitches
 from taichi_cloth.garment.surface import Surface
@@ -16,6 +17,7 @@ from taichi_cloth.garment.weaving import Colours, Weaving, crossings_shape
 from taichi_cloth.simulation import Simulation
 
 from ..render.blocks import ParticleBlocks
+from ..render.camera import box_corners
 from ..render.mesh import Mesh
 from .body_section import BodySection
 from .cloth import ALBEDO, nothing
@@ -109,12 +111,18 @@ class GarmentModel(KeptRun):
         body = self.dressed.body
         skin = body.posed(self.motion.pose(self.simulation.time))
         points, _ = self.surface.points(positions)
-        return skin_mesh(self.scene.body or BodySection(), body, skin, points)
+        return skin_mesh(self.scene.body or BodySection(), body, skin, points, self._spared)
 
     def mesh(self, positions: F32) -> Mesh:
         """The garment as triangles with smooth normals, cut along its outlines."""
         points, normals = self.surface.points(positions)
         return Mesh(points, self.surface.faces, self.mesh_colours, normals)
+
+    @cached_property
+    def _spared(self) -> NDArray[np.int32]:
+        """At each point of the surface, the bones that the garment does not lie on (`limbs.spared`)."""
+        worn = self.dressed
+        return self.surface.nearest(spared(worn.garment.atlas, worn.worn.positions, worn.primitives, moving=False))
 
     @cached_property
     def mesh_colours(self) -> F32:
@@ -161,13 +169,14 @@ class GarmentModel(KeptRun):
         return facts
 
     def _bounds(self) -> F32:
-        """What every picture of the garment frames: the scene's box, or itself at rest, with some room."""
+        """What every picture of the garment frames: the scene's box, or itself at rest, with some room; its corners,
+        (8, 3) [m]."""
         if self.scene.camera.box_m is not None:
-            return np.asarray(self.scene.camera.box_m, np.float32)
+            return box_corners(*self.scene.camera.box_m).astype(np.float32)
         points = self.simulation.positions[self.simulation.sheet.present]
         low, high = points.min(axis=0), points.max(axis=0)
         room = 0.12 * (high - low).max()
-        return np.asarray([low - room, high + room], np.float32)
+        return box_corners(low - room, high + room).astype(np.float32)
 
 
 def woven_garment(scene: Scene, atlas: Atlas) -> Scene:

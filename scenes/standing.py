@@ -141,7 +141,9 @@ SKIN = 0.6
 """Share of its colour that the body is painted with: a shop-window figure that leaves the light to the cloth."""
 
 
-def skin_mesh(section: BodySection, body: Body, skin: NDArray, cloth: NDArray) -> Mesh:
-    """Skin (n, 3) [m] for a picture, let in where it would show through cloth points (m, 3) that lie on it."""
+def skin_mesh(section: BodySection, body: Body, skin: NDArray, cloth: NDArray, spared: NDArray | None = None) -> Mesh:
+    """Skin (n, 3) [m] for a picture, let in where it would show through cloth points (m, 3) that lie on it. spared: as
+    in `beneath`."""
     albedo = SKIN * np.asarray(colour(section.colour), np.float32)
-    return Mesh(beneath(skin, body.faces, cloth), body.faces, albedo, part=1)
+    let_in = beneath(skin, body.faces, cloth, bone=body.weights.argmax(axis=1), spared=spared)
+    return Mesh(let_in, body.faces, albedo, part=1)

@@ -171,7 +171,7 @@ class View:
                 x, y, _ = shot.camera.project([point])[0]
                 image = label(image, name, (float(x), float(y)))
             images.append(image)
-        return np.concatenate(images, axis=1)[:, : self.size[0]]
+        return np.concatenate(images, axis=1)[:, : self.size[0] * self.scale]
 
     def _shoot(self, k: int, camera: Camera, *, linear: bool = False) -> tuple[Shot, Image]:
         """Draw panel k, the camera as near as the scene's zoom says. linear: keep what batches make of it."""

@@ -17,7 +17,7 @@ from taichi_cloth.fabric import BODY, END, START, FabricLayout
 from taichi_cloth.spin import Period, Strands, hairs, spin
 from taichi_cloth.yarn import Yarn
 
-__all__ = ["TemplateBank", "build_templates", "particle_count", "particles_per_body_block"]
+__all__ = ["TemplateBank", "build_templates", "covered", "particle_count", "particles_per_body_block"]
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -25,7 +25,9 @@ I32 = NDArray[np.int32]
 FRAY = 1.6  # how much wider a yarn is at its free end
 LEAN = 0.45  # how far free ends stray from straight, in thread widths
 LAYERS = 1.5  # fibres that lie before one another across a drawn yarn, at least
-MOST_OF_THICKNESS = 0.9  # of the yarn, that a drawn fibre takes
+MOST_OF_THICKNESS = 1.3  # of the yarn, that a drawn fibre takes: one stands for many side by side
+MOST_APART = 1.6  # how much further apart drawn fibres are laid than those that they stand for
+STATIONS = 192  # along a yarn's period, at which its width is taken
 WANDER = 0.10  # bend of a fibre between block ends that tells variants apart, in yarn radii
 
 
@@ -164,10 +166,19 @@ def _core(
     scale = size / _yarn(layout, kind[0]).diameter
     thick = spun.radius.mean() * np.sqrt(scale[..., 0] * scale[..., 1])[..., 0]  # (t, 1)
     grown = _covering(thick, rows, size[:, 0, 0, :])
-    # Thicker fibres are laid so that they just fill the yarn's outline.
-    inside = 1.0 - spun.radius.mean() / (_yarn(layout, kind[0]).diameter / 2)
+    # Thicker fibres are laid within the yarn's outline; then so far apart that they cover its width, but for plies of
+    # many fibres, between which a gap would open.
+    yarn = _yarn(layout, kind[0])
+    inside = 1.0 - spun.radius.mean() / (yarn.diameter / 2)
     filling = np.maximum(size / 2 - (grown * thick)[..., None, None], 0.0) / (inside * size / 2)
-    section_yz = section_yz * scale * np.where(grown[..., None, None] > 1.0, filling, 1.0)
+    thicker = grown[:, 0] > 1.0
+    scale_yz = scale * np.where(thicker[:, None, None, None], filling, 1.0)
+    radius = spun.radius * np.sqrt(scale[..., 0] * scale[..., 1])[..., 0] * grown  # (t, f)
+    spread = thicker | (yarn.plies == 1)
+    scale_yz[spread, 0, 0, 0] *= _apart(
+        spun.position[..., 1], scale_yz[spread, 0, 0, 0], radius[spread], size[spread, 0, 0, 0]
+    )
+    section_yz = section_yz * scale_yz
     if section == BODY:
         rng = np.random.Generator(np.random.Philox(key=[seed, 2]))
         bend = rng.standard_normal((max(1, layout.detail.variants), rows, 1, 2)).clip(-2, 2)
@@ -191,9 +202,7 @@ def _core(
         offset=offset,
         tangent=tangent,
         normal=normal,
-        radius=np.broadcast_to(
-            spun.radius[None, :, None] * np.sqrt(scale[..., 0] * scale[..., 1]) * grown[..., None], shape
-        ),
+        radius=np.broadcast_to(radius[..., None], shape),
         half_length=gather(spun.half_length) * stretch * np.sqrt(1.0 + slope**2)[:, None, :],
         openness=open_,
         tone=np.broadcast_to(spun.tone[None, :, None], shape),
@@ -206,6 +215,36 @@ def _covering(radius: F64, fibres: int, size: F64) -> F64:
     """
     wanted = LAYERS * size[:, :1] / (2 * fibres)
     return np.maximum(1.0, np.minimum(wanted, MOST_OF_THICKNESS * size[:, 1:] / 2) / radius)
+
+
+def _apart(across: F64, scale: F64, radius: F64, width: F64) -> F64:
+    """How much further apart than spun the drawn fibres are laid, (t,), so that they cover their yarn's width: on
+    average along it, or as far as MOST_APART goes. Hundreds of real fibres reach its sides all along; a few that
+    wander through its section mostly do not.
+
+    across: (f, k) of the spun fibres. scale: (t,) of it. radius: (t, f) [m]. width: (t,) [m].
+    """
+    across = across[:, :: -(-across.shape[1] // STATIONS)]
+    out = np.ones(len(width))
+    alike = np.unique(np.column_stack([scale, radius[:, 0], width]), axis=0, return_index=True, return_inverse=True)
+    for number, t in enumerate(alike[1].tolist()):
+        low, high = 1.0, MOST_APART
+        if covered(across * scale[t], radius[t]) < width[t]:
+            for _ in range(10):
+                middle = (low + high) / 2
+                short = covered(across * (scale[t] * middle), radius[t]) < width[t]
+                low, high = (middle, high) if short else (low, middle)
+        out[alike[2].ravel() == number] = low
+    return out
+
+
+def covered(across: F64, radius: F64) -> float:
+    """Width that fibres of some radii (f,) [m] hide, their middles across (f, k) [m] at k places: the mean [m]."""
+    order = np.argsort(across - radius[:, None], axis=0)
+    left = np.take_along_axis(across - radius[:, None], order, axis=0)
+    right = np.maximum.accumulate(np.take_along_axis(across + radius[:, None], order, axis=0), axis=0)
+    gaps = np.maximum(left[1:] - right[:-1], 0.0).sum(axis=0)
+    return float((right[-1] - left[0] - gaps).mean())
 
 
 def _hair(

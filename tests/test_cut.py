@@ -242,6 +242,12 @@ def test_skin_stays_beneath_cloth():
     assert out[under, 1] == pytest.approx(-0.009, abs=1e-6)
     far = np.abs(skin[:, 0]) > 0.14
     assert out[far] == pytest.approx(skin[far], abs=1e-7)
+    bones = np.where(skin[:, 0] < 0, 3, 5)
+    none, one = np.zeros(len(cloth), np.int32), np.full(len(cloth), 1 << 5, np.int32)
+    assert beneath(skin, faces, cloth, bone=bones, spared=none) == pytest.approx(out)
+    passed = beneath(skin, faces, cloth, bone=bones, spared=one)  # cloth that what bone 5 carries does not wear
+    assert passed[bones == 5] == pytest.approx(skin[bones == 5], abs=1e-7)
+    assert passed[under & (skin[:, 0] < 0), 1] == pytest.approx(-0.009, abs=1e-6)
 
 
 @pytest.mark.parametrize("height", [0.010, 0.004])

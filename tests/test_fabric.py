@@ -10,7 +10,7 @@ from taichi_cloth.crimp import Interlacing, centreline
 from taichi_cloth.errors import InputError
 from taichi_cloth.fabric import BODY, END, START, Detail, Threads, frames, lay_out, pose_points, required_bytes
 from taichi_cloth.interpenetration import deepest_interpenetration
-from taichi_cloth.templates import build_templates, particle_count
+from taichi_cloth.templates import build_templates, covered, particle_count
 from taichi_cloth.weave import known_weaves, named_weave
 from taichi_cloth.yarn import Hairiness, Yarn
 
@@ -138,6 +138,25 @@ def test_fibres_stay_inside_their_thread():
     slack = 0.12 * width  # the bend that tells variants apart, and the fibre's own radius
     assert np.abs(bank.offset[:, 1]).max() < width / 2 + slack
     assert np.abs(bank.offset[:, 2]).max() < top + slack
+
+
+def test_covered_width_by_hand():
+    """Fibres of radius 1 at two places: side by side with a gap, half over each other; one hidden by a wider one."""
+    across = np.array([[-3.0, -0.5], [1.0, 0.5]])
+    assert covered(across, np.ones(2)) == pytest.approx((4 + 3) / 2)
+    assert covered(np.array([[0.5], [0.0]]), np.array([1.0, 3.0])) == pytest.approx(6)
+
+
+@pytest.mark.parametrize(("plies", "fibres", "least"), [(1, 6, 0.96), (1, 12, 0.96), (2, 4, 0.88)])
+def test_few_drawn_fibres_hide_what_their_thread_hides(plies: int, fibres: int, least: float):
+    yarn = Yarn(count_tex=300, plies=plies, twist_per_m=180)
+    layout = woven(yarn=yarn, fibres=fibres, fringe=0.0, variants=1, steps=4)
+    bank = build_templates(layout)
+    of_template = (len(np.diff(bank.start)), plies * fibres, 4)  # every one has as many particles: none has hairs
+    across, radius = bank.offset[:, 1].reshape(of_template), bank.radius.reshape(of_template)
+    width = np.mean([covered(a.astype(float), r[:, 0].astype(float)) for a, r in zip(across, radius, strict=True)])
+    assert least * layout.warp.width[0] < width < 1.02 * layout.warp.width[0]
+    assert (np.abs(across) + radius).max() < 0.75 * layout.warp.pitch  # nor does it reach the thread after the next
 
 
 def test_same_seed_same_bytes_other_seed_other_fibres():

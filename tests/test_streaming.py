@@ -87,6 +87,12 @@ def test_windows_are_one_picture(model: FabricModel, particles: Particles, camer
     assert sizes[0] == 1 < sizes[1] < sizes[2]
 
 
+def test_a_larger_canvas_shows_the_same_view(model: FabricModel) -> None:
+    (_, one), (_, two) = (next(View(model, (96, 64), scale=scale).turntable(1, [0])) for scale in (1, 2))
+    assert two.shape == (128, 192, 3)
+    assert psnr(one, cv2.resize(two, (96, 64), interpolation=cv2.INTER_AREA)) > 25
+
+
 def test_passes_of_windows_and_batches_are_those_of_one_picture(model: FabricModel, camera: Camera) -> None:
     particles = model.panels()[0].particles
     numbers = model.numbers()

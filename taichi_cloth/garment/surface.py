@@ -39,6 +39,10 @@ class Surface:
         self.faces: I32 = np.concatenate(faces).astype(np.int32)
         self.panel: I32 = np.concatenate(panel)
 
+    def nearest(self, values: NDArray) -> NDArray:
+        """(n,) of values at the key points (rows, cols): that with the largest part in each point."""
+        return values.reshape(-1)[np.take_along_axis(self._nodes, self._shares.argmax(axis=1)[:, None], axis=1)[:, 0]]
+
     def points(self, positions: NDArray) -> tuple[F32, F32]:
         """(n, 3) points [m] and smooth unit normals of key points (rows, cols, 3) [m]: both are blends of those at the
         key points, the normals as in `normals.vertex_normals`. Taichi is running."""
