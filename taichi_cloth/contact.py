@@ -31,7 +31,6 @@ from taichi_cloth.contact_response import response
 from taichi_cloth.contact_surface import BONE, CONE, ELLIPTIC, GRID, MOTION, ROW, SHAPE
 from taichi_cloth.forces import FrameForces
 from taichi_cloth.sheet import SheetState
-from taichi_cloth.solvers.crew import PARTS
 from taichi_cloth.solvers.passes import Pass
 
 __all__ = ["Contact"]
@@ -54,7 +53,7 @@ class Contact(Pass):
     size: elements of the padded grid. substeps: a frame. step: of each [s].
     """
 
-    parts = PARTS
+    parts = True
 
     def __init__(self, body: Colliders, *, size: int, substeps: int, step: float) -> None:
         self.body, self.substeps = body, substeps

@@ -228,7 +228,7 @@ class _Middles:
             move = self.surface.change(u[0], u[1], u[2], normal[0], normal[1], normal[2], push)
             here = 2.0 * work.inverse_mass[p] / (work.inverse_mass[p] + work.inverse_mass[q])
             for axis in ti.static(range(3)):
-                work.position[axis][p] += here * move[axis]
-                work.position[axis][q] += (2.0 - here) * move[axis]
-                work.step[axis][p] += here * move[axis]
-                work.step[axis][q] += (2.0 - here) * move[axis]
+                work.position[axis][p] = work.position[axis][p] + here * move[axis]
+                work.position[axis][q] = work.position[axis][q] + (2.0 - here) * move[axis]
+                work.step[axis][p] = work.step[axis][p] + here * move[axis]
+                work.step[axis][q] = work.step[axis][q] + (2.0 - here) * move[axis]

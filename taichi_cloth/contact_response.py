@@ -254,7 +254,7 @@ class Response(BodySurface):
                 two += self.plane[k + c * LANES] * (x - mine[c])
                 shift += self.plane[k + c * LANES] * (mine[c] - other[c])
             if two < one:
-                self.plane[k + 3 * LANES] += shift
+                self.plane[k + 3 * LANES] = self.plane[k + 3 * LANES] + shift
                 for c in range(4):
                     self.plane[j + c * LANES] = self.plane[k + c * LANES]
 

@@ -152,8 +152,7 @@ class Garment:
         if forces.self_contact:  # with the seams known, and before the ties, which have the last word
             passes = (ClothContact(sheet, forces.self_contact, self.sewn()), *passes)
         alone = replace(forces, self_contact=None)
-        left_to_right = np.asarray(positions)[..., 0]  # few seams and threads run from one side to the other
-        solver = Verlet(sheet, alone, frame_rate=frame_rate, safety=safety, passes=passes, across=left_to_right)
+        solver = Verlet(sheet, alone, frame_rate=frame_rate, safety=safety, passes=passes)
         return Simulation(sheet, solver, forces=forces, positions=positions)
 
 

@@ -21,8 +21,8 @@ def beneath(
     Contact knows the body by its primitives, which are some millimetres off the skin; what it lets the cloth rest on
     may lie under the skin that is drawn. Up is, for a cloth point, along the normal of the skin nearest to it: what is
     lower than ROOM below it, as the other side of a finger, stays where it is. faces: of the skin. bone: (n,) that
-    carries each skin point most. spared: (m,) for each cloth point bits 1 << bone of the bones that it does not meet: an
-    arm that swings through the side of a dress stays whole, and hides it. None: cloth meets all.
+    carries each skin point most. spared: (m,) for each cloth point bits 1 << bone of the bones that it does not meet:
+    an arm that swings through the side of a dress stays whole, and hides it. None: cloth meets all.
     """
     corner = skin[faces]
     square = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])

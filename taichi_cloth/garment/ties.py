@@ -6,8 +6,7 @@ between one and its place. A gap wider than allowed is closed along d, shared ou
     Δx_k = −w_k/m_k · λ,      λ = (1 − allowed/|d|) d / Σ w_k²/m_k,
 
 which keeps the momentum of what is tied together. Ties are worked through in order, each seeing what the ones before
-did (Gauss–Seidel); those of the two sides of a sheet on two threads, and then those between. What is allowed shrinks
-from frame to frame, so panels are drawn together at a set speed.
+did (Gauss–Seidel). What is allowed shrinks from frame to frame, so panels are drawn together at a set speed.
 """
 
 # pyright: reportOptionalCall=false, reportOperatorIssue=false, reportGeneralTypeIssues=false
@@ -24,8 +23,7 @@ from taichi_cloth.arrays import F32x2, Template
 from taichi_cloth.cache import digest
 from taichi_cloth.errors import InputError
 from taichi_cloth.forces import FrameForces
-from taichi_cloth.sheet import LANES, PAD, Sheet, SheetState
-from taichi_cloth.solvers.crew import LINE, SIDES
+from taichi_cloth.sheet import PAD, Sheet, SheetState
 from taichi_cloth.solvers.passes import Pass
 
 __all__ = ["Ties"]
@@ -52,7 +50,6 @@ class Ties(Pass):
     Raises InputError on shapes that differ or no ties.
     """
 
-    parts = SIDES
     whole = True
     repeated = True
     substeps: int
@@ -90,7 +87,6 @@ class Ties(Pass):
         self.places = np.full((n, 3), np.nan) if places is None else np.asarray(places, np.float64)
         self.bones = np.full(n, -1) if bones is None else np.asarray(bones)
         self.held = np.asarray(np.isfinite(self.places).all(axis=1))
-        self._padding = PAD * sheet.width
         self.memory = _memory(runtime.generation(), -(-n // 256) * 256)
 
     # Ties that share their memory are one pass to the solver: they need no second kernel.
@@ -118,15 +114,8 @@ class Ties(Pass):
         points = np.einsum("cnk,nk->nc", flat[:, self.index], self.blend)
         return np.linalg.norm(points - self.targets(bones), axis=1)
 
-    def join(self, substeps: int, step: float, sides: NDArray[np.int32]) -> None:
+    def join(self, substeps: int, step: float) -> None:
         self.substeps, self.reach = substeps, self.speed * step * substeps
-        there = sides[self.index // LANES]
-        low = np.where(self.weight != 0, there, SIDES).min(axis=1)
-        side = np.where(low == np.where(self.weight != 0, there, -1).max(axis=1), low, SIDES)  # SIDES: between them
-        self._order = np.argsort(side, kind="stable")
-        self._starts = np.searchsorted(side[self._order], np.arange(SIDES + 2)).astype(np.int32)
-        padding = side * LINE % self._padding  # each side writes in a place of its own
-        self.index = np.where(self.weight == 0.0, padding[:, None], self.index).astype(np.int32)
 
     def begin(self, state: SheetState, forces: FrameForces) -> None:
         frame = forces.body
@@ -136,27 +125,20 @@ class Ties(Pass):
         rows = np.zeros((self.memory.capacity + 1, ROW), np.float32)
         rows[: self.count] = np.column_stack(
             [self.weight, self.share, start, end - start, now, np.maximum(now - self.reach, 0.0) - now]
-        )[self._order]
-        rows[-1, 0] = 1.0 / self.substeps
+        )
+        rows[-1, :2] = self.count, 1.0 / self.substeps
         if self.memory.holder is not self:
-            listed = self.index[self._order]
-            self.memory.node.from_numpy(np.pad(listed, ((0, self.memory.capacity - self.count), (0, 0))))
-            self.memory.start.from_numpy(self._starts)
+            self.memory.node.from_numpy(np.pad(self.index, ((0, self.memory.capacity - self.count), (0, 0))))
             self.memory.holder = self
         self.memory.take(rows)
 
     @ti.func
     def before(self, work: Template, done, n: Template):
-        for side in range(SIDES + 1):
-            self.memory.wide[side * LINE] = -1
-
-    @ti.func
-    def after(self, work: Template, part, first, last, done, n: Template):
-        self.memory.pull(work, part, done)
+        self.memory.wide[None] = -1
 
     @ti.func
     def after_all(self, work: Template, done, n: Template):
-        self.memory.pull(work, SIDES, done)
+        self.memory.pull(work, done)
 
 
 @lru_cache(maxsize=8)
@@ -172,8 +154,7 @@ class _Memory:
         self.row = ti.field(ti.f32, (capacity + 1, ROW))
         self.node = ti.field(ti.i32, (capacity, NODES))
         self.holder: Ties | None = None
-        self.start = ti.field(ti.i32, SIDES + 2)
-        self.wide, self.listed = ti.field(ti.i32, (SIDES + 1) * LINE), ti.field(ti.i32, capacity)
+        self.wide, self.listed = ti.field(ti.i32, ()), ti.field(ti.i32, capacity)
 
     @ti.kernel
     def take(self, rows: F32x2):
@@ -182,19 +163,18 @@ class _Memory:
             self.row[i, j] = rows[i, j]
 
     @ti.func
-    def pull(self, work: Template, side, done):
-        """Every tie of a side once, the first time in a substep; from then on those that were much too wide."""
-        share = ti.cast(done + 1, ti.f32) * self.row[self.capacity, 0]
-        first = self.start[side]
-        if self.wide[side * LINE] < 0:
+    def pull(self, work: Template, done):
+        """Every tie once, the first time in a substep; from then on those that were much too wide."""
+        share = ti.cast(done + 1, ti.f32) * self.row[self.capacity, 1]
+        if self.wide[None] < 0:
             found = 0
-            for k in range(first, self.start[side + 1]):
+            for k in range(ti.cast(self.row[self.capacity, 0], ti.i32)):
                 if self.close(work, k, share):
-                    self.listed[first + found] = k
+                    self.listed[found] = k
                     found += 1
-            self.wide[side * LINE] = found
+            self.wide[None] = found
         else:
-            for m in range(first, first + self.wide[side * LINE]):
+            for m in range(self.wide[None]):
                 self.close(work, self.listed[m], share)
 
     @ti.func

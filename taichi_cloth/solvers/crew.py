@@ -18,13 +18,10 @@ from numpy.typing import NDArray
 from taichi_cloth.arrays import Template
 from taichi_cloth.sheet import LANES
 
-__all__ = ["LINE", "PARTS", "SIDES", "Crew", "parts_of", "sides_of"]
+__all__ = ["LINE", "PARTS", "Crew", "Pace", "parts_of"]
 
 PARTS = 8
 """More than threads: the quick help the slow."""
-
-SIDES = 2
-"""What is worked through in order is not cut as fine: half of the parts are a side, and its order is its own."""
 
 PATIENCE = 2000
 """Looks for those who are at work on the rest before a thread helps them, some 50 µs: what it takes over it must fetch
@@ -36,38 +33,14 @@ PERIOD, TRIALS = 64, 4
 LINE = 32
 """Elements between what two threads write: two cache lines."""
 
-Mask = NDArray[np.bool_]
 
+def parts_of(present: NDArray[np.bool_]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """Blocks of lanes that hold key points, in the order of the rows, and PARTS + 1 cuts into parts of about as many.
 
-def parts_of(present: Mask, across: NDArray) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Blocks of lanes that hold key points, one part after the other, and PARTS + 1 cuts between parts.
-
-    present: (rows, width) of a padded grid. across: of the same shape; key points with less of it are in an earlier
-    side. Parts of a side are rows. Two blocks that share a cache line are in one side.
+    present: (rows, width) of a padded grid.
     """
-    used = np.flatnonzero(present.reshape(-1, LANES).any(axis=1))
-    pair, number, count = np.unique(used // 2, return_inverse=True, return_counts=True)
-    room = (0, -present.size % (2 * LANES))
-    held = np.pad(present.ravel(), room).reshape(-1, 2 * LANES)[pair]
-    value = np.where(held, np.pad(across.ravel(), room).reshape(-1, 2 * LANES)[pair], 0.0)
-    order = np.argsort(value.sum(axis=1) / held.sum(axis=1), kind="stable")
-    side = np.empty(len(pair), np.int64)
-    side[order] = (np.cumsum(count[order]) - 1) * SIDES // len(used)
-    blocks, cuts = [], [0]
-    for k in range(SIDES):
-        here = used[side[number] == k]
-        blocks.append(here)
-        ends = np.arange(1, PARTS // SIDES + 1) * len(here) // (PARTS // SIDES)
-        cuts.extend((ends + sum(len(b) for b in blocks[:-1])).tolist())
-    return np.concatenate(blocks).astype(np.int32), np.array(cuts, np.int32)
-
-
-def sides_of(blocks: NDArray[np.int32], cuts: NDArray[np.int32], count: int) -> NDArray[np.int32]:
-    """The side of each of `count` blocks, −1 for those that hold nothing; `blocks`, `cuts` from `parts_of`."""
-    out = np.full(count, -1, np.int32)
-    for side in range(SIDES):
-        out[blocks[cuts[side * PARTS // SIDES] : cuts[(side + 1) * PARTS // SIDES]]] = side
-    return out
+    blocks = np.flatnonzero(present.reshape(-1, LANES).any(axis=1)).astype(np.int32)
+    return blocks, (np.arange(PARTS + 1) * len(blocks) // PARTS).astype(np.int32)
 
 
 class Pace:

@@ -5,9 +5,7 @@ The stencil knows neighbours at fixed offsets only. Whatever is irregular (a bod
 is given none compiles none.
 """
 
-import numpy as np
 import taichi as ti
-from numpy.typing import NDArray
 
 from taichi_cloth.arrays import Template
 from taichi_cloth.forces import FrameForces
@@ -20,16 +18,17 @@ __all__ = ["Pass"]
 class Pass:
     """Base of all passes; a subclass is `@ti.data_oriented` too. Each object that is made compiles a kernel of its own.
 
-    parts: into how many parts its `after` is cut, which threads call at once (`crew.py`): calls for two parts write
-    nothing in common, and neither reads what the other writes; PARTS, SIDES, or 0 for none.
+    parts: it has an `after`, which threads call for several parts at once (`crew.py`): calls for two parts write
+    nothing in common, and neither reads what the other writes. In a kernel that threads share `x[p] += y` is atomic,
+    and slow; `x[p] = x[p] + y` is not.
     whole: it has an `after_all`, which one thread calls.
     paired: called after every second substep (those with an odd number) instead of each, which is half the time to run
     and to compile.
     repeated: called after each substep, before those that are not, and with the others that are as often as the strain
-    limit asks: what one of them changes the next answers.
+    limit asks: what one of them changes the next answers. They are whole, and keep the sheet to one thread.
     """
 
-    parts = 0
+    parts = False
     whole = False
     paired = False
     repeated = False
@@ -38,9 +37,8 @@ class Pass:
         """A hash of what the motion follows from beside the sheet and the forces; "" where that is all."""
         return ""
 
-    def join(self, substeps: int, step: float, sides: NDArray[np.int32]) -> None:
-        """By the solver that takes the pass, once: `substeps` a frame, of `step` [s]. sides: of the blocks of the
-        padded grid, as of `crew.sides_of`."""
+    def join(self, substeps: int, step: float) -> None:
+        """By the solver that takes the pass, once: `substeps` a frame, of `step` [s]."""
 
     def begin(self, state: SheetState, forces: FrameForces) -> None:
         """On the host, before each frame. What it leaves must follow from its arguments, or a resumed run differs."""
@@ -64,4 +62,4 @@ class Pass:
 
     @ti.func
     def after_all(self, work: Template, done, n: Template):
-        """After the calls of `after` for all parts, and those of the other passes that are repeated."""
+        """The same, by one thread, after the calls of `after` for all parts."""

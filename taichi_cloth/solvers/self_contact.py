@@ -184,7 +184,7 @@ class ClothContact(Pass):
     def search(self, work: Template):
         """Pairs of key points and faces, in the order of the faces."""
         x = ti.static(work.position)
-        self.searches[None] += 1
+        self.searches[None] = self.searches[None] + 1
         for k in range(self.start.shape[0]):
             self.start[k] = 0
         for p in range(self.size):
@@ -192,17 +192,17 @@ class ClothContact(Pass):
                 g = self.grid(self.at(x, p))
                 key = self.hashed(g[0], g[1], g[2])
                 self.bucket[p] = key
-                self.start[key + 1] += 1
+                self.start[key + 1] = self.start[key + 1] + 1
                 for c in ti.static(range(3)):
                     self.reference[c][p] = x[c][p]
         for k in range(1, self.start.shape[0]):
-            self.start[k] += self.start[k - 1]
+            self.start[k] = self.start[k] + self.start[k - 1]
             self.cursor[k - 1] = self.start[k - 1]
         for p in range(self.size):
             if self.panel[p] > 0:
                 key = self.bucket[p]
                 self.order[self.cursor[key]] = p
-                self.cursor[key] += 1
+                self.cursor[key] = self.cursor[key] + 1
         row = ti.static(self.width)
         found = 0
         wide = self.thickness + self.band + self.margin[None]
@@ -304,10 +304,10 @@ class ClothContact(Pass):
                     change = (push * n - held * slide) / yielding
                     move = change + MEND * (depth - push) / yielding * n
                     for axis in ti.static(range(3)):
-                        s[axis][p] += inverse[p] * change[axis]
-                        x[axis][p] += inverse[p] * move[axis]
+                        s[axis][p] = s[axis][p] + inverse[p] * change[axis]
+                        x[axis][p] = x[axis][p] + inverse[p] * move[axis]
                     for corner, offset in ti.static(enumerate((0, 1, row, row + 1))):
                         share = i[corner] * w[corner]
                         for axis in ti.static(range(3)):
-                            s[axis][f + offset] -= share * change[axis]
-                            x[axis][f + offset] -= share * move[axis]
+                            s[axis][f + offset] = s[axis][f + offset] - share * change[axis]
+                            x[axis][f + offset] = x[axis][f + offset] - share * move[axis]

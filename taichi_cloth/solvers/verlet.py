@@ -17,7 +17,7 @@ from time import perf_counter
 
 import numpy as np
 import taichi as ti
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from taichi_cloth import runtime
 from taichi_cloth.arrays import F32x3, Float, Int, Template
@@ -27,7 +27,7 @@ from taichi_cloth.errors import InputError
 from taichi_cloth.forces import Forces, FrameForces
 from taichi_cloth.sheet import LANES, Sheet, SheetState
 from taichi_cloth.solvers.base import Solver
-from taichi_cloth.solvers.crew import PARTS, Crew, Pace, parts_of, sides_of
+from taichi_cloth.solvers.crew import PARTS, Crew, Pace, parts_of
 from taichi_cloth.solvers.passes import Pass
 from taichi_cloth.solvers.self_contact import ClothContact
 from taichi_cloth.solvers.stability import highest_frequency, longest_step, rounding_speed
@@ -50,8 +50,7 @@ class Verlet(Solver):
 
     frame_rate: frames a second [1/s]. step: asked for [s]; None takes the longest that is safe. safety: share of the
     stable limit. threads: at most; None takes 1, or those of the runtime where the sheet is large enough. passes: what
-    acts after the stencil of each substep, in that order. across: (rows, cols), by what threads share key points out:
-    those of the two sides should have little to do with each other; None takes the row.
+    acts after the stencil of each substep, in that order.
     Raises InputError on a step that is not stable, with the one that is.
     """
 
@@ -65,7 +64,6 @@ class Verlet(Solver):
         safety: float = 0.9,
         threads: int | None = None,
         passes: tuple[Pass, ...] = (),
-        across: ArrayLike | None = None,
     ) -> None:
         if not (np.isfinite(frame_rate) and frame_rate > 0):
             raise InputError(f"solver.frame_rate: {frame_rate!r}; allowed: above 0")
@@ -84,12 +82,11 @@ class Verlet(Solver):
         # Two substeps at a time, for passes that are paired. 1e-9: a frame that is just so many steps is not one more.
         self.substeps = max(2, 2 * ceil(1 / frame_rate / (step or longest) / 2 - 1e-9))
         self.step = 1 / frame_rate / self.substeps
-        count = threads or (runtime.threads() if sheet.present.sum() >= WORTH_THREADS else 1)
-        self.threads = min(count, MOST_THREADS)
-        self._pace = Pace(self.threads)
         self.passes = (*passes, ClothContact(sheet, forces.self_contact)) if forces.self_contact else passes
         if forces.strain_limit:
             self.passes = (ThreadLimit(sheet), *self.passes)
+        most = threads or (runtime.threads() if sheet.present.sum() >= WORTH_THREADS else 1)
+        self.threads = 1 if any(one.repeated for one in self.passes) else min(most, MOST_THREADS)
         if forces.body is not None:
             size, body = int(np.prod(sheet.padded_shape)), forces.body
             one = Contact(body, size=size, substeps=self.substeps, step=self.step)
@@ -105,11 +102,9 @@ class Verlet(Solver):
         )
         self._forces = forces
         self._numbers = _numbers(sheet, forces, self.step)
-        along = np.arange(sheet.shape[0])[:, None] if across is None else np.asarray(across, np.float64)
-        self._parts = parts_of(sheet.padded(sheet.present) > 0, sheet.padded(np.broadcast_to(along, sheet.shape)))
-        sides = sides_of(*self._parts, int(np.prod(sheet.padded_shape)) // LANES)
         for one in self.passes:
-            one.join(self.substeps, self.step, sides)
+            one.join(self.substeps, self.step)
+        self._pace = Pace(self.threads)
 
     def rounding(self, ulp: float) -> float:
         m = self.sheet.material
@@ -130,7 +125,7 @@ class Verlet(Solver):
             sheet = self.sheet
             model = np.stack([sheet.padded(v) for v in (*sheet.weights, sheet.inverse_mass)])
             work.take_model(model, state.values)
-            work.take_parts(*self._parts)
+            work.take_parts(sheet.padded(sheet.present) > 0)
             work.numbers[None] = Numbers(**self._numbers)
             work.holder = self
         first, last = np.asarray(forces.wind_start), np.asarray(forces.wind_end)
@@ -192,10 +187,6 @@ class _Workspace(Stencil):
         rows, width = padded_shape
         super().__init__(rows * width, width)
         self.rows, self.passes, self.crew = rows, passes, Crew(threads)
-        self.repeated = tuple(one for one in passes if one.repeated)
-        self.rest = tuple(one for one in passes if not one.repeated)
-        self.repeated_parts = max((one.parts for one in self.repeated), default=0)
-        self.repeated_whole = any(one.whole for one in self.repeated)
         self.numbers = Numbers.field(shape=())
         self.block, self.cut = ti.field(ti.i32, rows * width // LANES), ti.field(ti.i32, PARTS + 1)
         self.holder: Verlet | None = None
@@ -217,8 +208,9 @@ class _Workspace(Stencil):
                     self.ahead[c][p + self.size] = values[c, i, j]
                     self.step[c][p] = values[3 + c, i, j]
 
-    def take_parts(self, blocks: NDArray[np.int32], cuts: NDArray[np.int32]) -> None:
-        """As of `parts_of`."""
+    def take_parts(self, present: NDArray[np.bool_]) -> None:
+        """present: (rows, width)."""
+        blocks, cuts = parts_of(present)
         self.block.from_numpy(np.pad(blocks, (0, self.block.shape[0] - len(blocks))))
         self.cut.from_numpy(cuts)
 
@@ -265,24 +257,22 @@ class _Workspace(Stencil):
                 one.before(self, done, n)
 
     @ti.func
-    def after(self, passes: Template, parts: Template, whole: Template, thread, stage, finished, done, n: Template):
-        """One stage or two: passes after the stencil, for each part and then for all. Returns the last stage, and the
+    def after(self, one: Template, thread, stage, finished, done, n: Template):
+        """One stage or two: a pass after the stencil, for each part and then for all. Returns the last stage, and the
         parts finished when it ends."""
         last, goal = stage, finished
-        if ti.static(parts > 0):
-            last, goal, each = last + 1, goal + parts, ti.static(PARTS // max(parts, 1))
-            for turn in range(parts):
-                part = self.crew.take(thread, turn, last, parts, goal)
+        if ti.static(one.parts):
+            last, goal = last + 1, goal + PARTS
+            for turn in range(PARTS):
+                part = self.crew.take(thread, turn, last, PARTS, goal)
                 if part >= 0:
-                    for one in ti.static([one for one in passes if one.parts == parts]):
-                        one.after(self, part, self.cut[part * each], self.cut[(part + 1) * each], done, n)
+                    one.after(self, part, self.cut[part], self.cut[part + 1], done, n)
                     self.crew.finish()
             self.crew.meet(goal)
-        if ti.static(whole):
+        if ti.static(one.whole):
             last, goal = last + 1, goal + 1
             if self.crew.take(thread, 0, last, 1, goal) == 0:
-                for one in ti.static([one for one in passes if one.whole]):
-                    one.after_all(self, done, n)
+                one.after_all(self, done, n)
                 self.crew.finish()
             self.crew.meet(goal)
         return last, goal
@@ -321,12 +311,11 @@ class _Workspace(Stencil):
             if ti.static(features.leads):
                 at = self.size - at
             for _ in range(ti.cast(n.sweeps, ti.i32)):
-                stage, finished = self.after(
-                    self.repeated, self.repeated_parts, self.repeated_whole, thread, stage, finished, done, n
-                )
-            for one in ti.static(self.rest):
+                for one in ti.static([one for one in self.passes if one.repeated]):
+                    stage, finished = self.after(one, thread, stage, finished, done, n)
+            for one in ti.static([one for one in self.passes if not one.repeated]):
                 if not one.paired or done % 2 == 1:
-                    stage, finished = self.after((one,), one.parts, one.whole, thread, stage, finished, done, n)
+                    stage, finished = self.after(one, thread, stage, finished, done, n)
         stage, finished = stage + 1, finished + PARTS
         for turn in range(PARTS):
             part = self.crew.take(thread, turn, stage, PARTS, finished)
@@ -354,7 +343,7 @@ class _Workspace(Stencil):
         for _ in range(1):
             self.crew.assemble(threads)
         ti.loop_config(serialize=ti.static(self.crew.threads == 1))
-        for k in range(threads * _CHUNK):
-            if k % _CHUNK == 0:
+        for k in range(self.crew.threads * _CHUNK):  # of a range that is not constant all would be one thread's
+            if k % _CHUNK == 0 and k // _CHUNK < threads:
                 wind, change = ti.Vector([wind_x, wind_y, wind_z]), ti.Vector([change_x, change_y, change_z])
                 self.work(k // _CHUNK, values, self.numbers[None], wind, change, substeps, features)
