@@ -180,13 +180,13 @@ class Device:
     def distances(self, points: ti.types.ndarray(ti.f32, 2), out: ti.types.ndarray(ti.f32, 2)):
         ti.loop_config(serialize=True)
         for _ in range(1):
-            self.contact.memory.follow(0, 0)
+            self.contact.memory.follow(0)
             c = self.contact.memory.posed(0, 0)
             for b in range(points.shape[0] // LANES):
                 x = ti.Vector([points[b * LANES + k, 0] - c[0] for k in ti.static(range(LANES))])
                 y = ti.Vector([points[b * LANES + k, 1] - c[1] for k in ti.static(range(LANES))])
                 z = ti.Vector([points[b * LANES + k, 2] - c[2] for k in ti.static(range(LANES))])
-                self.contact.memory.measure(0, 0, 0, x, y, z)
+                self.contact.memory.measure(0, 0, x, y, z)
                 for k in range(LANES):
                     for m in range(4):
                         out[b * LANES + k, m] = self.contact.memory.scratch[m * LANES + k]
