@@ -182,6 +182,7 @@ def test_a_grid_is_thin_where_a_part_of_it_is() -> None:
     assert let_through(grids, diagonal, GAP).tolist() == [1]
 
 
+@pytest.mark.slow  # a kernel for each takes most of it
 def test_two_threads_give_the_same_bytes() -> None:
     """Both ends of a spring are written, so the whole sheet goes through one of them, in order."""
     sheet = sheet_of(8, 8)

@@ -86,18 +86,12 @@ class Stencil:
     """
 
     def __init__(self, size: int, width: int) -> None:
-        builder = ti.FieldsBuilder()  # memory of its own, which begins with a cache line
-
         def fields(count: int, buffers: int = 1) -> list[ti.Field]:
-            made = [ti.field(ti.f32) for _ in range(count)]
-            for one in made:
-                builder.dense(ti.i, buffers * size).place(one)
-            return made
+            return [ti.field(ti.f32, buffers * size) for _ in range(count)]
 
         self.size, self.width = size, width
         self.position, self.step, self.ahead = fields(3), fields(3), fields(3, 2)
         self.east, self.north, self.cell, self.inverse_mass = fields(4)
-        builder.finalize()
 
     @ti.func
     def lanes(self, p):
