@@ -126,7 +126,6 @@ def simulation_of(scene: Scene, dressed: Dressed) -> Simulation:
         poses = [dressed.body.bone_transforms(moves.pose(time)) for time in (0.1, 0.37, 1.0, 2.3)]
         name = f"{moves.name} {digest(poses)}"
 
-        @lru_cache(maxsize=2)  # a frame starts where the one before ended
         def bones_at(time: float) -> np.ndarray:
             return dressed.body.bone_transforms(moves.pose(time))
 

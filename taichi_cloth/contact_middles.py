@@ -47,7 +47,7 @@ class MiddleContact(Pass):
     whole = True
 
     def __init__(self, contact: Contact, sheet: Sheet, solids: NDArray[np.int32]) -> None:
-        self.contact, self.solids = contact, solids
+        self.solids = solids
         self.memory = _memory(runtime.generation(), contact.memory, sheet.padded_shape)
 
     # Two passes that share their memory are one to the solver: it needs no second kernel for them.

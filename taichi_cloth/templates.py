@@ -163,12 +163,12 @@ def _core(
 
     section_yz = gather(spun.position[..., 1:])
     size = np.stack([layout.kinds.width[kind], layout.kinds.thickness[kind]], -1)[:, None, None, :]
-    scale = size / _yarn(layout, kind[0]).diameter
+    yarn = _yarn(layout, kind[0])
+    scale = size / yarn.diameter
     thick = spun.radius.mean() * np.sqrt(scale[..., 0] * scale[..., 1])[..., 0]  # (t, 1)
     grown = _covering(thick, rows, size[:, 0, 0, :])
     # Thicker fibres are laid within the yarn's outline; then so far apart that they cover its width, but for plies of
     # many fibres, between which a gap would open.
-    yarn = _yarn(layout, kind[0])
     inside = 1.0 - spun.radius.mean() / (yarn.diameter / 2)
     filling = np.maximum(size / 2 - (grown * thick)[..., None, None], 0.0) / (inside * size / 2)
     thicker = grown[:, 0] > 1.0

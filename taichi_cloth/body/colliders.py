@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,7 +57,6 @@ class Colliders:
     gap: float = 0.0
     recovery: float = 0.5
     spared: NDArray[np.int32] | None = field(default=None, repr=False)
-    _last: dict[float, F64] = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
         if not self.primitives and not self.grids:
@@ -94,9 +94,10 @@ class Colliders:
         return out
 
     def during(self, start: float, end: float) -> BoneFrame:
-        """The bones at the ends of a frame [s]. Where a frame begins, the one before has ended: that is kept."""
-        begin = self._last.get(start)
-        frame = BoneFrame(self.at(start) if begin is None else begin, self.at(end))
-        self._last.clear()
-        self._last[end] = frame.end
-        return frame
+        """The bones at the ends of a frame [s]."""
+        return BoneFrame(self._recent(start), self._recent(end))
+
+    @cached_property
+    def _recent(self) -> Motion:
+        """`at`, of the last two times kept: a frame starts where the one before ended."""
+        return lru_cache(maxsize=2)(self.at)

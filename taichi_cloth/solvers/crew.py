@@ -99,8 +99,9 @@ class Crew:
             threads = self.there[LINE]
             first = (thread + thread % 2) * parts // threads
             part = (first + turn if thread % 2 == 0 else first - 1 - turn + parts) % parts
-            spare = part * threads // parts == thread
-            if not spare:
+            own = part * threads // parts == thread
+            spare = own
+            if not own:
                 left = self.patience[(thread + 1) * LINE]
                 while left > 0 and ti.atomic_add(self.finished[LINE], 0) < finished:
                     left -= 1
@@ -109,7 +110,7 @@ class Crew:
                 part = -1
             else:
                 taken = ti.atomic_max(self.taken[(part + 1) * LINE], stage) >= stage
-                if part * threads // parts != thread:
+                if not own:
                     self.patience[(thread + 1) * LINE] = PATIENCE if taken else 0
                 if taken:
                     part = -1
