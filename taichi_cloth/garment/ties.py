@@ -31,11 +31,12 @@ __all__ = ["Ties"]
 F64 = NDArray[np.float64]
 NODES = 8
 SHARE = NODES
-TARGET = 2 * NODES
-ALLOWED = TARGET + 6
-ROW = ALLOWED + 2
-"""Numbers of a tie: weights, shares w/m / Σ w²/m, target at the start of the frame [m] and how far it moves, width
-allowed at the start [m] and how that changes."""
+ROW = 2 * NODES
+"""Numbers of a tie that stay: weights, shares w/m / Σ w²/m."""
+ALLOWED = 6
+PATH = ALLOWED + 2
+"""Numbers of a tie for a frame: target at its start [m] and how far it moves, width allowed at its start [m] and how
+that changes."""
 
 SLACK = 1e-4
 """By how much a tie has to be too wide to be seen to more than once in a substep [m]: few are."""
@@ -110,27 +111,31 @@ class Ties(Pass):
 
     def gaps(self, state: SheetState, bones: F64 | None = None) -> F64:
         """Width of each gap (n,) [m]."""
+        return self._widths(state, self.targets(bones))
+
+    def _widths(self, state: SheetState, targets: F64) -> F64:
         flat = state.values[:3].reshape(3, -1)
         points = np.einsum("cnk,nk->nc", flat[:, self.index], self.blend)
-        return np.linalg.norm(points - self.targets(bones), axis=1)
+        return np.linalg.norm(points - targets, axis=1)
 
     def join(self, substeps: int, step: float) -> None:
         self.substeps, self.reach = substeps, self.speed * step * substeps
 
     def begin(self, state: SheetState, forces: FrameForces) -> None:
-        frame = forces.body
+        frame, memory = forces.body, self.memory
         start = self.targets(frame.start if frame else None)
         end = self.targets(frame.end if frame else None)
-        now = self.gaps(state, frame.start if frame else None)
-        rows = np.zeros((self.memory.capacity + 1, ROW), np.float32)
-        rows[: self.count] = np.column_stack(
-            [self.weight, self.share, start, end - start, now, np.maximum(now - self.reach, 0.0) - now]
-        )
-        rows[-1, :2] = self.count, 1.0 / self.substeps
-        if self.memory.holder is not self:
-            self.memory.node.from_numpy(np.pad(self.index, ((0, self.memory.capacity - self.count), (0, 0))))
-            self.memory.holder = self
-        self.memory.take(rows)
+        now = self._widths(state, start)
+        path = np.zeros((memory.capacity + 1, PATH), np.float32)
+        path[: self.count, :3], path[: self.count, 3:ALLOWED] = start, end - start
+        path[: self.count, ALLOWED], path[: self.count, ALLOWED + 1] = now, np.maximum(now - self.reach, 0.0) - now
+        path[-1, :2] = self.count, 1.0 / self.substeps
+        if memory.holder is not self:
+            more = ((0, memory.capacity - self.count), (0, 0))
+            memory.node.from_numpy(np.pad(self.index, more))
+            memory.row.from_numpy(np.pad(np.concatenate([self.weight, self.share], axis=1).astype(np.float32), more))
+            memory.holder = self
+        memory.take(path)
 
     @ti.func
     def before(self, work: Template, done, n: Template):
@@ -151,24 +156,24 @@ def _memory(generation: int, capacity: int) -> "_Memory":
 class _Memory:
     def __init__(self, capacity: int) -> None:
         self.capacity = capacity
-        self.row = ti.field(ti.f32, (capacity + 1, ROW))
+        self.row, self.path = ti.field(ti.f32, (capacity, ROW)), ti.field(ti.f32, (capacity + 1, PATH))
         self.node = ti.field(ti.i32, (capacity, NODES))
         self.holder: Ties | None = None
         self.wide, self.listed = ti.field(ti.i32, ()), ti.field(ti.i32, capacity)
 
     @ti.kernel
-    def take(self, rows: F32x2):
+    def take(self, path: F32x2):
         ti.loop_config(serialize=True)  # less work than to wake threads
-        for i, j in ti.ndrange(rows.shape[0], rows.shape[1]):
-            self.row[i, j] = rows[i, j]
+        for i, j in ti.ndrange(path.shape[0], path.shape[1]):
+            self.path[i, j] = path[i, j]
 
     @ti.func
     def pull(self, work: Template, done):
         """Every tie once, the first time in a substep; from then on those that were much too wide."""
-        share = ti.cast(done + 1, ti.f32) * self.row[self.capacity, 1]
+        share = ti.cast(done + 1, ti.f32) * self.path[self.capacity, 1]
         if self.wide[None] < 0:
             found = 0
-            for k in range(ti.cast(self.row[self.capacity, 0], ti.i32)):
+            for k in range(ti.cast(self.path[self.capacity, 0], ti.i32)):
                 if self.close(work, k, share):
                     self.listed[found] = k
                     found += 1
@@ -185,11 +190,11 @@ class _Memory:
         place = ti.Vector([self.node[k, c] for c in ti.static(range(NODES))])
         weight = ti.Vector([self.row[k, c] for c in ti.static(range(NODES))])
         here = (gather(x, place), gather(y, place), gather(z, place))
-        dx = (weight * here[0]).sum() - self.row[k, TARGET] - share * self.row[k, TARGET + 3]
-        dy = (weight * here[1]).sum() - self.row[k, TARGET + 1] - share * self.row[k, TARGET + 4]
-        dz = (weight * here[2]).sum() - self.row[k, TARGET + 2] - share * self.row[k, TARGET + 5]
+        dx = (weight * here[0]).sum() - self.path[k, 0] - share * self.path[k, 3]
+        dy = (weight * here[1]).sum() - self.path[k, 1] - share * self.path[k, 4]
+        dz = (weight * here[2]).sum() - self.path[k, 2] - share * self.path[k, 5]
         gap = ti.sqrt(dx * dx + dy * dy + dz * dz)
-        allowed = self.row[k, ALLOWED] + share * self.row[k, ALLOWED + 1]
+        allowed = self.path[k, ALLOWED] + share * self.path[k, ALLOWED + 1]
         if gap > allowed:
             pull = (gap - allowed) / gap
             f = pull * ti.Vector([self.row[k, SHARE + c] for c in ti.static(range(NODES))])
