@@ -6,8 +6,8 @@ before the next walk, and from when on. From then it measures its distance from 
 which leaves a plane for each key point; every substep it meets only the planes (`contact_response.py`).
 
 Response of a key point that stands deeper than the gap: out along the normal, which takes the velocity towards the
-surface and no more (what started inside is let out at `recovery`), and against its slip over the moving surface by at
-most µ times that.
+surface and no more, and against its slip over the moving surface by at most µ times that. What was deep before is let
+out at `recovery`, in positions alone.
 
 Where steps are so long that a limb could be crossed in one, the way of the step is searched in pieces shorter than half
 the thinnest primitive.

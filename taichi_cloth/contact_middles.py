@@ -36,8 +36,8 @@ from taichi_cloth.solvers.stencil import load, store
 __all__ = ["MiddleContact"]
 
 FAMILIES = 4
-ROOM = 8
-"""Springs that may be near a thin solid, for each key point; one that is near two of them counts twice."""
+ROOM, LEAST = 8, 1 << 15
+"""Springs that may be near a thin solid, for each key point, and in all; one that is near two of them counts twice."""
 PLANE = 4  # normal, offset from the anchor
 
 
@@ -89,7 +89,7 @@ class _Middles:
 
     def __init__(self, surface: Response, rows: int, width: int) -> None:
         self.surface, self.width = surface, width
-        self.room = ROOM * rows * width
+        self.room = max(ROOM * rows * width, LEAST)
         self.holder: object = None
         self.solid, self.solids = ti.field(ti.i32, surface.capacity), ti.field(ti.i32, ())
         self.groups, self.most, self.entries = (ti.field(ti.i32, ()) for _ in range(3))
@@ -224,11 +224,14 @@ class _Middles:
         if depth > 0.0:
             u -= shift
             u -= turn.cross(x - 0.5 * u)  # half-way along the step
-            push = ti.min(depth, ti.max(-u.dot(normal), 0.0) + self.surface.setting[4])
-            move = self.surface.change(u[0], u[1], u[2], normal[0], normal[1], normal[2], push)
+            approach = ti.max(-u.dot(normal), 0.0)
+            push = ti.min(depth, approach + self.surface.setting[4])
+            pressed = ti.min(push, approach)
+            move = self.surface.change(u[0], u[1], u[2], normal[0], normal[1], normal[2], push, pressed)
+            out = (push - pressed) * normal
             here = 2.0 * work.inverse_mass[p] / (work.inverse_mass[p] + work.inverse_mass[q])
             for axis in ti.static(range(3)):
                 work.position[axis][p] = work.position[axis][p] + here * move[axis]
                 work.position[axis][q] = work.position[axis][q] + (2.0 - here) * move[axis]
-                work.step[axis][p] = work.step[axis][p] + here * move[axis]
-                work.step[axis][q] = work.step[axis][q] + (2.0 - here) * move[axis]
+                work.step[axis][p] = work.step[axis][p] + here * (move[axis] - out[axis])
+                work.step[axis][q] = work.step[axis][q] + (2.0 - here) * (move[axis] - out[axis])

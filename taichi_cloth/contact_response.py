@@ -149,11 +149,11 @@ class Response(BodySurface):
         return ti.sqrt(least) - self.row[row + 15]
 
     @ti.func
-    def change(self, u, v, w, nx, ny, nz, push):
-        """What a push along the normal changes, friction with it, at a slip (u, v, w) [m]."""
+    def change(self, u, v, w, nx, ny, nz, push, pressed):
+        """What a push along the normal changes, at a slip (u, v, w) [m], with friction of as much of it as presses."""
         along = u * nx + v * ny + w * nz
         u, v, w = u - along * nx, v - along * ny, w - along * nz
-        held = ti.min(self.setting[7] * push / ti.sqrt(u * u + v * v + w * w + 1e-30), 1.0)
+        held = ti.min(self.setting[7] * pressed / ti.sqrt(u * u + v * v + w * w + 1e-30), 1.0)
         return push * nx - held * u, push * ny - held * v, push * nz - held * w
 
     @ti.func
@@ -176,7 +176,7 @@ class Response(BodySurface):
             hit = ti.select((depth > 0.0) & (push == 0.0), 1.0, 0.0)
             nx, ny, nz = nx + hit * (ax - nx), ny + hit * (ay - ny), nz + hit * (az - nz)
             push += hit * (depth + left * ti.max(-(u * ax + v * ay + w * az), 0.0))
-        u, v, w = self.change(u, v, w, nx, ny, nz, push)
+        u, v, w = self.change(u, v, w, nx, ny, nz, push, push)
         for axis, more in ti.static(((0, u), (1, v), (2, w))):
             store(work.position[axis], a, load(work.position[axis], a) + more)
             store(work.step[axis], a, load(work.step[axis], a) + more)
@@ -356,11 +356,14 @@ class Response(BodySurface):
             w - turn[0] * y + turn[1] * x,
         )
         depth = ti.max(self.setting[3] - d, 0.0)
-        push = ti.min(depth, ti.max(-(u * nx + v * ny + w * nz), 0.0) + self.setting[4])
-        x, y, z = self.change(u, v, w, nx, ny, nz, push)
+        approach = ti.max(-(u * nx + v * ny + w * nz), 0.0)
+        push = ti.min(depth, approach + self.setting[4])
+        pressed = ti.min(push, approach)
+        out = push - pressed  # of what was deep before, and is no speed
+        x, y, z = self.change(u, v, w, nx, ny, nz, push, pressed)
         store(work.position[0], a, px + x)
         store(work.position[1], a, py + y)
         store(work.position[2], a, pz + z)
-        store(work.step[0], a, dx + x)
-        store(work.step[1], a, dy + y)
-        store(work.step[2], a, dz + z)
+        store(work.step[0], a, dx + x - out * nx)
+        store(work.step[1], a, dy + y - out * ny)
+        store(work.step[2], a, dz + z - out * nz)

@@ -69,6 +69,17 @@ def test_a_patch_slips_at_the_friction_angle(factor: float) -> None:
     assert np.abs(moved - exact).max() < (3e-4 if exact else 1e-4), f"{moved.mean():.2e} instead of {exact:.2e} m"
 
 
+def test_what_starts_inside_is_let_out_and_then_lies_still() -> None:
+    """4 mm too deep, without gravity or damping: out to 10 µm within 10 frames, and then no faster than 1 mm/s."""
+    sheet = sheet_of(0.2)
+    body = touching(TABLE, gap=0.002)
+    simulation = simulate(sheet, forces=replace(NOTHING, body=body), positions=level(sheet, -0.002))
+    x = run(simulation, 12)
+    assert clearance(body, x[0]) == pytest.approx(-0.004, abs=1e-4)
+    assert clearance(body, x[10]) > -1e-5
+    assert np.abs(x[-1] - x[-2]).max() * 60 < 1e-3
+
+
 def test_a_strip_pulled_over_a_cylinder_obeys_the_capstan_equation() -> None:
     """Half a turn at µ = 0.3: T₂/T₁ = e^{µπ} = 2.57 while it slides, to 5 %."""
     radius, columns = 0.05, 3

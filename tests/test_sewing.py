@@ -14,7 +14,7 @@ import pytest
 from taichi_cloth.body.colliders import Colliders, solid_distance
 from taichi_cloth.body.distance import nearest_distance
 from taichi_cloth.errors import InputError
-from taichi_cloth.forces import Forces
+from taichi_cloth.forces import Forces, StrainLimit
 from taichi_cloth.garment.curves import length
 from taichi_cloth.garment.cut import cut, spacing_for
 from taichi_cloth.garment.drafts import DRAFTS, draft
@@ -33,6 +33,7 @@ KEY_POINTS = 800
 CLOTH = replace(
     MATERIALS["cotton-shirting"], tensile_warp=500.0, tensile_weft=500.0, bending_warp=60e-6, bending_weft=60e-6
 )
+LIMIT = StrainLimit(strain=0.03, passes=3)
 
 
 @cache
@@ -128,7 +129,7 @@ def test_a_pattern_far_too_small_is_refused():
         fitted(small, figure("female")[2])
 
 
-MISFITS = {"dress_pencil_specification": "dart|gathered"}
+MISFITS = {"dress_pencil_specification": "in the body.*longer"}
 """Patterns that do not fit the built-in figure at 800 key points, and what is named as the reason: darts narrower than
 the cells they are cut from, and 1.3 of bodice on 1 of skirt."""
 
@@ -156,7 +157,7 @@ def test_every_pattern_sews_or_says_why_not(name, gender):
     pattern = pattern_of(name, gender)
     count = FINER.get(name, KEY_POINTS)
     garment = Garment(pattern, cut(pattern, spacing_for(pattern, count)), CLOTH)
-    worn = sew(garment, Colliders(primitives=figure(gender)[1], friction=0.3, gap=0.004))
+    worn = sew(garment, Colliders(primitives=figure(gender)[1], friction=0.3, gap=0.004), limit=LIMIT)
     wrong = misfit(garment, worn)
     if name in MISFITS:
         assert wrong is not None
@@ -182,13 +183,13 @@ def test_what_walks_is_not_torn(name, gender, contact, frames):
     still = Colliders(
         primitives=() if skin else primitives, grids=grids_of(body) if skin else (), friction=0.3, gap=0.004
     )
-    worn = sew(garment, still)
+    worn = sew(garment, still, limit=LIMIT)
     walk = prepare_motion(BodySection(motion="walk"), body)
     names = garment.holds()[3]
     bits = spared(garment.atlas, worn.positions, primitives, moving=True)
     moving = replace(still, motion=lambda time: body.bone_transforms(walk.pose(time)), spared=bits)
     simulation = garment.simulation(
-        Forces(body=moving),
+        Forces(body=moving, strain_limit=LIMIT),
         worn.positions,
         places=worn.places,
         held=np.ones(len(names), bool),

@@ -99,7 +99,7 @@ def _before(f: Figure, height: float, *, back: bool) -> Flat:
 @dataclass(frozen=True)
 class _Top:
     """Half a bodice: half widths at the chest, shoulder and neck, depths below the neck's side; how far the armhole is
-    hollowed out within the shoulder's width [m]."""
+    hollowed out within the shoulder's width; how far the shoulder lies above y = 0 [m]."""
 
     chest: float
     shoulder: float
@@ -108,11 +108,12 @@ class _Top:
     armhole: float
     neck_depth: float
     hollow: float = 0.016
+    rise: float = 0.0
 
     def upper(self) -> list[F64]:
         """From the underarm on the right over shoulder, neck and shoulder to that on the left."""
         w, s, n = self.chest, self.shoulder, self.neck
-        reach, drop = self.armhole, self.slope
+        reach, top, drop = self.armhole, self.rise, self.slope - self.rise
         hole = bezier(
             [
                 (w, -reach),
@@ -121,22 +122,22 @@ class _Top:
                 (s, -drop),
             ]
         )
-        side = _line((s, -drop), (n, 0.0))
-        d = 4 / 3 * self.neck_depth
-        collar = bezier([(n, 0.0), (0.9 * n, -d), (-0.9 * n, -d), (-n, 0.0)])
+        side = _line((s, -drop), (n, top))
+        d = 4 / 3 * self.neck_depth - top
+        collar = bezier([(n, top), (0.9 * n, -d), (-0.9 * n, -d), (-n, top)])
         return [hole, side, collar, _mirrored(side), _mirrored(hole)]
 
 
 def _tshirt(f: Figure, cut: Cut) -> Pattern:
     girth = f.chest * (1 + _set(cut.ease, 0.12))
     long = _set(cut.length, f.neck_height - f.hip_height + 0.05)
-    neck = f.neck / (2 * pi) + 0.022
+    neck = f.neck / (2 * pi) + 0.028
     reach = f.neck_height - f.underarm_height + 0.09
     if long <= reach + 0.02:
         raise InputError(f"garment.length: {long:g}; allowed: above {reach + 0.02:.3f} m, below the armhole")
     panels = []
     holes = 0.0
-    for name, deep in (("front", 0.085), ("back", 0.022)):
+    for name, deep in (("front", 0.085), ("back", 0.032)):
         top = _Top(girth / 4, f.shoulder / 2 + 0.012, neck, f.neck_height - f.shoulder_height, reach, deep)
         w = top.chest
         side = _line((w, -long), (w, -reach))
@@ -229,8 +230,9 @@ def _dress(f: Figure, cut: Cut) -> Pattern:
     reach = f.neck_height - f.underarm_height + 0.08
     neck = f.neck / (2 * pi) + 0.035
     panels = []
-    for name, deep in (("front", 0.12), ("back", 0.05)):
-        top = _Top(girth / 4, f.shoulder / 2 - 0.035, neck, f.neck_height - f.shoulder_height, reach, deep, 0.06)
+    for name, deep, rise in (("front", 0.12, 0.012), ("back", 0.05, 0.0)):
+        slope = f.neck_height - f.shoulder_height
+        top = _Top(girth / 4, f.shoulder / 2 - 0.035, neck, slope, reach, deep, 0.045, rise)
         w, v = top.chest, waist / 4
         side = bezier([(v, -down), (v, -down + 0.3 * (down - reach)), (w, -reach - 0.4 * (down - reach)), (w, -reach)])
         edges = [_line((-v, -down), (v, -down)), side, *top.upper(), _mirrored(side)]

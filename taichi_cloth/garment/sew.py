@@ -113,21 +113,18 @@ class Garment:
         piece = self.atlas.panel(side.panel)
         return piece.embed(turned(points, piece.panel.grain))
 
-    def ties(self, sheet: Sheet, places: F64, held: NDArray[np.bool_], bones: NDArray, speed: float) -> Ties | None:
-        """Seams, and those holds that are `held`, at `places` (n, 3) [m], carried by `bones` (n,)."""
+    def ties(self, sheet: Sheet, places: F64, held: NDArray[np.bool_], bones: NDArray, speed: float) -> list[Ties]:
+        """Those holds that are `held`, at `places` (n, 3) [m], carried by `bones` (n,), and the seams; where there are
+        any."""
         seams, seam_weights = self.seams()
         nodes, weights = self.holds()[:2]
-        count = len(seams)
-        if count + int(held.sum()) == 0:
-            return None
-        return Ties(
-            sheet,
-            np.concatenate([seams, np.pad(nodes[held], ((0, 0), (0, 4), (0, 0)))]),
-            np.concatenate([seam_weights, np.pad(weights[held], ((0, 0), (0, 4)))]),
-            speed=speed,
-            places=np.concatenate([np.full((count, 3), np.nan), places[held]]),
-            bones=np.concatenate([np.full(count, -1), bones[held]]),
-        )
+        out = []
+        if held.any():
+            carried = {"places": places[held], "bones": bones[held], "repeated": False}
+            out.append(Ties(sheet, nodes[held], weights[held], speed=speed, **carried))
+        if len(seams):
+            out.append(Ties(sheet, seams, seam_weights, speed=speed))
+        return out
 
     def simulation(
         self,
@@ -148,11 +145,9 @@ class Garment:
         material = replace(own, air_damping=air, fibre_damping=max(own.fibre_damping, LAG))
         sheet = self.sheet(material)
         ties = self.ties(sheet, places, held, bones, speed)
-        passes = () if ties is None else (ties,)
-        if forces.self_contact:  # with the seams known, and before the ties, which have the last word
-            passes = (ClothContact(sheet, forces.self_contact, self.sewn()), *passes)
+        touching = [ClothContact(sheet, forces.self_contact, self.sewn())] if forces.self_contact else []
         alone = replace(forces, self_contact=None)
-        solver = Verlet(sheet, alone, frame_rate=frame_rate, safety=safety, passes=passes)
+        solver = Verlet(sheet, alone, frame_rate=frame_rate, safety=safety, passes=(*ties, *touching))
         return Simulation(sheet, solver, forces=forces, positions=positions)
 
 
@@ -295,10 +290,11 @@ def _reason(garment: Garment, seam: Seam) -> str:
 
 
 def _gap(simulation: Simulation) -> float:
+    """Of the widest seam [m]; holds give way to the body."""
     solver = simulation.solver
     assert isinstance(solver, Verlet)
-    ties = [one for one in solver.passes if isinstance(one, Ties)]
-    return max((float(one.gaps(simulation.state).max()) for one in ties), default=0.0)
+    seams = [one for one in solver.passes if isinstance(one, Ties) and one.repeated]
+    return max((float(one.gaps(simulation.state).max()) for one in seams), default=0.0)
 
 
 def _speed(simulation: Simulation, before: F32, frame_time: float) -> float:

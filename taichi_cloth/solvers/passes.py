@@ -25,7 +25,7 @@ class Pass:
     whole: it has an `after_all`, which one thread calls.
     paired: called after every second substep (those with an odd number) instead of each, which is half the time to run
     and to compile.
-    repeated: called after each substep, before those that are not, and with the others that are as often as the strain
+    repeated: called after each substep, after those that are not, and with the others that are as often as the strain
     limit asks: what one of them changes the next answers. They are whole, and keep the sheet to one thread.
     """
 

@@ -27,11 +27,8 @@ __all__ = ["ThreadLimit"]
 NEAR = 0.005
 """Share of its length by which a thread may be shorter than the limit and is listed: the others may stretch it."""
 
-LISTED = 2
-"""How often they are listed in a substep: as the springs left them, and once more when seams have pulled at them."""
-
-SWEEPS = 2
-"""Over the list, each time: they cost little beside those of the other passes that take turns with them."""
+NONE = -1.0
+"""Below what any thread can be: there is none [m²]."""
 
 
 @ti.func
@@ -64,11 +61,10 @@ class ThreadLimit(Pass):
 
     @ti.func
     def after_all(self, work: Template, done, n: Template):
-        if self.memory.calls[None] < LISTED:
+        if self.memory.calls[None] == 0:
             self.memory.seek(work, n)
+        self.memory.shorten(work, self.memory.calls[None] % 2, n)
         self.memory.calls[None] += 1
-        for sweep in range(SWEEPS):
-            self.memory.shorten(work, sweep, n)
 
 
 @lru_cache(maxsize=8)
@@ -89,35 +85,45 @@ class _Memory:
         self.count = ti.field(ti.i32, 2)
         self.found, self.along, self.across = (ti.field(ti.i32, rows * width) for _ in range(3))
         self.column = ti.field(ti.i32, width + 1)
-        self.over = ti.field(ti.f32, 2 * LANES)
+        self.over = tuple(ti.field(ti.f32, rows * width) for _ in range(2))
+        self.own, self.near = ti.field(ti.f32, 2 * LANES), ti.field(ti.f32, 2 * LANES)
 
     @ti.func
     def grown(self, work: Template, p, offset: Template, weight: Template, near):
-        """By how much the squared length of the threads to p + offset is above `near`² [m²]; below 0 where none is."""
+        """By how much the squared length of the threads to p + offset is above `near`² [m²]; NONE where none is."""
         x, y, z = work.away(work.position, p, offset)
         there = ti.min(load(weight, p) * 1e30, 1.0)
-        return there * (x * x + y * y + z * z) - near * near
+        return there * (x * x + y * y + z * z - near * near) + (1.0 - there) * NONE
 
     @ti.func
     def seek(self, work: Template, n: Template):
-        """Lists the threads near the limit."""
+        """Lists the threads near the limit, and those before and after each in its yarn, which may be short because it
+        is long: key points that are drawn back and forth between them."""
         x, y = n.longest_x - NEAR * n.spacing_x, n.longest_y - NEAR * n.spacing_y
+        over_x, over_y = ti.static(*self.over)
         along, across = 0, 0
         for c in range(self.width + 1):
             self.column[c] = 0
         for e in range(work.cut[0], work.cut[PARTS]):
             p = work.lanes(work.block[e] * LANES)
-            over_x = self.grown(work, p, 1, work.east, x)
-            over_y = self.grown(work, p, ti.static(self.width), work.north, y)
-            if largest(ti.max(over_x, over_y)) > 0.0:
-                store(self.over, 0, over_x)
-                store(self.over, LANES, over_y)
+            store(over_x, p, self.grown(work, p, 1, work.east, x))
+            store(over_y, p, self.grown(work, p, ti.static(self.width), work.north, y))
+        for e in range(work.cut[0], work.cut[PARTS]):
+            p = work.lanes(work.block[e] * LANES)
+            own_x, own_y = load(over_x, p), load(over_y, p)
+            near_x = ti.max(load(over_x, p - 1), own_x, load(over_x, p + 1))
+            near_y = ti.max(load(over_y, p - self.width), own_y, load(over_y, p + self.width))
+            if largest(ti.max(near_x, near_y)) > 0.0:
+                store(self.own, 0, own_x)
+                store(self.own, LANES, own_y)
+                store(self.near, 0, near_x)
+                store(self.near, LANES, near_y)
                 for k in range(LANES):
-                    if self.over[k] > 0.0:
+                    if self.near[k] > 0.0 and self.own[k] > NONE:
                         self.found[along] = p + k
                         self.column[(p + k) % self.width + 1] += 1
                         along += 1
-                    if self.over[LANES + k] > 0.0:
+                    if self.near[LANES + k] > 0.0 and self.own[LANES + k] > NONE:
                         self.across[across] = p + k
                         across += 1
         for c in range(self.width):
@@ -130,10 +136,10 @@ class _Memory:
         self.count[0], self.count[1] = along, across
 
     @ti.func
-    def shorten(self, work: Template, sweep, n: Template):
+    def shorten(self, work: Template, back, n: Template):
         """Every thread of the lists once, from their first to their last or back."""
-        self.shorten_all(work, self.along, self.count[0], 1, n.longest_x, sweep % 2)
-        self.shorten_all(work, self.across, self.count[1], self.width, n.longest_y, sweep % 2)
+        self.shorten_all(work, self.along, self.count[0], 1, n.longest_x, back)
+        self.shorten_all(work, self.across, self.count[1], self.width, n.longest_y, back)
 
     @ti.func
     def shorten_all(self, work: Template, listed: Template, count, offset: Template, longest, back):

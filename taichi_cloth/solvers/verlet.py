@@ -84,7 +84,7 @@ class Verlet(Solver):
         self.step = 1 / frame_rate / self.substeps
         self.passes = (*passes, ClothContact(sheet, forces.self_contact)) if forces.self_contact else passes
         if forces.strain_limit:
-            self.passes = (ThreadLimit(sheet), *self.passes)
+            self.passes = (*self.passes, ThreadLimit(sheet))
         most = threads or (runtime.threads() if sheet.present.sum() >= WORTH_THREADS else 1)
         self.threads = 1 if any(one.repeated for one in self.passes) else min(most, MOST_THREADS)
         if forces.body is not None:
@@ -310,11 +310,11 @@ class _Workspace(Stencil):
             self.crew.meet(finished)
             if ti.static(features.leads):
                 at = self.size - at
-            for _ in range(ti.cast(n.sweeps, ti.i32)):
-                for one in ti.static([one for one in self.passes if one.repeated]):
-                    stage, finished = self.after(one, thread, stage, finished, done, n)
             for one in ti.static([one for one in self.passes if not one.repeated]):
                 if not one.paired or done % 2 == 1:
+                    stage, finished = self.after(one, thread, stage, finished, done, n)
+            for _ in range(ti.cast(n.sweeps, ti.i32)):
+                for one in ti.static([one for one in self.passes if one.repeated]):
                     stage, finished = self.after(one, thread, stage, finished, done, n)
         stage, finished = stage + 1, finished + PARTS
         for turn in range(PARTS):
