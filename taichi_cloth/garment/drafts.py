@@ -251,16 +251,17 @@ def _dress(f: Figure, cut: Cut) -> Pattern:
 
 
 def _trousers(f: Figure, cut: Cut) -> Pattern:
-    """Two fronts and two backs; y = 0 at the waist. The fork is a twentieth (front) and a tenth (back) of the hip."""
+    """Two fronts and two backs; y = 0 at the waist. The fork is 0.06 (front) and 0.13 (back) of the hip, 3.5 cm below
+    the crotch."""
     ease = 1 + _set(cut.ease, 0.08)
-    down = f.waist_height - f.crotch_height + 0.02
+    down = f.waist_height - f.crotch_height + 0.035
     long = _set(cut.length, f.waist_height - 0.05)
     if long <= down + 0.05:
         raise InputError(f"garment.length: {long:g}; allowed: above {down + 0.05:.3f} m, below the crotch")
     panels = []
     for side, sign in (("left", 1.0), ("right", -1.0)):
-        for name, share, fork, away in (("front", 0.245, 0.05, 0.16), ("back", 0.255, 0.10, -0.18)):
-            hip, waist, hem = f.hip * ease * share, f.waist * 1.07 * share + 0.01, f.thigh * 0.42
+        for name, share, fork, away in (("front", 0.245, 0.06, 0.16), ("back", 0.255, 0.13, -0.18)):
+            hip, waist, hem = f.hip * ease * share, f.waist * 1.08 * share, f.thigh * 0.42
             crotch = fork * f.hip * ease
             middle = hip / 2 + 0.25 * crotch - crotch / 2  # of the leg
             # x from the centre line of the body outwards; the loop: hem, outer side, waist, centre, inner leg
