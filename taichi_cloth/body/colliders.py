@@ -55,7 +55,7 @@ class Colliders:
     name: str = ""
     friction: float = 0.3
     gap: float = 0.0
-    recovery: float = 5.0
+    recovery: float = 1.0
     spared: NDArray[np.int32] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:

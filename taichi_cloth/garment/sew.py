@@ -48,6 +48,7 @@ SWINGING = 120
 STILL = 0.01  # [m/s] root mean square from frame to frame at which cloth is at rest
 THICK, THIN = 6.0, 2.0  # [1/s] damping by the air while closing and while settling
 LAG = 3e-5  # [s] least damping of the threads: what seams and skin strike dies out in a few milliseconds
+RECOVERY = 5.0  # [m/s] at which the body lets out cloth that panels start with, or that seams draw, inside it
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,8 +187,8 @@ def sew(
     _, _, places, names, early = garment.holds()
     bones = np.full(len(names), -1)
     start = garment.atlas.start()
-    smooth = replace(body, friction=0.05, motion=None)
-    still = replace(body, motion=None)
+    still = replace(body, motion=None, recovery=RECOVERY)
+    smooth = replace(still, friction=0.05)
     frames = 0
     try:
         simulation = garment.simulation(
