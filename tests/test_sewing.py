@@ -130,8 +130,8 @@ def test_a_pattern_far_too_small_is_refused():
 
 
 MISFITS = {"dress_pencil_specification": "in the body.*longer"}
-"""Patterns that do not fit the built-in figure at 800 key points, and what is named as the reason: darts narrower than
-the cells they are cut from, and 1.3 of bodice on 1 of skirt."""
+"""Patterns that do not fit the built-in figure at 800 key points, and what is named: its seams close, but on darts
+narrower than the cells they are cut from, and 1.3 of bodice on 1 of skirt."""
 
 
 FINER = {"shirt_mean_specification": 1200}
@@ -144,10 +144,6 @@ WALKS = [
     ("dress", "female", "primitives", 600),
 ]
 """Garments that walk, what of the body they touch, and for how many frames at 30 a second."""
-
-
-SWAYING = ("skirt", "dress")
-"""Not at rest within 0.02 m/s after 300 frames: 0.046 and 0.026 m/s were measured."""
 
 
 @pytest.mark.slow
@@ -167,8 +163,7 @@ def test_every_pattern_sews_or_says_why_not(name, gender):
     assert worn.gap < 2e-3
     assert worn.depth < 3e-3
     assert worn.stretch < 0.08
-    if name not in SWAYING:
-        assert worn.speed < 0.02
+    assert worn.speed < 0.02
 
 
 @pytest.mark.slow

@@ -44,7 +44,7 @@ class Colliders:
     primitives, grids: what it is made of, at rest. motion: time [s] → (bones, 4, 4), where rest positions go, rigid;
     None: the body stands still. name: of the motion, which tells one from another where a run is resumed.
     friction: Coulomb's µ. gap: kept between the body and the key points [m], the thickness of the cloth and what hair
-    and skin need. recovery: the fastest that key points which start inside are let out [m/s].
+    and skin need. recovery: how fast key points that lie inside are let out, and get no speed by it [m/s].
     spared: (rows, cols) int32 of one sheet's key points, bits 1 << bone of the bones that each does not meet
     (`garment/limbs.py`); None: all meet all, and nothing is spent on it.
     """
