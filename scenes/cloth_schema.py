@@ -2,7 +2,7 @@
 
 from typing import Literal
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, model_validator
 
 from taichi_cloth.body.names import JOINTS
 from taichi_cloth.errors import did_you_mean
@@ -130,16 +130,7 @@ class PlaneSection(Section):
 
 class StrainLimitSection(Section):
     percent: float = Field(default=10.0, ge=0, le=100, description="by how much a thread may grow at most [%]")
-    passes: int = Field(
-        default=3, ge=1, le=101, description="over threads and seams each substep, odd; more hold closer"
-    )
-
-    @field_validator("passes")
-    @classmethod
-    def odd(cls, passes: int) -> int:
-        if passes % 2 == 0:
-            raise ValueError("allowed: an odd number from 1 to 101")
-        return passes
+    passes: int = Field(default=3, ge=1, le=101, description="over threads and seams each substep; more hold closer")
 
 
 class SelfContactSection(Section):

@@ -33,7 +33,7 @@ from .standing import grids_of, primitives_of
 
 __all__ = ["Dressed", "Parts", "dress", "dressed_parts", "garment_of", "motion_of", "simulation_of"]
 
-VERSION = 4
+VERSION = 5
 """Of what is kept on disk: raised whenever the same scene would come to another rest."""
 
 Progress = Callable[[str, int, int], None]

@@ -17,6 +17,8 @@ the thinnest primitive.
 # pyright: reportReturnType=false, reportArgumentType=false
 # pyright: reportOptionalCall=false, reportOperatorIssue=false, reportGeneralTypeIssues=false, reportCallIssue=false
 
+from copy import copy
+
 import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
@@ -27,7 +29,7 @@ from taichi_cloth.body.colliders import BoneFrame, Colliders, Solid
 from taichi_cloth.body.distance import newton_steps
 from taichi_cloth.body.grid import DistanceGrid
 from taichi_cloth.body.hierarchy import build, corners
-from taichi_cloth.contact_response import response
+from taichi_cloth.contact_response import Response, response
 from taichi_cloth.contact_surface import BONE, CONE, ELLIPTIC, GRID, MOTION, ROW, SHAPE
 from taichi_cloth.forces import FrameForces
 from taichi_cloth.sheet import SheetState
@@ -64,9 +66,8 @@ class Contact(Pass):
         nodes = sum(g.values.size for g in body.grids)
         capacity = -(-len(solids) // 16) * 16
         long_steps = step * FASTEST > thinnest / 2
-        self.memory = response(
-            runtime.generation(), size, capacity, kinds, bool(long_steps), nodes, body.spared is not None
-        )
+        self._made_of = size, capacity, kinds, bool(long_steps), nodes, body.spared is not None
+        self.memory = response(runtime.generation(), *self._made_of)
         wait = max(2, int(LONGEST_WAIT / step))
         wait = wait // RAREST * RAREST if wait >= RAREST else 1 << (wait.bit_length() - 1)
         every = 1 if long_steps else min(wait, RAREST)
@@ -93,6 +94,12 @@ class Contact(Pass):
 
     def __hash__(self) -> int:
         return id(self.memory)
+
+    def twin(self) -> "Contact":
+        """The same with memory of its own: a solver that is given both does all of this work twice, to time it."""
+        other = copy(self)
+        other.memory = Response(*self._made_of)
+        return other
 
     def begin(self, state: SheetState, forces: FrameForces) -> None:
         frame = forces.body or self.body.during(0.0, 0.0)

@@ -105,7 +105,7 @@ class StrainLimit:
     """Threads that have become too long are shortened after each substep (Provot 1995, "Deformation constraints").
 
     strain: by how much of its length a thread may grow; Provot takes a tenth. passes: over those threads and the seams,
-    each substep, odd; the more, the closer the limit is kept where a long row of threads hangs on one.
+    each substep; the more, the closer the limit is kept where a long row of threads hangs on one.
     """
 
     strain: float = 0.1
@@ -113,8 +113,8 @@ class StrainLimit:
 
     def __post_init__(self) -> None:
         _check("strain_limit.strain", self.strain)
-        if not (1 <= self.passes <= 101 and self.passes % 2 == 1):
-            raise InputError(f"strain_limit.passes: {self.passes!r}; allowed: an odd number from 1 to 101")
+        if not 1 <= self.passes <= 101:
+            raise InputError(f"strain_limit.passes: {self.passes!r}; allowed: 1 to 101")
 
 
 @dataclass(frozen=True, kw_only=True)

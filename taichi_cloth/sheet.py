@@ -4,8 +4,9 @@ Neighbours are fixed offsets in one flat array of `rows + 2 PAD` by `width`, a w
 works on 8 neighbours at once. What is absent has weight 0: no branch, no list. Any mask of cells is a sheet, so
 several panels can lie in one grid with PAD empty rows between them.
 
-State is one float32 array (6, padded rows, width): x, y, z [m], and the steps dx, dy, dz since the substep before [m].
-The step is stored and not the velocity or the former position because float32 would lose g·h² beside a position.
+State is one float32 array (6 and more, padded rows, width): x, y, z [m], the steps dx, dy, dz since the substep before
+[m], and what passes of the solver remember of each key point from frame to frame. The step is stored and not the
+velocity or the former position because float32 would lose g·h² beside a position.
 """
 
 from dataclasses import dataclass
@@ -118,14 +119,15 @@ class Sheet:
         out[PAD:-PAD, : self.shape[1]] = values
         return out
 
-    def state(self, positions: ArrayLike) -> "SheetState":
-        """A state at rest at positions (rows, cols, 3) [m]. Raises InputError on wrong shapes or numbers."""
+    def state(self, positions: ArrayLike, remembered: int = 0) -> "SheetState":
+        """A state at rest at positions (rows, cols, 3) [m]. remembered: numbers of a key point that passes keep.
+        Raises InputError on wrong shapes or numbers."""
         x = np.asarray(positions, np.float64)
         if x.shape != (*self.shape, 3):
             raise InputError(f"sheet: positions of shape {x.shape}; allowed: {(*self.shape, 3)}")
         if not np.isfinite(x[self.present]).all():
             raise InputError("sheet: positions that are not finite; allowed: finite numbers [m]")
-        values = np.zeros((6, *self.padded_shape), np.float32)
+        values = np.zeros((6 + remembered, *self.padded_shape), np.float32)
         # Around the sheet lie distinct dummy positions: no spring, not even one of weight 0, has length 0.
         values[0] = 1.0e3 * self.springs.spacing_x + np.arange(self.width) * self.springs.spacing_x
         values[1] = np.arange(self.padded_shape[0])[:, None] * self.springs.spacing_y
@@ -147,12 +149,12 @@ class Sheet:
 
     def steps(self, state: "SheetState") -> F32:
         """(rows, cols, 3) float32 [m] moved in the last substep, a copy."""
-        return np.moveaxis(state.values[3:, PAD:-PAD, : self.shape[1]], 0, -1).copy()
+        return np.moveaxis(state.values[3:6, PAD:-PAD, : self.shape[1]], 0, -1).copy()
 
     def set_steps(self, state: "SheetState", steps: ArrayLike, where: Mask | None = None) -> None:
         """Writes steps (rows, cols, 3) [m] of the key points in `where`, (rows, cols); None: of all present."""
         chosen = self.present if where is None else where
-        inside = state.values[3:, PAD:-PAD, : self.shape[1]]
+        inside = state.values[3:6, PAD:-PAD, : self.shape[1]]
         inside[:, chosen] = np.moveaxis(np.asarray(steps), -1, 0)[:, chosen]
 
     def stretch(self, positions: NDArray) -> tuple[NDArray, NDArray]:
@@ -181,7 +183,7 @@ class Sheet:
 
 @dataclass(frozen=True, eq=False)
 class SheetState:
-    """values: float32 (6, padded rows, width), see the head of this module. A solver changes it in place."""
+    """values: float32 (6 and more, padded rows, width), see the head of this module. A solver changes it in place."""
 
     values: F32
 

@@ -123,8 +123,7 @@ STUDY = Study(
     "ball (drape, 0.15 s); all moduli × a factor. Error: root mean square distance of key points from Verlet in "
     "float64 at a tenth of its longest step, at the same physical time; dashed, that reference against itself with "
     "twice the step. The skirt (in full only): the built-in one, from its rest; reference: Verlet in "
-    "float32 at an eighth of the scene's step, or at a quarter with springs that carry the whole stiffness. The finer "
-    "its steps, the more do seams and skin that pull at one key point shake it, which its dashed line shows. The stiff "
+    "float32 at an eighth of the scene's step, or at a quarter with springs that carry the whole stiffness. The stiff "
     "solver is not there: it has neither seams, nor a body, nor a strain limit.",
     error=Axis("error, rms", "mm", 1e3),
     time=Axis("CPU time for a simulated second", "ms", 1e3),

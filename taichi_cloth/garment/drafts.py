@@ -157,12 +157,13 @@ def _tshirt(f: Figure, cut: Cut) -> Pattern:
         *_sides("right_sleeve", "front", ((2, 6),)),
         *_sides("right_sleeve", "back", ((3, 2),)),
     ]
-    return Pattern("tshirt", tuple(panels), tuple(seams), _shoulders("front"))
+    return Pattern("tshirt", tuple(panels), tuple(seams), _shoulders())
 
 
-def _shoulders(panel: str) -> tuple[Hold, ...]:
-    """The shoulder seams of a top, carried by the shoulder blades' bones."""
-    return Hold(Side(panel, 3), "clavicle_l"), Hold(Side(panel, 5), "clavicle_r")
+def _shoulders() -> tuple[Hold, ...]:
+    """Both edges of the shoulder seams of a top, carried by the shoulder blades' bones."""
+    left, right = (Side("front", 3), Side("back", 5)), (Side("front", 5), Side("back", 3))
+    return (*(Hold(side, "clavicle_l") for side in left), *(Hold(side, "clavicle_r") for side in right))
 
 
 def _sides(a: str, b: str, edges: tuple[tuple[int, int], ...]) -> list[Seam]:
@@ -247,7 +248,7 @@ def _dress(f: Figure, cut: Cut) -> Pattern:
         *_sides("front", "skirt_front", ((0, 2),)),
         *_sides("back", "skirt_back", ((0, 2),)),
     ]
-    return Pattern("dress", tuple(panels), tuple(seams), _shoulders("front"))
+    return Pattern("dress", tuple(panels), tuple(seams), _shoulders())
 
 
 def _trousers(f: Figure, cut: Cut) -> Pattern:
@@ -258,21 +259,25 @@ def _trousers(f: Figure, cut: Cut) -> Pattern:
     long = _set(cut.length, f.waist_height - 0.05)
     if long <= down + 0.05:
         raise InputError(f"garment.length: {long:g}; allowed: above {down + 0.05:.3f} m, below the crotch")
-    panels = []
+    waist = f.waist * 1.08
+    section = f.sections["waist"]
+    middle_of_waist = np.array([0.0, f.waist_height, section.middle])
+    ring = _ring(section, waist, SNUG)
+    panels, band = [], []
     for side, sign in (("left", 1.0), ("right", -1.0)):
         for name, share, fork, away in (("front", 0.245, 0.06, 0.16), ("back", 0.255, 0.13, -0.18)):
-            hip, waist, hem = f.hip * ease * share, f.waist * 1.08 * share, f.thigh * 0.42
+            hip, top, hem = f.hip * ease * share, waist * share, f.thigh * 0.42
             crotch = fork * f.hip * ease
             middle = hip / 2 + 0.25 * crotch - crotch / 2  # of the leg
             # x from the centre line of the body outwards; the loop: hem, outer side, waist, centre, inner leg
-            outer = bezier([(middle + hem / 2, -long), (hip, -0.62 * long), (hip * 1.02, -down * 0.6), (waist, 0.0)])
+            outer = bezier([(middle + hem / 2, -long), (hip, -0.62 * long), (hip * 1.02, -down * 0.6), (top, 0.0)])
             centre = bezier([(0.0, 0.0), (0.0, -0.55 * down), (0.0, -0.97 * down), (-crotch, -down)])
             inside = middle - hem / 2
             inner = bezier([(-crotch, -down), (-crotch * 0.55, -down - 0.1), (inside, -0.6 * long), (inside, -long)])
             edges = [
                 _line((inside, -long), (inside + hem, -long)),
                 outer,
-                _line((waist, 0.0), (0.0, 0.0)),
+                _line((top, 0.0), (0.0, 0.0)),
                 centre,
                 inner,
             ]
@@ -282,6 +287,8 @@ def _trousers(f: Figure, cut: Cut) -> Pattern:
             turn = np.eye(3) if name == "front" else np.diag([-1.0, 1.0, -1.0])
             place = Flat(turn, np.array([0.0, f.waist_height, away]))
             panels.append(Panel(f"{side}_{name}", tuple(edges), place, hems=(0,)))
+            round_waist = Wrap(middle_of_waist, UP, FRONT if name == "front" else -FRONT, ring)
+            band.append(Hold(Side(f"{side}_{name}", 2 if mirrored > 0 else 3), "pelvis", early=True, place=round_waist))
 
     def edge(panel: str, part: int) -> Side:
         """part: 1 outer, 3 centre, 4 inner; a mirrored loop counts the other way."""
@@ -290,7 +297,7 @@ def _trousers(f: Figure, cut: Cut) -> Pattern:
 
     seams = [Seam(edge(f"{s}_front", k), edge(f"{s}_back", k)) for s in ("left", "right") for k in (1, 4)]
     seams += [Seam(edge(f"left_{s}", 3), edge(f"right_{s}", 3)) for s in ("front", "back")]
-    return Pattern("trousers", tuple(panels), tuple(seams))
+    return Pattern("trousers", tuple(panels), tuple(seams), tuple(band))
 
 
 DRAFTS: dict[str, Callable[[Figure, Cut], Pattern]] = {

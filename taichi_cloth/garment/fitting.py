@@ -304,7 +304,7 @@ def _shoulders(pattern: Pattern, figure: Figure) -> tuple[Hold, ...]:
         ends = np.concatenate([pattern.panel(s.panel).place.points(pattern.edge(s)) for s in sides])
         x = float(ends[:, 0].mean())
         if ends[:, 1].min() > figure.shoulder_height - 0.06 and 0.02 < abs(x) < figure.shoulder / 2 + 0.03:
-            holds.append(Hold(seam.first, "clavicle_l" if x > 0 else "clavicle_r"))
+            holds += [Hold(side, "clavicle_l" if x > 0 else "clavicle_r") for side in sides]
     return tuple(holds)
 
 

@@ -164,12 +164,14 @@ class Seam:
 class Hold:
     """An edge that the body carries (paper 4.1: the shoulders): attached rigidly to a bone, by name.
 
-    early: from the start and where it starts, as a waistband; otherwise where it comes to rest.
+    early: from the start, as a waistband, and where `place` has the edge (None: where its panel starts); otherwise
+    where it comes to rest.
     """
 
     side: Side
     bone: str
     early: bool = False
+    place: Flat | Wrap | Cone | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -41,6 +41,10 @@ DEEPEST = 3e-3
 TAUT = 0.08
 """Largest strain at rest of a garment that fits."""
 
+CARRIED = 0.25, 0.75
+"""From where to where of its length an edge is held that is held where it rests: its ends, at neck and armhole, go with
+the cloth around them."""
+
 CLOSING = 240  # frames at most
 SETTLING = 300
 SWINGING = 120
@@ -93,17 +97,18 @@ class Garment:
         return np.cumsum(self._counts()) - 1
 
     def holds(self) -> tuple[I64, F64, F64, list[str], NDArray[np.bool_]]:
-        """Points of the edges that the body carries: blends (n, 4, 2) and (n, 4), where they start (n, 3) [m], the name
-        of the bone of each, and whether it is held from the start or only once the garment rests."""
+        """Points of the edges that the body carries: blends (n, 4, 2) and (n, 4), where those that are early belong
+        (n, 3) [m], the name of the bone of each, and whether it is held from the start or only once the garment
+        rests."""
         nodes, weights, places, bones, early = [], [], [], [], []
         for hold in self.pattern.holds:
             edge = self.pattern.edge(hold.side)
             count = max(2, int(np.ceil(length(edge) / max(self.atlas.spacing))) + 1)
-            points = along(edge, np.linspace(0.0, 1.0, count))
+            points = along(edge, np.linspace(0.0, 1.0, count) if hold.early else np.linspace(*CARRIED, count))
             n, w = self._embedded(hold.side, points)
             nodes.append(n)
             weights.append(w)
-            places.append(self.pattern.panel(hold.side.panel).place.points(points))
+            places.append((hold.place or self.pattern.panel(hold.side.panel).place).points(points))
             bones += [hold.bone] * count
             early += [hold.early] * count
         if not nodes:

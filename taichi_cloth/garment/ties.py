@@ -14,7 +14,8 @@ either is half done (by one sweep of Gauss–Seidel, say) seams shake what hangs
 
 Seams take turns with the strain limit; after the first turn those still too wide are closed one after the other,
 λ = d / G_ii. A gap wider than CLOSED shrinks at a set speed instead, so that panels are drawn together, and loses no
-more of its steps than it grows. Holds come before contact, which has the last word: they draw at a set speed only.
+more of its steps than it grows. Holds come before contact, which has the last word: they close what a step has opened,
+and draw at a set speed only beyond that.
 """
 
 # pyright: reportOptionalCall=false, reportOperatorIssue=false, reportGeneralTypeIssues=false
@@ -295,9 +296,10 @@ class _Memory:
         push = self.measure(work, k, share)
         gap = ti.sqrt(push[0] ** 2 + push[1] ** 2 + push[2] ** 2)
         allowed = self.path[k, ALLOWED] + share * self.path[k, ALLOWED + 1]
-        over = ti.min(ti.max(gap - allowed, 0.0), self.path[self.capacity, 2]) / ti.max(gap, 1e-12)
+        growth = (push[0] * push[3] + push[1] * push[4] + push[2] * push[5]) / ti.max(gap * gap, 1e-24)
+        most = self.path[self.capacity, 2] / ti.max(gap, 1e-12) + ti.max(growth, 0.0)
+        over = ti.min(ti.max(gap - allowed, 0.0) / ti.max(gap, 1e-12), most)
         if allowed > 0.0:  # still being drawn together: no more of the step than it grows, along the gap
-            growth = (push[0] * push[3] + push[1] * push[4] + push[2] * push[5]) / ti.max(gap * gap, 1e-24)
             for c in ti.static(range(3)):
                 push[3 + c] = ti.min(ti.max(growth, 0.0), over) * push[c]
         for c in ti.static(range(3)):

@@ -27,12 +27,15 @@ class Pass:
     and to compile.
     repeated: called after each substep, after those that are not, and with the others that are as often as the strain
     limit asks: what one of them changes the next answers. They are whole, and keep the sheet to one thread.
+    remembers: numbers of each key point that it keeps in the state from frame to frame, by `open` and `close`; above 0
+    it has a `ready`. At most one pass of a solver may.
     """
 
     parts = False
     whole = False
     paired = False
     repeated = False
+    remembers = 0
 
     def made_of(self) -> str:
         """A hash of what the motion follows from beside the sheet and the forces; "" where that is all."""
@@ -51,6 +54,18 @@ class Pass:
     def before(self, work: Template, done, n: Template):
         """Before the stencil of substep number `done`; where `paired`, of each even one. By one thread, while others
         read positions and steps. Arguments as of `after`."""
+
+    @ti.func
+    def open(self, values: Template, p, i, j):
+        """What is remembered of the lanes at p, from values[6 + k, i, j + lane] of the host."""
+
+    @ti.func
+    def close(self, values: Template, p, i, j):
+        """And back."""
+
+    @ti.func
+    def ready(self, work: Template, done, n: Template):
+        """Right after the stencil of each substep, before all passes. By one thread."""
 
     @ti.func
     def after(self, work: Template, part, first, last, done, n: Template):

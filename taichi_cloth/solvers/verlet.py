@@ -224,6 +224,8 @@ class _Workspace(Stencil):
                 for k in range(LANES):
                     self.position[c][p + k] = values[c, i, j + k]
                     self.step[c][p + k] = values[3 + c, i, j + k]
+            for one in ti.static([one for one in self.passes if one.remembers]):
+                one.open(values, p, i, j)
 
     @ti.func
     def close(self, values: Template, part, at, features: Template):
@@ -237,6 +239,8 @@ class _Workspace(Stencil):
                 for k in range(LANES):
                     values[c, i, j + k] = self.position[c][p + k]
                     values[3 + c, i, j + k] = self.step[c][p + k]
+            for one in ti.static([one for one in self.passes if one.remembers]):
+                one.close(values, p, i, j)
 
     @ti.func
     def lead_part(self, part, n: Template):
@@ -310,6 +314,12 @@ class _Workspace(Stencil):
             self.crew.meet(finished)
             if ti.static(features.leads):
                 at = self.size - at
+            for one in ti.static([one for one in self.passes if one.remembers]):
+                stage, finished = stage + 1, finished + 1
+                if self.crew.take(thread, 0, stage, 1, finished) == 0:
+                    one.ready(self, done, n)
+                    self.crew.finish()
+                self.crew.meet(finished)
             for one in ti.static([one for one in self.passes if not one.repeated]):
                 if not one.paired or done % 2 == 1:
                     stage, finished = self.after(one, thread, stage, finished, done, n)
