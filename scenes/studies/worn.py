@@ -23,7 +23,7 @@ SECONDS = 0.3
 PARTS = (1, 2, 4)
 """Into which the step that Verlet takes by itself is cut."""
 FINEST = 8
-SHARES = (0.0625, 0.125, 0.25, 0.5, 1.0)
+SHARES = (0.06, 0.125, 0.25, 0.5, 1.0)
 """Of the tensile stiffness that springs carry."""
 
 
