@@ -15,8 +15,6 @@ from taichi_cloth.templates import TemplateBank
 __all__ = ["LANES", "Octets", "octets_of"]
 
 LANES = 8
-COSTS = 2, 1
-"""Of an octet and of a run, in about the same unit of time: places that stay empty are written and drawn too."""
 
 Octet = tuple[int, ...]
 """Numbers of up to eight particles, in the order of the lanes."""
@@ -101,4 +99,5 @@ def _runs(cut: list[Octet], u: NDArray) -> list[list[Octet]]:
 
 
 def _cost(runs: list[list[Octet]]) -> int:
-    return COSTS[0] * sum(len(part) for part in runs) + COSTS[1] * len(runs)
+    """In the time of one octet, which is also that of a run's frames: places that stay empty are written and drawn."""
+    return sum(len(part) for part in runs) + len(runs)

@@ -25,7 +25,8 @@ def along(steps: int, fibres: int) -> list[float]:
         (8, 4, 4, 5, 2),  # the T-shirt of the tables: a fibre an octet, and one of hairs
         (7, 5, 0, 5, 1),  # the dress: a place of each octet stays empty
         (2, 6, 0, 2, 1),  # four fibres side by side, and half of that
-        (6, 4, 0, 3, 3),  # no place is given away to spare a frame
+        (6, 4, 0, 4, 1),  # eight places are given away to spare two frames
+        (7, 4, 4, 5, 2),  # the skirt of the tables: likewise
         (16, 3, 0, 6, 2),
         (1, 1, 0, 1, 1),
     ],

@@ -10,6 +10,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 from scipy.spatial import KDTree
 
 from taichi_cloth.blocks import Fabric
@@ -76,13 +77,16 @@ class Weaving:
             if name not in names:
                 raise InputError(f"garment.colours: no panel {name!r}; known: {', '.join(names)}")
         self.atlas, self.threads_per_key_point = atlas, k
-        self._ghosts = atlas.ghosts()
+        places, nodes, shares = atlas.ghosts()
         cols = atlas.shape[1]
-        flat = [np.ascontiguousarray(at[..., 0] * cols + at[..., 1]) for at in self._ghosts[:2]]
-        self._ghost_places, self._ghost_nodes = flat
-        self._ghost_shares = self._ghosts[2].astype(np.float32)[:, None]
+        self._ghost_places = places[:, 0] * cols + places[:, 1]
+        starts = np.arange(0, shares.size + 1, shares.shape[1])
+        self._ghost_blends = csr_array(
+            (shares.astype(np.float32).ravel(), (nodes[..., 0] * cols + nodes[..., 1]).ravel(), starts),
+            shape=(len(places), atlas.shape[0] * cols),
+        )
         self._mask = atlas.present()
-        self._mask[tuple(self._ghosts[0].T)] = True
+        self._mask[tuple(places.T)] = True
         self.present = refined_mask(self._mask, k)
         blocks, kinds = cloth.layout.blocks, cloth.layout.kinds
         row, col = np.divmod(blocks.key0, shape[1])
@@ -160,7 +164,7 @@ class Weaving:
         """Crossings (picks, ends, 3) float32 [m] of key points (rows, cols, 3) [m]."""
         points = np.array(positions, np.float32)
         flat = points.reshape(-1, 3)
-        flat[self._ghost_places] = (self._ghost_shares @ flat[self._ghost_nodes])[:, 0]
+        flat[self._ghost_places] = self._ghost_blends @ flat
         return refine_points(points, self._mask, self.threads_per_key_point)
 
 
