@@ -32,6 +32,11 @@ CLOSE = 8.0
 LABELLED = 9
 """Points of a panel up to which each is named."""
 
+SIDES = ((5, 5), (-8, -13), (5, -13), (-8, 7), (5, 15), (-8, -23), (5, -23), (-8, 17), (-30, -25), (12, -33))
+"""Where beside its point a label may stand [pt], to the right or to the left of it; the earlier the better."""
+MARK = 5.0
+"""Half the width that a point keeps free of labels [pt]."""
+
 
 def require_matplotlib() -> None:
     """Raises InputError without it."""
@@ -58,9 +63,10 @@ def draw(study: Study, rows: Sequence[Row]) -> bytes:
     axes = figure.subplots(-(-len(panels) // columns), columns, squeeze=False).ravel()
     for axis in axes[len(panels) :]:
         axis.set_visible(False)
+    labels = []
     for axis, panel in zip(axes, panels, strict=False):
         here = {method: line for (name, method), line in lines.items() if name == panel}
-        _panel(axis, study, here, methods)
+        labels.append(_panel(axis, study, here, methods))
         axis.set_title(panel, fontsize=11)
     found: dict[str, Any] = {}
     for axis in axes:
@@ -68,17 +74,21 @@ def draw(study: Study, rows: Sequence[Row]) -> bytes:
     figure.legend(
         found.values(), found.keys(), loc="outside lower center", ncols=min(3, len(found)), frameon=False, fontsize=9.5
     )
+    figure.draw_without_rendering()  # puts the panels where they will be
+    for axis, here in zip(axes, labels, strict=False):
+        _set_apart(axis, here)
     out = BytesIO()
     figure.savefig(out, dpi=120, format="png", metadata={"Software": None})
     return out.getvalue()
 
 
-def _panel(axis: Any, study: Study, lines: dict[str, list[Row]], methods: Sequence[str]) -> None:
+def _panel(axis: Any, study: Study, lines: dict[str, list[Row]], methods: Sequence[str]) -> list[Any]:
+    """Draws a panel; its labels."""
     from matplotlib.patheffects import Normal, Stroke
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     count = sum(len(line) for line in lines.values())
-    first = True
+    first, labels = True, []
     for method, line in lines.items():
         if method == study.floor:
             axis.axhline(study.error.scale * line[0].error, color="0.55", ls="--", lw=1.2, label=line[0].knob)
@@ -111,17 +121,16 @@ def _panel(axis: Any, study: Study, lines: dict[str, list[Row]], methods: Sequen
         named = range(len(drawn)) if count <= LABELLED else sorted(ends | usual)
         first = False
         for n in named:
-            default = drawn[n].default  # below the line, clear of the ring: other lines are rather above
-            axis.annotate(
+            label = axis.annotate(
                 drawn[n].knob,
                 (x[n], y[n]),
-                (-8, -13) if default else (5, 5),
-                ha="right" if default else "left",
+                SIDES[1 if drawn[n].default else 0],  # clear of the ring
                 textcoords="offset points",
                 fontsize=7.5,
                 color=colour,
                 path_effects=[Stroke(linewidth=2.5, foreground="white"), Normal()],
             )
+            labels.append(label)
     axis.set_xscale("log")
     axis.set_yscale("log")
     axis.margins(0.16, 0.12)
@@ -144,3 +153,34 @@ def _panel(axis: Any, study: Study, lines: dict[str, list[Row]], methods: Sequen
     axis.spines[["top", "right"]].set_visible(False)
     axis.set_xlabel(study.time.label)
     axis.set_ylabel(study.error.label)
+    return labels
+
+
+def _set_apart(axis: Any, labels: Sequence[Any]) -> None:
+    """Each label to the first of its sides where it is in the panel and clear of points and of the labels before it, or
+    where it covers least of them."""
+    from matplotlib.transforms import Bbox
+
+    half = MARK * axis.figure.dpi / 72
+    inside = axis.get_window_extent()
+    points = [xy for line in axis.lines for xy in line.get_transform().transform(line.get_xydata())]
+    taken = [Bbox.from_extents(x - half, y - half, x + half, y + half) for x, y in points]
+
+    def area(box: Any) -> float:
+        return box.width * box.height if box else 0.0
+
+    for label in labels:
+        tried = []
+        usual = label.get_position()
+        for side in [usual, *(one for one in SIDES if one != usual)]:
+            box = _beside(label, side)
+            covered = sum(area(Bbox.intersection(box, other)) for other in taken)
+            tried.append((covered + area(box) - area(Bbox.intersection(box, inside)), side))
+        taken.append(_beside(label, min(tried, key=lambda one: one[0])[1]))
+
+
+def _beside(label: Any, side: tuple[float, float]) -> Any:
+    """Puts a label there; its box [px]."""
+    label.set_position(side)
+    label.set_horizontalalignment("left" if side[0] > 0 else "right")
+    return label.get_window_extent()

@@ -92,7 +92,7 @@ def probed(name: str, overrides: tuple[str, ...] = (), cache: str | None = None)
     return Probe(**json.loads(done.stdout.splitlines()[-1]))
 
 
-def _rows(names: list[str]) -> Iterator[StageRow]:
+def _rows(names: list[str], say: Callable[[str], object]) -> Iterator[StageRow]:
     """Two processes at a time where there are two cores: the times of frames are CPU times."""
     cases: list[tuple[str, str, tuple[str, ...]]] = []
     for name in names:
@@ -106,6 +106,7 @@ def _rows(names: list[str]) -> Iterator[StageRow]:
     for name, _, changes in cases:
         scene = load_scene(name, list(changes))
         if scene.subject == "garment":
+            say(f"stages: {name}, sewn where it is not kept")
             dress(scene)  # once for all: kernels that sew are not the scene's
     with ThreadPoolExecutor(min(2, cores())) as pool:
         for (name, what, _), found in zip(cases, pool.map(lambda c: probed(c[0], c[2]), cases), strict=True):
@@ -142,7 +143,7 @@ def section(quick: bool, say: Callable[[str], object]) -> Section:
     """The table of scenes."""
     names = [n for n in built_in_scenes() if n in QUICK or not quick]
     rows: list[StageRow] = []
-    for row in _rows(names):
+    for row in _rows(names, say):
         rows.append(row)
         say(f"stages: {row.scene} {row.forced}")
     plain = {row.scene: row for row in rows if not row.forced}
