@@ -105,7 +105,7 @@ def garment_of(section: GarmentSection, body: Body) -> Garment:
             f"garment.pattern: {section.pattern!r}; known: {', '.join(DRAFTS)}, or the path of a .json file"
         )
     names = [panel.name for panel in pattern.panels]
-    for key in ("colours", "prints"):
+    for key in ("colours", "weaves", "prints"):
         for name in getattr(section, key):
             if name not in names:
                 raise InputError(f"garment.{key}: no panel {name!r}; known: {', '.join(names)}")

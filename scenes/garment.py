@@ -21,16 +21,17 @@ from ..render.camera import box_corners
 from ..render.mesh import Mesh
 from .body_section import BodySection
 from .cloth import ALBEDO, nothing
-from .dressing import Dressed, Progress, dress, motion_of, simulation_of
+from .dressing import Dressed, Parts, Progress, dress, motion_of, simulation_of
 from .facts import Fact, fabric_facts, yarn_facts
+from .garment_schema import PanelColours
 from .kept import KeptRun
 from .model import Numbers, Panel
-from .prepare import Prepared, fibre_kind, prepare_fabric
+from .prepare import Prepared, draft_of, prepare_fabric, yarn_colours
 from .prints import print_of
-from .schema import FabricSection, Scene
+from .schema import FabricSection, Scene, Weave, WeavePatch
 from .standing import skin_mesh
 
-__all__ = ["GarmentModel", "woven_garment"]
+__all__ = ["GarmentModel", "colours_of", "woven_garment"]
 
 F32 = NDArray[np.float32]
 
@@ -127,14 +128,10 @@ class GarmentModel(KeptRun):
     @cached_property
     def mesh_colours(self) -> F32:
         """At each point of the surface, (n, 3): the mean of its panel's threads."""
-        own = np.asarray(fibre_kind(self.scene).colour, np.float32)
         colours = colours_of(self.scene, self.dressed)
-        shades = np.tile(own, (len(self.surface.panel), 1))
-        for number, piece in enumerate(self.dressed.garment.atlas.panels):
-            repeat = colours.get(piece.panel.name)
-            if repeat is not None:
-                shades[self.surface.panel == number] = (repeat.warp.mean(axis=0) + repeat.weft.mean(axis=0)) / 2
-        return ALBEDO * shades
+        repeats = [colours[piece.panel.name] for piece in self.dressed.garment.atlas.panels]
+        shades = np.stack([(repeat.warp.mean(axis=0) + repeat.weft.mean(axis=0)) / 2 for repeat in repeats])
+        return ALBEDO * shades[self.surface.panel]
 
     def numbers(self) -> Numbers:
         """Yarn: by panel, its warp ends, then its weft picks. Part: number of the panel. -1 for places not drawn."""
@@ -180,35 +177,52 @@ class GarmentModel(KeptRun):
 
 
 def woven_garment(scene: Scene, atlas: Atlas) -> Scene:
-    """The cloth that a garment is cut from as a scene of its own."""
+    """The cloth that a garment is cut from as a scene of its own; panels with a draft of their own are patches of it,
+    which begin in the corner of the panel's rectangle."""
     assert scene.garment is not None
     assert scene.weave is not None
-    k = scene.garment.threads_per_key_point
+    k, own = scene.garment.threads_per_key_point, scene.garment.weaves
+    patches = [
+        WeavePatch(
+            draft=own[piece.panel.name],
+            end=piece.col * k,
+            pick=piece.row * k,
+            ends=(piece.shape[1] - 1) * k + 1,
+            picks=(piece.shape[0] - 1) * k + 1,
+        )
+        for piece in atlas.panels
+        if piece.panel.name in own
+    ]
     picks, ends = crossings_shape(atlas, k)
     a, b = atlas.spacing
     per_cm = {"ends_per_cm": 0.01 * k / a, "picks_per_cm": 0.01 * k / b, "fringe": 0.0}
     return scene.model_copy(
         update={
-            "weave": scene.weave.model_copy(update={"ends": ends, "picks": picks}),
+            "weave": scene.weave.model_copy(update={"ends": ends, "picks": picks, "patches": patches}),
             "fabric": (scene.fabric or FabricSection()).model_copy(update=per_cm),
         }
     )
 
 
-def colours_of(scene: Scene, dressed: Dressed) -> dict[str, Colours]:
-    """Thread orders of every panel: its own, or the weave's, or the fibre's colour."""
+def colours_of(scene: Scene, parts: Parts) -> dict[str, Colours]:
+    """Thread orders of every panel: stated for it, or what its own WIF file brings, or stated for the weave, or what
+    the weave's file brings, or the yarns' colours."""
     assert scene.garment is not None
-    plain = np.asarray(fibre_kind(scene).colour, np.float32)[None]
-    weave = scene.weave
-
-    def order(own: str | None, common: str | None) -> F32:
-        stated = own or common
-        return plain if stated is None else thread_repeat(stated)
-
+    weave = scene.weave or Weave()
+    plain = [own[None] for own in yarn_colours(scene)]
+    common = _thread_orders(weave.draft, weave.warp_colours, weave.weft_colours)
     out = {}
-    for piece in dressed.garment.atlas.panels:
-        own = scene.garment.colours.get(piece.panel.name)
-        out[piece.panel.name] = Colours(
-            order(own and own.warp, weave and weave.warp_colours), order(own and own.weft, weave and weave.weft_colours)
-        )
+    for piece in parts.garment.atlas.panels:
+        name = piece.panel.name
+        stated = scene.garment.colours.get(name) or PanelColours()
+        own = _thread_orders(scene.garment.weaves.get(name), stated.warp, stated.weft)
+        warp, weft = (next(o for o in orders if o is not None) for orders in zip(own, common, plain, strict=True))
+        out[name] = Colours(warp, weft)
     return out
+
+
+def _thread_orders(draft: str | None, *stated: str | None) -> list[F32 | None]:
+    """Of the warp and of the weft: as stated, or as a WIF file has them, (n, 3), or None."""
+    brought = draft_of(Weave(draft=draft)) if draft is not None else None
+    found = (None, None) if brought is None else (brought.warp_colour, brought.weft_colour)
+    return [one if order is None else thread_repeat(order) for order, one in zip(stated, found, strict=True)]

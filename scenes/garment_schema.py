@@ -45,6 +45,7 @@ class GarmentSection(Section):
     friction: float = Field(default=0.3, ge=0, le=5, description="between cloth and skin")
     gap_mm: float = Field(default=4.0, ge=0, le=30, description="kept between the body and the key points [mm]")
     colours: dict[str, PanelColours] = Field(default={}, description="of panels by name, instead of the weave's")
+    weaves: dict[str, str] = Field(default={}, description="drafts of panels by name, instead of weave.draft")
     prints: dict[str, PrintSection] = Field(default={}, description="pictures on panels, by name")
     hem_mm: float = Field(default=0.0, ge=0, le=80, description="width of the turned hems, a second layer inside [mm]")
     stitches: str | None = Field(default=None, description="colour of the thread along hems and seams; default: none")

@@ -3,6 +3,7 @@
 import os
 import stat
 import tomllib
+from collections.abc import Iterator, Sequence
 from importlib.resources import files
 from pathlib import Path
 from types import NoneType, UnionType
@@ -25,15 +26,18 @@ WIF_BRINGS = {
     "yarn": ("count_tex", "count_ne"),
     "weft_yarn": ("count_tex", "count_ne"),
 }
-PATHS = (
-    ("weave", "draft", ".wif"),
-    ("fibre", "sprite", ".png"),
-    ("garment", "pattern", ".json"),
-    ("body", "source", (".obj", ".ply", ".glb", ".stl")),
-    ("body", "motion", ".bvh"),
-    ("body", "primitives", ".json"),
-)
-"""Keys that may name a file, and how its name ends."""
+PATHS: dict[str, str | tuple[str, ...]] = {
+    "weave.draft": ".wif",
+    "weave.patches.*.draft": ".wif",
+    "fibre.sprite": ".png",
+    "garment.pattern": ".json",
+    "garment.weaves.*": ".wif",
+    "garment.prints.*.file": "",
+    "body.source": (".obj", ".ply", ".glb", ".stl"),
+    "body.motion": ".bvh",
+    "body.primitives": ".json",
+}
+"""Keys that may name a file, and how its name ends; * is any key, or any place of a list."""
 LARGEST_SCENE_FILE = 4_000_000
 DEEPEST_KEY = 8
 SPRITES = ("thread", "round", "soft", "fuzzy")
@@ -66,11 +70,24 @@ def load_scene(name: str, overrides: list[str] | None = None) -> Scene:
                 _drop(data, section, (other,))
     for text in overrides or []:
         _override(data, text)
-    for section, key, ending in PATHS:
-        stated = data[section].get(key) if isinstance(data.get(section), dict) else None
-        if folder and isinstance(stated, str) and stated.lower().endswith(ending) and f"{section}.{key}" not in given:
-            data[section][key] = str(folder / stated)  # a path in a file is meant from where the file lies
+    for pattern, ending in PATHS.items() if folder else ():
+        for name, table, key in _places(data, pattern.split(".")):
+            said = any(f"{name}.".startswith(f"{other}.") for other in given)
+            if isinstance(table[key], str) and table[key].lower().endswith(ending) and not said:
+                table[key] = str(folder / table[key])  # a path in a file is meant from where the file lies
     return make_scene(data, where)
+
+
+def _places(data: Any, keys: Sequence[str], above: str = "") -> Iterator[tuple[str, Any, Any]]:
+    """Where a scene's data state a key of PATHS: its whole name, the table or list it is in, and its place there."""
+    places = list(data) if isinstance(data, dict) else list(range(len(data))) if isinstance(data, list) else []
+    for place in places:
+        if keys[0] not in ("*", place):
+            continue
+        if len(keys) == 1:
+            yield f"{above}{place}", data, place
+        else:
+            yield from _places(data[place], keys[1:], f"{above}{place}.")
 
 
 def _drop(data: dict[str, Any], section: str, keys: tuple[str, ...]) -> None:

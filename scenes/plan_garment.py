@@ -30,6 +30,8 @@ def garment_stages(scene: Scene) -> tuple[dict[str, str], dict[str, str], int, S
         "contact": f"{counted}, {section.gap_mm:g} mm kept, friction {section.friction:g}",
         "meshes": "the body" if section.representation == "fibre" else "the body and the garment",
     }
+    if section.weaves:
+        built["weaves"] = ", ".join(f"{name}: {draft}" for name, draft in section.weaves.items())
     left = {}
     if moves.name == "rest":
         left["motion"] = 'body.motion is "rest": the garment hangs as it was sewn'

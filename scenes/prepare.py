@@ -3,9 +3,10 @@
 All of it on the host and without a particle, so that `plan` can say what a scene needs and a limit can refuse it.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from taichi_cloth.colour_order import colour as colour_named
 from taichi_cloth.colour_order import coloured
@@ -32,8 +33,11 @@ __all__ = [
     "picture_bytes",
     "prepare_fabric",
     "require_picture",
+    "yarn_colours",
     "yarn_of",
 ]
+
+F32 = NDArray[np.float32]
 
 DRAW_BYTES = 130  # what the splatter keeps for a particle while it draws
 PIXEL_BYTES = 210
@@ -72,6 +76,16 @@ def fibre_kind(scene: Scene) -> FibreKind:
     return FIBRES[kind]
 
 
+def yarn_colours(scene: Scene) -> tuple[F32, F32]:
+    """Of the warp's yarn and the weft's, linear, where no thread order says otherwise: its own, or the fibre's."""
+    plain = np.asarray(fibre_kind(scene).colour, np.float32)
+    yarn = scene.yarn or YarnSection()
+    warp, weft = (
+        plain if family.colour is None else colour_named(family.colour) for family in (yarn, scene.weft_yarn or yarn)
+    )
+    return warp, weft
+
+
 def yarn_of(section: YarnSection, fibre: FibreKind, *, diameter: float | None = None) -> Yarn:
     """A yarn as stated in a scene, of the scene's fibre.
 
@@ -103,22 +117,34 @@ def yarn_of(section: YarnSection, fibre: FibreKind, *, diameter: float | None = 
 
 
 def draft_of(weave: Weave) -> Draft:
-    """The draft of a scene: a named weave or a WIF file, at the stated number of ends and picks, coloured."""
-    if weave.draft.lower().endswith(".wif"):
-        draft = read_wif(weave.draft)
-        ends, picks = weave.ends or draft.ends, weave.picks or draft.picks
-        if (ends, picks) != (draft.ends, draft.picks):
-            draft = tile(draft, ends=ends, picks=picks)
-    else:
-        draft = named_weave(
-            weave.draft,
-            ends=DEFAULT_THREADS if weave.ends is None else weave.ends,
-            picks=DEFAULT_THREADS if weave.picks is None else weave.picks,
-        )
+    """The draft of a scene: a named weave or a WIF file, at the stated number of ends and picks, patched, coloured."""
+    draft = _draft(weave.draft, weave.ends, weave.picks)
+    for number, patch in enumerate(weave.patches):
+        last_end, last_pick = patch.end + patch.ends, patch.pick + patch.picks
+        if last_end > draft.ends or last_pick > draft.picks:
+            raise InputError(
+                f"weave.patches[{number}]: reaches to end {last_end} and pick {last_pick}; allowed: up to {draft.ends} "
+                f"and {draft.picks}, the cloth's own"
+            )
+        up = draft.warp_up.copy()
+        up[patch.pick : last_pick, patch.end : last_end] = _draft(patch.draft, patch.ends, patch.picks).warp_up
+        draft = replace(draft, warp_up=up)
     try:
         return coloured(draft, warp=weave.warp_colours, weft=weave.weft_colours)
     except InputError as error:
         raise InputError(f"weave.warp_colours, weave.weft_colours: {error}") from None
+
+
+def _draft(name: str, ends: int | None, picks: int | None) -> Draft:
+    """A named weave or a WIF file, at its own size where none is stated."""
+    if name.lower().endswith(".wif"):
+        draft = read_wif(name)
+        return tile(draft, ends=draft.ends if ends is None else ends, picks=draft.picks if picks is None else picks)
+    return named_weave(
+        name,
+        ends=DEFAULT_THREADS if ends is None else ends,
+        picks=DEFAULT_THREADS if picks is None else picks,
+    )
 
 
 def has_floor(scene: Scene) -> bool:
@@ -181,9 +207,7 @@ def prepare_fabric(scene: Scene, *, streamed: bool = False) -> Prepared:
     cloth, note = _woven(draft, section, spacing, diameter)
     if note:
         notes.append(note)
-    own = [
-        colour_named(s.colour) if s.colour else np.asarray(fibre.colour, np.float32) for s in (scene.yarn, weft_section)
-    ]
+    own = yarn_colours(scene)
     families = []
     for room, thick, flat, stated, plain, yarn in (
         (spacing[0], cloth.warp_diameter_m, cloth.warp_flat_m, draft.warp_colour, own[0], warp_yarn),

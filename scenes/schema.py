@@ -94,6 +94,16 @@ class YarnSection(Section):
         return self
 
 
+class WeavePatch(Section):
+    """Another draft on a part of a cloth."""
+
+    draft: str = Field(description="as weave.draft")
+    end: int = Field(ge=0, description="its first warp end, from the left")
+    pick: int = Field(ge=0, description="its first weft pick, from the bottom")
+    ends: int = Field(ge=1, description="how many warp ends it takes")
+    picks: int = Field(ge=1, description="how many weft picks it takes")
+
+
 class Weave(Section):
     """Which yarn is on top (paper 2.3): a named weave or a WIF file, and the threads' colours."""
 
@@ -102,6 +112,7 @@ class Weave(Section):
     picks: int | None = Field(default=None, description="weft picks; default: the file's own, or 40")
     warp_colours: str | None = Field(default=None, description='thread order, such as "navy*4 white*4"')
     weft_colours: str | None = None
+    patches: list[WeavePatch] = Field(default=[], description="other drafts on parts of the cloth, later ones on top")
 
 
 class FabricSection(Section):
@@ -271,6 +282,8 @@ class Scene(Section):
             raise ValueError("a scene shows one of [garment], [cloth] and [twist]; leave the others out")
         if self.garment.representation == "fibre" and not self.weave:
             raise ValueError('garment.representation "fibre" needs [yarn] and [weave]; add them, or take "mesh"')
+        if self.weave and self.weave.patches:
+            raise ValueError("weave.patches: a [garment] has drafts by panel; say garment.weaves instead")
         if self.weave and (self.weave.ends or self.weave.picks):
             raise ValueError(
                 "weave.ends, weave.picks: a [garment] has as many as its pattern, key_points and threads_per_key_point "

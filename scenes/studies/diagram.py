@@ -34,8 +34,8 @@ LABELLED = 9
 
 SIDES = ((5, 5), (-8, -13), (5, -13), (-8, 7), (5, 15), (-8, -23), (5, -23), (-8, 17), (-30, -25), (12, -33))
 """Where beside its point a label may stand [pt], to the right or to the left of it; the earlier the better."""
-MARK = 5.0
-"""Half the width that a point keeps free of labels [pt]."""
+ROOM = 2.5
+"""Beside a point's mark or ring that is kept free of labels [pt]."""
 
 
 def require_matplotlib() -> None:
@@ -161,10 +161,11 @@ def _set_apart(axis: Any, labels: Sequence[Any]) -> None:
     where it covers least of them."""
     from matplotlib.transforms import Bbox
 
-    half = MARK * axis.figure.dpi / 72
     inside = axis.get_window_extent()
-    points = [xy for line in axis.lines for xy in line.get_transform().transform(line.get_xydata())]
-    taken = [Bbox.from_extents(x - half, y - half, x + half, y + half) for x, y in points]
+    taken = []
+    for line in axis.lines:
+        half = (line.get_markersize() / 2 + ROOM) * axis.figure.dpi / 72
+        taken += [Bbox([xy - half, xy + half]) for xy in line.get_transform().transform(line.get_xydata())]
 
     def area(box: Any) -> float:
         return box.width * box.height if box else 0.0

@@ -277,19 +277,32 @@ def misfit(garment: Garment, worn: Worn) -> str | None:
         x, y, z = worn.positions[row, col]
         where = f"at ({x:.2f}, {y:.2f}, {z:.2f}) m"
         faults.append(f"threads of {name} are {100 * worn.stretch:.1f} % longer {where} (allowed {100 * TAUT:g})")
+    darts = [width for seam in garment.pattern.seams if (width := _narrow(garment, seam))]
+    if faults and darts:
+        cell = max(garment.atlas.spacing)
+        faults.append(
+            f"its darts, from {1e3 * min(darts):.0f} mm wide, want key points closer than {1e3 * cell:.0f} mm"
+        )
     return "; ".join(faults) or None
+
+
+def _narrow(garment: Garment, seam: Seam) -> float:
+    """Width of a dart that is narrower than two cells [m]; 0 for any other seam."""
+    pattern, (first, second) = garment.pattern, (seam.first, seam.second)
+    if first.panel != second.panel:
+        return 0.0
+    ends = pattern.edge(first)[[0, -1]], pattern.edge(second)[[0, -1]]
+    apart = np.linalg.norm(ends[0][:, None] - ends[1][None], axis=2)
+    wide = float(np.linalg.norm(ends[0][::-1] - ends[1], axis=1).max())
+    return wide if apart.min() < 1e-4 and wide < 2 * max(garment.atlas.spacing) else 0.0
 
 
 def _reason(garment: Garment, seam: Seam) -> str:
     """What of a seam itself keeps it open: a dart narrower than two cells, or edges of unequal length."""
-    pattern, (first, second) = garment.pattern, (seam.first, seam.second)
-    ends = pattern.edge(first)[[0, -1]], pattern.edge(second)[[0, -1]]
-    if first.panel == second.panel:
-        apart = np.linalg.norm(ends[0][:, None] - ends[1][None], axis=2)
-        wide, cell = float(np.linalg.norm(ends[0][::-1] - ends[1], axis=1).max()), max(garment.atlas.spacing)
-        if apart.min() < 1e-4 and wide < 2 * cell:
-            return f": a dart {1e3 * wide:.0f} mm wide, of key points {1e3 * cell:.0f} mm apart; use more of them"
-    longer, shorter = sorted((length(pattern.edge(first)), length(pattern.edge(second))), reverse=True)
+    if wide := _narrow(garment, seam):
+        return f": a dart {1e3 * wide:.0f} mm wide"
+    edges = [garment.pattern.edge(side) for side in (seam.first, seam.second)]
+    longer, shorter = sorted((length(edge) for edge in edges), reverse=True)
     if longer > 1.05 * shorter:
         return f": {100 * longer:.1f} cm of cloth gathered onto {100 * shorter:.1f} cm"
     return ""
