@@ -116,6 +116,16 @@ def worn(name: str, *overrides: str, size: tuple[int, int], views: list[int]) ->
     return np.concatenate([image for _, image in view.turntable(12, views)], axis=1)
 
 
+def panels() -> np.ndarray:
+    """A WIF file on all panels of a T-shirt, and a weave of its own on each sleeve of another."""
+    sleeves = ["weave.draft=herringbone", "weave.warp_colours=#e9e4d8", "weave.weft_colours=#7d8794"]
+    for side in ("left", "right"):
+        sleeves += [f"garment.weaves.{side}_sleeve=satin-5"]
+        sleeves += [f"garment.colours.{side}_sleeve.{family}=#8f1f3f" for family in ("warp", "weft")]
+    shirts = ([f"weave.draft={SCHORT}"], sleeves)
+    return np.concatenate([worn("tshirt", *one, size=(1120, 1120), views=[0]) for one in shirts], axis=1)
+
+
 def body() -> np.ndarray:
     """The built-in woman in parts, and in primitives (paper, Figures 10 and 11)."""
     made = built_in_body(gender="female")
@@ -135,6 +145,7 @@ def zoomed() -> np.ndarray:
 
 PICTURES = {
     "tshirt": lambda: worn("tshirt", size=(840, 1120), views=[0, 2, 6]),
+    "panels": panels,
     "skirt": lambda: worn("skirt", size=(840, 1120), views=[0, 2]),
     "dress": lambda: worn("dress", size=(840, 1120), views=[0, 2]),
     "trousers": lambda: worn("trousers", size=(840, 1120), views=[0, 2]),
