@@ -130,8 +130,8 @@ class GarmentModel(KeptRun):
         """At each point of the surface, (n, 3): the mean of its panel's threads."""
         colours = colours_of(self.scene, self.dressed)
         repeats = [colours[piece.panel.name] for piece in self.dressed.garment.atlas.panels]
-        shades = np.stack([(repeat.warp.mean(axis=0) + repeat.weft.mean(axis=0)) / 2 for repeat in repeats])
-        return ALBEDO * shades[self.surface.panel]
+        shades = [(repeat.warp.mean(axis=0) + repeat.weft.mean(axis=0)) / 2 for repeat in repeats]
+        return (ALBEDO * np.stack(shades)[self.surface.panel]).astype(np.float32)
 
     def numbers(self) -> Numbers:
         """Yarn: by panel, its warp ends, then its weft picks. Part: number of the panel. -1 for places not drawn."""

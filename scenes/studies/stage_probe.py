@@ -14,16 +14,16 @@ from statistics import median
 
 __all__ = ["Probe", "field_bytes", "kernel_count"]
 
-FRAMES, LONG = 3, 2.0
-"""Frames that are timed, and CPU time [s] after which no more are."""
+FRAMES, STEPS, LONG = 3, 12, 2.0
+"""Frames that are drawn and steps that are moved to be timed, and CPU time [s] after which no more are."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Probe:
     """kernels: compiled or taken from the cache. bytes: of Taichi's fields and arrays. import_s … picture_s: time [s]
     since the process was asked for, at the end of each: Python and imports, the start of Taichi, the scene built, its
-    first picture. cpu_s: CPU time up to there. frame_s: CPU time, median of further frames, moved where it moves, and
-    drawn. stages: names of those built."""
+    first picture. cpu_s: CPU time up to there. moved_s, drawn_s: CPU time of moving on by a frame, 0 for what stands
+    still, and of drawing one, medians of further frames. stages: names of those built."""
 
     kernels: int
     bytes: int
@@ -32,7 +32,8 @@ class Probe:
     build_s: float
     picture_s: float
     cpu_s: float
-    frame_s: float
+    moved_s: float
+    drawn_s: float
     stages: list[str]
 
 
@@ -80,11 +81,24 @@ def probe(begun: float, size: tuple[int, int], name: str, overrides: list[str]) 
     next(frames)
     shown, cpu = time.time(), time.process_time()
     next(frames)  # the first that moves compiles what moves it
-    times: list[float] = []
-    while len(times) < FRAMES and sum(times) < LONG:
+    moved, drawn = [0.0] if not moves else [], list[float]()
+
+    def step(number: int) -> None:
+        begin = time.process_time()
+        model.step(number)
+        moved.append(time.process_time() - begin)
+
+    number = 2
+    while len(drawn) < FRAMES and sum(drawn) < LONG:
+        if moves:
+            step(number)
         begin = time.process_time()
         next(frames)
-        times.append(time.process_time() - begin)
+        drawn.append(time.process_time() - begin)
+        number += 1
+    while moves and len(moved) < STEPS and sum(moved) < LONG:
+        step(number)
+        number += 1
     return Probe(
         kernels=kernel_count(),
         bytes=field_bytes(),
@@ -93,7 +107,8 @@ def probe(begun: float, size: tuple[int, int], name: str, overrides: list[str]) 
         build_s=built - begun,
         picture_s=shown - begun,
         cpu_s=cpu,
-        frame_s=median(times),
+        moved_s=median(moved),
+        drawn_s=median(drawn),
         stages=[stage.name for stage in planned.stages if stage.built],
     )
 
