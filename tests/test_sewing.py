@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial import KDTree
 
 from taichi_cloth.body.colliders import Colliders, solid_distance
 from taichi_cloth.body.distance import nearest_distance
@@ -26,6 +27,8 @@ from taichi_cloth.garment.pattern import Cone, Flat, Panel, Pattern, Seam, Side
 from taichi_cloth.garment.sew import Garment, Worn, misfit, sew
 from taichi_cloth.materials import MATERIALS
 from taichi_cloth.scenes.body_section import BodySection, prepare_body, prepare_motion
+from taichi_cloth.scenes.dressing import dress
+from taichi_cloth.scenes.load import load_scene
 from taichi_cloth.scenes.standing import grids_of, primitives_of
 
 SAMPLES = {file.stem: file for file in sorted((Path(__file__).parent / "data" / "patterns").glob("*.json"))}
@@ -163,6 +166,51 @@ def test_every_pattern_sews(name, gender):
     assert worn.depth < 3e-3
     assert worn.stretch < 0.08
     assert worn.speed < 0.02
+
+
+def crossed(points, faces):
+    """How many of the triangles' edges pass through a triangle that has neither end of theirs."""
+    edges = np.unique(np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0)
+    longest = np.linalg.norm(points[edges[:, 1]] - points[edges[:, 0]], axis=1).max()
+    near = KDTree(points[faces].mean(axis=1)).query_ball_point(points[edges].mean(axis=1), 1.2 * longest)
+    e = np.repeat(np.arange(len(edges)), [len(found) for found in near])
+    f = np.concatenate([np.asarray(found, np.int64) for found in near])
+    apart = ~(faces[f][:, :, None] == edges[e][:, None, :]).any(axis=(1, 2))
+    e, f = e[apart], f[apart]
+    start, way = points[edges[e, 0]], points[edges[e, 1]] - points[edges[e, 0]]
+    corner = points[faces[f, 0]]
+    u, v = points[faces[f, 1]] - corner, points[faces[f, 2]] - corner
+    normal = np.cross(u, v)  # Möller and Trumbore's, with Cramer's rule
+    with np.errstate(divide="ignore", invalid="ignore"):
+        det = -np.einsum("nc,nc->n", way, normal)
+        off = start - corner
+        turned = np.cross(off, way)
+        t = np.einsum("nc,nc->n", off, normal) / det
+        a, b = np.einsum("nc,nc->n", v, turned) / det, -np.einsum("nc,nc->n", u, turned) / det
+        return int(((t > 0) & (t < 1) & (a > 0) & (b > 0) & (a + b < 1)).sum())
+
+
+def test_an_edge_through_a_triangle_is_counted():
+    points = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0.2, 0.2, -0.5], [0.2, 0.2, 0.5], [3, 0.2, 0.5]])
+    faces = np.array([[0, 1, 2], [3, 4, 5]])
+    assert crossed(points, faces) == 2  # the upright edge and the long one
+    points[3:, 1] += 1.0
+    assert crossed(points, faces) == 0
+
+
+@pytest.mark.slow
+def test_the_sleeves_of_the_tshirt_lie_smooth():
+    """None of its panels passes through itself: sleeves much wider than the arm folded on top of it."""
+    scene = load_scene("tshirt")
+    worn = dress(scene)
+    atlas, index = worn.garment.atlas, np.arange(np.prod(worn.garment.atlas.shape)).reshape(worn.garment.atlas.shape)
+    sewn = worn.garment.sewn().ravel()
+    corners = np.stack([index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]], axis=-1)
+    for number, piece in enumerate(atlas.panels):
+        mine = (atlas.cells > 0) & (atlas.owner()[:-1, :-1] == number)
+        own = corners[mine & ~sewn[corners].any(axis=-1)]  # the two sides of a seam overlap by a part of a cell
+        faces = np.concatenate([own[:, [0, 1, 2]], own[:, [0, 2, 3]]])
+        assert crossed(worn.worn.positions.reshape(-1, 3).astype(np.float64), faces) == 0, piece.panel.name
 
 
 @pytest.mark.slow

@@ -145,7 +145,7 @@ def _tshirt(f: Figure, cut: Cut) -> Pattern:
         holes += length(edges[2])
         place = _before(f, f.neck_height + 0.02, back=name == "back")
         panels.append(Panel(name, tuple(edges), place, hems=(0, 4)))
-    width, short = min(f.upper_arm * 1.6 + 0.03, 0.92 * holes), _set(cut.sleeve, 0.11)
+    width, short = min(f.upper_arm * 1.5 + 0.03, 0.92 * holes), _set(cut.sleeve, 0.11)
     for which, name in enumerate(("left", "right")):
         panels.append(_sleeve(f, which, f"{name}_sleeve", width, short, holes * 1.015))
     seams = [
