@@ -38,6 +38,8 @@ PATHS: dict[str, str | tuple[str, ...]] = {
     "body.primitives": ".json",
 }
 """Keys that may name a file, and how its name ends; * is any key, or any place of a list."""
+PATTERN_PASSES = 5
+"""Of the strain limit for a pattern from a file: the built-in scenes' one or two were found for their own garments."""
 LARGEST_SCENE_FILE = 4_000_000
 DEEPEST_KEY = 8
 SPRITES = ("thread", "round", "soft", "fuzzy")
@@ -56,7 +58,8 @@ def load_scene(name: str, overrides: list[str] | None = None) -> Scene:
     """A built-in scene by name or a TOML file by path, with `key=value` overrides as on the command line.
 
     A WIF file brings its own size, colours, spacing and thickness: when `weave.draft` is overridden with one, what
-    the scene says of these for its own draft is dropped; further overrides still hold.
+    the scene says of these for its own draft is dropped; further overrides still hold. With a pattern from a file,
+    `garment.pattern`, its strain limit takes PATTERN_PASSES, likewise.
     Raises InputError, one line: which file, key and value, what is allowed, and the nearest right spelling.
     """
     data, where, folder = _read(name)
@@ -70,6 +73,10 @@ def load_scene(name: str, overrides: list[str] | None = None) -> Scene:
                 _drop(data, section, (other,))
     for text in overrides or []:
         _override(data, text)
+    if given.get("garment.pattern", "").strip("\"'").lower().endswith(".json"):
+        for _, limit, key in list(_places(data, ("forces", "strain_limit", "passes"))):
+            if not given.keys() & {"forces.strain_limit", "forces.strain_limit.passes"}:
+                limit[key] = PATTERN_PASSES
     for pattern, ending in PATHS.items() if folder else ():
         for name, table, key in _places(data, pattern.split(".")):
             said = any(f"{name}.".startswith(f"{other}.") for other in given)

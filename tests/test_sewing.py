@@ -214,6 +214,14 @@ def test_the_sleeves_of_the_tshirt_lie_smooth():
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("name", SAMPLES)
+def test_patterns_of_others_fit_in_a_built_in_scene(name):
+    """As a person gives them, with the cloth of the T-shirt."""
+    worn = dress(load_scene("tshirt", [f"garment.pattern={SAMPLES[name]}", "body.gender=female"]))
+    assert misfit(worn.garment, worn.worn) is None
+
+
+@pytest.mark.slow
 def test_a_pattern_on_too_few_key_points_names_its_darts():
     pattern = pattern_of("dress_pencil_specification", "female")
     garment = Garment(pattern, cut(pattern, spacing_for(pattern, KEY_POINTS)), CLOTH)
