@@ -182,17 +182,12 @@ def woven_garment(scene: Scene, atlas: Atlas) -> Scene:
     assert scene.garment is not None
     assert scene.weave is not None
     k, own = scene.garment.threads_per_key_point, scene.garment.weaves
-    patches = [
-        WeavePatch(
-            draft=own[piece.panel.name],
-            end=piece.col * k,
-            pick=piece.row * k,
-            ends=(piece.shape[1] - 1) * k + 1,
-            picks=(piece.shape[0] - 1) * k + 1,
-        )
-        for piece in atlas.panels
-        if piece.panel.name in own
-    ]
+    patches = []
+    for piece in atlas.panels:
+        if piece.panel.name in own:
+            picks, ends = crossings_shape(piece, k)
+            at = {"end": piece.col * k, "pick": piece.row * k, "ends": ends, "picks": picks}
+            patches.append(WeavePatch(draft=own[piece.panel.name], **at))
     picks, ends = crossings_shape(atlas, k)
     a, b = atlas.spacing
     per_cm = {"ends_per_cm": 0.01 * k / a, "picks_per_cm": 0.01 * k / b, "fringe": 0.0}

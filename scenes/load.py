@@ -3,7 +3,7 @@
 import os
 import stat
 import tomllib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from importlib.resources import files
 from pathlib import Path
 from types import NoneType, UnionType
@@ -64,7 +64,7 @@ def load_scene(name: str, overrides: list[str] | None = None) -> Scene:
     """
     data, where, folder = _read(name)
     given = {key.strip(): value.strip() for key, _, value in (text.partition("=") for text in overrides or [])}
-    if given.get("weave.draft", "").strip("\"'").lower().endswith(".wif"):
+    if _names(given, "weave.draft", ".wif"):
         for section, keys in WIF_BRINGS.items():
             _drop(data, section, keys)
     for section in ("yarn", "weft_yarn"):  # a count given in one unit replaces the scene's in the other
@@ -73,20 +73,29 @@ def load_scene(name: str, overrides: list[str] | None = None) -> Scene:
                 _drop(data, section, (other,))
     for text in overrides or []:
         _override(data, text)
-    if given.get("garment.pattern", "").strip("\"'").lower().endswith(".json"):
-        for _, limit, key in list(_places(data, ("forces", "strain_limit", "passes"))):
-            if not given.keys() & {"forces.strain_limit", "forces.strain_limit.passes"}:
+    if _names(given, "garment.pattern", ".json"):
+        for name, limit, key in _places(data, ("forces", "strain_limit", "passes")):
+            if not _said(given, name):
                 limit[key] = PATTERN_PASSES
     for pattern, ending in PATHS.items() if folder else ():
         for name, table, key in _places(data, pattern.split(".")):
-            said = any(f"{name}.".startswith(f"{other}.") for other in given)
-            if isinstance(table[key], str) and table[key].lower().endswith(ending) and not said:
+            if isinstance(table[key], str) and table[key].lower().endswith(ending) and not _said(given, name):
                 table[key] = str(folder / table[key])  # a path in a file is meant from where the file lies
     return make_scene(data, where)
 
 
+def _names(given: Mapping[str, str], key: str, ending: str) -> bool:
+    """Whether an override names a file of this kind."""
+    return given.get(key, "").strip("\"'").lower().endswith(ending)
+
+
+def _said(given: Mapping[str, str], name: str) -> bool:
+    """Whether an override states a key, by itself or with the table it is in."""
+    return any(f"{name}.".startswith(f"{other}.") for other in given)
+
+
 def _places(data: Any, keys: Sequence[str], above: str = "") -> Iterator[tuple[str, Any, Any]]:
-    """Where a scene's data state a key of PATHS: its whole name, the table or list it is in, and its place there."""
+    """Where a scene's data state a key, * for any: its whole name, the table or list it is in, and its place there."""
     places = list(data) if isinstance(data, dict) else list(range(len(data))) if isinstance(data, list) else []
     for place in places:
         if keys[0] not in ("*", place):

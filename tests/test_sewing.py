@@ -140,6 +140,13 @@ def test_a_pattern_far_too_small_is_refused():
         fitted(small, figure("female")[2])
 
 
+def sewn(name, gender, count):
+    """A pattern on about so many key points, and how it rests on a built-in figure."""
+    pattern = pattern_of(name, gender)
+    garment = Garment(pattern, cut(pattern, spacing_for(pattern, count)), CLOTH)
+    return garment, sew(garment, Colliders(primitives=figure(gender)[1], friction=0.3, gap=0.004), limit=LIMIT)
+
+
 FINER = {"shirt_mean_specification": 1200, "dress_pencil_specification": 6245}
 """Key points where 800 are too few: the shirt has edges of 9 mm to sew, which stay 2.6 mm open with 43 mm cells, the
 dress darts of 20 mm. It takes as many as scenes have that do not say."""
@@ -157,10 +164,7 @@ WALKS = [
 @pytest.mark.parametrize(("name", "gender"), [*((n, "female") for n in (*DRAFTS, *SAMPLES)), ("trousers", "male")])
 def test_every_pattern_sews(name, gender):
     """No seam wider than 2 mm, no key point deeper than 3 mm, no thread longer by more than 8 %."""
-    pattern = pattern_of(name, gender)
-    count = FINER.get(name, KEY_POINTS)
-    garment = Garment(pattern, cut(pattern, spacing_for(pattern, count)), CLOTH)
-    worn = sew(garment, Colliders(primitives=figure(gender)[1], friction=0.3, gap=0.004), limit=LIMIT)
+    garment, worn = sewn(name, gender, FINER.get(name, KEY_POINTS))
     assert misfit(garment, worn) is None
     assert worn.gap < 2e-3
     assert worn.depth < 3e-3
@@ -204,11 +208,11 @@ def test_the_sleeves_of_the_tshirt_lie_smooth():
     scene = load_scene("tshirt")
     worn = dress(scene)
     atlas, index = worn.garment.atlas, np.arange(np.prod(worn.garment.atlas.shape)).reshape(worn.garment.atlas.shape)
-    sewn = worn.garment.sewn().ravel()
+    joined = worn.garment.sewn().ravel()
     corners = np.stack([index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]], axis=-1)
     for number, piece in enumerate(atlas.panels):
         mine = (atlas.cells > 0) & (atlas.owner()[:-1, :-1] == number)
-        own = corners[mine & ~sewn[corners].any(axis=-1)]  # the two sides of a seam overlap by a part of a cell
+        own = corners[mine & ~joined[corners].any(axis=-1)]  # the two sides of a seam overlap by a part of a cell
         faces = np.concatenate([own[:, [0, 1, 2]], own[:, [0, 2, 3]]])
         assert crossed(worn.worn.positions.reshape(-1, 3).astype(np.float64), faces) == 0, piece.panel.name
 
@@ -223,9 +227,7 @@ def test_patterns_of_others_fit_in_a_built_in_scene(name):
 
 @pytest.mark.slow
 def test_a_pattern_on_too_few_key_points_names_its_darts():
-    pattern = pattern_of("dress_pencil_specification", "female")
-    garment = Garment(pattern, cut(pattern, spacing_for(pattern, KEY_POINTS)), CLOTH)
-    worn = sew(garment, Colliders(primitives=figure("female")[1], friction=0.3, gap=0.004), limit=LIMIT)
+    garment, worn = sewn("dress_pencil_specification", "female", KEY_POINTS)
     assert re.search(r"its darts, from \d+ mm wide, want key points closer than 4\d mm", misfit(garment, worn) or "")
 
 

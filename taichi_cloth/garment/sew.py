@@ -277,8 +277,7 @@ def misfit(garment: Garment, worn: Worn) -> str | None:
         x, y, z = worn.positions[row, col]
         where = f"at ({x:.2f}, {y:.2f}, {z:.2f}) m"
         faults.append(f"threads of {name} are {100 * worn.stretch:.1f} % longer {where} (allowed {100 * TAUT:g})")
-    darts = [width for seam in garment.pattern.seams if (width := _narrow(garment, seam))]
-    if faults and darts:
+    if faults and (darts := [width for seam in garment.pattern.seams if (width := _narrow(garment, seam))]):
         cell = max(garment.atlas.spacing)
         faults.append(
             f"its darts, from {1e3 * min(darts):.0f} mm wide, want key points closer than {1e3 * cell:.0f} mm"

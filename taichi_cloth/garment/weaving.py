@@ -39,9 +39,9 @@ class Colours:
     weft: F32
 
 
-def crossings_shape(atlas: Atlas, k: int) -> tuple[int, int]:
-    """(picks, ends) of the cloth that a garment is cut from, with k threads a key point."""
-    rows, cols = atlas.shape
+def crossings_shape(of: Atlas | CutPanel, k: int) -> tuple[int, int]:
+    """(picks, ends) of the cloth that a garment is cut from, or of a panel's rectangle, with k threads a key point."""
+    rows, cols = of.shape
     return (rows - 1) * k + 1, (cols - 1) * k + 1
 
 
@@ -102,7 +102,7 @@ class Weaving:
         count = 0
         for number, piece in enumerate(atlas.panels):
             top, left = piece.row * k, piece.col * k
-            high, wide = (piece.shape[0] - 1) * k + 1, (piece.shape[1] - 1) * k + 1
+            high, wide = crossings_shape(piece, k)
             i, j = row - top, col - left
             mine = woven & (i >= 0) & (last_row - top < high) & (j >= 0) & (last_col - left < wide)
             for along_warp, n, at, place in ((True, wide, j, i), (False, high, i, j)):
