@@ -58,25 +58,17 @@ class Contact(Pass):
     parts = True
 
     def __init__(self, body: Colliders, *, size: int, substeps: int, step: float) -> None:
-        self.body, self.substeps = body, substeps
+        self.body = body
         solids = body.solids
         self._constant = _shapes(body)
         kinds = tuple(sorted({int(k) for k in self._constant[:, 0]}))
         thinnest = min(_thickness(row) for row in self._constant)
         nodes = sum(g.values.size for g in body.grids)
         capacity = -(-len(solids) // 16) * 16
-        long_steps = step * FASTEST > thinnest / 2
-        self._made_of = size, capacity, kinds, bool(long_steps), nodes, body.spared is not None
+        self._thinnest, self._long_steps = thinnest, bool(step * FASTEST > thinnest / 2)
+        self._made_of = size, capacity, kinds, self._long_steps, nodes, body.spared is not None
         self.memory = response(runtime.generation(), *self._made_of)
-        wait = max(2, int(LONGEST_WAIT / step))
-        wait = wait // RAREST * RAREST if wait >= RAREST else 1 << (wait.bit_length() - 1)
-        every = 1 if long_steps else min(wait, RAREST)
-        while every > 1 and every * step > LEAST_WAIT:
-            every //= 2
-        self._settings = np.array(
-            [len(solids), wait, SPARE * step, body.gap, body.recovery * step, thinnest, every, body.friction,
-             TURN]
-        )  # fmt: skip
+        self.join(substeps, step)
         self._points, self._radii = corners(solids)
         self._tree = build(self._points.mean(axis=1))
         self._bones = np.array([p.bone for p in solids])
@@ -87,6 +79,19 @@ class Contact(Pass):
         self._reach = np.linalg.norm(self._points - self._anchors[:, None], axis=2).max(axis=1) + self._radii.max(
             axis=1
         )
+
+    def join(self, substeps: int, step: float) -> None:
+        wait = max(2, int(LONGEST_WAIT / step))
+        wait = wait // RAREST * RAREST if wait >= RAREST else 1 << (wait.bit_length() - 1)
+        every = 1 if self._long_steps else min(wait, RAREST)
+        while every > 1 and every * step > LEAST_WAIT:
+            every //= 2
+        body = self.body
+        self.substeps = substeps
+        self._settings = np.array(
+            [len(body.solids), wait, SPARE * step, body.gap, body.recovery * step, self._thinnest, every, body.friction,
+             TURN]
+        )  # fmt: skip
 
     # Two passes that share their memory are one to the solver: it needs no second kernel for them.
     def __eq__(self, other: object) -> bool:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from taichi_cloth.sheet import Sheet
 
-__all__ = ["Links", "elastic_energy", "elastic_forces", "hinges", "kinetic_energy", "links"]
+__all__ = ["Links", "accelerations", "elastic_energy", "elastic_forces", "hinges", "kinetic_energy", "links"]
 
 F64 = NDArray[np.float64]
 Window = tuple[slice, slice]
@@ -100,6 +100,13 @@ def elastic_forces(sheet: Sheet, positions: ArrayLike) -> F64:
         out[at] += 2 * bend
         out[after] -= bend
     return out
+
+
+def accelerations(sheet: Sheet, positions: ArrayLike, gravity: ArrayLike) -> F64:
+    """By springs, hinges and gravity [m/s²], (rows, cols, 3); 0 of pinned and absent key points."""
+    free = sheet.inverse_mass[..., None]
+    forces = elastic_forces(sheet, np.where(sheet.present[..., None], positions, 0.0))
+    return forces * free + np.where(free > 0, gravity, 0.0)
 
 
 def kinetic_energy(sheet: Sheet, velocities: ArrayLike) -> float:

@@ -171,14 +171,22 @@ class Sheet:
 
     def largest_stretch(self, state: "SheetState") -> float:
         """The largest of both `stretch`, ten times as fast, for every frame."""
-        x = state.values[:3, PAD:-PAD, : self.shape[1]]
-        spacings = self.springs.spacing_x, self.springs.spacing_y
-        strains = []
+        return self._longest(state.values[:3]) - 1
+
+    def largest_slip(self, state: "SheetState") -> float:
+        """By how much two neighbours along a thread moved against each other in the last substep, at most; as a share
+        of their distance at rest."""
+        return self._longest(state.values[3:6])
+
+    def _longest(self, values: F32) -> float:
+        """The largest difference of vectors (3, padded rows, width) [m] along a thread, as a share of the spacing."""
+        inside = values[:, PAD:-PAD, : self.shape[1]]
+        spacings, found = (self.springs.spacing_x, self.springs.spacing_y), []
         for axis, spacing, there in zip((2, 1), spacings, self._threads, strict=True):
-            apart = np.diff(x, axis=axis)
+            apart = np.diff(inside, axis=axis)
             apart *= apart
-            strains.append(np.sqrt(apart.sum(axis=0).max(where=there, initial=0.0)) / spacing - 1)
-        return float(max(strains))
+            found.append(np.sqrt(apart.sum(axis=0).max(where=there, initial=0.0)) / spacing)
+        return float(max(found))
 
 
 @dataclass(frozen=True, eq=False)

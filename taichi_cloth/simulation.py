@@ -1,7 +1,8 @@
 """The loop (paper 3.2): model, state, step.
 
 A frame is, in this order: pins take their next place, the solver moves the state on (`solvers/`), and the state is
-checked. A state that is not finite or stretched beyond belief stops the run; the last good one is kept.
+checked. A frame for which the solver's steps prove too long is taken again with shorter ones. A state that is not
+finite or stretched beyond belief even then stops the run; the last good one is kept.
 
 Units: SI. Time is counted in frames, so that a run that was resumed is the run that was left alone, byte for byte.
 """
@@ -14,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from taichi_cloth.energy import elastic_forces
+from taichi_cloth.energy import accelerations
 from taichi_cloth.errors import InputError, Unstable
 from taichi_cloth.forces import Forces
 from taichi_cloth.pins import Pins
@@ -28,6 +29,10 @@ F32 = NDArray[np.float32]
 LARGEST_STRETCH = 1.0
 """Strain of a thread beyond which a run is stopped: twice its length. No cloth comes near it and stays whole. One that
 starts longer may stay as long."""
+
+LARGEST_SLIP = 2.0
+"""Share of their distance by which neighbours may move against each other in one step of Verlet: the spring between
+them turns over unseen. Sheets in gales and blows come to 0.7, those that make energy to 10 and more."""
 
 LARGEST_ROUNDING = (0.5, 0.1)
 """Speed of a solver's rounding up to which a run is allowed: [m/s], and as a share of √(g L) of the sheet's size L,
@@ -74,6 +79,8 @@ class Simulation:
             start = np.asarray(positions, np.float64)[group.mask]
             if group.path is not None and np.abs(group.at(0.0) - start).max(initial=0.0) > 1e-6:
                 raise InputError("pins.path: at 0 s it is not where the sheet starts; allowed: 1e-6 m off")
+        self._made_for = self._fingerprint()
+        solver.shorten(self.state, self.state)
         self._first_steps(np.asarray(positions, np.float64), velocities)
         self._longest = max(LARGEST_STRETCH, *(1.01 * float(part.max()) for part in sheet.stretch(self.positions)))
         self._check_rounding()
@@ -109,18 +116,28 @@ class Simulation:
     def _first_steps(self, positions: NDArray[np.float64], velocities: ArrayLike) -> None:
         """x(0) − x(−h) = v h − a h²/2, which makes the start of second order, as the rest; v h if not staggered."""
         sheet, h = self.sheet, self.solver.step
-        if not self.solver.staggered:
-            moving = np.where(sheet.inverse_mass[..., None] > 0, np.broadcast_to(velocities, positions.shape), 0.0)
-            sheet.set_steps(self.state, moving * h)
-            return
-        free = sheet.inverse_mass[..., None]
-        forces = elastic_forces(sheet, np.where(sheet.present[..., None], positions, 0.0)) * free
-        acceleration = forces + np.where(free > 0, self.forces.gravity, 0.0)
-        moving = np.where(free > 0, np.broadcast_to(velocities, positions.shape), 0.0)
-        sheet.set_steps(self.state, moving * h - acceleration * h**2 / 2)
+        steps = h * np.where(sheet.inverse_mass[..., None] > 0, np.broadcast_to(velocities, positions.shape), 0.0)
+        if self.solver.staggered:
+            steps -= accelerations(sheet, positions, self.forces.gravity) * h**2 / 2
+        sheet.set_steps(self.state, steps)
 
     def step(self) -> None:
         """One frame. Raises Unstable, with the state as it was before the frame."""
+        while True:
+            moved = self._moved()
+            try:
+                self._check(moved)
+            except Unstable:
+                if not self.solver.shorten(self.state, None):
+                    raise
+            else:
+                if not self.solver.shorten(self.state, moved):
+                    break
+        self.state = moved
+        self.frame += 1
+
+    def _moved(self) -> SheetState:
+        """The state a frame later, whatever it is."""
         start, end = self.time, (self.frame + 1) * self.frame_time
         moved = self.state.copy()
         for group in self.pins:
@@ -131,9 +148,7 @@ class Simulation:
             if group.path is not None:  # float32 steps add up to almost where they lead
                 inside = moved.values[:3, PAD:-PAD, : self.sheet.shape[1]]
                 inside[:, group.mask] = group.at(end).T
-        self._check(moved)
-        self.state = moved
-        self.frame += 1
+        return moved
 
     def _lead(self, state: SheetState, group: Pins, end: float) -> None:
         here = self.sheet.positions(state)
@@ -143,26 +158,39 @@ class Simulation:
 
     def _check(self, state: SheetState) -> None:
         """Raises Unstable with the frame, the key point and what to change."""
-        sheet, number = self.sheet, self.frame + 1
-        if (np.abs(state.values[:3]) < FARTHEST).all() and sheet.largest_stretch(state) <= self._longest:
+        fault = self._fault(state)
+        if fault is None:
             return
-        positions = sheet.positions(state)
-        bad = sheet.present & ~(np.abs(positions) < FARTHEST).all(axis=-1)
-        what = "is not finite"
-        if not bad.any():
-            weft, warp = sheet.stretch(positions)
-            if max(weft.max(), warp.max()) <= self._longest:
-                return
-            family = weft if weft.max() >= warp.max() else warp
-            bad = np.pad(family == family.max(), [(0, n - m) for n, m in zip(sheet.shape, family.shape, strict=True)])
-            what = f"hangs on a thread stretched by {100 * family.max():.0f} % (allowed: {100 * self._longest:.0f} %)"
-        i, j = (int(k) for k in np.argwhere(bad)[0])
-        other = 'solver.name = "implicit", ' if self.solver.staggered else ""
+        where, what = fault
+        i, j = (int(k) for k in np.argwhere(where)[0])
+        number, other = self.frame + 1, 'solver.name = "implicit", ' if self.solver.staggered else ""
         raise Unstable(
             f"frame {number}: key point ({i}, {j}) {what}; the state of frame {self.frame} is kept. "
             f"Use {other}a smaller solver.safety, a stiffer material, slower pins, or weaker forces",
             number,
         )
+
+    def _fault(self, state: SheetState) -> tuple[NDArray[np.bool_], str] | None:
+        """What no sheet can be, and where, (rows, cols)."""
+        sheet = self.sheet
+        if not (np.abs(state.values[:3]) < FARTHEST).all():
+            far = sheet.present & ~(np.abs(sheet.positions(state)) < FARTHEST).all(axis=-1)
+            if far.any():
+                return far, "is not finite"
+        if not sheet.largest_stretch(state) <= self._longest:
+            weft, warp = sheet.stretch(sheet.positions(state))
+            family = weft if weft.max() >= warp.max() else warp
+            here = np.pad(family == family.max(), [(0, n - m) for n, m in zip(sheet.shape, family.shape, strict=True)])
+            strain = f"{100 * family.max():.0f} % (allowed: {100 * self._longest:.0f} %)"
+            return here, f"hangs on a thread stretched by {strain}"
+        slip = sheet.largest_slip(state) if self.solver.staggered else 0.0
+        if not slip <= LARGEST_SLIP:
+            moved = np.where(sheet.present, np.linalg.norm(sheet.steps(state), axis=-1), 0.0)
+            return moved == moved.max(), (
+                f"is among those that pass their neighbours by {slip:.3g} times their distance in one step of "
+                f"{1e6 * self.solver.step:.3g} µs (allowed: {LARGEST_SLIP:g})"
+            )
+        return None
 
     def save(self, path: Path | str) -> None:
         """The state to a file, replaced as a whole: whoever reads it finds this state or the one before."""
@@ -170,7 +198,8 @@ class Simulation:
         part = target.with_name(f".{target.name}.{os.getpid()}.part")
         try:
             with part.open("wb") as file:
-                np.savez(file, values=self.state.values, frame=self.frame, made_for=self._fingerprint())
+                found = np.array(self.solver.found)
+                np.savez(file, values=self.state.values, frame=self.frame, found=found, made_for=self._made_for)
                 file.flush()
                 os.fsync(file.fileno())
             part.replace(target)
@@ -182,18 +211,20 @@ class Simulation:
         try:
             with np.load(path, allow_pickle=False) as saved:
                 values, frame, made_for = saved["values"], int(saved["frame"]), str(saved["made_for"])
+                found = tuple(saved["found"].tolist())
         except (OSError, ValueError, KeyError, EOFError) as error:
             raise InputError(f"{path}: no saved state ({error}); allowed: a file that `save` wrote") from None
         except Exception as error:  # zipfile and zlib raise their own for a file that was cut or changed
             raise InputError(f"{path}: a damaged state ({error}); allowed: a file that `save` wrote") from None
-        if made_for != self._fingerprint() or values.shape != self.state.values.shape or values.dtype != np.float32:
+        if made_for != self._made_for or values.shape != self.state.values.shape or values.dtype != np.float32:
             raise InputError(f"{path}: saved by a simulation of another sheet, forces or step; start it anew")
         self.state = SheetState(values)
         self.frame = frame
+        self.solver.go_on(found)
 
     def _fingerprint(self) -> str:
-        """Of everything the motion follows from, except the paths of pins and, where the body has a name for it, how
-        that moves."""
+        """Of everything the motion follows from at the start, except the paths of pins and, where the body has a name
+        for it, how that moves."""
         digest = hashlib.sha256()
         for array in (self.sheet.cells, self.sheet.pinned):
             digest.update(repr(array.shape).encode() + array.tobytes())

@@ -36,12 +36,12 @@ RATIOS = (1e3, 1e6)
 SPACINGS = (1e-4, 1e-3, 1e-2)  # [m]
 STARTS = (
     "held", "point", "line", "shuffled", "stretched", "inverted", "twisted", "dropped", "thrown", "teleport", "wind",
-    "no rest length", "no mass",
+    "pulled", "no rest length", "no mass",
 )  # fmt: skip
 SHARE, LIMIT = 0.25, StrainLimit(strain=0.03, passes=3)
 """As of the built-in skirt, for cells that are `limited`."""
 
-WORKING = ("teleport", "wind")
+WORKING = ("teleport", "wind", "pulled")
 """Starts in which something outside does work, so that energy tells nothing."""
 
 AT_REST = 0.05
@@ -116,6 +116,9 @@ def _material(cell: Cell) -> Material:
     scaled = {name: cell.stiffness * getattr(base, name) for name in names}
     share = SHARE if cell.limited else 1.0
     density = 0.0 if cell.start == "no mass" else base.density
+    if cell.start == "pulled":  # diagonals that are stiffer than threads turn towards the pull
+        scaled["tensile_warp"] = scaled["tensile_weft"]
+        scaled["shear"] = 3 * scaled["tensile_weft"]
     return replace(base, **scaled, density=density, air_damping=4.0, tensile_share=share)
 
 
@@ -123,6 +126,7 @@ def _sheet(cell: Cell) -> Sheet:
     material = _material(cell)
     held = np.zeros((POINTS, POINTS), bool)
     held[0] = cell.start not in ("dropped", "thrown", "teleport")
+    held[-1] = cell.start == "pulled"
     a = 0.0 if cell.start == "no rest length" else cell.spacing
     springs = calibrate(material, spacing_x=a, spacing_y=a)
     sheet = Sheet.rectangle(POINTS, POINTS, material=material, springs=springs, pinned=held)
@@ -168,6 +172,16 @@ def _start(cell: Cell, sheet: Sheet) -> tuple[F64, float | Sequence[float], Forc
     return x, speed, forces
 
 
+def _pins(cell: Cell, sheet: Sheet, start: F64) -> tuple[Pins, ...]:
+    """Held still; where the sheet is pulled the last row moves away by a fifth of its length within two seconds."""
+    if cell.start != "pulled":
+        return (Pins(sheet.pinned),)
+    first, last = sheet.pinned.copy(), sheet.pinned.copy()
+    first[-1], last[0] = False, False
+    away = 0.2 * (start[-1] - start[0])
+    return Pins(first), Pins(last, lambda time: start[-1] + min(time / 2, 1.0) * away)
+
+
 def _jumping() -> Colliders:
     """A ball under the sheet that is somewhere else every half second."""
     places = np.random.Generator(np.random.Philox(key=11)).uniform(-0.3, 0.3, (16, 3))
@@ -196,7 +210,7 @@ def ran(cell: Cell, seconds: float = SECONDS) -> Outcome:
             if cell.solver == "verlet"
             else Implicit(sheet, forces, frame_rate=rate, step=cell.frame)
         )
-        pins = (Pins(sheet.pinned),) if sheet.pinned.any() else ()
+        pins = _pins(cell, sheet, x) if sheet.pinned.any() else ()
         simulation = Simulation(sheet, solver, forces=forces, positions=x, velocities=velocity, pins=pins)
         energies = [_energy(simulation)]
         for _ in range(round(seconds / cell.frame)):

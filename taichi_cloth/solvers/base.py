@@ -33,6 +33,24 @@ class Solver(ABC):
         """Speed [m/s] that key points get from rounding coordinates whose neighbouring numbers are `ulp` [m] apart."""
         return 0.0
 
+    def shorten(self, state: SheetState, reached: SheetState | None) -> bool:
+        """Whether what the sheet has become asks for shorter steps than were taken; then they are from now on, and the
+        steps in `state` with them.
+
+        state: from which to go on. reached: where the last frame led from there, or the same before the first; None:
+        to what is no sheet any more, so that steps are wanted that are stable in any shape.
+        """
+        return False
+
+    @property
+    def found(self) -> tuple[float, ...]:
+        """What a run has found out about its steps, for one that goes on from it."""
+        return ()
+
+    def go_on(self, found: tuple[float, ...]) -> None:
+        """Takes the steps of the run that found that."""
+        assert not found
+
     @abstractmethod
     def advance(self, state: SheetState, forces: FrameForces) -> None:
         """Moves the state on by one frame, in place.

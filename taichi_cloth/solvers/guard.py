@@ -46,7 +46,8 @@ print(min(times) / solver.substeps / sheet.present.sum())
 class Roots:
     """Square roots in the kernels of a frame after LLVM's last pass: how many numbers vectors hold, and single ones.
 
-    Each lane of each spring of the stencil has one, and nothing else has: they tell whether springs are vector code.
+    Each lane of the stencil has one for each spring. The look at how stiff the sheet has become has one for springs,
+    through which it loops, and five for a 32nd root. Nothing else has one: they tell whether that is vector code.
     """
 
     packed: int

@@ -42,7 +42,10 @@ class Pass:
         return ""
 
     def join(self, substeps: int, step: float) -> None:
-        """By the solver that takes the pass, once: `substeps` a frame, of `step` [s]."""
+        """By the solver that takes the pass, and whenever it takes other steps: `substeps` a frame, of `step` [s]."""
+
+    def rescale(self, state: SheetState, share: float) -> None:
+        """On the host, where steps become `share` of what they were: what is remembered in the state, in place."""
 
     def begin(self, state: SheetState, forces: FrameForces) -> None:
         """On the host, before each frame. What it leaves must follow from its arguments, or a resumed run differs."""

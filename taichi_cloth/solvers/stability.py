@@ -1,5 +1,9 @@
 """How long a step the springs allow: ω_max of the sheet, and the limit of Störmer–Verlet that follows.
 
+ω_max is that of one shape, at rest where none is named. Where springs turn towards each other or threads are drawn taut
+it grows: by 11 % in a sheet pulled by 12 % whose diagonals are stiffer than its threads, by less than 4 % in all
+built-in scenes.
+
 Without damping Verlet is stable for h ω_max < 2. With damping along the springs (stress lags by τ, taken with the
 last step) the highest mode obeys z² − (2 − τω²h − ω²h²) z + 1 − τω²h = 0, which leaves the unit circle at z = −1:
 
@@ -11,6 +15,8 @@ with D the share of the step that viscous damping leaves; D ≈ 1 at any step th
 # scipy says less about its types than it does.
 # pyright: reportCallIssue=false, reportArgumentType=false, reportAssignmentType=false
 
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from math import sqrt
 
 import numpy as np
@@ -18,46 +24,79 @@ from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator, eigsh
 
 from taichi_cloth.blas import one_thread
-from taichi_cloth.energy import hinges, links
+from taichi_cloth.energy import Links, hinges, links
 from taichi_cloth.sheet import Sheet
 
-__all__ = ["frequency_bound", "highest_frequency", "longest_step", "rounding_speed"]
+__all__ = ["FrequencyBound", "highest_frequency", "longest_step", "rounding_speed"]
 
 F64 = NDArray[np.float64]
 
 STILLEST = 0.1
 """Rate [1/s] at which motion is taken to be damped at least: without damping rounding heats a sheet for ever."""
 
+BALANCE = 24
+"""Steps in which scales of the bound are sought: half of them come within 3 %."""
 
-def _stiffness_times(sheet: Sheet, u: F64) -> F64:
-    """K u at rest, u (rows, cols, 3), the sheet in the x–y plane: springs act along themselves, hinges every way."""
-    out = np.zeros_like(u)
+
+@dataclass(frozen=True)
+class _Pull:
+    """Springs of one direction in one shape of the sheet. along: x, y, z of unit vectors, of all of them or of each.
+    taut: 1 − L/l where they are longer than at rest, else 0: by that share they hold themselves straight."""
+
+    link: Links
+    along: tuple[F64 | float, F64 | float, F64 | float]
+    taut: F64 | float
+
+
+def _pulls(sheet: Sheet, positions: F64 | None) -> Iterator[_Pull]:
+    """At positions (rows, cols, 3) [m]; None: at rest, in the x–y plane."""
     for link in links(sheet):
-        nx, ny = link.direction
-        d = u[link.two] - u[link.one]
-        pull = link.constant * (nx * d[..., 0] + ny * d[..., 1])
-        for axis, n in ((0, nx), (1, ny)):
-            if n != 0.0:
-                out[(*link.one, axis)] -= n * pull
-                out[(*link.two, axis)] += n * pull
+        if positions is None:
+            yield _Pull(link, (*link.direction, 0.0), 0.0)
+            continue
+        apart = np.moveaxis(positions[link.two] - positions[link.one], -1, 0)
+        length = np.maximum(np.sqrt((apart * apart).sum(axis=0)), 1e-10)
+        x, y, z = apart / length
+        yield _Pull(link, (x, y, z), np.maximum(1 - link.rest / length, 0.0))
+
+
+def _stiffness_times(sheet: Sheet, pulls: list[_Pull], u: F64) -> F64:
+    """K u, u (3, rows, cols): springs act along themselves, taut ones across too, hinges every way. What pressed
+    springs take off is left out: K is never too small."""
+    out = np.zeros_like(u)
+    for pull in pulls:
+        one, two, taut = pull.link.one, pull.link.two, pull.taut
+        axes = [k for k in range(3) if np.ndim(pull.along[k]) or pull.along[k]]
+        apart = {k: u[k][two] - u[k][one] for k in axes}
+        force = pull.link.constant * (1 - taut) * sum(pull.along[k] * apart[k] for k in axes)
+        across = pull.link.constant * taut if np.ndim(taut) else None
+        for k in axes:
+            share = force * pull.along[k] if across is None else force * pull.along[k] + across * apart[k]
+            out[k][one] -= share
+            out[k][two] += share
     for before, at, after, beta in hinges(sheet):
-        bend = beta[..., None] * (u[before] - 2 * u[at] + u[after])
-        out[before] += bend
-        out[at] -= 2 * bend
-        out[after] += bend
+        for part, of in zip(out, u, strict=True):
+            bend = beta * (of[before] - 2 * of[at] + of[after])
+            part[before] += bend
+            part[at] -= 2 * bend
+            part[after] += bend
     return out
 
 
-def highest_frequency(sheet: Sheet) -> float:
-    """ω_max [rad/s] of the free key points at rest: the largest eigenvalue of M^−½ K M^−½ by Lanczos' form of power
-    iteration, matrix-free, started from a seeded vector. 0 where nothing can move."""
-    root = np.sqrt(sheet.inverse_mass)[..., None]
+def highest_frequency(sheet: Sheet, positions: F64 | None = None) -> float:
+    """ω_max [rad/s] of the free key points: the largest eigenvalue of M^−½ K M^−½ by Lanczos' form of power iteration,
+    matrix-free, started from a seeded vector. 0 where nothing can move.
+
+    positions: (rows, cols, 3) [m] of the shape whose K it is; None: at rest.
+    """
+    root = np.sqrt(sheet.inverse_mass)
     size = root.size * 3
     if not root.any():
         return 0.0
+    pulls = list(_pulls(sheet, positions))
 
     def times(v: F64) -> F64:
-        return (root * _stiffness_times(sheet, root * v.reshape(*sheet.shape, 3))).ravel()
+        return (root * _stiffness_times(sheet, pulls, root * v.reshape(3, *sheet.shape))).ravel()
 
     if size <= 60:  # too small for Lanczos
         matrix = np.stack([times(row) for row in np.eye(size)])
@@ -66,27 +105,98 @@ def highest_frequency(sheet: Sheet) -> float:
     operator = LinearOperator((size, size), matvec=times, dtype=np.float64)
     with one_thread():  # a tenth of the time that two threads take, which spin between products of long thin matrices
         (value,) = eigsh(operator, k=1, which="LA", v0=start, tol=1e-4, ncv=24, return_eigenvectors=False)
-    return min(sqrt(max(0.0, float(value)) * (1 + 1e-3)), frequency_bound(sheet))
+    return sqrt(max(0.0, float(value)) * (1 + 1e-3))
 
 
-def frequency_bound(sheet: Sheet) -> float:
-    """A closed bound of ω_max [rad/s]: ω² ≤ max over key points of 2 λ_max(Σ k n nᵀ)/m + those of hinges.
+class FrequencyBound:
+    """A bound of ω_max that takes no iteration, in any shape of a sheet: ω² ≤ max_p λ_max(A_p), for all scales s > 0,
 
-    From (n·(u − w))² ≤ 2 ((n·u)² + (n·w)²) for springs, and |u₋ − 2u + u₊|² ≤ 4 (|u₋|² + 2|u|² + |u₊|²) for hinges.
+        A_p = Σ k |c_p| w_p/s_p (Σ_q |c_q| w_q s_q) N,     w = m^(−1/2), 0 where pinned,
+
+    over springs (c = 1, 1; N as in K) and hinges (c = 1, 2, 1; N = I) that p is part of: Gershgorin's theorem for
+    blocks (Feingold and Varga 1962) with rows and columns scaled. Here s is such that the bound at rest is small:
+    within 2 % of ω_max, where one without scales is 5 to 9 % above.
+
+    terms: (link, at its first ends, at its second ends), k |c_p| w_p/s_p (…) in windows [1/s²]. bend: what hinges add
+    to every eigenvalue, (rows, cols) [1/s²].
     """
-    xx, xy, yy, bend = (np.zeros(sheet.shape) for _ in range(4))
+
+    def __init__(self, sheet: Sheet) -> None:
+        self.sheet = sheet
+        scale = _balanced(sheet, _flat_eigenvalue)
+        self.terms, self.bend = _terms(sheet, scale)
+
+    def at(self, positions: F64 | None = None) -> float:
+        """[rad/s]. positions: as of `highest_frequency`."""
+        stiff = np.zeros((*self.sheet.shape, 3, 3))
+        for pull, (_, first, second) in zip(_pulls(self.sheet, positions), self.terms, strict=True):
+            taut = np.asarray(pull.taut)[..., None, None]
+            along = np.stack(pull.along, axis=-1)
+            one = (1 - taut) * along[..., :, None] * along[..., None, :] + taut * np.eye(3)
+            stiff[pull.link.one] += first[..., None, None] * one
+            stiff[pull.link.two] += second[..., None, None] * one
+        return float(np.sqrt(np.max(np.linalg.eigvalsh(stiff)[..., -1] + self.bend)))
+
+    def anywhere(self) -> float:
+        """[rad/s]; it holds wherever the key points are: as if springs acted every way, as hinges do."""
+        terms, bend = _terms(self.sheet, _balanced(self.sheet, _sum))
+        return float(np.sqrt(np.max(_sum(self.sheet, terms) + bend)))
+
+
+Terms = list[tuple[Links, F64, F64]]
+
+
+def _terms(sheet: Sheet, scale: F64) -> tuple[Terms, F64]:
+    """`FrequencyBound.terms` and `bend`. scale: s, (rows, cols)."""
+    root = np.sqrt(sheet.inverse_mass)
+    out, into, terms = root / scale, root * scale, []
     for link in links(sheet):
-        nx, ny = link.direction
-        for window in (link.one, link.two):
-            xx[window] += nx * nx * link.constant
-            xy[window] += nx * ny * link.constant
-            yy[window] += ny * ny * link.constant
+        both = link.constant * (into[link.one] + into[link.two])
+        terms.append((link, both * out[link.one], both * out[link.two]))
+    bend = np.zeros(sheet.shape)
     for before, at, after, beta in hinges(sheet):
-        bend[before] += 4 * beta
-        bend[at] += 8 * beta
-        bend[after] += 4 * beta
-    largest = (xx + yy) / 2 + np.sqrt(((xx - yy) / 2) ** 2 + xy**2)
-    return float(np.sqrt(np.max((2 * largest + bend) * sheet.inverse_mass)))
+        all_three = beta * (into[before] + 2 * into[at] + into[after])
+        for window, share in ((before, 1), (at, 2), (after, 1)):
+            bend[window] += share * all_three * out[window]
+    return terms, bend
+
+
+def _balanced(sheet: Sheet, largest: Callable[[Sheet, Terms], F64]) -> F64:
+    """Scales that make the bound small. largest: eigenvalues of the springs' part, (rows, cols)."""
+    scale = best = np.ones(sheet.shape)
+    least = np.inf
+    for _ in range(BALANCE):
+        terms, bend = _terms(sheet, scale)
+        bound = largest(sheet, terms) + bend
+        most = bound.max()
+        if most <= 0:
+            break
+        if most < least:
+            least, best = most, scale
+        scale = scale * np.sqrt(np.maximum(bound / most, 0.3))
+        scale = scale / scale.max()
+    return best
+
+
+def _flat_eigenvalue(sheet: Sheet, terms: Terms) -> F64:
+    """The largest of Σ k n nᵀ at rest, (rows, cols)."""
+    xx, xy, yy = (np.zeros(sheet.shape) for _ in range(3))
+    for link, first, second in terms:
+        nx, ny = link.direction
+        for window, k in ((link.one, first), (link.two, second)):
+            xx[window] += nx * nx * k
+            xy[window] += nx * ny * k
+            yy[window] += ny * ny * k
+    return (xx + yy) / 2 + np.sqrt(((xx - yy) / 2) ** 2 + xy**2)
+
+
+def _sum(sheet: Sheet, terms: Terms) -> F64:
+    """Σ k, (rows, cols)."""
+    out = np.zeros(sheet.shape)
+    for link, first, second in terms:
+        out[link.one] += first
+        out[link.two] += second
+    return out
 
 
 def longest_step(frequency: float, *, fibre_damping: float = 0.0, air_damping: float = 0.0) -> float:

@@ -68,6 +68,14 @@ def store(field: Template, p, values):
 
 
 @ti.func
+def largest(values):
+    """Of the lanes; in halves, as vector instructions have it."""
+    four = ti.Vector([ti.max(values[k], values[k + 4]) for k in ti.static(range(4))])
+    two = ti.Vector([ti.max(four[k], four[k + 2]) for k in ti.static(range(2))])
+    return ti.max(two[0], two[1])
+
+
+@ti.func
 def contact(features: Template, nx, ny, nz, depth, friction, dx, dy, dz):
     """The step (dx, dy, dz) [m] after a push out by `depth` along n, and Coulomb friction of at most µ × push."""
     along = dx * nx + dy * ny + dz * nz

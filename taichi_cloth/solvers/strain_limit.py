@@ -22,10 +22,10 @@ import taichi as ti
 
 from taichi_cloth import runtime
 from taichi_cloth.arrays import Template
-from taichi_cloth.sheet import LANES, Sheet
+from taichi_cloth.sheet import LANES, Sheet, SheetState
 from taichi_cloth.solvers.crew import PARTS
 from taichi_cloth.solvers.passes import Pass
-from taichi_cloth.solvers.stencil import load, store
+from taichi_cloth.solvers.stencil import largest, load, store
 
 __all__ = ["ThreadLimit"]
 
@@ -35,16 +35,12 @@ NEAR = 0.005
 KEPT = 0.985
 """Share of a pull with which the next substep begins: a little less than all, so that what threads strike dies out."""
 
+MOST = 1.0
+"""Share of its length by which a thread is drawn together, at most, before a sweep looks at it: without an end to it a
+start with threads many times too long blows up."""
+
 NONE = -1.0
 """Below what any thread can be: there is none [m²]."""
-
-
-@ti.func
-def largest(values):
-    """Of the lanes; in halves, as vector instructions have it."""
-    four = ti.Vector([ti.max(values[k], values[k + 4]) for k in ti.static(range(4))])
-    two = ti.Vector([ti.max(four[k], four[k + 2]) for k in ti.static(range(2))])
-    return ti.max(two[0], two[1])
 
 
 class ThreadLimit(Pass):
@@ -63,6 +59,9 @@ class ThreadLimit(Pass):
 
     def __hash__(self) -> int:
         return id(self.memory)
+
+    def rescale(self, state: SheetState, share: float) -> None:
+        state.values[6:8] *= share**2  # what a force does in a step
 
     @ti.func
     def open(self, values: Template, p, i, j):
@@ -203,7 +202,7 @@ class _Memory:
                 slow = ti.max(ti.min(growth, over), -pull[p] * scale)
                 if over < 0.0:
                     over = slow
-                pull[p] = ti.max(pull[p] + slow * length, 0.0)
+                pull[p] = ti.min(ti.max(pull[p] + slow * length, 0.0), MOST * longest)
                 self.draw(work, p, q, dx, dy, dz, over, slow)
 
     @ti.func

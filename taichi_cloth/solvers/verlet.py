@@ -1,7 +1,9 @@
 """Explicit Störmer–Verlet (paper 3.2): x(t + h) = x(t) + (x(t) − x(t − h)) + a h², a frame in one kernel.
 
 The step follows from the springs: h = safety × the longest that is stable (`stability.py`), so a person names a frame
-rate only.
+rate only. Where springs are stiffer together than at rest it follows them: after each frame a bound of the highest
+frequency is looked at (`stiffest.py`). Where the step is within 3 % of what that allows, the frequency itself is worked
+out; where it is within 3 % of what this allows, the frame is taken again with shorter steps, and so are those after it.
 
 All substeps are one kernel, and its threads share the work of each stage of each (`crew.py`). As every key point goes
 through the same arithmetic the bytes do not depend on the number of threads.
@@ -23,6 +25,7 @@ from taichi_cloth import runtime
 from taichi_cloth.arrays import F32x3, Float, Int, Template
 from taichi_cloth.contact import Contact
 from taichi_cloth.contact_middles import MiddleContact
+from taichi_cloth.energy import accelerations
 from taichi_cloth.errors import InputError
 from taichi_cloth.forces import Forces, FrameForces
 from taichi_cloth.sheet import LANES, Sheet, SheetState
@@ -30,8 +33,9 @@ from taichi_cloth.solvers.base import Solver
 from taichi_cloth.solvers.crew import PARTS, Crew, Pace, parts_of
 from taichi_cloth.solvers.passes import Pass
 from taichi_cloth.solvers.self_contact import ClothContact
-from taichi_cloth.solvers.stability import highest_frequency, longest_step, rounding_speed
+from taichi_cloth.solvers.stability import FrequencyBound, highest_frequency, longest_step, rounding_speed
 from taichi_cloth.solvers.stencil import Features, Numbers, Stencil
+from taichi_cloth.solvers.stiffest import Stiffest
 from taichi_cloth.solvers.strain_limit import ThreadLimit
 from taichi_cloth.thin_limbs import let_through
 
@@ -41,6 +45,12 @@ WORTH_THREADS = 1_000
 """Key points from which a second thread pays: a factor of 1.4 at 33², 1.9 at 46², 1.6 to 1.8 at 79², 1.8 at 257²."""
 
 MOST_THREADS = PARTS // 2
+
+NEAR = 0.97
+"""Share of the stable limit up to which a step is left as it is where the limit shrinks as the shape changes."""
+
+GROWTH = 1.02
+"""By how much the bound of the frequency has to grow before the frequency itself is worked out again."""
 
 _CHUNK = 1024  # iterations a thread: Taichi gives it 512 or more
 
@@ -70,17 +80,19 @@ class Verlet(Solver):
         if not 0 < safety <= 1:
             raise InputError(f"solver.safety: {safety!r}; allowed: above 0, at most 1")
         m = sheet.material
-        self.sheet, self.frame_rate = sheet, frame_rate
+        self.sheet, self.frame_rate, self._safety = sheet, frame_rate, safety
         self.frequency = highest_frequency(sheet)
-        self.limit = longest_step(self.frequency, fibre_damping=m.fibre_damping, air_damping=m.air_damping)
+        self.limit = self._longest(self.frequency)
+        self.bound = FrequencyBound(sheet)
+        self._seen = 0.0  # the bound when the frequency was last worked out
+        self._now = 0.0  # the bound at the end of the last frame
         longest = safety * self.limit
         if step is not None and not 0 < step <= longest:
             raise InputError(
                 f"solver.step: {step!r} s; the springs of this sheet allow at most {longest:.4g} s "
                 f"({safety:g} of the stable limit); leave it out, or name one above 0 up to that"
             )
-        # Two substeps at a time, for passes that are paired. 1e-9: a frame that is just so many steps is not one more.
-        self.substeps = max(2, 2 * ceil(1 / frame_rate / (step or longest) / 2 - 1e-9))
+        self.substeps = self._steps_of(step or longest)
         self.step = 1 / frame_rate / self.substeps
         self.passes = (*passes, ClothContact(sheet, forces.self_contact)) if forces.self_contact else passes
         if forces.strain_limit:
@@ -101,10 +113,24 @@ class Verlet(Solver):
             apart=bool(self.passes) or m.fibre_damping > 0,
         )
         self._forces = forces
-        self._numbers = _numbers(sheet, forces, self.step)
-        for one in self.passes:
-            one.join(self.substeps, self.step)
+        self._take(self.substeps)
         self._pace = Pace(self.threads)
+
+    def _longest(self, frequency: float) -> float:
+        """The stable limit [s] where that is ω_max [rad/s]."""
+        m = self.sheet.material
+        return longest_step(frequency, fibre_damping=m.fibre_damping, air_damping=m.air_damping)
+
+    def _steps_of(self, longest: float) -> int:
+        """Substeps a frame, of at most so long [s]: two at a time, for passes that are paired. 1e-9: a frame that is
+        just so many steps is not one more."""
+        return max(2, 2 * ceil(1 / self.frame_rate / longest / 2 - 1e-9))
+
+    def _take(self, substeps: int) -> None:
+        self.substeps, self.step = substeps, 1 / self.frame_rate / substeps
+        self._numbers = _numbers(self.sheet, self._forces, self.step)
+        for one in self.passes:
+            one.join(substeps, self.step)
 
     def rounding(self, ulp: float) -> float:
         m = self.sheet.material
@@ -119,15 +145,55 @@ class Verlet(Solver):
         other._numbers = _numbers(self.sheet, self._forces, step)
         return other
 
+    def shorten(self, state: SheetState, reached: SheetState | None) -> bool:
+        if reached is None:
+            self.frequency, self._seen = self.bound.anywhere(), np.inf
+        else:
+            shape = self.sheet.positions(reached).astype(np.float64)
+            now = self.bound.at(shape) if reached is state else self._now
+            if now < GROWTH * self._seen or self.step < NEAR * self._longest(now):
+                return False
+            self.frequency, self._seen = highest_frequency(self.sheet, shape), now
+            if self.step < NEAR * self._longest(self.frequency):
+                return False
+        self.limit = self._longest(self.frequency)
+        substeps = self._steps_of(self._safety * self.limit)
+        if substeps <= self.substeps:
+            return False
+        before = self.step
+        self._take(substeps)
+        self._rescale(state, before)
+        return True
+
+    def _rescale(self, state: SheetState, before: float) -> None:
+        """Steps of `before` [s] in the state to those of the same motion now: x(t) − x(t − h) = v h − a h²/2."""
+        sheet, share = self.sheet, self.step / before
+        a = accelerations(sheet, sheet.positions(state), self._forces.gravity)
+        steps = share * (sheet.steps(state) + a * (before * (before - self.step) / 2))
+        sheet.set_steps(state, steps)
+        for one in self.passes:
+            one.rescale(state, share)
+
+    @property
+    def found(self) -> tuple[float, ...]:
+        return self.substeps, self.frequency, self._seen
+
+    def go_on(self, found: tuple[float, ...]) -> None:
+        substeps, self.frequency, self._seen = found
+        self.limit = self._longest(self.frequency)
+        if substeps != self.substeps:
+            self._take(int(substeps))
+
     def advance(self, state: SheetState, forces: FrameForces) -> None:
         work = _workspace(runtime.generation(), self.sheet.padded_shape, self.threads, self.passes)
-        if work.holder is not self:
+        if work.holder != (self, self.substeps):
             sheet = self.sheet
             model = np.stack([sheet.padded(v) for v in (*sheet.weights, sheet.inverse_mass)])
             work.take_model(model, state.values)
             work.take_parts(sheet.padded(sheet.present) > 0)
             work.numbers[None] = Numbers(**self._numbers)
-            work.holder = self
+            work.stiff.take(self.bound, self.step)
+            work.holder = self, self.substeps
         first, last = np.asarray(forces.wind_start), np.asarray(forces.wind_end)
         wind, change = first.tolist(), ((last - first) / self.substeps).tolist()
         for one in self.passes:
@@ -135,7 +201,8 @@ class Verlet(Solver):
         threads, begin = self._pace.threads(), perf_counter()
         with runtime.plain_code():  # half the time to compile, and as fast a frame
             work.frame(state.values, *wind, *change, self.substeps, threads, self._features)
-        self._pace.took(perf_counter() - begin)
+            self._pace.took(perf_counter() - begin)
+            self._now = work.stiffest() ** 0.5 / self.step
         for one in self.passes:
             one.end(state)
 
@@ -189,7 +256,8 @@ class _Workspace(Stencil):
         self.rows, self.passes, self.crew = rows, passes, Crew(threads)
         self.numbers = Numbers.field(shape=())
         self.block, self.cut = ti.field(ti.i32, rows * width // LANES), ti.field(ti.i32, PARTS + 1)
-        self.holder: Verlet | None = None
+        self.stiff = Stiffest(rows * width)
+        self.holder: tuple[Verlet, int] | None = None
 
     @ti.kernel
     def take_model(self, model: F32x3, values: F32x3):
@@ -357,3 +425,12 @@ class _Workspace(Stencil):
             if k % _CHUNK == 0 and k // _CHUNK < threads:
                 wind, change = ti.Vector([wind_x, wind_y, wind_z]), ti.Vector([change_x, change_y, change_z])
                 self.work(k // _CHUNK, values, self.numbers[None], wind, change, substeps, features)
+
+    @ti.kernel
+    def stiffest(self) -> Float:
+        """The largest bound of (ω h)² at the end of the last frame."""
+        most = 0.0
+        ti.loop_config(serialize=True)
+        for _ in range(1):
+            most = self.stiff.find(self)
+        return most

@@ -1,0 +1,121 @@
+"""How stiff a sheet has become: `FrequencyBound` of the shape at the end of a frame, in vector code.
+
+Springs that turn towards each other, and threads that are drawn taut, are stiffer together than at rest, and Verlet's
+longest step shrinks (`stability.py`). This is looked at after every frame, so it may cost no more than two substeps:
+the largest eigenvalue of a key point's matrix A is taken as (tr A³²)^(1/32), which four squarings give, and which is
+never too small and at most 3.5 % too large.
+"""
+
+# In kernels a vector is a Taichi expression, which type checkers cannot follow.
+# pyright: reportOptionalCall=false, reportOperatorIssue=false, reportGeneralTypeIssues=false
+# pyright: reportArgumentType=false
+
+import numpy as np
+import taichi as ti
+
+from taichi_cloth.arrays import Template
+from taichi_cloth.sheet import LANES
+from taichi_cloth.solvers.crew import PARTS
+from taichi_cloth.solvers.stability import FrequencyBound
+from taichi_cloth.solvers.stencil import largest, load, store
+
+__all__ = ["Stiffest"]
+
+SPRINGS = 12
+"""Of a key point at most: four threads, four diagonals, and four of the paper's to second neighbours."""
+
+XX, YY, ZZ, XY, XZ, YZ, MOST = (k * LANES for k in range(7))
+
+
+@ti.data_oriented
+class Stiffest:
+    """The terms of a padded grid of `size` elements, spring by spring, so that their code is compiled once; and room
+    for the matrices of 8 neighbouring key points, six numbers each, and for the largest bound so far."""
+
+    def __init__(self, size: int) -> None:
+        self.size = size
+        self.springs = ti.field(ti.i32, ())
+        self.offset, self.rest = ti.field(ti.i32, SPRINGS), ti.field(ti.f32, SPRINGS)
+        self.term, self.bend = ti.field(ti.f32, SPRINGS * size), ti.field(ti.f32, size)
+        self.room = ti.field(ti.f32, 7 * LANES)
+
+    def take(self, bound: FrequencyBound, step: float) -> None:
+        """The terms of a sheet's bound × step² [s²]."""
+        sheet = bound.sheet
+        terms = np.zeros((SPRINGS, self.size), np.float32)
+        offsets, rests = np.zeros(SPRINGS, np.int32), np.ones(SPRINGS, np.float32)
+        for k, (link, first, second) in enumerate(bound.terms):
+            (i, j), (down, along) = ([w.start for w in window] for window in (link.one, link.two))
+            for n, window, values, way in ((2 * k, link.one, first, 1), (2 * k + 1, link.two, second, -1)):
+                term = np.zeros(sheet.shape)
+                term[window] = step**2 * values
+                terms[n] = sheet.padded(term).ravel()
+                offsets[n], rests[n] = way * ((down - i) * sheet.width + along - j), link.rest
+        self.springs[None] = 2 * len(bound.terms)
+        self.offset.from_numpy(offsets)
+        self.rest.from_numpy(rests)
+        self.term.from_numpy(terms.ravel())
+        self.bend.from_numpy(sheet.padded(step**2 * bound.bend).ravel())
+
+    @ti.func
+    def find(self, work: Template):
+        """The largest bound of (ω h)² with the key points of a `Stencil` where they are."""
+        for k in range(LANES):
+            self.room[MOST + k] = 0.0
+        for e in range(work.cut[0], work.cut[PARTS]):
+            p = work.lanes(work.block[e] * LANES)
+            for k in range(MOST):
+                self.room[k] = 0.0
+            for k in range(self.springs[None]):
+                self.spring(work, p, k)
+            bound = self.eigenvalue() + load(self.bend, p)
+            store(self.room, MOST, ti.max(load(self.room, MOST), bound))
+        return largest(load(self.room, MOST))
+
+    @ti.func
+    def spring(self, work: Template, p, k):
+        """Adds spring k of the lanes at p: c n nᵀ, and where it is longer than at rest what holds it straight,
+        c (1 − L/l) (I − n nᵀ)."""
+        q = ti.min(ti.max(p + self.offset[k], 0), 1 << 24)  # the bounds tell the compiler that nothing overflows
+        constant = load(self.term, work.lanes(k * self.size + p))
+        x = load(work.position[0], q) - load(work.position[0], p)
+        y = load(work.position[1], q) - load(work.position[1], p)
+        z = load(work.position[2], q) - load(work.position[2], p)
+        inverse = 1.0 / ti.sqrt(ti.max(x * x + y * y + z * z, 1e-20))
+        across = constant * ti.max(1.0 - self.rest[k] * inverse, 0.0)
+        along = (constant - across) * inverse * inverse
+        self.add(XX, along * x * x + across)
+        self.add(YY, along * y * y + across)
+        self.add(ZZ, along * z * z + across)
+        self.add(XY, along * x * y)
+        self.add(XZ, along * x * z)
+        self.add(YZ, along * y * z)
+
+    @ti.func
+    def add(self, k: Template, values):
+        store(self.room, k, load(self.room, k) + values)
+
+    @ti.func
+    def eigenvalue(self):
+        """The largest of each matrix, none of which has one below 0."""
+        xx, yy, zz = load(self.room, XX), load(self.room, YY), load(self.room, ZZ)
+        xy, xz, yz = load(self.room, XY), load(self.room, XZ), load(self.room, YZ)
+        trace = xx + yy + zz
+        s = 1.0 / ti.max(trace, 1e-30)
+        a = squared(squared(squared(squared((xx * s, yy * s, zz * s, xy * s, xz * s, yz * s)))))
+        power = a[0] * a[0] + a[1] * a[1] + a[2] * a[2] + 2.0 * (a[3] * a[3] + a[4] * a[4] + a[5] * a[5])
+        return trace * ti.sqrt(ti.sqrt(ti.sqrt(ti.sqrt(ti.sqrt(power)))))
+
+
+@ti.func
+def squared(a):
+    """A² of a symmetric matrix, by its six numbers xx, yy, zz, xy, xz, yz."""
+    xx, yy, zz, xy, xz, yz = a
+    return (
+        xx * xx + xy * xy + xz * xz,
+        xy * xy + yy * yy + yz * yz,
+        xz * xz + yz * yz + zz * zz,
+        xx * xy + xy * yy + xz * yz,
+        xx * xz + xy * yz + xz * zz,
+        xy * xz + yy * yz + yz * zz,
+    )
