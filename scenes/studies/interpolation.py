@@ -1,10 +1,13 @@
 """From key points to fibres: the rules, and ever fewer key points, against a fabric whose every crossing is one.
 
-The cloth is bent without stretch: along the direction s, 30° off the weft, its slope swings as θ sin(2π s/λ).
+Once the cloth is simulated, every yarn of it: it falls on a ball and hangs in folds. What interpolation alone costs is
+seen where key points are crossings of that cloth; what fewer key points cost altogether, where they are simulated too.
+And once it is bent without stretch into waves that are known exactly: along the direction s, 30° off the weft, the
+slope swings as θ sin(2π s/λ).
 """
 
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from math import pi
 
@@ -15,7 +18,7 @@ from taichi_cloth.blocks import Fabric, build_fabric
 from taichi_cloth.crossings import refine_points
 from taichi_cloth.follow import FibreFollower
 from taichi_cloth.follow_rule import FollowRule
-from taichi_cloth.forces import Forces
+from taichi_cloth.forces import Forces, Sphere
 from taichi_cloth.sheet import Sheet
 from taichi_cloth.simulation import Simulation
 from taichi_cloth.solvers.verlet import Verlet
@@ -26,7 +29,7 @@ from ..moving import material_of, woven_scene
 from ..prepare import prepare_fabric
 from .study import Axis, Row, Study, cpu_seconds
 
-__all__ = ["STUDY", "bent", "bilinear", "errors", "rows"]
+__all__ = ["STUDY", "Cloth", "bent", "bilinear", "draped", "errors", "rows", "wave"]
 
 F64 = NDArray[np.float64]
 PITCH = 1 / 78 / 4
@@ -35,6 +38,7 @@ DEFAULT = 4
 WAVE, SLOPE, COURSE = 0.2, 0.7, pi / 6  # λ [m], θ [rad], direction of s off the weft [rad]
 MARGIN = 24
 """Threads from an edge from which on a particle counts as away from it."""
+BALL, FALL, AIR = 0.07, 1.0, 4.0  # radius [m], time [s] after which the cloth has come to hang, damping [1/s]
 
 RULES: dict[str, tuple[bool, FollowRule]] = {
     "paper: linear, offsets in the world's axes": (False, "paper"),
@@ -42,6 +46,20 @@ RULES: dict[str, tuple[bool, FollowRule]] = {
     "smooth, offsets in the cloth's frame": (True, "smooth"),
 }
 """Whether crossings lie on splines or on straight lines between key points, and the follower's rule."""
+
+SMOOTH = tuple(RULES)[-1:]
+
+
+@dataclass(frozen=True)
+class Cloth:
+    """panel: of its diagram. crossings: (threads, threads, 3) [m]. points: key points, one every so many threads.
+    edges: whether particles near its edges count. methods: of `RULES`."""
+
+    panel: str
+    crossings: F64
+    points: Callable[[int], F64]
+    edges: bool = True
+    methods: tuple[str, ...] = tuple(RULES)
 
 
 def bent(threads: int) -> F64:
@@ -84,54 +102,87 @@ def _fabric(threads: int) -> Fabric:
     return build_fabric(prepare_fabric(woven_scene(scene)).layout)
 
 
-def _frame_of_simulation(points: F64, k: int) -> float:
-    """CPU time [s] of a frame of 1/60 s of the key points."""
+def _sheet(threads: int, k: int) -> Sheet:
+    """Of a cloth of threads × threads with a key point every k, as `drape` has it."""
     scene = load_scene("drape")
     assert scene.cloth is not None
-    material = material_of(scene.cloth)
+    material = replace(material_of(scene.cloth), air_damping=AIR)
+    points = (threads - 1) // k + 1
     springs = calibrate(material, spacing_x=k * PITCH, spacing_y=k * PITCH)
-    sheet = Sheet.rectangle(len(points), len(points), material=material, springs=springs)
-    simulation = Simulation(sheet, Verlet(sheet, Forces()), forces=Forces(), positions=points)
+    return Sheet.rectangle(points, points, material=material, springs=springs)
+
+
+def draped(threads: int, k: int) -> F64:
+    """Key points [m] of the cloth after it has fallen, level, on a ball under its middle."""
+    sheet, middle = _sheet(threads, k), (threads - 1) / 2 * PITCH
+    ball = Sphere(centre=(middle, middle, -BALL - 1e-3), radius=BALL)
+    forces = Forces(gravity=(0.0, 0.0, -9.81), sphere=ball)
+    simulation = Simulation(sheet, Verlet(sheet, forces), forces=forces, positions=sheet.flat())
+    while simulation.time < FALL:
+        simulation.step()
+    return simulation.positions.astype(np.float64)
+
+
+def _frame_of_simulation(threads: int, k: int) -> float:
+    """CPU time [s] of a frame of 1/60 s of the key points."""
+    sheet = _sheet(threads, k)
+    simulation = Simulation(sheet, Verlet(sheet, Forces()), forces=Forces(), positions=sheet.flat())
     return cpu_seconds(simulation.step, 3)
+
+
+def wave(threads: int) -> tuple[Cloth, Cloth]:
+    """The bent cloth, whole and away from its edges."""
+    x = bent(threads)
+
+    def points(k: int) -> F64:
+        return x[::k, ::k]
+
+    return Cloth("bent, whole", x, points), Cloth("bent, away from its edges", x, points, edges=False)
 
 
 def rows(quick: bool) -> Iterator[Row]:
     threads, ratios = (49, (2, 4, 8, 16)) if quick else (97, (3, 4, 6, 8, 12, 16, 24))
-    exact = bent(threads)
-    moving = {float(k): _frame_of_simulation(exact[::k, ::k], k) for k in ratios}
-    for row in errors(threads, ratios):
+    resolved = draped(threads, 1)
+    cloths = (
+        Cloth("draped, key points taken from it", resolved, lambda k: resolved[::k, ::k]),
+        Cloth("draped, key points simulated", resolved, partial(draped, threads), methods=SMOOTH),
+        *wave(threads),
+    )
+    moving = {float(k): _frame_of_simulation(threads, k) for k in ratios}
+    for row in errors(threads, ratios, cloths):
         yield replace(row, seconds=row.seconds + moving[row.value])
 
 
-def errors(threads: int, ratios: Sequence[int]) -> Iterator[Row]:
-    """Rows of a cloth of threads × threads with a key point every so many; the time is that of following alone."""
-    fabric, exact = _fabric(threads), bent(threads)
-    flat = np.zeros_like(exact)
+def errors(threads: int, ratios: Sequence[int], cloths: Sequence[Cloth]) -> Iterator[Row]:
+    """Rows of cloths of threads × threads with a key point every so many; the time is that of following alone."""
+    fabric = _fabric(threads)
+    flat = np.zeros((threads, threads, 3))
     flat[..., :2] = PITCH * np.stack(np.meshgrid(np.arange(threads), np.arange(threads)), -1)
     best = FibreFollower(fabric)
-    best.follow(exact)
-    truth = best.cloud().position
     best.follow(flat)
     edge = MARGIN * (threads - 1) / 96 * PITCH
     place = best.cloud().position[:, :2]
     inner = ((place > edge) & (place < PITCH * (threads - 1) - edge)).all(axis=1)
-    for method, (smooth, rule) in RULES.items():
-        follower = FibreFollower(fabric, rule=rule, rest=flat)
-        for k in ratios:
-            points = exact[::k, ::k]
-            splines = partial(refine_points, points, None, k)
-            # The splines' kernel is timed for all: what lines cost in NumPy says nothing of the rule.
-            cost = cpu_seconds(splines) + cpu_seconds(
-                partial(follower.follow, splines() if smooth else bilinear(points, k))
-            )
-            off = ((follower.cloud().position - truth) ** 2).sum(axis=1)
-            for panel, chosen in (("whole cloth", np.ones(len(off), bool)), ("away from its edges", inner)):
+    followers = {method: FibreFollower(fabric, rule=rule, rest=flat) for method, (_, rule) in RULES.items()}
+    for cloth in cloths:
+        best.follow(cloth.crossings)
+        truth = best.cloud().position
+        key_points = {k: cloth.points(k) for k in ratios}
+        for method in cloth.methods:
+            follower, (smooth, rule) = followers[method], RULES[method]
+            for k, points in key_points.items():
+                splines = partial(refine_points, points, None, k)
+                # The splines' kernel is timed for all: what lines cost in NumPy says nothing of the rule.
+                cost = cpu_seconds(splines) + cpu_seconds(
+                    partial(follower.follow, splines() if smooth else bilinear(points, k))
+                )
+                off = ((follower.cloud().position - truth) ** 2).sum(axis=1)
                 yield Row(
-                    panel=panel,
+                    panel=cloth.panel,
                     method=method,
                     knob=f"{k} threads",
                     value=float(k),
-                    error=float(np.sqrt(off[chosen].mean())),
+                    error=float(np.sqrt(off.mean() if cloth.edges else off[inner].mean())),
                     seconds=cost,
                     default=k == DEFAULT and rule == "smooth",
                 )
@@ -140,16 +191,18 @@ def errors(threads: int, ratios: Sequence[int]) -> Iterator[Row]:
 STUDY = Study(
     name="interpolation",
     title="Interpolation: from key points to fibres",
-    about=f"A fabric of threads {1e3 * PITCH:.1f} mm apart, bent without stretch into waves of {1e3 * WAVE:.0f} mm, "
-    "and fibres that follow ever fewer key points, which lie on the surface exactly. Reference: the fully resolved "
-    "fabric, every crossing a key point. Error: root mean square over all fibre particles. Time: a frame of 1/60 s of "
-    "those key points by Verlet, the crossings and the fibres.",
+    about=f"Fibres of a fabric of threads {1e3 * PITCH:.1f} mm apart that follow ever fewer key points. Reference: the "
+    "fully resolved fabric, every crossing a key point. Draped: a cloth that has fallen on a ball of "
+    f"{2e3 * BALL:.0f} mm, every yarn simulated; key points are crossings taken from it, which shows what "
+    "interpolation alone costs, or simulated themselves, and then folds differ too. Bent: without stretch, into waves "
+    f"of {1e3 * WAVE:.0f} mm. Error: root mean square over fibre particles. Time: a frame of 1/60 s of those key points "
+    "by Verlet, the crossings and the fibres.",
     error=Axis("error of fibres, rms", "µm", 1e6),
     time=Axis("CPU time a frame", "ms", 1e3),
     rows=rows,
     why={"smooth, offsets in the cloth's frame": "its error is a small part of a pixel where all of a cloth is seen"},
     claimed={
-        "away from its edges: linear, offsets in the cloth's frame": 2.0,
-        "away from its edges: smooth, offsets in the cloth's frame": 3.0,
+        "bent, away from its edges: linear, offsets in the cloth's frame": 2.0,
+        "bent, away from its edges: smooth, offsets in the cloth's frame": 3.0,
     },
 )

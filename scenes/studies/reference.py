@@ -12,7 +12,7 @@ import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
 
-from taichi_cloth.energy import elastic_forces, hinges, links
+from taichi_cloth.energy import accelerations, hinges, links
 from taichi_cloth.forces import Forces
 from taichi_cloth.sheet import Sheet
 from taichi_cloth.solvers.stability import highest_frequency
@@ -110,17 +110,10 @@ def reference(sheet: Sheet, forces: Forces, start: F64, seconds: float, *, share
     arrays = (np.concatenate(ends).astype(np.int32), np.concatenate(constant), np.concatenate(rest))
     bends = (np.concatenate([c for c, _ in corners]).astype(np.int32), np.concatenate([b for _, b in corners]))
     x = x.copy()
-    u[:] = -0.5 * _first(sheet, x, h2, forces)
+    u[:] = -0.5 * h2 * accelerations(sheet, start, forces.gravity).reshape(-1, 3)
     done = 0
     while done < count:
         some = min(count - done, 50_000)
         _run(*arrays, *bends, inverse, world, some, x, u, f)
         done += some
     return x.reshape(start.shape), count
-
-
-def _first(sheet: Sheet, x: F64, h2: float, forces: Forces) -> F64:
-    """a h² at the start: half of it, back, is the step before the first."""
-    free = sheet.inverse_mass[..., None]
-    pull = elastic_forces(sheet, x.reshape(*sheet.shape, 3)) * free + np.where(free > 0, forces.gravity, 0.0)
-    return h2 * pull.reshape(-1, 3)
