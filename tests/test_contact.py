@@ -191,6 +191,28 @@ def test_a_fast_limb_does_not_pass_through(turning: bool) -> None:
     assert np.linalg.norm(simulation.positions - x, axis=-1).max() > 0.1
 
 
+def test_a_limb_is_met_where_it_is_when_steps_become_shorter() -> None:
+    """A limb that comes up at 1 m/s takes a sheet along. After a shorter step it is where its motion says in all
+    substeps: with those of before it would be a third further at the end of a frame, 5 mm, and draw back."""
+    sheet = sheet_of(0.2)
+
+    def motion(time: float) -> np.ndarray:
+        return turned(0, 0.0, (0.0, time, 0.0))[None]
+
+    body = touching(BODIES["sphere"], motion=motion)
+    simulation = simulate(sheet, forces=Forces(body=body), positions=level(sheet, 0.122))
+    lows = []
+    for number in range(8):
+        if number == 4:
+            before = simulation.solver.step
+            assert simulation.solver.shorten(simulation.state, None)
+            assert simulation.solver.step < 0.8 * before
+        simulation.step()
+        lows.append(clearance(touching(BODIES["sphere"]), simulation.positions - motion(simulation.time)[0, :3, 3]))
+    assert min(lows) > -1e-4
+    assert max(lows[3:]) < 1e-3, lows
+
+
 @pytest.mark.slow
 def test_steps_longer_than_a_limb_find_it_on_their_way() -> None:
     """A wire 1 mm thick comes at 5 m/s, more than twice its thickness a step; it meets the middle column in the middle

@@ -153,6 +153,18 @@ def test_the_cloth_of_the_interpolation_study_is_bent_without_stretch() -> None:
         assert length.max() < interpolation.PITCH * (1 + 1e-6)
 
 
+def test_the_draped_cloth_of_the_interpolation_study_lies_on_its_ball_at_every_spacing() -> None:
+    """49 threads, 0.15 m: the corners hang, nothing is in the ball, and key points twice as far apart lie within 15 mm,
+    a quarter of how far the corners have fallen."""
+    resolved, coarse = (interpolation.draped(49, k) for k in (4, 8))
+    middle = 24 * interpolation.PITCH
+    for x in (resolved, coarse):
+        from_ball = np.linalg.norm(x - [middle, middle, -interpolation.BALL - 1e-3], axis=-1)
+        assert from_ball.min() > interpolation.BALL - 1e-4
+        assert x[[0, 0, -1, -1], [0, -1, 0, -1], 2].max() < -0.04
+    assert np.linalg.norm(resolved[::2, ::2] - coarse, axis=-1).max() < 15e-3
+
+
 COUNTED = """
 import taichi as ti
 from taichi_cloth import runtime

@@ -195,8 +195,8 @@ STUDY = Study(
     "fully resolved fabric, every crossing a key point. Draped: a cloth that has fallen on a ball of "
     f"{2e3 * BALL:.0f} mm, every yarn simulated; key points are crossings taken from it, which shows what "
     "interpolation alone costs, or simulated themselves, and then folds differ too. Bent: without stretch, into waves "
-    f"of {1e3 * WAVE:.0f} mm. Error: root mean square over fibre particles. Time: a frame of 1/60 s of those key points "
-    "by Verlet, the crossings and the fibres.",
+    f"of {1e3 * WAVE:.0f} mm. Error: root mean square over fibre particles. Time: a frame of 1/60 s of those key "
+    "points by Verlet, the crossings and the fibres.",
     error=Axis("error of fibres, rms", "µm", 1e6),
     time=Axis("CPU time a frame", "ms", 1e3),
     rows=rows,
