@@ -129,7 +129,7 @@ class Ties(Pass):
         return compliance * np.linalg.inv((mobile @ blend.T).toarray() + np.diag(soft[:, 0]))
 
     def made_of(self) -> str:
-        return digest(self.index, self.weight, self.share, self.places, self.bones, self.reach)
+        return digest(self.index, self.weight, self.share, self.places, self.bones, self.reach, self.repeated)
 
     def targets(self, bones: F64 | None) -> F64:
         """Places (n, 3) [m] with the bones there, (bones, 4, 4) or None for rest; 0 for ties between two points."""
