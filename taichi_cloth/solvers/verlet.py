@@ -52,6 +52,9 @@ NEAR = 0.97
 GROWTH = 1.02
 """By how much the bound of the frequency has to grow before the frequency itself is worked out again."""
 
+ROUGH = 1e-2
+"""Tolerance with which the square of that frequency is worked out on the way: a frame waits for it."""
+
 _CHUNK = 1024  # iterations a thread: Taichi gives it 512 or more
 
 
@@ -153,7 +156,7 @@ class Verlet(Solver):
             now = self.bound.at(shape) if reached is state else self._now
             if now < GROWTH * self._seen or self.step < NEAR * self._longest(now):
                 return False
-            self.frequency, self._seen = highest_frequency(self.sheet, shape), now
+            self.frequency, self._seen = highest_frequency(self.sheet, shape, tolerance=ROUGH), now
             if self.step < NEAR * self._longest(self.frequency):
                 return False
         self.limit = self._longest(self.frequency)
