@@ -18,7 +18,8 @@ class Outcome:
     """part: of the program. what: the case. verdict: STABLE, REFUSED or NEITHER. drift: the most that the total energy
     rose above an earlier value, as a share of the largest kinetic or elastic energy; nan where something does work.
     stretch: largest strain of a thread at the end. speed: mean at the end [m/s]. recovered: "yes", "tangled" (at rest,
-    but threads hold each other long), "moving", or "". line: what was said. seconds: CPU time."""
+    but threads hold each other long), "pulled" (at rest, held long), "moving", or "". line: what was said.
+    seconds: CPU time."""
 
     part: str
     what: str

@@ -228,7 +228,8 @@ def ran(cell: Cell, seconds: float = SECONDS) -> Outcome:
     if cell.start in WORKING:
         drift = nan
     strain = np.concatenate([np.abs(part).ravel() for part in sheet.stretch(simulation.positions)])
-    recovered = "moving" if speed > AT_REST else "yes" if np.percentile(strain, 95) < 0.1 else "tangled"
+    long = "pulled" if cell.start == "pulled" else "tangled"
+    recovered = "moving" if speed > AT_REST else "yes" if np.percentile(strain, 95) < 0.1 else long
     finite = np.isfinite(simulation.state.values).all()
     line = ""
     if not finite or drift > MADE:
