@@ -96,7 +96,7 @@ def test_verlets_limit_is_found_where_it_is_predicted_and_the_automatic_step_is_
     solver = Verlet(sheet, Forces())
     assert solver.step <= 0.9 * predicted < found
     if "fibre_damping" not in changes:
-        assert found == pytest.approx(2 / solver.frequency, rel=0.02)
+        assert found == pytest.approx(2 / solver.choice.frequency, rel=0.02)
 
 
 def test_rounding_grows_as_steps_shrink_and_damping_stills_it() -> None:

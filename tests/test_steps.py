@@ -82,7 +82,7 @@ def test_the_kernel_finds_the_bound_of_a_frame_s_end(bending) -> None:
     for shape in (x, 1.5 * x, sheet.flat()):
         state = sheet.state(shape)
         solver.advance(state, FrameForces())
-        exact = solver.bound.at(sheet.positions(state).astype(float))
+        exact = solver.choice.bound.at(sheet.positions(state).astype(float))
         assert 0.99999 < solver._now / exact < 1.0175
 
 

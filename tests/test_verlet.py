@@ -9,7 +9,7 @@ from strips import COLS, NOTHING, PLAIN, ROWS, run, simulate, strip
 from taichi_cloth.energy import elastic_energy, elastic_forces, hinges, kinetic_energy, links
 from taichi_cloth.errors import InputError
 from taichi_cloth.forces import Forces, FrameForces
-from taichi_cloth.solvers import verlet
+from taichi_cloth.solvers import step_choice
 from taichi_cloth.solvers.stability import FrequencyBound, _pulls, _stiffness_times, highest_frequency, longest_step
 from taichi_cloth.solvers.verlet import Verlet
 from taichi_cloth.springs import BendingLaw
@@ -81,7 +81,7 @@ def one_spring(share: float) -> float:
     x = sheet.flat()
     x[1, :, 1] += amplitude
     period = 2 * np.pi / omega
-    longest = Verlet(sheet, NOTHING, frame_rate=1 / period).limit
+    longest = Verlet(sheet, NOTHING, frame_rate=1 / period).choice.limit
     out = (
         run(simulate(sheet, positions=x, frame_rate=1.25 / period, step=share * longest), 3)[-1, 1, 0, 1] - s.spacing_y
     )
@@ -144,7 +144,7 @@ def test_the_stable_limit_is_two_over_the_highest_frequency(monkeypatch: pytest.
         def stretched(*args, factor=factor, **options):
             return factor * longest_step(*args, **options)
 
-        monkeypatch.setattr(verlet, "longest_step", stretched)
+        monkeypatch.setattr(step_choice, "longest_step", stretched)
         sheet = strip(pinned=(0,), shear=20.0, fibre_damping=tau)
         limit = stretched(highest_frequency(sheet), fibre_damping=tau)
         solver = Verlet(sheet, NOTHING, frame_rate=1 / (2000 * limit * (1 - 1e-9)), safety=1.0)
@@ -174,7 +174,7 @@ def test_the_highest_frequency_lies_under_its_bound_and_near_the_dense_one() -> 
 
 def test_a_step_that_is_too_long_is_refused_with_the_one_that_would_do() -> None:
     sheet = strip()
-    allowed = 0.9 * Verlet(sheet, NOTHING).limit
+    allowed = 0.9 * Verlet(sheet, NOTHING).choice.limit
     with pytest.raises(InputError, match=f"{allowed:.4g} s"):
         Verlet(sheet, NOTHING, step=allowed * 1.01)
     assert Verlet(sheet, NOTHING, step=allowed).step <= allowed

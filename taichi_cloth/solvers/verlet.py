@@ -1,9 +1,8 @@
 """Explicit Störmer–Verlet (paper 3.2): x(t + h) = x(t) + (x(t) − x(t − h)) + a h², a frame in one kernel.
 
 The step follows from the springs: h = safety × the longest that is stable (`stability.py`), so a person names a frame
-rate only. Where springs are stiffer together than at rest it follows them: after each frame a bound of the highest
-frequency is looked at (`stiffest.py`). Where the step is within 3 % of what that allows, the frequency itself is worked
-out; where it is within 3 % of what this allows, the frame is taken again with shorter steps, and so are those after it.
+rate only. Where springs become stiffer together than at rest it follows them (`step_choice.py`): the frame is taken
+again with shorter steps, and so are those after it.
 
 All substeps are one kernel, and its threads share the work of each stage of each (`crew.py`). As every key point goes
 through the same arithmetic the bytes do not depend on the number of threads.
@@ -14,7 +13,7 @@ through the same arithmetic the bytes do not depend on the number of threads.
 
 from copy import copy
 from functools import lru_cache
-from math import ceil, exp, expm1
+from math import exp, expm1
 from time import perf_counter
 
 import numpy as np
@@ -33,8 +32,9 @@ from taichi_cloth.solvers.base import Solver
 from taichi_cloth.solvers.crew import PARTS, Crew, Pace, parts_of
 from taichi_cloth.solvers.passes import Pass
 from taichi_cloth.solvers.self_contact import ClothContact
-from taichi_cloth.solvers.stability import FrequencyBound, highest_frequency, longest_step, rounding_speed
+from taichi_cloth.solvers.stability import rounding_speed
 from taichi_cloth.solvers.stencil import Features, Numbers, Stencil
+from taichi_cloth.solvers.step_choice import StepChoice
 from taichi_cloth.solvers.stiffest import Stiffest
 from taichi_cloth.solvers.strain_limit import ThreadLimit
 from taichi_cloth.thin_limbs import let_through
@@ -45,15 +45,6 @@ WORTH_THREADS = 1_000
 """Key points from which a second thread pays: a factor of 1.4 at 33², 1.9 at 46², 1.6 to 1.8 at 79², 1.8 at 257²."""
 
 MOST_THREADS = PARTS // 2
-
-NEAR = 0.97
-"""Share of the stable limit up to which a step is left as it is where the limit shrinks as the shape changes."""
-
-GROWTH = 1.02
-"""By how much the bound of the frequency has to grow before the frequency itself is worked out again."""
-
-ROUGH = 1e-2
-"""Tolerance with which the square of that frequency is worked out on the way: a frame waits for it."""
 
 _CHUNK = 1024  # iterations a thread: Taichi gives it 512 or more
 
@@ -83,19 +74,16 @@ class Verlet(Solver):
         if not 0 < safety <= 1:
             raise InputError(f"solver.safety: {safety!r}; allowed: above 0, at most 1")
         m = sheet.material
-        self.sheet, self.frame_rate, self._safety = sheet, frame_rate, safety
-        self.frequency = highest_frequency(sheet)
-        self.limit = self._longest(self.frequency)
-        self.bound = FrequencyBound(sheet)
-        self._seen = 0.0  # the bound when the frequency was last worked out
-        self._now = 0.0  # the bound at the end of the last frame
-        longest = safety * self.limit
+        self.sheet, self.frame_rate = sheet, frame_rate
+        self.choice = StepChoice(sheet, frame_rate=frame_rate, safety=safety)
+        self._now = 0.0  # the bound of the frequency at the end of the last frame [rad/s]
+        longest = self.choice.longest
         if step is not None and not 0 < step <= longest:
             raise InputError(
                 f"solver.step: {step!r} s; the springs of this sheet allow at most {longest:.4g} s "
                 f"({safety:g} of the stable limit); leave it out, or name one above 0 up to that"
             )
-        self.substeps = self._steps_of(step or longest)
+        self.substeps = self.choice.substeps(step or longest)
         self.step = 1 / frame_rate / self.substeps
         self.passes = (*passes, ClothContact(sheet, forces.self_contact)) if forces.self_contact else passes
         if forces.strain_limit:
@@ -119,16 +107,6 @@ class Verlet(Solver):
         self._take(self.substeps)
         self._pace = Pace(self.threads)
 
-    def _longest(self, frequency: float) -> float:
-        """The stable limit [s] where that is ω_max [rad/s]."""
-        m = self.sheet.material
-        return longest_step(frequency, fibre_damping=m.fibre_damping, air_damping=m.air_damping)
-
-    def _steps_of(self, longest: float) -> int:
-        """Substeps a frame, of at most so long [s]: two at a time, for passes that are paired. 1e-9: a frame that is
-        just so many steps is not one more."""
-        return max(2, 2 * ceil(1 / self.frame_rate / longest / 2 - 1e-9))
-
     def _take(self, substeps: int) -> None:
         self.substeps, self.step = substeps, 1 / self.frame_rate / substeps
         self._numbers = _numbers(self.sheet, self._forces, self.step)
@@ -149,24 +127,23 @@ class Verlet(Solver):
         return other
 
     def shorten(self, state: SheetState, reached: SheetState | None) -> bool:
+        choice = self.choice
         if reached is None:
-            self.frequency, self._seen = self.bound.anywhere(), np.inf
+            choice.any_shape()
         else:
-            shape = self.sheet.positions(reached).astype(np.float64)
-            now = self.bound.at(shape) if reached is state else self._now
-            if now < GROWTH * self._seen or self.step < NEAR * self._longest(now):
+            bound = choice.bound.at(self._shape(state)) if reached is state else self._now
+            if not (choice.crossed(self.step, bound) and choice.look(self.step, self._shape(reached), bound)):
                 return False
-            self.frequency, self._seen = highest_frequency(self.sheet, shape, tolerance=ROUGH), now
-            if self.step < NEAR * self._longest(self.frequency):
-                return False
-        self.limit = self._longest(self.frequency)
-        substeps = self._steps_of(self._safety * self.limit)
+        substeps = choice.substeps(choice.longest)
         if substeps <= self.substeps:
             return False
         before = self.step
         self._take(substeps)
         self._rescale(state, before)
         return True
+
+    def _shape(self, state: SheetState) -> NDArray[np.float64]:
+        return self.sheet.positions(state).astype(np.float64)
 
     def _rescale(self, state: SheetState, before: float) -> None:
         """Steps of `before` [s] in the state to those of the same motion now: x(t) − x(t − h) = v h − a h²/2."""
@@ -179,11 +156,10 @@ class Verlet(Solver):
 
     @property
     def found(self) -> tuple[float, ...]:
-        return self.substeps, self.frequency, self._seen
+        return self.substeps, self.choice.frequency, self.choice.seen
 
     def go_on(self, found: tuple[float, ...]) -> None:
-        substeps, self.frequency, self._seen = found
-        self.limit = self._longest(self.frequency)
+        substeps, self.choice.frequency, self.choice.seen = found
         if substeps != self.substeps:
             self._take(int(substeps))
 
@@ -195,7 +171,7 @@ class Verlet(Solver):
             work.take_model(model, state.values)
             work.take_parts(sheet.padded(sheet.present) > 0)
             work.numbers[None] = Numbers(**self._numbers)
-            work.stiff.take(self.bound, self.step)
+            work.stiff.take(self.choice.bound, self.step)
             work.holder = self, self.substeps
         first, last = np.asarray(forces.wind_start), np.asarray(forces.wind_end)
         wind, change = first.tolist(), ((last - first) / self.substeps).tolist()

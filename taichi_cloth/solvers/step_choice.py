@@ -1,0 +1,70 @@
+"""How many substeps a frame of Verlet takes, from the shape that the sheet is in.
+
+The step follows the highest frequency of the springs (`stability.py`), at rest where a run begins. Where springs are
+stiffer together than at rest a bound of that frequency tells, which is looked at after each frame (`stiffest.py`).
+Where the step is within 3 % of what the bound allows, the frequency itself is worked out; where it is within 3 % of
+what this allows, shorter steps are wanted.
+"""
+
+from math import ceil
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_cloth.sheet import Sheet
+from taichi_cloth.solvers.stability import FrequencyBound, highest_frequency, longest_step
+
+__all__ = ["StepChoice"]
+
+NEAR = 0.97
+"""Share of the stable limit up to which a step is left as it is where the limit shrinks as the shape changes."""
+
+GROWTH = 1.02
+"""By how much the bound of the frequency has to grow before the frequency itself is worked out again."""
+
+ROUGH = 1e-2
+"""Tolerance with which the square of that frequency is worked out on the way: a frame waits for it."""
+
+
+class StepChoice:
+    """Of one sheet, for frames of 1/frame_rate [s]. safety: share of the stable limit.
+
+    frequency: ω_max [rad/s] that steps were last chosen for. seen: the bound then [rad/s], 0 at rest.
+    """
+
+    def __init__(self, sheet: Sheet, *, frame_rate: float, safety: float) -> None:
+        self.sheet, self.frame_rate, self.safety = sheet, frame_rate, safety
+        self.frequency, self.seen = highest_frequency(sheet), 0.0
+        self.bound = FrequencyBound(sheet)
+
+    @property
+    def limit(self) -> float:
+        """The longest stable step [s]."""
+        return self._allowed(self.frequency)
+
+    @property
+    def longest(self) -> float:
+        """The longest that is safe [s]."""
+        return self.safety * self.limit
+
+    def substeps(self, step: float) -> int:
+        """Of a frame, each of at most `step` [s]: two at a time, for passes that are paired. 1e-9: a frame that is just
+        so many steps is not one more."""
+        return max(2, 2 * ceil(1 / self.frame_rate / step / 2 - 1e-9))
+
+    def crossed(self, step: float, bound: float) -> bool:
+        """Whether a shape of that bound [rad/s] has to be looked at by `look`."""
+        return bound >= GROWTH * self.seen and step >= NEAR * self._allowed(bound)
+
+    def look(self, step: float, shape: NDArray[np.float64], bound: float) -> bool:
+        """Works out the frequency of a shape (rows, cols, 3) [m]: whether the step is too near its limit."""
+        self.frequency, self.seen = highest_frequency(self.sheet, shape, tolerance=ROUGH), bound
+        return step >= NEAR * self.limit
+
+    def any_shape(self) -> None:
+        """From now on steps are for any shape."""
+        self.frequency, self.seen = self.bound.anywhere(), np.inf
+
+    def _allowed(self, frequency: float) -> float:
+        m = self.sheet.material
+        return longest_step(frequency, fibre_damping=m.fibre_damping, air_damping=m.air_damping)
