@@ -20,14 +20,14 @@ Solver = tuple[Callable[[], object], Callable[[], np.ndarray]]
 
 
 def ours(scene: str, n: int, args: argparse.Namespace) -> Solver:
-    from taichi_cloth import runtime
-    from taichi_cloth.forces import Forces, Sphere
-    from taichi_cloth.materials import Material
-    from taichi_cloth.pins import Pins
-    from taichi_cloth.sheet import Sheet
-    from taichi_cloth.simulation import Simulation
+    from taichi_cloth.ground import runtime
+    from taichi_cloth.motion.forces import Forces, Sphere
+    from taichi_cloth.motion.simulation import Simulation
+    from taichi_cloth.sheet.materials import Material
+    from taichi_cloth.sheet.pins import Pins
+    from taichi_cloth.sheet.sheet import Sheet
+    from taichi_cloth.sheet.springs import calibrate
     from taichi_cloth.solvers.verlet import Verlet
-    from taichi_cloth.springs import calibrate
 
     runtime.start("cpu", threads=1)
     material = Material(

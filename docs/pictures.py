@@ -7,20 +7,20 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from taichi_cloth import runtime
-from taichi_cloth.body.build import built_in_body
-from taichi_cloth.body.segment import segment
-from taichi_cloth.contours import known_contours
-from taichi_cloth.render.caption import caption
-from taichi_cloth.render.image import contact_sheet, read_png
-from taichi_cloth.scenes.body_fit import draw_fit
-from taichi_cloth.scenes.cloth import ClothModel
-from taichi_cloth.scenes.figures import FIGURES, fitted
-from taichi_cloth.scenes.load import load_scene
-from taichi_cloth.scenes.models import build
-from taichi_cloth.scenes.standing import primitives_of
-from taichi_cloth.scenes.view import View
-from taichi_cloth.scenes.zoom import zoom
+from taichi_cloth.body.figure.build import built_in_body
+from taichi_cloth.body.parts.segment import segment
+from taichi_cloth.fibre.contours import known_contours
+from taichi_cloth.ground import runtime
+from taichi_cloth.render.image.caption import caption
+from taichi_cloth.render.image.image import contact_sheet, read_png
+from taichi_cloth.scenes.body.body_fit import draw_fit
+from taichi_cloth.scenes.build.cloth import ClothModel
+from taichi_cloth.scenes.build.models import build
+from taichi_cloth.scenes.build.standing import primitives_of
+from taichi_cloth.scenes.paper.figures import FIGURES, fitted
+from taichi_cloth.scenes.picture.view import View
+from taichi_cloth.scenes.picture.zoom import zoom
+from taichi_cloth.scenes.scene.load import load_scene
 
 HERE = Path(__file__).parent
 SCHORT = HERE.parent / "tests" / "data" / "wif" / "schort.wif"

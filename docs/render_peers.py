@@ -21,8 +21,8 @@ os.environ.setdefault("LP_NUM_THREADS", "2")
 os.environ.setdefault("LIBGL_ALWAYS_SOFTWARE", "1")
 os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
 
-from taichi_cloth.render.camera import Camera, look_at
-from taichi_cloth.render.particles import Particles
+from taichi_cloth.render.data.camera import Camera, look_at
+from taichi_cloth.render.data.particles import Particles
 
 WIDTH, HEIGHT, OPACITY = 1280, 720, 0.85
 Draw = Callable[[Camera], object]
@@ -47,9 +47,9 @@ def woven_tube(count: int) -> Particles:
 
 
 def ours(p: Particles) -> Draw:
-    from taichi_cloth import runtime
-    from taichi_cloth.render.splat import Splatter
-    from taichi_cloth.render.sprites import SOFT
+    from taichi_cloth.ground import runtime
+    from taichi_cloth.render.data.sprites import SOFT
+    from taichi_cloth.render.splat.splat import Splatter
 
     runtime.start(threads=2, pin=True)
     splatter, out = Splatter(WIDTH, HEIGHT, profile=SOFT).load(p), np.empty((HEIGHT, WIDTH, 3), np.uint8)

@@ -11,9 +11,9 @@ from typing import Annotated, Any, NoReturn
 import typer
 
 import taichi_cloth
-from taichi_cloth.errors import InputError, Unstable
+from taichi_cloth.ground.errors import InputError, Unstable
 
-from .body_command import body_app
+from .body.body_command import body_app
 
 __all__ = ["app", "main"]
 
@@ -41,7 +41,7 @@ Threads = Annotated[int | None, typer.Option("--threads", help="CPU threads; def
 @app.command("scenes")
 def list_scenes() -> None:
     """List the built-in scenes, a line each."""
-    from .load import built_in_scenes
+    from .scene.load import built_in_scenes
 
     known = built_in_scenes()
     width = max(len(name) for name in known)
@@ -52,9 +52,9 @@ def list_scenes() -> None:
 @app.command("plan")
 def show_plan(scene: SceneName, overrides: Overrides = None) -> None:
     """Say what a scene builds, what it leaves out and why, and how much of everything. Runs nothing."""
-    from .load import load_scene
-    from .plan import plan
-    from .report import plan_lines
+    from .plan.lines import plan_lines
+    from .plan.plan import plan
+    from .scene.load import load_scene
 
     for line in plan_lines(plan(load_scene(scene, overrides))):
         typer.echo(line)
@@ -79,7 +79,7 @@ def turntable(
     threads: Threads = None,
 ) -> None:
     """Walk round a scene: a PNG a view, an MP4 and a contact sheet."""
-    from .run import run
+    from .commands.run import run
 
     changed = _changed(overrides, "views", views, webp)
     run("turntable", scene, changed, size=size, out=out, resume=resume, arch=arch, threads=threads)
@@ -101,7 +101,7 @@ def animate(
     threads: Threads = None,
 ) -> None:
     """Show a scene that moves (twist, drape, flag, hanging, dress): a PNG a frame, an MP4 and a contact sheet."""
-    from .run import run
+    from .commands.run import run
 
     changed = _changed(overrides, "frames", frames, webp)
     changed += [f"body.motion={motion}"] if motion is not None else []
@@ -121,7 +121,7 @@ def make_zoom(
     threads: Threads = None,
 ) -> None:
     """One continuous move from the whole cloth to one fibre: a PNG a frame, an MP4 and a contact sheet."""
-    from .run import run
+    from .commands.run import run
 
     changed = _changed(overrides, "frames", frames, webp)
     run("zoom", scene, changed, size=size, out=out, resume=resume, arch=arch, threads=threads)
@@ -140,7 +140,7 @@ def make_still(
     threads: Threads = None,
 ) -> None:
     """One clean picture, and if asked depth, normals, coverage and numbers of yarns, with the camera in a JSON."""
-    from .still import still
+    from .commands.still import still
 
     still(
         scene,
@@ -170,20 +170,20 @@ def profile(
 ) -> None:
     """Time building and drawing: this scene, and the fixed work the paper's T-shirt sets. Medians."""
     if tables:
-        from .tables import FRAMES, table_lines
+        from .paper.tables import FRAMES, table_lines
 
         for line in table_lines(frames=FRAMES if frames is None else frames, out=out, arch=arch, threads=threads):
             typer.echo(line)
         return
     if render:
-        from .profile_render import render_profile_lines
+        from .measure.profile_render import render_profile_lines
 
         for line in render_profile_lines(
             scene, overrides, largest=largest, repeats=repeats, arch=arch, threads=threads
         ):
             typer.echo(line)
         return
-    from .profile import profile_lines
+    from .measure.profile import profile_lines
 
     for line in profile_lines(scene, overrides, repeats=repeats, arch=arch, threads=threads):
         typer.echo(line)
@@ -198,7 +198,7 @@ def figures(
     threads: Threads = None,
 ) -> None:
     """Make the paper's Figures 1 to 16, on one page with captions and commands."""
-    from .figures import make_figures
+    from .paper.figures import make_figures
 
     status = make_figures(out=out, only=only, quick=quick, arch=arch, threads=threads)
     if status:
@@ -262,11 +262,9 @@ def _terminate(number: int, frame: object) -> NoReturn:
 def _status(arguments: list[str]) -> int:
     from typer.exceptions import TyperException
 
-    from ..render.errors import RenderError
-
     try:
         result: Any = app(args=arguments, standalone_mode=False, prog_name="taichi-cloth")
-    except (InputError, RenderError, Unstable) as error:
+    except (InputError, Unstable) as error:
         _say(str(error))
         return 2
     except typer.Exit as end:

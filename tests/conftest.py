@@ -4,7 +4,7 @@ from typing import get_args
 
 import pytest
 
-from taichi_cloth import runtime
+from taichi_cloth.ground import runtime
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

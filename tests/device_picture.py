@@ -8,14 +8,14 @@ import sys
 import numpy as np
 import trimesh
 
-from taichi_cloth import runtime
-from taichi_cloth.render.camera import look_at
-from taichi_cloth.render.finish import Finish
-from taichi_cloth.render.light import KeyLight, Lighting
-from taichi_cloth.render.mesh import Mesh
-from taichi_cloth.render.paint import paint
-from taichi_cloth.render.particles import Particles
-from taichi_cloth.render.splat import Splatter
+from taichi_cloth.ground import runtime
+from taichi_cloth.render.data.camera import look_at
+from taichi_cloth.render.data.finish import Finish
+from taichi_cloth.render.data.light import KeyLight, Lighting
+from taichi_cloth.render.data.particles import Particles
+from taichi_cloth.render.splat.splat import Splatter
+from taichi_cloth.render.stage.paint import paint
+from taichi_cloth.render.tiles.mesh import Mesh
 
 SIZE = 96
 

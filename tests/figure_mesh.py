@@ -4,11 +4,11 @@ from functools import cache
 
 import numpy as np
 
-from taichi_cloth.body.distance import nearest_distance, signed_distance
-from taichi_cloth.body.implicit import smooth_union
-from taichi_cloth.body.primitives import Primitive
-from taichi_cloth.body.segment import segment
-from taichi_cloth.body.surface_nets import surface_nets
+from taichi_cloth.body.figure.implicit import smooth_union
+from taichi_cloth.body.figure.surface_nets import surface_nets
+from taichi_cloth.body.parts.segment import segment
+from taichi_cloth.body.primitives.distance import nearest_distance, signed_distance
+from taichi_cloth.body.primitives.primitives import Primitive
 
 
 def figure(*, bent: bool = False) -> list[Primitive]:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from taichi_cloth.garment.figure import Figure, Limb, Section
+from taichi_cloth.garment.pattern.measures import Figure, Limb, Section
 
 
 def plain_figure() -> Figure:

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_cloth.sheet import Sheet
+from taichi_cloth.sheet.sheet import Sheet
 
 
 def triangles(sheet: Sheet) -> NDArray:

@@ -3,11 +3,11 @@
 import numpy as np
 from scipy.ndimage import map_coordinates
 
-from taichi_cloth.render.camera import Camera
-from taichi_cloth.render.finish import Finish
-from taichi_cloth.render.light import Lighting
-from taichi_cloth.render.particles import Particles
-from taichi_cloth.render.sprites import Profile, SpriteSheet
+from taichi_cloth.render.data.camera import Camera
+from taichi_cloth.render.data.finish import Finish
+from taichi_cloth.render.data.light import Lighting
+from taichi_cloth.render.data.particles import Particles
+from taichi_cloth.render.data.sprites import Profile, SpriteSheet
 
 
 def shade(p: Particles, camera: Camera, light: Lighting, finish: Finish) -> np.ndarray:

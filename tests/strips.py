@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_cloth.forces import Forces
-from taichi_cloth.materials import Material
-from taichi_cloth.pins import Pins
-from taichi_cloth.sheet import Sheet
-from taichi_cloth.simulation import Simulation
+from taichi_cloth.motion.forces import Forces
+from taichi_cloth.motion.simulation import Simulation
+from taichi_cloth.sheet.materials import Material
+from taichi_cloth.sheet.pins import Pins
+from taichi_cloth.sheet.sheet import Sheet
+from taichi_cloth.sheet.springs import BendingLaw, calibrate
 from taichi_cloth.solvers.verlet import Verlet
-from taichi_cloth.springs import BendingLaw, calibrate
 
 ROWS, COLS = 41, 3
 PLAIN = Material(

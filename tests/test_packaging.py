@@ -13,17 +13,21 @@ from pathlib import Path
 import pytest
 
 REPOSITORY = Path(__file__).parents[1]
-ROOMS = {
-    "taichi_cloth": "taichi_cloth",
-    "taichi_cloth/body": "taichi_cloth/body",
-    "taichi_cloth/garment": "taichi_cloth/garment",
-    "taichi_cloth/solvers": "taichi_cloth/solvers",
-    "taichi_cloth/render": "render",
-    "taichi_cloth/scenes": "scenes",
-    "taichi_cloth/scenes/studies": "scenes/studies",
-    "taichi_cloth/scenes/stability": "scenes/stability",
-}
+ROOTS = {"taichi_cloth": "taichi_cloth", "taichi_cloth/render": "render", "taichi_cloth/scenes": "scenes"}
 """Folder in the wheel: folder in the repository."""
+
+ROOMS = {
+    f"{inside}/{path.relative_to(REPOSITORY / root).as_posix()}".removesuffix("/."): path.relative_to(
+        REPOSITORY
+    ).as_posix()
+    for inside, root in ROOTS.items()
+    for path in (REPOSITORY / root, *(REPOSITORY / root).rglob("*/"))
+    if any(path.glob("*.py"))
+}
+"""The same for every folder that holds modules."""
+
+LARGEST_ROOM = 15
+"""Modules in a folder, `__init__.py` apart."""
 
 MODULES = sorted({path for room in ROOMS.values() for path in (REPOSITORY / room).rglob("*.py")})
 PROJECT = tomllib.loads((REPOSITORY / "pyproject.toml").read_text("utf-8"))
@@ -40,10 +44,15 @@ def belongs_in_wheel() -> set[str]:
 
 
 def test_every_folder_with_modules_is_a_listed_package() -> None:
-    listed = PROJECT["tool"]["setuptools"]["package-dir"]
-    assert sorted(listed) == sorted(PROJECT["tool"]["setuptools"]["packages"])
-    folders = {path.parent.relative_to(REPOSITORY).as_posix() for path in MODULES}
-    assert folders == set(listed.values())
+    listed = PROJECT["tool"]["setuptools"]["packages"]
+    assert sorted(listed) == sorted(inside.replace("/", ".") for inside in ROOMS)
+
+
+def test_no_room_is_an_attic() -> None:
+    counts = {
+        room: len([p for p in (REPOSITORY / room).glob("*.py") if p.stem != "__init__"]) for room in ROOMS.values()
+    }
+    assert {room: count for room, count in counts.items() if count > LARGEST_ROOM} == {}
 
 
 @pytest.mark.slow
@@ -52,7 +61,7 @@ def test_the_wheel_holds_every_module_and_scene(tmp_path: Path) -> None:
     clone.mkdir()
     for name in ("pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(REPOSITORY / name, clone / name)
-    for room in ROOMS.values():
+    for room in ROOTS.values():
         shutil.copytree(
             REPOSITORY / room, clone / room, ignore=shutil.ignore_patterns("__pycache__"), dirs_exist_ok=True
         )
@@ -68,7 +77,8 @@ def test_the_wheel_holds_every_module_and_scene(tmp_path: Path) -> None:
 
 def imports(path: Path) -> Iterator[tuple[int, str]]:
     """(line, absolute dotted name) of everything a module imports, wherever in it."""
-    inside = next(i for i, room in ROOMS.items() if path.parent == REPOSITORY / room)
+    here = path.parent.relative_to(REPOSITORY).as_posix()
+    inside = next((i for i, room in ROOMS.items() if here == room), here)
     package = inside.replace("/", ".").split(".")
     for node in ast.walk(ast.parse(path.read_text("utf-8"))):
         if isinstance(node, ast.Import):
@@ -79,14 +89,43 @@ def imports(path: Path) -> Iterator[tuple[int, str]]:
             yield from ((node.lineno, f"{stem}.{alias.name}") for alias in node.names)
 
 
-def room_of(name: str) -> str:
-    """Which room an imported dotted name is of; "" for other packages."""
+def floor_of(name: str) -> str:
+    """Which part of the house an imported dotted name is of: render, scenes, core, or its ground; "" if elsewhere."""
     parts = name.split(".")
     if parts[0] in ("render", "scenes"):
         return parts[0]
     if parts[0] != "taichi_cloth":
         return ""
-    return parts[1] if len(parts) > 1 and parts[1] in ("render", "scenes") else "core"
+    return parts[1] if len(parts) > 1 and parts[1] in ("render", "scenes", "ground") else "core"
+
+
+def folder_of(name: str) -> str | None:
+    """The folder of the repository that an imported dotted name lies in; None if it is not ours."""
+    parts = name.split(".")
+    if parts[0] != "taichi_cloth":
+        return None
+    while "/".join(parts) not in ROOMS:
+        parts.pop()
+    return ROOMS["/".join(parts)]
+
+
+def arrows() -> dict[str, set[str]]:
+    """Folder to the folders that its modules import from, wherever in them."""
+    found: dict[str, set[str]] = {room: set() for room in ROOMS.values()}
+    for path in MODULES:
+        here = path.parent.relative_to(REPOSITORY).as_posix()
+        for _, name in imports(path):
+            there = folder_of(name)
+            if there not in (None, here, "taichi_cloth"):  # taichi_cloth itself: the version
+                found[here].add(str(there))
+    return found
+
+
+def test_arrows_between_folders_go_one_way() -> None:
+    found = arrows()
+    while free := {room for room, used in found.items() if not used}:  # rooms that need no other: take them away
+        found = {room: used - free for room, used in found.items() if room not in free}
+    assert found == {}, "these import each other in a circle"
 
 
 @pytest.mark.parametrize("path", MODULES, ids=lambda p: p.relative_to(REPOSITORY).as_posix())
@@ -94,7 +133,7 @@ def test_rooms_import_only_what_they_may(path: Path) -> None:
     room = path.relative_to(REPOSITORY).parts[0]
     forbidden = {"taichi_cloth": {"render", "scenes"}, "render": {"core", "scenes"}, "scenes": set()}[room]
     # Switches for Taichi are set in taichi_cloth/__init__.py; that is not the core, and no room needs to import it.
-    wrong = [f"{path.name}:{line} imports {name}" for line, name in imports(path) if room_of(name) in forbidden]
+    wrong = [f"{path.name}:{line} imports {name}" for line, name in imports(path) if floor_of(name) in forbidden]
     assert wrong == []
 
 
@@ -102,8 +141,11 @@ def test_the_import_check_sees_relative_and_absolute_imports(tmp_path: Path, mon
     monkeypatch.setattr(sys.modules[__name__], "REPOSITORY", tmp_path)
     path = tmp_path / "render" / "x.py"
     path.parent.mkdir()
-    path.write_text("from ..fibre import contour\nfrom . import camera\nimport taichi_cloth.yarn\nimport numpy\n")
-    assert [room_of(name) for _, name in imports(path)] == ["core", "render", "core", ""]
+    path.write_text(
+        "from ..fibre import contour\nfrom . import camera\nimport taichi_cloth.yarn\n"
+        "import numpy\nfrom taichi_cloth.ground import errors\n"
+    )
+    assert [floor_of(name) for _, name in imports(path)] == ["core", "render", "core", "", "ground"]
 
 
 def test_only_the_runtime_starts_taichi() -> None:
@@ -118,7 +160,7 @@ def test_only_the_runtime_starts_taichi() -> None:
         )
         or (isinstance(node, ast.ImportFrom) and node.module == "taichi" and any(a.name == "init" for a in node.names))
     }
-    assert callers == {"taichi_cloth/runtime.py"}
+    assert callers == {"taichi_cloth/ground/runtime.py"}
 
 
 def python(code: str, folder: Path) -> subprocess.CompletedProcess[str]:
@@ -169,7 +211,7 @@ def test_the_version_is_stated_once() -> None:
 
 
 WRONG = """import taichi as ti
-from taichi_cloth import runtime
+from taichi_cloth.ground import runtime
 
 runtime.start("cpu", threads=1)
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from taichi_cloth.scenes.load import built_in_scenes, load_scene
+from taichi_cloth.scenes.scene.load import built_in_scenes, load_scene
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text("utf-8")

@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_cloth.forces import Forces, FrameForces
-from taichi_cloth.sheet import Sheet
+from taichi_cloth.motion.forces import Forces, FrameForces
+from taichi_cloth.sheet.sheet import Sheet
 from taichi_cloth.solvers.stability import highest_frequency, longest_step
 from taichi_cloth.solvers.verlet import Verlet
 

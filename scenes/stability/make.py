@@ -4,12 +4,12 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-from taichi_cloth import runtime
-from taichi_cloth.errors import InputError
+from taichi_cloth.ground import runtime
+from taichi_cloth.ground.errors import InputError
 
-from ...render.image import write_bytes
-from ..run import progress
-from ..studies.page import csv_text
+from ...render.image.image import write_bytes
+from ..commands.run import progress
+from ..measure.page import csv_text
 from .outcome import HEAD, NEITHER, Outcome, tried
 from .program import program_cases
 from .sheets import cells, ran

@@ -4,9 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from math import isfinite, nan
 
-from taichi_cloth.errors import InputError, Unstable
-
-from ...render.errors import RenderError
+from taichi_cloth.ground.errors import InputError, Unstable
 
 __all__ = ["NEITHER", "REFUSED", "STABLE", "Outcome", "refused", "tried"]
 
@@ -52,7 +50,7 @@ def tried(part: str, what: str, work: Callable[[], str | None]) -> Outcome:
     that is no error of ours, where it is neither."""
     try:
         return Outcome(part=part, what=what, verdict=STABLE, line=work() or "")
-    except (InputError, RenderError, Unstable) as error:
+    except (InputError, Unstable) as error:
         return refused(part, what, error)
     except Exception as error:  # whatever it is, it is no line for a person: the table says so
         return Outcome(part=part, what=what, verdict=NEITHER, line=f"{type(error).__name__}: {error}")

@@ -7,29 +7,29 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_cloth.blocks import build_fabric
-from taichi_cloth.body.build import built_in_body
-from taichi_cloth.body.grid import part_grids
-from taichi_cloth.body.meshfile import body_from_mesh
-from taichi_cloth.fabric import pose_points
-from taichi_cloth.forces import Forces
-from taichi_cloth.garment.cut import cut
-from taichi_cloth.garment.pattern import Flat, Panel, Pattern, Seam, Side
-from taichi_cloth.garment.sew import Garment
-from taichi_cloth.materials import named_material
-from taichi_cloth.pins import Pins
-from taichi_cloth.sheet import Sheet
-from taichi_cloth.simulation import Simulation
+from taichi_cloth.body.colliders.grid import part_grids
+from taichi_cloth.body.figure.build import built_in_body
+from taichi_cloth.body.files.meshfile import body_from_mesh
+from taichi_cloth.fabric.fabric import build_fabric
+from taichi_cloth.fabric.layout import pose_points
+from taichi_cloth.garment.pattern.cut import cut
+from taichi_cloth.garment.pattern.pattern import Flat, Panel, Pattern, Seam, Side
+from taichi_cloth.garment.sewn.sew import Garment
+from taichi_cloth.motion.forces import Forces
+from taichi_cloth.motion.simulation import Simulation
+from taichi_cloth.sheet.materials import named_material
+from taichi_cloth.sheet.pins import Pins
+from taichi_cloth.sheet.sheet import Sheet
+from taichi_cloth.sheet.springs import Springs, calibrate
 from taichi_cloth.solvers.verlet import Verlet
-from taichi_cloth.springs import Springs, calibrate
-from taichi_cloth.twist import transient_twist, zone_twist
+from taichi_cloth.yarn.twist import transient_twist, zone_twist
 
-from ...render.camera import look_at
-from ...render.splat import Splatter
-from ..load import load_scene
-from ..models import build
-from ..prepare import prepare_fabric, require_picture
-from ..studies.picture import Swatch
+from ...render.data.camera import look_at
+from ...render.splat.splat import Splatter
+from ..build.models import build
+from ..build.prepare import prepare_fabric, require_picture
+from ..measure.picture import Swatch
+from ..scene.load import load_scene
 from .limit import found_limit
 
 __all__ = ["program_cases"]

@@ -10,18 +10,18 @@ from math import nan
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_cloth.body.colliders import Colliders
-from taichi_cloth.body.primitives import Primitive
-from taichi_cloth.energy import elastic_energy, kinetic_energy, links
-from taichi_cloth.errors import InputError, Unstable
-from taichi_cloth.forces import Forces, Plane, Sphere, StrainLimit, Wind
-from taichi_cloth.materials import Material, named_material
-from taichi_cloth.pins import Pins
-from taichi_cloth.sheet import Sheet
-from taichi_cloth.simulation import Simulation
+from taichi_cloth.body.colliders.colliders import Colliders
+from taichi_cloth.body.primitives.primitives import Primitive
+from taichi_cloth.ground.errors import InputError, Unstable
+from taichi_cloth.motion.forces import Forces, Plane, Sphere, StrainLimit, Wind
+from taichi_cloth.motion.simulation import Simulation
+from taichi_cloth.sheet.energy import elastic_energy, kinetic_energy, links
+from taichi_cloth.sheet.materials import Material, named_material
+from taichi_cloth.sheet.pins import Pins
+from taichi_cloth.sheet.sheet import Sheet
+from taichi_cloth.sheet.springs import calibrate
 from taichi_cloth.solvers.implicit import Implicit
 from taichi_cloth.solvers.verlet import Verlet
-from taichi_cloth.springs import calibrate
 
 from .outcome import NEITHER, STABLE, Outcome, refused
 

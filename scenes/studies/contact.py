@@ -7,18 +7,18 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from taichi_cloth.body.build import built_in_body
-from taichi_cloth.body.colliders import solid_distance
-from taichi_cloth.body.distance import nearest_distance
-from taichi_cloth.body.fit import fit
-from taichi_cloth.body.primitives import Primitive
-from taichi_cloth.body.query import PrimitiveQuery
-from taichi_cloth.body.segment import segment
+from taichi_cloth.body.colliders.colliders import solid_distance
+from taichi_cloth.body.colliders.query import PrimitiveQuery
+from taichi_cloth.body.figure.build import built_in_body
+from taichi_cloth.body.parts.segment import segment
+from taichi_cloth.body.primitives.distance import nearest_distance
+from taichi_cloth.body.primitives.fit import fit
+from taichi_cloth.body.primitives.primitives import Primitive
 
-from ..body_fit import BONES
-from ..report_body import POINTS, exact_distance, garment_points
-from ..standing import GRID_SPACING, grids_at, primitives_of
-from .study import Axis, Row, Study, cpu_seconds
+from ..body.body_fit import BONES
+from ..body.report_body import POINTS, exact_distance, garment_points
+from ..build.standing import GRID_SPACING, grids_at, primitives_of
+from ..measure.study import Axis, Row, Study, cpu_seconds
 
 __all__ = ["STUDY", "rows"]
 

@@ -2,10 +2,10 @@
 
 from collections.abc import Iterable, Iterator
 
-from ...render.camera import Camera
-from ...render.splat import Splatter
-from .picture import Swatch, difference, shown
-from .study import Axis, Row, Study, cpu_seconds
+from ...render.data.camera import Camera
+from ...render.splat.splat import Splatter
+from ..measure.picture import Swatch, difference, shown
+from ..measure.study import Axis, Row, Study, cpu_seconds
 
 __all__ = ["STUDY", "rows"]
 

@@ -14,20 +14,20 @@ from math import pi
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_cloth.blocks import Fabric, build_fabric
-from taichi_cloth.crossings import refine_points
-from taichi_cloth.follow import FibreFollower
-from taichi_cloth.follow_rule import FollowRule
-from taichi_cloth.forces import Forces, Sphere
-from taichi_cloth.sheet import Sheet
-from taichi_cloth.simulation import Simulation
+from taichi_cloth.fabric.crossings import refine_points
+from taichi_cloth.fabric.fabric import Fabric, build_fabric
+from taichi_cloth.fabric.follow import FibreFollower
+from taichi_cloth.fabric.follow_rule import FollowRule
+from taichi_cloth.motion.forces import Forces, Sphere
+from taichi_cloth.motion.simulation import Simulation
+from taichi_cloth.sheet.sheet import Sheet
+from taichi_cloth.sheet.springs import calibrate
 from taichi_cloth.solvers.verlet import Verlet
-from taichi_cloth.springs import calibrate
 
-from ..load import load_scene
-from ..moving import material_of, woven_scene
-from ..prepare import prepare_fabric
-from .study import Axis, Row, Study, cpu_seconds
+from ..build.moving import material_of, woven_scene
+from ..build.prepare import prepare_fabric
+from ..measure.study import Axis, Row, Study, cpu_seconds
+from ..scene.load import load_scene
 
 __all__ = ["STUDY", "Cloth", "bent", "bilinear", "draped", "errors", "rows", "wave"]
 

@@ -9,14 +9,14 @@ from pathlib import Path
 from typing import Any
 
 import taichi_cloth
-from taichi_cloth import runtime
-from taichi_cloth.errors import InputError, did_you_mean
+from taichi_cloth.ground import runtime
+from taichi_cloth.ground.errors import InputError, did_you_mean
 
-from ..machine import cores, cpu_name
-from ..run import progress
-from .diagram import draw, require_matplotlib
-from .page import Section, check_folder, section_of, write_report
-from .study import Row, Study
+from ..commands.run import progress
+from ..measure.diagram import draw, require_matplotlib
+from ..measure.machine import cores, cpu_name
+from ..measure.page import Section, check_folder, section_of, write_report
+from ..measure.study import Row, Study
 
 __all__ = ["STUDIES", "chosen", "make_report"]
 

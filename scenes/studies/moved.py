@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_cloth.simulation import Simulation
+from taichi_cloth.motion.simulation import Simulation
 
 __all__ = ["rms", "timed"]
 

@@ -12,9 +12,9 @@ import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
 
-from taichi_cloth.energy import accelerations, hinges, links
-from taichi_cloth.forces import Forces
-from taichi_cloth.sheet import Sheet
+from taichi_cloth.motion.forces import Forces
+from taichi_cloth.sheet.energy import accelerations, hinges, links
+from taichi_cloth.sheet.sheet import Sheet
 from taichi_cloth.solvers.stability import highest_frequency
 
 __all__ = ["reference"]

@@ -12,20 +12,20 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_cloth.errors import InputError, Unstable
-from taichi_cloth.forces import Forces, Sphere
-from taichi_cloth.materials import named_material
-from taichi_cloth.sheet import Sheet
-from taichi_cloth.simulation import Simulation
-from taichi_cloth.solvers.base import Solver
+from taichi_cloth.ground.errors import InputError, Unstable
+from taichi_cloth.motion.forces import Forces, Sphere
+from taichi_cloth.motion.simulation import Simulation
+from taichi_cloth.motion.solver import Solver
+from taichi_cloth.sheet.materials import named_material
+from taichi_cloth.sheet.sheet import Sheet
+from taichi_cloth.sheet.springs import calibrate
 from taichi_cloth.solvers.implicit import STEP, Implicit
 from taichi_cloth.solvers.verlet import Verlet
-from taichi_cloth.springs import calibrate
 
+from ..measure.study import Axis, Row, Study, microseconds
 from . import worn
 from .moved import rms, timed
 from .reference import reference
-from .study import Axis, Row, Study, microseconds
 
 __all__ = ["CASES", "STUDY", "rows", "run", "scene", "solver_rows"]
 

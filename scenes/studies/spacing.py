@@ -6,12 +6,12 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_cloth.solvers.convergence import FRAME_RATE, LENGTH, swing
 from taichi_cloth.solvers.verlet import Verlet
 
+from ..measure.study import Axis, Row, Study
+from .convergence import FRAME_RATE, LENGTH, swing
 from .moved import rms
 from .solver import SIDE, run, scene
-from .study import Axis, Row, Study
 
 __all__ = ["STUDY", "rows"]
 

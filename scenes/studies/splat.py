@@ -5,10 +5,10 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from ...render.particles import Particles
-from ...render.splat import Splatter
-from .picture import Swatch, difference, shown
-from .study import Axis, Row, Study, cpu_seconds
+from ...render.data.particles import Particles
+from ...render.splat.splat import Splatter
+from ..measure.picture import Swatch, difference, shown
+from ..measure.study import Axis, Row, Study, cpu_seconds
 
 __all__ = ["STUDY", "rows"]
 

@@ -60,12 +60,12 @@ def field_bytes() -> int:
 
 def probe(begun: float, size: tuple[int, int], name: str, overrides: list[str]) -> Probe:
     """Everything from the import to a few frames. Starts Taichi."""
-    from taichi_cloth import runtime
+    from taichi_cloth.ground import runtime
 
-    from ..load import load_scene
-    from ..models import build, shown_frame
-    from ..plan import plan
-    from ..view import View
+    from ..build.models import build, shown_frame
+    from ..picture.view import View
+    from ..plan.plan import plan
+    from ..scene.load import load_scene
 
     imported = time.time()
     scene = load_scene(name, overrides)

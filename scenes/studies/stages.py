@@ -10,13 +10,13 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
-from taichi_cloth.errors import InputError
+from taichi_cloth.ground.errors import InputError
 
-from ..dressing import dress
-from ..load import built_in_scenes, load_scene
-from ..machine import cores
-from ..schema import Scene
-from .page import Section, csv_text
+from ..build.dressing import dress
+from ..measure.machine import cores
+from ..measure.page import Section, csv_text
+from ..scene.load import built_in_scenes, load_scene
+from ..scene.schema import Scene
 from .stage_probe import Probe
 
 __all__ = ["FORCED", "StageRow", "probed", "section"]

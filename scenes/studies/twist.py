@@ -5,10 +5,10 @@ from functools import partial
 
 import numpy as np
 
-from taichi_cloth.twist import transient_twist, zone_twist
-from taichi_cloth.twist_field import twist_field
+from taichi_cloth.yarn.twist import transient_twist, zone_twist
+from taichi_cloth.yarn.twist_field import twist_field
 
-from .study import Axis, Row, Study, cpu_seconds
+from ..measure.study import Axis, Row, Study, cpu_seconds
 
 __all__ = ["STUDY", "rows"]
 

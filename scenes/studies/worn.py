@@ -9,10 +9,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..dressing import Dressed, dress, dressed_parts, simulation_of
-from ..load import load_scene
+from ..build.dressing import Dressed, dress, dressed_parts, simulation_of
+from ..measure.study import Row, microseconds
+from ..scene.load import load_scene
 from .moved import rms, timed
-from .study import Row, microseconds
 
 __all__ = ["SECONDS", "rows"]
 

@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_cloth.forces import Wind
-from taichi_cloth.sheet import Sheet
+from taichi_cloth.motion.forces import Wind
+from taichi_cloth.sheet.sheet import Sheet
 
 __all__ = ["air_forces"]
 

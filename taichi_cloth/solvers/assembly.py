@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.sparse import coo_array, csr_array
 
-from taichi_cloth.energy import hinges, links
-from taichi_cloth.sheet import Sheet
+from taichi_cloth.sheet.energy import hinges, links
+from taichi_cloth.sheet.sheet import Sheet
 
 __all__ = ["Assembly"]
 

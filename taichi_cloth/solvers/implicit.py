@@ -26,13 +26,13 @@ import numpy as np
 from numpy.linalg import LinAlgError
 from numpy.typing import NDArray
 
-from taichi_cloth.blas import one_thread
-from taichi_cloth.errors import InputError
-from taichi_cloth.forces import Forces, FrameForces
-from taichi_cloth.sheet import PAD, Sheet, SheetState
+from taichi_cloth.ground.blas import one_thread
+from taichi_cloth.ground.errors import InputError
+from taichi_cloth.motion.forces import Forces, FrameForces
+from taichi_cloth.motion.solver import Solver
+from taichi_cloth.sheet.sheet import PAD, Sheet, SheetState
 from taichi_cloth.solvers.air import air_forces
 from taichi_cloth.solvers.assembly import Assembly
-from taichi_cloth.solvers.base import Solver
 
 __all__ = ["Implicit"]
 

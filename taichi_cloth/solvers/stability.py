@@ -23,9 +23,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator, eigsh
 
-from taichi_cloth.blas import one_thread
-from taichi_cloth.energy import Links, hinges, links
-from taichi_cloth.sheet import Sheet
+from taichi_cloth.ground.blas import one_thread
+from taichi_cloth.sheet.energy import Links, hinges, links
+from taichi_cloth.sheet.sheet import Sheet
 
 __all__ = ["FrequencyBound", "highest_frequency", "longest_step", "rounding_speed"]
 

@@ -11,7 +11,7 @@ from math import ceil
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_cloth.sheet import Sheet
+from taichi_cloth.sheet.sheet import Sheet
 from taichi_cloth.solvers.stability import FrequencyBound, highest_frequency, longest_step
 
 __all__ = ["StepChoice"]

@@ -13,11 +13,11 @@ never too small and at most 3.5 % too large.
 import numpy as np
 import taichi as ti
 
-from taichi_cloth.arrays import Template
-from taichi_cloth.sheet import LANES
-from taichi_cloth.solvers.crew import PARTS
+from taichi_cloth.ground.arrays import Template
+from taichi_cloth.motion.crew import PARTS
+from taichi_cloth.motion.stencil import largest, load, store
+from taichi_cloth.sheet.sheet import LANES
 from taichi_cloth.solvers.stability import FrequencyBound
-from taichi_cloth.solvers.stencil import largest, load, store
 
 __all__ = ["Stiffest"]
 

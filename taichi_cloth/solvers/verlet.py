@@ -20,24 +20,24 @@ import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
 
-from taichi_cloth import runtime
-from taichi_cloth.arrays import F32x3, Float, Int, Template
-from taichi_cloth.contact import Contact
-from taichi_cloth.contact_middles import MiddleContact
-from taichi_cloth.energy import accelerations
-from taichi_cloth.errors import InputError
-from taichi_cloth.forces import Forces, FrameForces
-from taichi_cloth.sheet import LANES, Sheet, SheetState
-from taichi_cloth.solvers.base import Solver
-from taichi_cloth.solvers.crew import PARTS, Crew, Pace, parts_of
-from taichi_cloth.solvers.passes import Pass
-from taichi_cloth.solvers.self_contact import ClothContact
+from taichi_cloth.constraints.contact import Contact
+from taichi_cloth.constraints.contact_middles import MiddleContact
+from taichi_cloth.constraints.self_contact import ClothContact
+from taichi_cloth.constraints.strain_limit import ThreadLimit
+from taichi_cloth.constraints.thin_limbs import let_through
+from taichi_cloth.ground import runtime
+from taichi_cloth.ground.arrays import F32x3, Float, Int, Template
+from taichi_cloth.ground.errors import InputError
+from taichi_cloth.motion.crew import PARTS, Crew, Pace, parts_of
+from taichi_cloth.motion.forces import Forces, FrameForces
+from taichi_cloth.motion.passes import Pass
+from taichi_cloth.motion.solver import Solver
+from taichi_cloth.motion.stencil import Features, Numbers, Stencil
+from taichi_cloth.sheet.energy import accelerations
+from taichi_cloth.sheet.sheet import LANES, Sheet, SheetState
 from taichi_cloth.solvers.stability import rounding_speed
-from taichi_cloth.solvers.stencil import Features, Numbers, Stencil
 from taichi_cloth.solvers.step_choice import StepChoice
 from taichi_cloth.solvers.stiffest import Stiffest
-from taichi_cloth.solvers.strain_limit import ThreadLimit
-from taichi_cloth.thin_limbs import let_through
 
 __all__ = ["Verlet"]
 

@@ -1,0 +1,144 @@
+"""Particles as the kernels read them: blocks of 16 particles, and for each property a row of all blocks.
+
+With 16 neighbours of one property side by side, a load fills a vector register and projection and shading run
+16 particles at a time. Each property lies in memory by itself, so that what moves is written without touching
+what stays.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_cloth.ground.errors import InputError
+from taichi_cloth.ground.particles import LANES
+
+from .particles import Particles
+
+__all__ = ["COLOUR", "NORMAL", "POSITION", "RADIUS", "TANGENT", "Layout", "ParticleBlocks", "pack"]
+
+POSITION, RADIUS, COLOUR, TANGENT, NORMAL = 0, 3, 4, 7, 10
+"""First row of each property that every layout has."""
+
+MAX_INDEX = 2**31 - 1
+"""Taichi counts the elements of an array with 32-bit integers."""
+
+FARTHEST = 1e7
+"""Particles farther than this [m] from the origin are not drawn."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Which optional properties there are. Kernels take it as a compile-time switch: what is off costs nothing."""
+
+    elliptic: bool = False
+    openness: bool = False
+    opacity: bool = False
+    textured: bool = False
+
+    @property
+    def half_length_row(self) -> int:
+        return 13
+
+    @property
+    def openness_row(self) -> int:
+        return 13 + self.elliptic
+
+    @property
+    def opacity_row(self) -> int:
+        return 13 + self.elliptic + self.openness
+
+    @property
+    def sprite_row(self) -> int:
+        return 13 + self.elliptic + self.openness + self.opacity
+
+    @property
+    def rows(self) -> int:
+        """How many there are."""
+        return 13 + self.elliptic + self.openness + self.opacity + self.textured
+
+    @property
+    def splat_size(self) -> int:
+        """Numbers that the raster reads for one splat (see `project`)."""
+        return 16 if self.elliptic else 8
+
+
+@dataclass(frozen=True, eq=False)
+class ParticleBlocks:
+    """Particles that lie in blocks already, and are drawn without a copy: whoever moves them moves the picture.
+
+    blocks: (layout.rows, n / 16, 16) float32; opacity is 1 where the layout has none, and whatever must not be drawn
+    has a radius of 0 and a place among the others. yarn, part: as of Particles, (n,) with the places not drawn.
+    """
+
+    blocks: NDArray[np.float32]
+    layout: Layout = field(default_factory=lambda: Layout(elliptic=True, openness=True))
+    yarn: NDArray[np.int32] | None = None
+    part: NDArray[np.int32] | None = None
+
+    def __len__(self) -> int:
+        return self.blocks.shape[1] * LANES
+
+    def _rows(self, first: int, count: int) -> NDArray[np.float32]:
+        return self.blocks[first : first + count].reshape(count, -1).T.copy()
+
+    @property
+    def position(self) -> NDArray[np.float32]:
+        """(n, 3) [m], a copy."""
+        return self._rows(POSITION, 3)
+
+    @property
+    def radius(self) -> NDArray[np.float32]:
+        """(n,) [m], a copy."""
+        return self._rows(RADIUS, 1)[:, 0]
+
+    @property
+    def half_length(self) -> NDArray[np.float32] | None:
+        """(n,) [m], a copy, where the layout has it."""
+        return self._rows(self.layout.half_length_row, 1)[:, 0] if self.layout.elliptic else None
+
+
+def pack(particles: Particles, *, textured: bool) -> tuple[Layout, NDArray[np.float32], NDArray[np.float64]]:
+    """The layout, the blocks (rows, ceil(n / 16), 16) float32, and the box (2, 3) [m] that holds what is drawn.
+
+    Whatever must not be drawn (a value that is not finite, a radius or half length of zero or below, a place
+    beyond 1e7 m) gets a radius of 0 and zeros elsewhere, as do the places that fill up the last block.
+    Raises InputError for more particles than 32-bit indices can count.
+    """
+    layout = Layout(
+        elliptic=particles.half_length is not None,
+        openness=particles.openness is not None,
+        opacity=np.ndim(particles.opacity) > 0,
+        textured=textured,
+    )
+    count = len(particles)
+    limit = MAX_INDEX // max(layout.rows, layout.splat_size) - LANES
+    if count > limit:
+        raise InputError(f"particles: {count}; allowed: up to {limit} at once; draw them in several parts")
+    columns = [*particles.position.T, particles.radius]
+    for triple in (particles.colour, particles.tangent, particles.normal):
+        columns += [*triple.T]
+    for optional in (particles.half_length, particles.openness):
+        if optional is not None:
+            columns.append(optional)
+    if layout.opacity:
+        columns.append(np.asarray(particles.opacity))
+    if layout.textured:
+        sprite = particles.sprite
+        columns.append(np.zeros(count, np.float32) if sprite is None else sprite.astype(np.float32))
+
+    drawn = particles.radius > 0
+    for column in columns:
+        drawn &= np.isfinite(column)
+    if particles.half_length is not None:
+        drawn &= particles.half_length > 0
+    drawn &= np.abs(particles.position).max(axis=1, initial=0) < FARTHEST
+    everything = bool(drawn.all())
+
+    blocks = np.zeros((layout.rows, -(-count // LANES), LANES), np.float32)
+    for row, column in enumerate(columns):
+        values = column if everything else np.where(drawn, column, np.float32(0))
+        blocks[row].reshape(-1)[:count] = values
+    positions = particles.position if everything else particles.position[drawn]
+    box = np.stack([positions.min(axis=0), positions.max(axis=0)]) if len(positions) else np.zeros((2, 3))
+    return layout, blocks, box.astype(np.float64)

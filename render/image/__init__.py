@@ -1,0 +1,1 @@
+"""Pictures: linear light to the screen, files, video, words on them."""

@@ -1,0 +1,155 @@
+"""Images: linear light to sRGB, PNG files that are whole or not there, and contact sheets."""
+
+import os
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import cv2
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from taichi_cloth.ground.errors import InputError
+
+__all__ = [
+    "Pixels",
+    "contact_sheet",
+    "linear_to_srgb",
+    "read_png",
+    "srgb_table",
+    "srgb_to_linear",
+    "straight_rgba",
+    "write_bytes",
+    "write_png",
+]
+
+Pixels: TypeAlias = NDArray[np.uint8] | NDArray[np.uint16]
+"""An image (h, w), (h, w, 3) RGB or (h, w, 4) RGBA."""
+
+
+def linear_to_srgb(linear: ArrayLike) -> NDArray[np.float64]:
+    """sRGB values 0..1 of linear light, clipped to 0..1 (IEC 61966-2-1)."""
+    light = np.clip(np.asarray(linear, np.float64), 0, 1)
+    return np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
+
+
+def srgb_to_linear(srgb: ArrayLike) -> NDArray[np.float64]:
+    """Linear light of sRGB values 0..1 (IEC 61966-2-1)."""
+    value = np.asarray(srgb, np.float64)
+    return np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
+
+
+def srgb_table(steps: int) -> NDArray[np.uint8]:
+    """8-bit sRGB of steps + 1 evenly spaced values of linear light from 0 to 1."""
+    return (linear_to_srgb(np.arange(steps + 1) / steps) * 255 + 0.5).astype(np.uint8)
+
+
+def straight_rgba(linear: NDArray[np.floating], *, bits: int = 8) -> Pixels:
+    """A PNG's RGBA (sRGB, alpha not multiplied in) of linear premultiplied RGBA (h, w, 4), 8 or 16 bits.
+
+    Raises InputError for another number of bits.
+    """
+    if bits not in (8, 16):
+        raise InputError(f"bits: {bits}; allowed: 8 or 16")
+    alpha = np.clip(linear[..., 3:], 0, 1)
+    colour = linear_to_srgb(linear[..., :3] / np.maximum(alpha, 1e-6))
+    top = 2**bits - 1
+    scaled = np.concatenate([colour, alpha], axis=-1) * top + 0.5
+    return scaled.astype(np.uint8) if bits == 8 else scaled.astype(np.uint16)
+
+
+def write_png(path: str | Path, image: Pixels, *, compression: int = 3) -> None:
+    """Write an image (h, w), (h, w, 3) RGB or (h, w, 4) RGBA, uint8 or uint16, as PNG.
+
+    The file appears whole or not at all: a failed write leaves an older file as it was.
+    compression: zlib level, 0 (fast) to 9 (small). Raises InputError for another shape, type or level, and
+    OSError when the folder cannot be written.
+    """
+    if image.dtype not in (np.uint8, np.uint16):
+        raise InputError(f"{path}: image of {image.dtype}; allowed: uint8, uint16 (see linear_to_srgb)")
+    if image.ndim not in (2, 3) or 0 in image.shape or (image.ndim == 3 and image.shape[2] not in (3, 4)):
+        raise InputError(f"{path}: image of shape {image.shape}; allowed: (h, w), (h, w, 3), (h, w, 4)")
+    if not 0 <= compression <= 9:
+        raise InputError(f"compression: {compression}; allowed: 0 to 9")
+    done, data = cv2.imencode(".png", _swapped(image), [cv2.IMWRITE_PNG_COMPRESSION, compression])
+    if not done:
+        raise InputError(f"{path}: OpenCV could not encode the image")
+    write_bytes(path, data.tobytes())
+
+
+def read_png(path: str | Path) -> Pixels:
+    """The image in a file, in its own depth and channels, RGB(A). Raises InputError if it is none."""
+    try:
+        data = np.frombuffer(Path(path).read_bytes(), np.uint8)
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror}; give an image file") from None
+    image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if len(data) else None
+    if image is None or image.dtype not in (np.uint8, np.uint16):
+        raise InputError(f"{path}: not an image that can be read; give a PNG")
+    return _swapped(image)
+
+
+def write_bytes(path: str | Path, data: bytes) -> None:
+    """Write a file in one step: a temporary one beside it, then a rename. Raises OSError."""
+    path = Path(path)
+    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(data)
+        make_public(temporary)
+        os.replace(temporary, path)
+    except BaseException:
+        Path(temporary).unlink(missing_ok=True)
+        raise
+
+
+def make_public(path: str | Path) -> None:
+    """Give a temporary file, which only its owner may read, the permissions of an ordinary new file."""
+    mask = os.umask(0)
+    os.umask(mask)
+    os.chmod(path, 0o666 & ~mask)
+
+
+def contact_sheet(
+    images: Sequence[NDArray[np.uint8] | str | Path],
+    *,
+    columns: int | None = None,
+    thumbnail: int = 320,
+    gap: int = 6,
+    background: tuple[int, int, int] = (255, 255, 255),
+) -> NDArray[np.uint8]:
+    """One picture (h, w, 3) of many, in rows from the top left; all thumbnails have the first one's shape.
+
+    images: arrays (h, w, 3) uint8 or PNG files. columns: None makes the sheet about square. thumbnail: width
+    of one [px], never enlarged. gap: space between [px]. background: sRGB 0..255.
+    Raises InputError for no images or images that are not 8-bit RGB.
+    """
+    if not len(images):
+        raise InputError("contact_sheet: no images; pass at least one")
+    if columns is not None and columns < 1:
+        raise InputError(f"contact_sheet: {columns} columns; allowed: 1 or more")
+    columns = min(columns or int(np.ceil(np.sqrt(len(images)))), len(images))
+    rows = -(-len(images) // columns)
+    sheet = cell = None
+    for number, item in enumerate(images):
+        image = item if isinstance(item, np.ndarray) else read_png(item)
+        if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3:
+            raise InputError(f"contact_sheet: image {number} is {image.dtype} {image.shape}; allowed: uint8 (h, w, 3)")
+        if sheet is None or cell is None:
+            width = max(1, min(thumbnail, image.shape[1]))
+            cell = (width, max(1, round(image.shape[0] * width / image.shape[1])))
+            shape = (rows * (cell[1] + gap) + gap, columns * (cell[0] + gap) + gap, 3)
+            sheet = np.full(shape, background, np.uint8)
+        y = gap + number // columns * (cell[1] + gap)
+        x = gap + number % columns * (cell[0] + gap)
+        sheet[y : y + cell[1], x : x + cell[0]] = cv2.resize(image, cell, interpolation=cv2.INTER_AREA)
+    assert sheet is not None
+    return sheet
+
+
+def _swapped(image: NDArray[Any]) -> NDArray[Any]:
+    """RGB(A) to OpenCV's BGR(A), or back."""
+    if image.ndim == 2:
+        return image
+    return np.ascontiguousarray(image[..., [2, 1, 0, 3][: image.shape[2]]])

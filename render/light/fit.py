@@ -1,0 +1,81 @@
+"""Where the map of a light lies: over all that is lit, on a grid that stays where it is while things move.
+
+A texel's size goes in steps of 2^(1/4) and its corner lies on a multiple of it from the world's origin, so a pose
+that differs a little has the same texels in the same places: shadows do not crawl from frame to frame.
+"""
+
+from dataclasses import dataclass
+from math import ceil, log2
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..data.blocks import RADIUS
+
+__all__ = ["Fit", "fit", "step_up", "typical_radius"]
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """One map. frame: rows right, up, away from the light; origin: of the map along them [m]; texel: its width [m];
+    deep: depth that holds everything [m]; width, height: texels."""
+
+    frame: NDArray[np.float64]
+    origin: NDArray[np.float64]
+    texel: float
+    deep: float
+    width: int
+    height: int
+
+    def axes(self, opacity: float) -> NDArray[np.float32]:
+        """Shape (5, 3), as `transmittance` names the rows."""
+        axes = np.zeros((5, 3), np.float32)
+        axes[:3], axes[3] = self.frame, self.origin
+        axes[4] = 1.0 / self.texel, opacity, 0.0
+        return axes
+
+
+def fit(
+    direction: ArrayLike,
+    box: NDArray[np.float64],
+    radius: float,
+    *,
+    resolution: int,
+    texel_radii: float,
+    size_deg: float = 0.0,
+    levels: int = 0,
+) -> tuple[Fit, int]:
+    """The map of a light from `direction` (towards it, world) over a box (2, 3) [m], and how many halvings a light
+    `size_deg` wide needs, at most `levels`.
+
+    resolution: texels along the longer side, fewer where a texel would be smaller than texel_radii radii [m].
+    """
+    away = -np.asarray(direction, np.float64)
+    away = away / np.linalg.norm(away)
+    helper = np.array([0.0, 1.0, 0.0]) if abs(away[1]) < 0.9 else np.array([1.0, 0.0, 0.0])
+    right = np.cross(helper, away)
+    right /= np.linalg.norm(right)
+    frame = np.stack([right, np.cross(away, right), away])
+    corners = np.array([[box[i >> k & 1, k] for k in range(3)] for i in range(8)]) @ frame.T
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    deep = step_up(max(float(high[2] - low[2]), 4.0 * radius))
+    texel = step_up(max(float((high - low)[:2].max()) / resolution, texel_radii * radius))
+    widest = 2.0 * np.tan(np.radians(size_deg) / 2) * deep / texel
+    count = min(levels, max(1, ceil(log2(max(widest, 1.5) / 1.5)))) if size_deg > 0 else 0
+    block = 1 << count
+    margin = block * ceil((2.0 + 4.0 * radius / texel) / block)
+    first = np.floor(low[:2] / (texel * block)) * block - margin
+    width, height = (block * ceil((n + 1 + margin) / block) for n in (high[:2] / texel - first).tolist())
+    return Fit(frame, np.array([*(first * texel), low[2]]), texel, deep, width, height), count
+
+
+def step_up(value: float) -> float:
+    """The next power of 2^(1/4) that is not smaller."""
+    return 2.0 ** (ceil(4.0 * log2(value) - 1e-6) / 4)
+
+
+def typical_radius(blocks: NDArray[np.float32]) -> float:
+    """Median radius [m] of up to 64 blocks spread evenly; 1e-4 without particles."""
+    sample = blocks[RADIUS, :: max(1, blocks.shape[1] // 64)]
+    sample = sample[sample > 0]
+    return float(np.median(sample)) if len(sample) else 1e-4

@@ -1,0 +1,178 @@
+"""What the lights send to each particle, computed once for a pose and a light direction, and only if asked for.
+
+A light that stays where it is while the camera turns keeps its pass; one that follows the camera needs a new one
+a view. Without shadows and occlusion nothing runs and nothing is allocated.
+
+maps = splatter.cast_light(camera, lighting)     for a mesh, the ground, or other particles of the scene
+splatter.light.hold(maps)                        batches, or a thinned or refined scene, are looked up in them
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_cloth.ground.errors import InputError
+from taichi_cloth.ground.particles import LANES
+
+from ..data.blocks import Layout
+from ..data.camera import Camera
+from ..data.finish import Finish
+from ..data.light import Lighting
+from ..data.light_sizes import KEY_STRIDE, MAP_SIZE, ROUND_STRIDE, SKY_STRIDE
+from ..tiles.mesh import Mesh
+from .occlusion import SkyMaps, occlude
+from .shade import MOST_OTHERS, Shading
+from .shadow import ShadowMap, cast
+from .thin import chained, spread, thin
+
+__all__ = ["NO_LIGHT", "LightMaps", "LightPass", "shading_of"]
+
+NO_LIGHT = np.ones((1, 1, LANES), np.float32)
+"""What `project` gets where no light pass is needed."""
+
+
+@dataclass(frozen=True, eq=False)
+class LightMaps:
+    """How much of each light reaches any place of a scene in one pose."""
+
+    lights: tuple[ShadowMap | None, ...]
+    """One for each of `Lighting.lights`, None for one that casts no shadow."""
+    sky: SkyMaps | None
+
+    @property
+    def nbytes(self) -> int:
+        return sum(m.nbytes for m in (*self.lights, self.sky) if m is not None)
+
+
+def shading_of(lighting: Lighting, finish: Finish) -> Shading:
+    """What has to be compiled for these lights and this finish. Raises InputError for too many lights."""
+    lights = lighting.lights
+    if len(lights) > 1 + MOST_OTHERS:
+        raise InputError(f"lighting.others: {len(lights) - 1} lights; allowed: up to {MOST_OTHERS}")
+    rows, row = [], 0
+    for light in lights:
+        needed = light.casts_shadow and light.intensity > 0
+        rows.append(row if needed else -1)
+        row += needed
+    return Shading(
+        shadows=tuple(rows),
+        sky=row if lighting.occlusion and lighting.fill > 0 else -1,
+        lobes=finish.model == "marschner",
+        dome=lighting.horizon is not None and lighting.fill > 0,
+    )
+
+
+class LightPass:
+    """The light that reaches the particles of one splatter. `passes` counts the maps looked up so far."""
+
+    def __init__(self) -> None:
+        self.passes = 0
+        self.held: LightMaps | None = None
+        self._light: NDArray[np.float32] | None = None
+        self._known: dict[int, Any] = {}
+        self._maps: dict[Any, ShadowMap] = {}
+        self._sky: SkyMaps | None = None
+        self._few: dict[int, NDArray[np.float32]] = {}
+        self._mesh: Mesh | None = None
+        self._chained: bool | None = None
+
+    def forget(self, mesh: Mesh | None = None) -> None:
+        """The particles have changed: what is known of them is void. mesh: stands among the new ones."""
+        self._known, self._maps, self._sky, self._few = {}, {}, None, {}
+        self._mesh, self._chained = mesh, None
+
+    def hold(self, maps: LightMaps | None) -> None:
+        """From now on look up all particles in these maps, whatever is loaded; None makes maps of what is loaded."""
+        self.held, self._known = maps, {}
+
+    def cast(
+        self,
+        shading: Shading,
+        lighting: Lighting,
+        camera: Camera,
+        layout: Layout,
+        blocks: NDArray[np.float32],
+        box: NDArray[np.float64],
+        *,
+        opacity: float,
+        chunks: int,
+        resolution: int = MAP_SIZE,
+    ) -> LightMaps:
+        """The maps that `shading` needs, of packed particles in a box (2, 3) [m] and of the mesh among them.
+
+        resolution: texels along a shadow map, at most.
+        """
+        if self.held is not None:
+            return self.held
+        if self._mesh is not None:
+            corners = self._mesh.vertices[np.isfinite(self._mesh.vertices).all(axis=1)]
+            if len(corners):
+                both = [corners] if not blocks.shape[1] else [box, corners]
+                box = np.stack([np.concatenate(both).min(axis=0), np.concatenate(both).max(axis=0)]).astype(np.float64)
+        lights, marks = [], []
+        for light, row in zip(lighting.lights, shading.shadows, strict=True):
+            mark = (*np.round(light.towards(camera), 6).tolist(), light.size, resolution)
+            marks.append(mark)
+            if row >= 0 and mark not in self._maps:
+                few, stretch = self._thinned(layout, blocks, KEY_STRIDE)
+                self._maps[mark] = cast(
+                    layout, few, box, mark[:3], opacity=opacity,
+                    size_deg=light.size, chunks=chunks, stretch=stretch, mesh=self._mesh, resolution=resolution,
+                )  # fmt: skip
+            lights.append(self._maps[mark] if row >= 0 else None)
+        self._maps = {mark: one for mark, one in self._maps.items() if mark in marks}
+        if shading.sky >= 0 and self._sky is None:
+            few, stretch = self._thinned(layout, blocks, SKY_STRIDE)
+            self._sky = occlude(layout, few, box, opacity=opacity, chunks=chunks, stretch=stretch, mesh=self._mesh)
+        return LightMaps(tuple(lights), self._sky if shading.sky >= 0 else None)
+
+    def on_particles(
+        self, shading: Shading, layout: Layout, blocks: NDArray[np.float32], maps: LightMaps | None
+    ) -> NDArray[np.float32]:
+        """The light 0..1 on packed particles, (blocks, shading.rows, 16), with the rows that `shading` names."""
+        if shading.rows == 0 or maps is None:
+            return NO_LIGHT
+        if self._light is None or self._light.shape != (blocks.shape[1], shading.rows, LANES):
+            self._light = np.ones((blocks.shape[1], shading.rows, LANES), np.float32)
+            self._known = {}
+        rows: list[tuple[int, ShadowMap | SkyMaps | None, int]] = [
+            (row, one, KEY_STRIDE) for row, one in zip(shading.shadows, maps.lights, strict=True) if row >= 0
+        ]
+        if shading.sky >= 0:
+            rows.append((shading.sky, maps.sky, SKY_STRIDE))
+        for row, one, stride in rows:
+            if one is None:
+                raise InputError("light: the maps that are held have none for this light; cast them with it")
+            if self._known.get(row) is not one:
+                few, stride = self._thinned(layout, blocks, stride)
+                if stride == 1:
+                    one.on_particles(blocks, self._light, row)
+                else:
+                    found = np.ones((few.shape[1], 1, LANES), np.float32)
+                    one.on_particles(few, found, 0)
+                    spread(stride, blocks, found, row, self._light)
+                self._known[row] = one
+                self.passes += 1
+        return self._light
+
+    def key_map(self) -> ShadowMap | None:
+        """The shadow map of the key light as last used; None where it casts no shadow."""
+        known = self._known.get(0)
+        return known if isinstance(known, ShadowMap) else None
+
+    def _thinned(self, layout: Layout, blocks: NDArray[np.float32], stride: int) -> tuple[NDArray[np.float32], int]:
+        """Every stride-th particle and the stride: fewer of round ones, which are short; 1 where they are no chains."""
+        stride = stride if layout.elliptic else min(stride, ROUND_STRIDE)
+        if self._chained is None:
+            self._chained = chained(layout, blocks)
+        if not self._chained:
+            return blocks, 1
+        if stride not in self._few:
+            known = max((k for k in self._few if stride % k == 0), default=1)
+            source = self._few.get(known, blocks)
+            few = np.empty((layout.rows, -(-source.shape[1] * known // stride), LANES), np.float32)
+            thin(stride // known, layout.rows, source, few)
+            self._few[stride] = few
+        return self._few[stride], stride

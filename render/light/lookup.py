@@ -1,0 +1,154 @@
+"""Reading a deep opacity map (see `transmittance`): for particles and for any points."""
+
+# In kernels a name stands for a Taichi expression, which type checkers cannot follow.
+# pyright: reportIndexIssue=false, reportArgumentType=false, reportOptionalCall=false, reportReturnType=false
+
+import taichi as ti
+
+from taichi_cloth.ground.arrays import F32x1, F32x2, Float, I32x2, Int, Template
+from taichi_cloth.ground.particles import LANES, Blocks, Vec16, keep
+
+from ..data.blocks import NORMAL, POSITION, RADIUS
+from ..data.light_sizes import LAYERS
+from .transmittance import AWAY, ORIGIN, RIGHT, SCALE, UP, layer_of
+
+__all__ = ["gather", "look_up"]
+
+
+@ti.func
+def _corner(width, height, u, v):
+    """Column and row of the first of the four texels around u, v [texels], and the shares of the second ones."""
+    column = ti.min(ti.max(u - 0.5, 0.0), ti.cast(width - 1, ti.f32))
+    row = ti.min(ti.max(v - 0.5, 0.0), ti.cast(height - 1, ti.f32))
+    left = ti.min(ti.cast(column, ti.i32), width - 2)
+    top = ti.min(ti.cast(row, ti.i32), height - 2)
+    return left, top, column - left, row - top
+
+
+@ti.func
+def _nearest(levels: I32x2, level, u, v, nearest: F32x1):
+    """The first depths [m] of the four texels of a level around u, v [texels of the finest], and where the first is."""
+    width = levels[level, 1]
+    scale = 1.0 / ti.cast(1 << level, ti.f32)
+    left, top, f, g = _corner(width, levels[level, 2], u * scale, v * scale)
+    cell = levels[level, 0] + top * width + left
+    near = ti.Vector([nearest[cell], nearest[cell + 1], nearest[cell + width], nearest[cell + width + 1]])
+    return near, cell, f, g
+
+
+@ti.func
+def _bilinear(levels: I32x2, level, u, v, depth, span, root, nearest: F32x1, through: F32x2):
+    """Transmittance at u, v [texels of the finest level] and a depth [m]: four texels at once, without branches."""
+    near, cell, f, g = _nearest(levels, level, u, v, nearest)
+    at = ti.max(layer_of(ti.max(depth - near, 0.0), span, root) - 1.0, 0.0)
+    low = ti.min(ti.cast(at, ti.i32), ti.static(LAYERS - 2))
+    part = ti.min(at - low, 1.0)
+    value = ti.Vector([1.0, 1.0, 1.0, 1.0])
+    for k in ti.static(range(4)):
+        texel = cell + k // 2 * levels[level, 1] + k % 2
+        here = through[texel, low[k]]
+        there = through[texel, low[k] + 1]
+        value[k] = ti.select(at[k] > 0.0, here + part[k] * (there - here), 1.0)  # undefined where nothing is behind
+    return (1.0 - g) * (value[0] + f * (value[1] - value[0])) + g * (value[2] + f * (value[3] - value[2]))
+
+
+@ti.func
+def _through(soft: Template, levels: I32x2, u, v, depth, softness, span, root, nearest: F32x1, through: F32x2):
+    """Transmittance at a place of the map. softness: width of the penumbra [texels] per metre behind the blocker.
+
+    levels: rows (first texel, width, height). Between two levels the two are mixed, as in a mip map.
+    """
+    value = 1.0
+    if ti.static(soft):
+        # What stops the light of a penumbra may stand beside this texel: look as wide as the coarsest level.
+        top = levels.shape[0] - 1
+        near, _, _, _ = _nearest(levels, top, u, v, nearest)
+        # The mean of a texel read bilinearly blurs an edge over one to two texels, by where it falls in them.
+        wide = ti.max((depth - near.min()) * (softness / 1.5), 1.0)
+        bits = ti.bit_cast(wide, ti.i32)
+        low = ti.min((bits >> 23) - 127, top - 1)  # a power of two, and how far on to the next
+        part = ti.min(wide / ti.cast(1 << low, ti.f32) - 1.0, 1.0)
+        value = _bilinear(levels, low, u, v, depth, span, root, nearest, through)
+        value += part * (_bilinear(levels, low + 1, u, v, depth, span, root, nearest, through) - value)
+    else:
+        value = _bilinear(levels, 0, u, v, depth, span, root, nearest, through)
+    return value
+
+
+@ti.func
+def _slope(cosine):
+    """1 + tan of the angle between light and normal, up to 4: how the depth of a surface varies over a texel."""
+    return 1.0 + ti.min(ti.sqrt(ti.max(1.0 - cosine * cosine, 0.0)) / ti.max(cosine, 0.05), 3.0)
+
+
+@ti.kernel
+def gather(
+    soft: Template,
+    particles: Blocks,
+    axes: F32x2,
+    offset: Float,
+    lag: Float,
+    levels: I32x2,
+    softness: Float,
+    span: Float,
+    root: Float,
+    nearest: F32x1,
+    through: F32x2,
+    row: Int,
+    # out:
+    light_out: Blocks,
+):
+    """light_out[block, row, lane]: the light that reaches each particle, 0..1.
+
+    A particle reads at its centre moved `offset` [m] and half its radius out along its normal, and half its
+    radius and `lag` [m], more where the surface slopes, towards the light: the places where its own neighbours
+    on the surface do not yet shadow it.
+    """
+    keep(light_out, (0, 0), row)
+    for b in range(particles.shape[1]):
+        size = particles[RADIUS, b]
+        out = offset + 0.5 * size
+        nx = particles[NORMAL, b]
+        ny = particles[NORMAL + 1, b]
+        nz = particles[NORMAL + 2, b]
+        px = particles[POSITION, b] + out * nx
+        py = particles[POSITION + 1, b] + out * ny
+        pz = particles[POSITION + 2, b] + out * nz
+        u = (px * axes[RIGHT, 0] + py * axes[RIGHT, 1] + pz * axes[RIGHT, 2] - axes[ORIGIN, 0]) * axes[SCALE, 0]
+        v = (px * axes[UP, 0] + py * axes[UP, 1] + pz * axes[UP, 2] - axes[ORIGIN, 1]) * axes[SCALE, 0]
+        depth = px * axes[AWAY, 0] + py * axes[AWAY, 1] + pz * axes[AWAY, 2] - axes[ORIGIN, 2]
+        cosine = -(axes[AWAY, 0] * nx + axes[AWAY, 1] * ny + axes[AWAY, 2] * nz)
+        depth -= lag * _slope(cosine) + 0.5 * size
+        light = Vec16(1.0)
+        for lane in range(LANES):
+            if size[lane] > 0.0:
+                light[lane] = _through(
+                    soft, levels, u[lane], v[lane], depth[lane], softness, span, root, nearest, through
+                )
+        light_out[b, row] = light
+
+
+@ti.kernel
+def look_up(
+    soft: Template,
+    points: F32x2,
+    axes: F32x2,
+    lag: Float,
+    levels: I32x2,
+    softness: Float,
+    span: Float,
+    root: Float,
+    nearest: F32x1,
+    through: F32x2,
+    # out:
+    light_out: F32x1,
+):
+    """light_out[i]: the light that reaches points (n, 3) [m], 0..1, read `lag` [m] towards the light."""
+    for i in range(points.shape[0]):
+        px = points[i, 0]
+        py = points[i, 1]
+        pz = points[i, 2]
+        u = (px * axes[RIGHT, 0] + py * axes[RIGHT, 1] + pz * axes[RIGHT, 2] - axes[ORIGIN, 0]) * axes[SCALE, 0]
+        v = (px * axes[UP, 0] + py * axes[UP, 1] + pz * axes[UP, 2] - axes[ORIGIN, 1]) * axes[SCALE, 0]
+        depth = px * axes[AWAY, 0] + py * axes[AWAY, 1] + pz * axes[AWAY, 2] - axes[ORIGIN, 2] - lag
+        light_out[i] = _through(soft, levels, u, v, depth, softness, span, root, nearest, through)

@@ -1,0 +1,89 @@
+"""What a mesh does to the light of others: the depths at which parallel light meets it first and leaves it last.
+
+Seen from a distant light a triangle's depth, and the shares b1, b2 of its corners, are linear in the texel's place; it
+covers the texels in whose middle no share is negative.
+"""
+
+# In kernels a name stands for a Taichi expression, which type checkers cannot follow.
+# pyright: reportIndexIssue=false, reportArgumentType=false, reportOptionalCall=false, reportReturnType=false
+
+import numpy as np
+import taichi as ti
+from numpy.typing import NDArray
+
+from taichi_cloth.ground.arrays import F32x1, F32x2, F32x3, I32x2, Int
+
+from ..tiles.mesh import Mesh
+from ..tiles.sort import CHUNK_STEPS, share
+from .transmittance import AWAY, EMPTY, ORIGIN, RIGHT, SCALE, UP
+
+__all__ = ["walls"]
+
+
+def walls(
+    mesh: Mesh, axes: NDArray[np.float32], maps: NDArray[np.int32], *, chunks: int
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """First and last depth [m] of a mesh in the texels of all maps, EMPTY and -EMPTY where it is not, (texels,) each.
+
+    axes: (maps, 5, 3), see `transmittance`. maps: (maps, 3), first texel, width and height of each.
+    """
+    finite = np.isfinite(mesh.vertices).all(axis=1)
+    vertices = np.ascontiguousarray(np.where(finite[:, None], mesh.vertices, 0.0), np.float32)
+    faces = np.ascontiguousarray(mesh.faces[finite[mesh.faces].all(axis=1)], np.int32)
+    texels = int((maps[:, 1] * maps[:, 2]).sum())
+    first, last = np.full(texels, EMPTY, np.float32), np.full(texels, -EMPTY, np.float32)
+    if len(faces):
+        _walls(chunks, vertices, faces, axes, maps, first, last)
+    return first, last
+
+
+@ti.func
+def _place(vertices: F32x2, p, axes: F32x3, m):
+    """Column, row [texels, whole in their middles] and depth [m] of a vertex."""
+    at = ti.Vector([0.0, 0.0, 0.0])
+    for k in ti.static((RIGHT, UP, AWAY)):
+        for c in ti.static(range(3)):
+            at[k] += vertices[p, c] * axes[m, k, c]
+        at[k] -= axes[m, ORIGIN, k]
+    return ti.Vector([at[0] * axes[m, SCALE, 0] - 0.5, at[1] * axes[m, SCALE, 0] - 0.5, at[2]])
+
+
+@ti.kernel
+def _walls(
+    chunks: Int,
+    vertices: F32x2,
+    faces: I32x2,
+    axes: F32x3,
+    maps: I32x2,
+    # out:
+    first_out: F32x1,
+    last_out: F32x1,
+):
+    for step in range(chunks * CHUNK_STEPS):
+        if step % CHUNK_STEPS != 0:
+            continue
+        chunk = step // CHUNK_STEPS
+        for m in range(share(maps.shape[0], chunk, chunks), share(maps.shape[0], chunk + 1, chunks)):
+            width = maps[m, 1]
+            high = maps[m, 2]
+            for i in range(faces.shape[0]):
+                a = _place(vertices, faces[i, 0], axes, m)
+                b = _place(vertices, faces[i, 1], axes, m) - a
+                c = _place(vertices, faces[i, 2], axes, m) - a
+                area = b[0] * c[1] - b[1] * c[0]
+                left = ti.max(ti.ceil(a[0] + ti.min(b[0], c[0], 0.0), ti.i32), 0)
+                right = ti.min(ti.floor(a[0] + ti.max(b[0], c[0], 0.0), ti.i32), width - 1)
+                top = ti.max(ti.ceil(a[1] + ti.min(b[1], c[1], 0.0), ti.i32), 0)
+                bottom = ti.min(ti.floor(a[1] + ti.max(b[1], c[1], 0.0), ti.i32), high - 1)
+                if ti.abs(area) > 1e-12:
+                    for y in range(top, bottom + 1):
+                        for x in range(left, right + 1):
+                            u = x - a[0]
+                            v = y - a[1]
+                            b1 = (u * c[1] - v * c[0]) / area
+                            b2 = (v * b[0] - u * b[1]) / area
+                            if b1 >= -1e-4 and b2 >= -1e-4 and b1 + b2 <= 1.0001:
+                                depth = a[2] + b1 * b[2] + b2 * c[2]
+                                cell = maps[m, 0] + y * width + x
+                                first_out[cell] = ti.min(first_out[cell], depth)
+                                last_out[cell] = ti.max(last_out[cell], depth)

@@ -1,0 +1,133 @@
+"""Ambient occlusion: the share of the sky that each particle sees, between yarns and in folds.
+
+The transmittance of the particles along directions spread evenly (see `sky`), averaged with the cosine to the
+particle's normal: ambient occlusion as L. Szirmay-Kalos, T. Umenhoffer, B. Toth, L. Szecsi, M. Sbert define it
+("Volumetric ambient occlusion for real-time rendering and games", 2010), without a bound on distance. Maps are
+kept, so that other particles of the same scene, a mesh or the ground can be looked up in them too.
+"""
+
+from dataclasses import dataclass
+from math import pi, sqrt
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from taichi_cloth.ground.errors import InputError
+from taichi_cloth.ground.particles import LANES
+
+from ..data.blocks import Layout
+from ..data.light_sizes import LAYERS, SCRATCH_ROWS, SKY_DIRECTIONS, SKY_SIZE
+from ..tiles.mesh import Mesh
+from . import sky
+from .fit import fit, typical_radius
+from .meshlight import walls
+
+__all__ = ["SkyMaps", "half_sphere", "occlude"]
+
+TEXEL = 3.0
+"""The smallest texel in radii."""
+
+FINE = 6.0
+"""Depth [texels] in which the layers near either side of a texel are fine."""
+
+
+NO_WALLS = np.zeros(1, np.float32), np.zeros(1, np.float32)
+
+
+def half_sphere(count: int) -> NDArray[np.float64]:
+    """`count` unit directions which with their opposites are spread evenly over the sphere, shape (count, 3).
+
+    Ten are the axes through the corners of a dodecahedron, turned so that none lies along a world axis; other
+    numbers half of a Fibonacci lattice.
+    """
+    if count == 10:
+        golden = (1 + sqrt(5)) / 2
+        corners = [(x, y, 1.0) for x in (-1, 1) for y in (-1, 1)]
+        corners += [tuple(np.roll((0.0, s / golden, golden), k)) for s in (-1, 1) for k in range(3)]
+        tilt, turn = 0.4, 0.7
+        lean = np.array([[1, 0, 0], [0, np.cos(tilt), -np.sin(tilt)], [0, np.sin(tilt), np.cos(tilt)]])
+        spin = np.array([[np.cos(turn), 0, np.sin(turn)], [0, 1, 0], [-np.sin(turn), 0, np.cos(turn)]])
+        return np.array(corners) / sqrt(3) @ (spin @ lean)
+    k = np.arange(count)
+    y = 1.0 - (k + 0.5) / count
+    around = pi * (3.0 - sqrt(5.0)) * k
+    ring = np.sqrt(1.0 - y * y)
+    return np.stack([ring * np.cos(around), y, ring * np.sin(around)], axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class SkyMaps:
+    """How much of the sky is seen from anywhere. Made by `occlude`."""
+
+    axes: NDArray[np.float32]
+    """(maps, 5, 3), see `transmittance`."""
+    maps: NDArray[np.int32]
+    """First texel, width and height of each, shape (maps, 3)."""
+    first: NDArray[np.float32]
+    last: NDArray[np.float32]
+    """Depths [m] between which something stands, shape (texels,); 1e30 and -1e30 where nothing does."""
+    depth: NDArray[np.float32]
+    """Optical depth up to the end of each layer, shape (texels, 16); undefined where nothing stands."""
+    walls: tuple[NDArray[np.float32], NDArray[np.float32]] | None
+    """First and last depth [m] of a mesh, shape (texels,) each; None without a mesh."""
+    texel: float
+    """Width of the coarsest map's texel [m]."""
+
+    def on_particles(self, blocks: NDArray[np.float32], light_out: NDArray[np.float32], row: int) -> None:
+        """Write the share of the sky that packed particles see, 0..1, to light_out (blocks, rows, 16), at `row`."""
+        if blocks.shape[1]:
+            sky.look(
+                self.walls is not None, blocks, self.axes, self.maps, 0.5 * self.texel, FINE * self.texel,
+                self.first, self.last, self.depth, *(self.walls or NO_WALLS), row, light_out,
+            )  # fmt: skip
+
+    def seen_from(self, points: ArrayLike, normals: ArrayLike) -> NDArray[np.float32]:
+        """The share of the sky, 0..1, that world points (n, 3) [m] with unit normals (n, 3) see, shape (n,)."""
+        points, normals = (np.ascontiguousarray(a, np.float32) for a in (points, normals))
+        if points.ndim != 2 or points.shape[1] != 3 or normals.shape != points.shape:
+            raise InputError(f"seen_from: points {points.shape}, normals {normals.shape}; allowed: (n, 3) both")
+        light = np.ones(len(points), np.float32)
+        if len(points):
+            sky.look_at(
+                self.walls is not None, points, normals, self.axes, self.maps, 0.5 * self.texel, FINE * self.texel,
+                self.first, self.last, self.depth, *(self.walls or NO_WALLS), light,
+            )  # fmt: skip
+        return light
+
+    @property
+    def nbytes(self) -> int:
+        return sum(a.nbytes for a in (self.first, self.last, self.depth, *(self.walls or ())))
+
+
+def occlude(
+    layout: Layout,
+    blocks: NDArray[np.float32],
+    box: NDArray[np.float64],
+    *,
+    opacity: float,
+    chunks: int,
+    directions: int = SKY_DIRECTIONS,
+    stretch: float = 1.0,
+    resolution: int = SKY_SIZE,
+    texel_radii: float = TEXEL,
+    mesh: Mesh | None = None,
+) -> SkyMaps:
+    """The maps of packed particles in a box (2, 3) [m], of which each stands for `stretch` along its fibre, and of an
+    opaque mesh among them."""
+    radius = typical_radius(blocks)
+    fits = [fit(d, box, radius, resolution=resolution, texel_radii=texel_radii)[0] for d in half_sphere(directions)]
+    sizes = np.array([f.width * f.height for f in fits])
+    table = np.array([(n, f.width, f.height) for n, f in zip(np.cumsum(sizes) - sizes, fits, strict=True)], np.int32)
+    axes = np.stack([f.axes(opacity) for f in fits])
+    texels, texel = int(sizes.sum()), max(f.texel for f in fits)
+    first, last = np.empty(texels, np.float32), np.empty(texels, np.float32)
+    depth = np.empty((texels, LAYERS), np.float32)
+    chunks = min(chunks, directions)
+    count = blocks.shape[1]
+    scratch = np.empty((max(1, chunks * count), SCRATCH_ROWS, LANES), np.float32)
+    sky.fill(
+        layout, chunks, stretch, blocks, count, axes, table, FINE * texel, scratch, first, last,
+        depth.reshape(-1, 1, LAYERS),
+    )  # fmt: skip
+    solid = None if mesh is None else walls(mesh, axes, table, chunks=chunks)
+    return SkyMaps(axes, table, first, last, depth, solid, texel)

@@ -1,0 +1,171 @@
+"""A shadow map of particles under one distant light, for particles, meshes and the ground.
+
+map_ = cast(layout, blocks, box, direction, …)     once a pose and light
+map_.on_particles(blocks, light, row)              transmittance of every particle
+map_.shadow_at(points)                             transmittance anywhere
+"""
+
+from dataclasses import dataclass
+from itertools import pairwise
+from math import radians, tan
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from taichi_cloth.ground.errors import InputError
+from taichi_cloth.ground.particles import LANES
+
+from ..data.blocks import Layout
+from ..data.light_sizes import LAYERS, MAP_SIZE, STAMP_ROWS
+from ..tiles.mesh import Mesh
+from . import lookup, transmittance
+from .fit import fit, typical_radius
+from .meshlight import walls
+from .transmittance import EMPTY
+
+__all__ = ["ShadowMap", "cast"]
+
+TEXEL = 1.5
+"""Smallest texel, in radii of a typical particle."""
+
+MOST_LEVELS = 6
+"""Maps of halved resolution for soft light: penumbras up to 2^6 texels wide."""
+
+
+NO_WALL = np.zeros(1, np.float32)
+
+
+@dataclass(frozen=True, eq=False)
+class ShadowMap:
+    """Transmittance at 16 boundaries behind the first depth of every texel (see `transmittance`)."""
+
+    direction: NDArray[np.float64]
+    """Towards the light, unit, shape (3,)."""
+    axes: NDArray[np.float32]
+    """Rows right, up, away from the light, origin, scale: shape (5, 3)."""
+    levels: NDArray[np.int32]
+    """First texel, width and height of each resolution, shape (levels, 3); the finest first."""
+    nearest: NDArray[np.float32]
+    """Depth [m] at which light first meets something, EMPTY where it never does, shape (texels,)."""
+    through: NDArray[np.float32]
+    """Transmittance at the boundaries of the layers, shape (texels, 16); undefined where empty."""
+    span: float
+    root: float
+    softness: float
+    """Width of a penumbra [texels] per metre behind what casts it; 0 is a light without size."""
+    radius: float
+    """Radius of a typical particle [m]."""
+
+    @property
+    def nbytes(self) -> int:
+        return self.nearest.nbytes + self.through.nbytes
+
+    @property
+    def texel(self) -> float:
+        """Width of a texel of the finest map [m]."""
+        return 1.0 / float(self.axes[transmittance.SCALE, 0])
+
+    def on_particles(self, blocks: NDArray[np.float32], light_out: NDArray[np.float32], row: int) -> None:
+        """Write the light 0..1 that reaches packed particles to light_out (blocks, rows, 16), at `row`."""
+        if blocks.shape[1]:
+            lookup.gather(
+                self.softness > 0, blocks, self.axes, 0.5 * self.texel, 0.5 * self.texel, self.levels,
+                self.softness, self.span, self.root, self.nearest, self.through, row, light_out,
+            )  # fmt: skip
+
+    def shadow_at(self, points: ArrayLike, *, lag: float | None = None) -> NDArray[np.float32]:
+        """The light 0..1 that reaches world points (n, 3) [m], shape (n,) float32.
+
+        lag: how far towards the light a point is moved before it reads [m]; None is a particle's radius.
+        """
+        points = np.ascontiguousarray(points, np.float32)
+        if points.ndim != 2 or points.shape[1] != 3:
+            raise InputError(f"shadow_at: points {points.shape}; allowed: (n, 3)")
+        light = np.ones(len(points), np.float32)
+        if len(points):
+            lookup.look_up(
+                self.softness > 0, points, self.axes, self.radius if lag is None else lag, self.levels,
+                self.softness, self.span, self.root, self.nearest, self.through, light,
+            )  # fmt: skip
+        return light
+
+    def shadow_on(self, points: ArrayLike, normals: ArrayLike) -> NDArray[np.float32]:
+        """The light 0..1 that reaches points (n, 3) [m] of a surface with unit normals (n, 3), shape (n,).
+
+        A point reads a texel out along its normal and two towards the light: where the surface itself, which the
+        map knows only texel by texel, does not yet shadow it.
+        """
+        out = np.asarray(points, np.float32) + np.float32(self.texel) * np.asarray(normals, np.float32)
+        return self.shadow_at(out, lag=2 * self.texel)
+
+
+def cast(
+    layout: Layout,
+    blocks: NDArray[np.float32],
+    box: NDArray[np.float64],
+    direction: ArrayLike,
+    *,
+    opacity: float = 1.0,
+    size_deg: float = 0.0,
+    resolution: int = MAP_SIZE,
+    texel_radii: float = TEXEL,
+    chunks: int = 2,
+    stretch: float = 1.0,
+    mesh: Mesh | None = None,
+) -> ShadowMap:
+    """The shadow map of packed particles, and of a mesh, under a light from `direction` (towards it, world).
+
+    box: (2, 3) [m] that holds all. size_deg: angle across the light, as seen from the cloth; the sun has 0.5, a
+    large soft box 20. resolution: texels along the longer side. texel_radii: a texel is at least so many typical
+    radii wide. stretch: how many along its fibre each elongated particle stands for.
+    """
+    radius = typical_radius(blocks)
+    at, count = fit(
+        direction, box, radius, resolution=resolution, texel_radii=texel_radii, size_deg=size_deg, levels=MOST_LEVELS
+    )
+    softness = 2.0 * tan(radians(size_deg) / 2) / at.texel
+    levels, first = [], 0
+    for k in range(count + 1):
+        levels.append((first, at.width >> k, at.height >> k))
+        first += (at.width >> k) * (at.height >> k)
+    axes, deep = at.axes(opacity), at.deep
+    root = _root(deep, max(0.5 * radius, 1e-4 * deep))
+    span = ((LAYERS - 1 + root) ** 4 - root**4) / deep
+
+    stamps = np.empty((max(1, blocks.shape[1]), STAMP_ROWS, LANES), np.float32)
+    spans = np.zeros((max(1, blocks.shape[1]), 2), np.int32)
+    rows = np.zeros((chunks, at.height), np.int32)
+    nearest = np.empty(first, np.float32)
+    through = np.empty((first, LAYERS), np.float32)
+    whole = np.array([(0, at.width, at.height)], np.int32)
+    wall = NO_WALL if mesh is None else walls(mesh, axes[None], whole, chunks=1)[0]
+    if blocks.shape[1] == 0 and mesh is None:
+        nearest[:] = EMPTY
+    else:
+        transmittance.stamp(layout, chunks, stretch, blocks, blocks.shape[1], at.height, axes, stamps, spans, rows)
+        cuts = _cuts(rows.sum(axis=0), chunks)
+        transmittance.deposit(
+            chunks, mesh is not None, blocks.shape[1], stamps, spans, cuts, at.width, span, root, wall, nearest,
+            through.reshape(-1, 1, LAYERS),
+        )  # fmt: skip
+        for fine, coarse in pairwise(levels):
+            begin, wide, high = coarse
+            transmittance.coarsen(fine[0], fine[1], begin, wide, high, span, root, nearest, through)
+    table = np.array(levels, np.int32)
+    return ShadowMap(at.frame[2] * -1.0, axes, table, nearest, through, span, root, softness, radius)
+
+
+def _root(deep: float, first: float) -> float:
+    """The a of `transmittance` for which boundary 1 lies `first` behind boundary 0, of 0.5 to 50."""
+    low, high = 0.5, 50.0
+    for _ in range(40):
+        a = 0.5 * (low + high)
+        low, high = (low, a) if deep * ((1 + a) ** 4 - a**4) / ((15 + a) ** 4 - a**4) > first else (a, high)
+    return low
+
+
+def _cuts(rows: NDArray[np.int32], bands: int) -> NDArray[np.int32]:
+    """Rows at which the map is cut into bands of about as many particles each, shape (bands + 1,)."""
+    cumulative = np.cumsum(rows) if rows.any() else np.arange(1, len(rows) + 1)
+    inner = np.searchsorted(cumulative, cumulative[-1] * np.arange(1, bands) / bands) + 1
+    return np.array([0, *np.minimum(inner, len(rows)), len(rows)], np.int32)

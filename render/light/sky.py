@@ -1,0 +1,281 @@
+"""The sky seen through particles: kernels of the maps that ambient occlusion reads (see `occlusion`).
+
+A map looks along one direction and answers for both of its ends. Layers are laid between the first and the last
+depth of each texel, fine near both: with f behind the first, g before the last and a length h
+
+    k = 16 w(f) / (w(f) + w(g)),   w(d) = d / (d + h)
+
+is even through a thin cloth and fine at both of its walls where the map looks through a whole garment. A piece of
+fibre of area A and opacity a takes the optical depth DENSITY a A / texel^2, laid at points along its axis and shared
+bilinearly between four texels. A direction belongs to one thread.
+"""
+
+# In kernels a name stands for a Taichi expression, which type checkers cannot follow.
+# pyright: reportIndexIssue=false, reportArgumentType=false, reportOptionalCall=false, reportReturnType=false
+
+import taichi as ti
+
+from taichi_cloth.ground.arrays import F32x1, F32x2, F32x3, Float, I32x2, Int, Template
+from taichi_cloth.ground.particles import LANES, Blocks, Vec16, keep
+
+from ..data.blocks import NORMAL, POSITION, RADIUS, TANGENT
+from ..data.light_sizes import LAYERS
+from ..tiles.sort import CHUNK_STEPS, share
+from .fibre import decay
+from .transmittance import AWAY, EMPTY, ORIGIN, RIGHT, SCALE, UP
+
+__all__ = ["fill", "look", "look_at"]
+
+DENSITY = 1.6
+"""Optical depth of a texel covered once by an opaque fibre: spread evenly, as a fibre that covers its middle is."""
+
+MOST_POINTS = 12.0
+APART = 2.0
+"""Distance between the points of a fibre [texels]."""
+
+
+@ti.func
+def _coordinate(f, g, h):
+    """Layer coordinate 0..16."""
+    front = f * (g + h)
+    return ti.min(16.0 * front / (front + g * (f + h) + 1e-30), 16.0)
+
+
+@ti.kernel
+def fill(
+    layout: Template,
+    chunks: Int,
+    stretch: Float,
+    particles: Blocks,
+    block_count: Int,
+    axes: F32x3,
+    maps: I32x2,
+    fine: Float,
+    # scratch of a chunk:
+    placed: Blocks,
+    # out, all maps one after another:
+    first_out: F32x1,
+    last_out: F32x1,
+    depth_out: Blocks,
+):
+    """First and last depth [m] and optical depth up to the end of each layer, shape (texels,), (texels, 1, 16).
+
+    axes: (maps, 5, 3) as in `transmittance`; maps: rows (first texel, width, height). stretch: each piece stands
+    for so many, and is that much longer.
+    """
+    for step in range(chunks * CHUNK_STEPS):
+        if step % CHUNK_STEPS != 0:
+            continue
+        chunk = step // CHUNK_STEPS
+        at = chunk * block_count
+        for m in range(share(maps.shape[0], chunk, chunks), share(maps.shape[0], chunk + 1, chunks)):
+            texels = axes[m, SCALE, 0]
+            begin = maps[m, 0]
+            width = maps[m, 1]
+            high = maps[m, 2]
+            for b in range(block_count):
+                px = particles[POSITION, b]
+                py = particles[POSITION + 1, b]
+                pz = particles[POSITION + 2, b]
+                size = particles[RADIUS, b] * texels
+                u = px * axes[m, RIGHT, 0] + py * axes[m, RIGHT, 1] + pz * axes[m, RIGHT, 2] - axes[m, ORIGIN, 0]
+                v = px * axes[m, UP, 0] + py * axes[m, UP, 1] + pz * axes[m, UP, 2] - axes[m, ORIGIN, 1]
+                placed[at + b, 0] = u * texels - 0.5
+                placed[at + b, 1] = v * texels - 0.5
+                placed[at + b, 2] = (
+                    px * axes[m, AWAY, 0] + py * axes[m, AWAY, 1] + pz * axes[m, AWAY, 2] - axes[m, ORIGIN, 2]
+                )
+                optical = size * size * (3.1416 * DENSITY * stretch)
+                if ti.static(layout.elliptic):
+                    tx = particles[TANGENT, b]
+                    ty = particles[TANGENT + 1, b]
+                    tz = particles[TANGENT + 2, b]
+                    half = 0.5 * stretch * particles[layout.half_length_row, b]
+                    e_x = (tx * axes[m, RIGHT, 0] + ty * axes[m, RIGHT, 1] + tz * axes[m, RIGHT, 2]) * half
+                    e_y = (tx * axes[m, UP, 0] + ty * axes[m, UP, 1] + tz * axes[m, UP, 2]) * half
+                    e_z = (tx * axes[m, AWAY, 0] + ty * axes[m, AWAY, 1] + tz * axes[m, AWAY, 2]) * half
+                    long = ti.sqrt(e_x * e_x + e_y * e_y) * texels
+                    points = ti.min(ti.max(ti.floor(long * (2.0 / APART) + 1.0), 1.0), MOST_POINTS)
+                    spacing = 2.0 / points
+                    placed[at + b, 4] = e_x * texels * spacing
+                    placed[at + b, 5] = e_y * texels * spacing
+                    placed[at + b, 6] = e_z * spacing
+                    placed[at + b, 7] = points
+                    optical = size * ti.sqrt(size * size + long * long) * (3.1416 * DENSITY) / points
+                if ti.static(layout.opacity):
+                    optical *= ti.min(ti.max(particles[layout.opacity_row, b], 0.0), 1.0)
+                else:
+                    optical *= axes[m, SCALE, 1]
+                placed[at + b, 3] = optical
+            for cell in range(begin, begin + width * high):
+                first_out[cell] = EMPTY
+                last_out[cell] = -EMPTY
+            for turn in range(2):
+                for i in range(block_count * LANES):
+                    b = at + i // LANES
+                    lane = i % LANES
+                    optical = placed[b, 3][lane]
+                    if optical > 0.0:
+                        points = 1
+                        u = placed[b, 0][lane]
+                        v = placed[b, 1][lane]
+                        depth = placed[b, 2][lane]
+                        if ti.static(layout.elliptic):
+                            points = ti.cast(placed[b, 7][lane], ti.i32)
+                            back = 0.5 * (points - 1.0)
+                            u -= back * placed[b, 4][lane]
+                            v -= back * placed[b, 5][lane]
+                            depth -= back * placed[b, 6][lane]
+                        for _ in range(points):
+                            left = ti.min(ti.max(ti.cast(u, ti.i32), 0), width - 2)
+                            top = ti.min(ti.max(ti.cast(v, ti.i32), 0), high - 2)
+                            cell = begin + top * width + left
+                            if turn == 0:
+                                for j in ti.static(range(4)):
+                                    c = cell + (j // 2) * width + j % 2
+                                    first_out[c] = ti.min(first_out[c], depth)
+                                    last_out[c] = ti.max(last_out[c], depth)
+                            else:
+                                f = u - left
+                                g = v - top
+                                for j in ti.static(range(4)):
+                                    c = cell + (j // 2) * width + j % 2
+                                    part = (f if ti.static(j % 2 == 1) else 1.0 - f) * (
+                                        g if ti.static(j // 2 == 1) else 1.0 - g
+                                    )
+                                    k = _coordinate(depth - first_out[c], last_out[c] - depth, fine)
+                                    layer = ti.min(ti.cast(k, ti.i32), LAYERS - 1)
+                                    depth_out[c, 0][layer] += optical * part
+                            if ti.static(layout.elliptic):
+                                u += placed[b, 4][lane]
+                                v += placed[b, 5][lane]
+                                depth += placed[b, 6][lane]
+                for cell in range(begin, begin + width * high):
+                    if first_out[cell] < EMPTY:
+                        if turn == 0:
+                            depth_out[cell, 0] = Vec16(0.0)
+                        else:
+                            row = depth_out[cell, 0]
+                            total = 0.0
+                            for k in ti.static(range(LAYERS)):
+                                total += row[k]
+                                row[k] = total
+                            depth_out[cell, 0] = row
+
+
+@ti.func
+def _seen(
+    walled: Template, px, py, pz, nx, ny, nz, offset, lag, axes: F32x3, maps: I32x2, fine,
+    first: F32x1, last: F32x1, depth_of: F32x2, wall_first: F32x1, wall_last: F32x1,
+):  # fmt: skip
+    """The share of the sky, by the cosine to the normal, that is seen from a place moved `offset` out along it.
+
+    walled: whether there is a mesh, met first and left last at depths `wall_first` and `wall_last`.
+    """
+    total = 0.0
+    weight = 0.0
+    px += offset * nx
+    py += offset * ny
+    pz += offset * nz
+    for m in range(maps.shape[0]):
+        cosine = -(nx * axes[m, AWAY, 0] + ny * axes[m, AWAY, 1] + nz * axes[m, AWAY, 2])
+        front = cosine > 0.0
+        cosine = ti.abs(cosine)
+        texels = axes[m, SCALE, 0]
+        width = maps[m, 1]
+        high = maps[m, 2]
+        u = (px * axes[m, RIGHT, 0] + py * axes[m, RIGHT, 1] + pz * axes[m, RIGHT, 2] - axes[m, ORIGIN, 0]) * texels
+        v = (px * axes[m, UP, 0] + py * axes[m, UP, 1] + pz * axes[m, UP, 2] - axes[m, ORIGIN, 1]) * texels
+        depth = px * axes[m, AWAY, 0] + py * axes[m, AWAY, 1] + pz * axes[m, AWAY, 2] - axes[m, ORIGIN, 2]
+        # How the depth of a surface varies over a texel: 1 + tan of the angle, up to 4.
+        moved = lag * (1.0 + ti.min(ti.sqrt(ti.max(1.0 - cosine * cosine, 0.0)) / ti.max(cosine, 0.05), 3.0))
+        depth += ti.select(front, -moved, moved)
+        u = ti.min(ti.max(u - 0.5, 0.0), width - 1.001)
+        v = ti.min(ti.max(v - 0.5, 0.0), high - 1.001)
+        left = ti.cast(u, ti.i32)
+        top = ti.cast(v, ti.i32)
+        s = u - left
+        t = v - top
+        passing = 0.0
+        for j in ti.static(range(4)):
+            part = (s if ti.static(j % 2 == 1) else 1.0 - s) * (t if ti.static(j // 2 == 1) else 1.0 - t)
+            c = maps[m, 0] + (top + j // 2) * width + left + j % 2
+            f = depth - first[c]
+            g = last[c] - depth
+            optical = 0.0
+            if (front and f > 0.0) or (not front and g > 0.0):  # never where the texel is empty
+                k = _coordinate(ti.max(f, 0.0), ti.max(g, 0.0), fine)
+                k = ti.max(k - 1.0, 0.0) if front else ti.min(k + 1.0, 16.0)
+                low = ti.min(ti.cast(k, ti.i32), LAYERS - 1)
+                before = depth_of[c, ti.max(low - 1, 0)] * ti.cast(low > 0, ti.f32)
+                optical = before + (k - low) * (depth_of[c, low] - before)
+                if not front:
+                    optical = depth_of[c, LAYERS - 1] - optical
+            through = decay(optical)
+            if ti.static(walled):  # noqa: SIM102
+                if (front and depth > wall_first[c]) or (not front and depth < wall_last[c]):
+                    through = 0.0
+            passing += part * through
+        total += cosine * passing
+        weight += cosine
+    return total / ti.max(weight, 1e-6)
+
+
+@ti.kernel
+def look(
+    walled: Template,
+    particles: F32x3,
+    axes: F32x3,
+    maps: I32x2,
+    offset: Float,
+    fine: Float,
+    first: F32x1,
+    last: F32x1,
+    depth_of: F32x2,
+    wall_first: F32x1,
+    wall_last: F32x1,
+    row: Int,
+    # out:
+    light_out: F32x3,
+):
+    """light_out[block, row, lane]: the share of the sky that packed particles see, 0..1."""
+    keep(light_out, (0, 0, 0), row)
+    for i in range(particles.shape[1] * LANES):
+        b = i // LANES
+        lane = i % LANES
+        value = 1.0
+        size = particles[RADIUS, b, lane]
+        if size > 0.0:
+            value = _seen(
+                walled,
+                particles[POSITION, b, lane], particles[POSITION + 1, b, lane], particles[POSITION + 2, b, lane],
+                particles[NORMAL, b, lane], particles[NORMAL + 1, b, lane], particles[NORMAL + 2, b, lane],
+                offset + 0.5 * size, offset + 0.25 * size, axes, maps, fine, first, last, depth_of,
+                wall_first, wall_last,
+            )  # fmt: skip
+        light_out[b, row, lane] = value
+
+
+@ti.kernel
+def look_at(
+    walled: Template,
+    points: F32x2,
+    normals: F32x2,
+    axes: F32x3,
+    maps: I32x2,
+    offset: Float,
+    fine: Float,
+    first: F32x1,
+    last: F32x1,
+    depth_of: F32x2,
+    wall_first: F32x1,
+    wall_last: F32x1,
+    # out:
+    light_out: F32x1,
+):
+    """light_out[i]: the share of the sky that points (n, 3) [m] with normals (n, 3) see, 0..1."""
+    for i in range(points.shape[0]):
+        light_out[i] = _seen(
+            walled, points[i, 0], points[i, 1], points[i, 2], normals[i, 0], normals[i, 1], normals[i, 2],
+            offset, offset, axes, maps, fine, first, last, depth_of, wall_first, wall_last,
+        )  # fmt: skip

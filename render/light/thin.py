@@ -1,0 +1,77 @@
+"""Fewer particles for light: every so many along a fibre, and what was found for those, for all between them.
+
+Where neighbours in a block follow one another along a fibre and overlap (`chained`), light hardly differs from one
+to the next. Where a fibre ends and another begins among the 16 of a block the distance says so: what lies between two
+samples takes theirs by 1 / distance^2.
+"""
+
+# In kernels a name stands for a Taichi expression, which type checkers cannot follow.
+# pyright: reportIndexIssue=false, reportArgumentType=false, reportOptionalCall=false, reportReturnType=false
+
+import numpy as np
+import taichi as ti
+from numpy.typing import NDArray
+
+from taichi_cloth.ground.arrays import F32x3, Int, Template
+from taichi_cloth.ground.particles import LANES, keep
+
+from ..data.blocks import POSITION, RADIUS, Layout
+
+__all__ = ["chained", "spread", "thin"]
+
+
+def chained(layout: Layout, blocks: NDArray[np.float32]) -> bool:
+    """Whether most neighbours of up to 64 blocks, spread evenly, are nearer than half their length, or a radius."""
+    if not blocks.shape[1]:
+        return False
+    sample = blocks[:, :: max(1, blocks.shape[1] // 64)]
+    there = (sample[RADIUS, :, 1:] > 0) & (sample[RADIUS, :, :-1] > 0)
+    apart = np.linalg.norm(np.diff(sample[POSITION : POSITION + 3], axis=2), axis=0)
+    return bool(
+        there.any()
+        and np.mean((apart < sample[layout.half_length_row if layout.elliptic else RADIUS, :, 1:])[there]) > 0.5
+    )
+
+
+@ti.kernel
+def thin(stride: Template, rows: Int, particles: F32x3, thin_out: F32x3):
+    """Every stride-th particle, packed again: thin_out (rows, ceil(blocks / stride), 16); radius 0 at the end."""
+    for b in range(thin_out.shape[1]):
+        whole = (b + 1) * stride <= particles.shape[1]
+        for row in range(rows):
+            for lane in ti.static(range(LANES)):
+                source = b * stride + lane * stride // LANES
+                value = 0.0
+                if whole or source < particles.shape[1]:
+                    value = particles[row, source, ti.static(lane * stride % LANES)]
+                thin_out[row, b, lane] = value
+
+
+@ti.kernel
+def spread(stride: Template, particles: F32x3, found: F32x3, row: Int, light_out: F32x3):
+    """light_out[block, row, lane] of what was found (thin blocks, 1, 16) for every stride-th particle."""
+    keep(light_out, (0, 0, 0), row)
+    count = particles.shape[1] * LANES
+    for b in range(particles.shape[1]):
+        for lane in range(LANES):
+            i = b * LANES + lane
+            one = i // stride
+            value = found[one // LANES, 0, one % LANES]
+            if i % stride != 0 and (one + 1) * stride < count:
+                two = one + 1
+                near = 0.0
+                far = 0.0
+                j = one * stride
+                k = two * stride
+                for c in ti.static(range(3)):
+                    here = particles[POSITION + c, b, lane]
+                    x = particles[POSITION + c, j // LANES, j % LANES] - here
+                    y = particles[POSITION + c, k // LANES, k % LANES] - here
+                    near += x * x
+                    far += y * y
+                if particles[RADIUS, k // LANES, k % LANES] > 0.0:
+                    if particles[RADIUS, j // LANES, j % LANES] <= 0.0:
+                        near = 1e20
+                    other = found[two // LANES, 0, two % LANES]
+                    value += near / (near + far + 1e-20) * (other - value)
+            light_out[b, row, lane] = value

@@ -1,0 +1,1 @@
+"""The splatter: from particles and a camera to an image and its passes."""

@@ -1,0 +1,241 @@
+"""From particles to splats: where each lands on the image, how large, how bright, and its depth key.
+
+Numbers of one splat, `splats[i]` float32 (see `Layout.splat_size`):
+    round      x, y [px], alpha, red, green, blue, reach [px], 1 / reach^2, or the sprite's number if textured
+    elliptic   x, y [px], alpha, red, green, blue, half height of its box [px],
+               the rows s and t that turn an offset [px] into -1..1 across and along the fibre (2 each),
+               the slope of brightness across, the edge (see `sprites`), the sprite's number or half the box's width,
+               and for crisp splats the roundness m and the edge along the fibre (see `_thread`)
+"""
+
+# In kernels a name stands for a Taichi expression, which type checkers cannot follow.
+# pyright: reportIndexIssue=false, reportArgumentType=false, reportOptionalCall=false, reportReturnType=false
+
+import taichi as ti
+
+from taichi_cloth.ground.arrays import F32x2, I32x1, I32x2, I64x1, Int, Template
+from taichi_cloth.ground.particles import LANES, TILE, Blocks, Vec16
+
+from ..data.blocks import POSITION, RADIUS, TANGENT
+from ..light.shade import DEPTH, EDGE, IMAGE, KEY_DIRECTION, LENS, SURFACE, TRANSLATION, shade
+from ..tiles.compiling import left_to_llvm
+from ..tiles.sort import BINS, CHUNK_STEPS, share
+
+__all__ = ["DEEPEST_KEY", "project"]
+
+DEEPEST_KEY = BINS * BINS - 1
+"""Depth keys have 22 bits: two passes of an 11-bit counting sort."""
+
+BLUR = 0.91
+"""Variance [px^2] by which a soft splat is widened, so that its energy does not depend on where it falls
+between the pixels: measured, the deviation stays below 0.07 at all sizes (render.md, section 4)."""
+
+LARGEST = 1e8
+"""Largest radius [px]; a larger one fills the image all the same."""
+
+
+@ti.func
+def _soft(radius):
+    """Drawn radius and opacity of a soft splat, r^2 + BLUR; the opacity falls as the area grows."""
+    squared = radius * radius
+    reach = ti.sqrt(squared + BLUR)
+    return reach, squared / (squared + BLUR)
+
+
+@ti.func
+def _crisp(radius):
+    """Drawn radius, opacity and edge of a splat that covers the area pi r^2 with a rim one pixel wide.
+
+    With alpha = min(1, edge q)^2 the coverage is pi R^2 (1 - 2 / (3 edge)). Solved for R with edge = R / 2 it
+    is r^2 at R = 2/3 + sqrt(4/9 + r^2). Below R = 2 the edge stays 1 and the opacity falls instead; the first
+    root meets the second at R = 2 and is `BLUR` wide at r = 0.
+    """
+    squared = radius * radius
+    faint = (3.0 - 0.75 * BLUR) * squared + BLUR
+    reach = ti.min(ti.sqrt(faint), 2.0 / 3.0 + ti.sqrt(4.0 / 9.0 + squared))
+    return reach, ti.min(3.0 * squared / faint, 1.0), ti.max(0.5 * reach, 1.0)
+
+
+@ti.func
+def _thread(radius, half_length, endwise):
+    """A crisp piece of a thread: drawn radius, half length, opacity, edge across, edge along.
+
+        alpha = (min(1, edge (1 - s^2 - m t^2)) min(1, edge_along (1 - t^2)))^2
+
+    s is -1..1 across, t along. A long piece (m = 0, edge along 1) has a rim one pixel wide at its sides and
+    fades along the fibre, so that a chain of them reads as one smooth thread; one seen end-on (m = endwise = 1)
+    is a disc.
+    As in `_crisp`, the energy of a long piece does not depend on its size: across, the integral of alpha is
+    2 r at R = 2/3 + sqrt(0.64 + r^2) (within 0.5 %), and below R = 2 the opacity falls instead.
+    """
+    squared = radius * radius
+    faint = ti.sqrt(squared * ((4.0 - BLUR) * (225.0 / 256.0)) + BLUR)
+    reach = ti.min(faint, 2.0 / 3.0 + ti.sqrt(0.64 + squared))
+    long = ti.sqrt(half_length * half_length + (reach * reach - squared))
+    alpha = ti.min(1.875 * radius / faint, 1.0) * (half_length / long) * (1.0 + 0.6 * endwise)
+    return reach, long, ti.min(alpha, 1.0), ti.max(0.5 * reach, 1.0), 1.0 / (1.001 - endwise)
+
+
+@left_to_llvm
+@ti.kernel
+def project(
+    layout: Template,
+    shading: Template,
+    crisp: Template,
+    chunks: Int,
+    # particles:
+    particles: Blocks,
+    block_count: Int,
+    # light that reaches the particles, (blocks, shading.rows, 16); view and lights, its rows named in `shade`:
+    light: Blocks,
+    c: F32x2,
+    # out:
+    splats_out: F32x2,
+    boxes_out: I64x1,
+    keys_out: I32x1,
+    histogram_out: I32x2,
+):
+    """Project, shade and key every particle, and count the low 11 bits of the keys, chunk by chunk.
+
+    A particle that is not in the image gets the key -1. boxes_out: the first and last tile column and row that
+    the splat touches, 16 bits each from the lowest.
+    """
+    for step in range(chunks * CHUNK_STEPS):
+        if step % CHUNK_STEPS != 0:
+            continue
+        chunk = step // CHUNK_STEPS
+        for k in range(BINS):
+            histogram_out[chunk, k] = 0
+        focal = c[LENS, 0]
+        width = c[IMAGE, 0]
+        height = c[IMAGE, 1]
+        near = c[IMAGE, 2]
+        lx = c[KEY_DIRECTION, 0]
+        ly = c[KEY_DIRECTION, 1]
+        lz = c[KEY_DIRECTION, 2]
+        for b in range(share(block_count, chunk, chunks), share(block_count, chunk + 1, chunks)):
+            # Where it is: camera axes [m], then pixels.
+            px = particles[POSITION, b]
+            py = particles[POSITION + 1, b]
+            pz = particles[POSITION + 2, b]
+            z = px * c[2, 0] + py * c[2, 1] + pz * c[2, 2] + c[TRANSLATION, 2]
+            scale = 1.0 / ti.max(z, near)
+            u = (px * c[0, 0] + py * c[0, 1] + pz * c[0, 2] + c[TRANSLATION, 0]) * scale
+            v = (px * c[1, 0] + py * c[1, 1] + pz * c[1, 2] + c[TRANSLATION, 1]) * scale
+            x = u * focal + c[LENS, 1]
+            y = v * focal + c[LENS, 2]
+            scale *= focal
+            size = particles[RADIUS, b]
+            radius = ti.min(ti.max(size * scale, 1e-6), LARGEST)
+
+            red, green, blue, vx, vy, vz, sin_v, key_facing = shade(layout, shading, particles, light, c, b)
+
+            # How far it reaches on the image.
+            reach = radius
+            alpha = radius
+            edge = radius
+            if ti.static(crisp):
+                reach, alpha, edge = _crisp(radius)
+            else:
+                reach, alpha = _soft(radius)
+                edge = Vec16(c[EDGE, 0])
+            half_width = reach
+            half_height = reach
+            s_x = reach
+            s_y = reach
+            t_x = reach
+            t_y = reach
+            slope = reach
+            endwise = reach
+            edge_along = reach
+            if ti.static(layout.elliptic):
+                # The tangent on the image, in units of the scale: the ellipsoid's outline under the local
+                # affine projection J is the ellipse of covariance r^2 I + (h^2 - r^2) (J t)(J t)^T.
+                tx = particles[TANGENT, b]
+                ty = particles[TANGENT + 1, b]
+                tz = particles[TANGENT + 2, b]
+                along_z = tx * c[2, 0] + ty * c[2, 1] + tz * c[2, 2]
+                e_x = tx * c[0, 0] + ty * c[0, 1] + tz * c[0, 2] - u * along_z
+                e_y = tx * c[1, 0] + ty * c[1, 1] + tz * c[1, 2] - v * along_z
+                flat = ti.min(e_x * e_x + e_y * e_y, 1.0)
+                e_x += 1e-6  # a fibre seen end-on is round: any direction will do
+                unit_e = 1.0 / ti.sqrt(e_x * e_x + e_y * e_y)
+                e_x *= unit_e
+                e_y *= unit_e
+                long = ti.min(ti.max(particles[layout.half_length_row, b] * scale, 1e-6), LARGEST)
+                slim = long / radius
+                long = ti.sqrt(radius * radius * (1.0 - flat) + long * long * flat)
+                if ti.static(crisp):
+                    endwise = ti.max(1.0 - flat * (3.0 + slim * slim / 3.0), 0.0)
+                    reach, long, alpha, edge, edge_along = _thread(radius, long, endwise)
+                else:
+                    major = long
+                    long = ti.sqrt(major * major + BLUR)
+                    alpha = (major * radius) / (long * reach)
+                if ti.static(crisp or layout.textured):  # the square of s and t
+                    half_width = long * ti.abs(e_x) + reach * ti.abs(e_y)
+                    half_height = long * ti.abs(e_y) + reach * ti.abs(e_x)
+                else:  # the ellipse in it
+                    half_width = ti.sqrt((long * e_x) * (long * e_x) + (reach * e_y) * (reach * e_y))
+                    half_height = ti.sqrt((long * e_y) * (long * e_y) + (reach * e_x) * (reach * e_x))
+                s_x = -e_y / reach
+                s_y = e_x / reach
+                t_x = e_x / long
+                t_y = e_y / long
+                # Key light across the fibre: (t x v) . l, of which (-e_y, e_x) is the direction on the image.
+                across = (ty * vz - tz * vy) * lx + (tz * vx - tx * vz) * ly + (tx * vy - ty * vx) * lz
+                slope = across / ti.max(sin_v, 1e-3) * key_facing * c[SURFACE, 2]
+                slope = ti.min(ti.max(slope, -1.0), 1.0)
+            if ti.static(layout.opacity):
+                alpha *= ti.min(ti.max(particles[layout.opacity_row, b], 0.0), 1.0)
+            else:
+                alpha *= c[DEPTH, 2]
+
+            # Pixels whose centre it touches, as float: casting to int truncates.
+            left = ti.max(x - half_width + 0.5, 0.0)
+            right = ti.min(x + half_width - 0.5, width - 1.0)
+            top = ti.max(y - half_height + 0.5, 0.0)
+            bottom = ti.min(y + half_height - 0.5, height - 1.0)
+            room = ti.min(ti.min(width - left, height - top), ti.min(z - near, size))
+            end = ti.min(right, bottom)
+            depth = (z - c[DEPTH, 0]) * c[DEPTH, 1]
+            for lane in ti.static(range(LANES)):
+                i = b * LANES + lane
+                key = -1
+                if room[lane] > 0.0 and end[lane] >= 0.0:
+                    key = ti.cast(ti.min(ti.max(depth[lane], 0.0), ti.static(float(DEEPEST_KEY))), ti.i32)
+                    low = key & (BINS - 1)
+                    histogram_out[chunk, low] = histogram_out[chunk, low] + 1
+                    splats_out[i, 0] = x[lane]
+                    splats_out[i, 1] = y[lane]
+                    splats_out[i, 2] = alpha[lane]
+                    splats_out[i, 3] = red[lane]
+                    splats_out[i, 4] = green[lane]
+                    splats_out[i, 5] = blue[lane]
+                    if ti.static(layout.elliptic):
+                        splats_out[i, 6] = half_height[lane]
+                        splats_out[i, 7] = s_x[lane]
+                        splats_out[i, 8] = s_y[lane]
+                        splats_out[i, 9] = t_x[lane]
+                        splats_out[i, 10] = t_y[lane]
+                        splats_out[i, 11] = slope[lane]
+                        splats_out[i, 12] = edge[lane]
+                        if ti.static(layout.textured):
+                            splats_out[i, 13] = particles[layout.sprite_row, b][lane]
+                        else:
+                            splats_out[i, 13] = half_width[lane]
+                        if ti.static(crisp):
+                            splats_out[i, 14] = endwise[lane]
+                            splats_out[i, 15] = edge_along[lane]
+                    else:
+                        splats_out[i, 6] = reach[lane]
+                        if ti.static(layout.textured):
+                            splats_out[i, 7] = particles[layout.sprite_row, b][lane]
+                        else:
+                            splats_out[i, 7] = 1.0 / (reach[lane] * reach[lane])
+                    box = ti.cast(ti.cast(left[lane], ti.i32) // TILE, ti.i64)
+                    box |= ti.cast(ti.cast(right[lane], ti.i32) // TILE, ti.i64) << 16
+                    box |= ti.cast(ti.cast(top[lane], ti.i32) // TILE, ti.i64) << 32
+                    box |= ti.cast(ti.cast(bottom[lane], ti.i32) // TILE, ti.i64) << 48
+                    boxes_out[i] = box
+                keys_out[i] = key

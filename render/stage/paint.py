@@ -1,0 +1,238 @@
+"""Paint what stands behind the particles: the background's gradient, the floor's shadows, then the meshes.
+
+Meshes are shaded like cloth without fibres: Lambert's law for every distant light and a fill that goes from the
+ground's colour to the sky's as the normal turns upward (see `Lighting.ambient`), on smooth normals turned towards the
+viewer.
+"""
+
+# In kernels a name stands for a Taichi expression, which type checkers cannot follow.
+# pyright: reportIndexIssue=false, reportArgumentType=false, reportOptionalCall=false, reportReturnType=false
+
+from dataclasses import replace
+
+import numpy as np
+import taichi as ti
+from numpy.typing import NDArray
+
+from taichi_cloth.ground.arrays import F32x1, F32x2, F32x3, I32x1, I32x2, Int, Template
+from taichi_cloth.ground.particles import keep
+
+from ..data.backdrop import Backdrop, padded, tiled
+from ..data.camera import Camera
+from ..data.light import Background, Lighting
+from ..light.lightpass import LightMaps
+from ..light.shade import rise
+from ..tiles.mesh import Mesh, from_behind, normals_at, visible
+from ..tiles.sort import usual_chunks
+from .stage import CELLS, Stage
+
+__all__ = ["paint"]
+
+# Rows of the argument `c`, three numbers each.
+ROTATION, EYE, LENS, SKY, GROUND, FLOOR = 0, 3, 4, 5, 6, 7
+DOME = 9
+LARGEST = 16384
+"""Pixels along a side of a picture."""
+LIFT = 1.5
+"""Texels of the sky's maps that a vertex is lifted off the skin it belongs to."""
+SPREAD = 6
+"""Rounds by which a vertex's sky is evened out with its neighbours': there are few directions."""
+CONSTANT_ROWS = 10  # FLOOR: height, centre x and z [m], then in the next row cells per metre
+
+
+def paint(
+    camera: Camera,
+    *,
+    background: Background | None = None,
+    lighting: Lighting | None = None,
+    mesh: Mesh | None = None,
+    stage: Stage | None = None,
+    maps: LightMaps | None = None,
+    chunks: int | None = None,
+    samples: int = 1,
+) -> Backdrop | None:
+    """The backdrop for `Splatter.render`; None when there is neither a mesh nor a stage.
+
+    maps: what particles and mesh leave of the lights and of the sky, from `splatter.cast_light`; without them nothing
+    casts a shadow on the mesh, and the floor's is a coarse one. The sky is looked up at its vertices.
+    samples: of a mesh's colour along each side of a pixel, for smooth outlines.
+    """
+    if mesh is None and stage is None:
+        return None
+    lighting, background = lighting or Lighting(), background or Background()
+    chunks = usual_chunks() if chunks is None else chunks
+    c = np.zeros((CONSTANT_ROWS, 3), np.float32)
+    c[ROTATION : ROTATION + 3], c[EYE] = camera.rotation, camera.eye
+    c[LENS] = camera.focal, camera.cx, camera.cy
+    _, c[SKY], c[GROUND] = lighting.radiances()
+    c[DOME] = lighting.rise
+    width = padded(camera.width)
+    colour = np.empty((camera.height, width, 3), np.float32)
+    _floor(stage is not None, width, *_floor_arguments(c, camera, lighting, stage, maps), background.ends(), colour)
+    if mesh is None:
+        return Backdrop(colour)
+    depth, face, edges = visible(mesh, camera, chunks=chunks)
+    if samples > 1 and samples * max(camera.width, camera.height) <= LARGEST:
+        options = {"background": background, "lighting": lighting, "mesh": mesh, "stage": stage, "maps": maps}
+        fine = paint(_finer(camera, samples), chunks=chunks, **options)
+        assert fine is not None
+        parts = fine.colour[:, : samples * camera.width].reshape(camera.height, samples, camera.width, samples, 3)
+        colour[:, : camera.width] = parts.mean(axis=(1, 3))
+        return Backdrop(colour, tiled(depth), face, edges)
+    lamps = [(lamp.towards(camera), np.multiply(lamp.intensity, lamp.colour)) for lamp in lighting.lights]
+    lamps = np.array(lamps, np.float32) * np.array([[1.0], [2.0**lighting.exposure]], np.float32)
+    lights = () if maps is None else maps.lights
+    behind = from_behind(mesh, camera)
+    passing = np.ones((1, 1, 1), np.float32)
+    if any(lights):
+        row, column = np.nonzero(face >= 0)
+        at = unproject(camera, row, column, depth[row, column])
+        normal = normals_at(mesh, face, edges, behind, row, column)
+        passing = np.ones((len(lamps), *face.shape), np.float32)
+        for j, one in enumerate(lights):
+            if one is not None:
+                passing[j, row, column] = one.shadow_on(at, normal)
+    open_sky = np.ones((len(mesh.vertices), 2), np.float32)  # of the side that the normals point to, of the other
+    if maps is not None and maps.sky is not None:
+        for side, normals in enumerate((np.asarray(mesh.normals), -np.asarray(mesh.normals))):
+            seen = maps.sky.seen_from(mesh.vertices + LIFT * maps.sky.texel * normals, normals)
+            open_sky[:, side] = spread(seen, mesh.faces, SPREAD)
+    _shade(
+        width, any(lights), c, lamps, mesh.faces, behind, mesh.colour, mesh.normals, open_sky, edges, face, passing,
+        colour,
+    )  # fmt: skip
+    return Backdrop(colour, tiled(depth), face, edges)
+
+
+def _finer(camera: Camera, samples: int) -> Camera:
+    """The same view with so many pixels for one, along each side."""
+    lens = {name: samples * getattr(camera, name) for name in ("focal", "cx", "cy", "width", "height")}
+    return replace(camera, **lens)
+
+
+def spread(values: NDArray, faces: NDArray, rounds: int) -> NDArray[np.float32]:
+    """Values at vertices (n,), each the mean of its own and its neighbours' mean, so many times over."""
+    out, size = np.asarray(values, np.float64), len(values)
+    pairs = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    one, two = np.concatenate([pairs, pairs[:, ::-1]]).T
+    count = np.maximum(np.bincount(one, minlength=size), 1)
+    for _ in range(rounds):
+        out = (out + np.bincount(one, out[two], size) / count) / 2
+    return out.astype(np.float32)
+
+
+def unproject(camera: Camera, row: NDArray, column: NDArray, depth: NDArray) -> NDArray[np.float32]:
+    """World points (n, 3) [m] of pixels (n,) at a depth (n,) [m]."""
+    ray = np.stack([(column + 0.5 - camera.cx) / camera.focal, (row + 0.5 - camera.cy) / camera.focal], -1)
+    at = np.concatenate([ray, np.ones((len(row), 1))], 1) * depth[:, None]
+    return ((at - camera.translation) @ camera.rotation).astype(np.float32)
+
+
+def _floor_arguments(
+    c: NDArray[np.float32], camera: Camera, lighting: Lighting, stage: Stage | None, maps: LightMaps | None
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    if stage is None:
+        return c, np.ones((1, 1, 3), np.float32)
+    c[FLOOR] = stage.ground, *stage.centre
+    c[FLOOR + 1] = 1 / stage.cell
+    return c, stage.darkening(camera, lighting, None if maps is None else maps.lights[0])
+
+
+@ti.kernel
+def _floor(on: Template, width: Int, c: F32x2, darkening: F32x3, background: F32x1, colour_out: F32x3):
+    """The gradient, and where a pixel looks down on the floor, the floor's shadows."""
+    height = colour_out.shape[0]
+    for i in range(height * width):
+        y = i // width
+        x = i % width
+        down = (y + 0.5) / height
+        shade = ti.Vector([1.0, 1.0, 1.0])
+        if ti.static(on):
+            u = (x + 0.5 - c[LENS, 1]) / c[LENS, 0]
+            v = (y + 0.5 - c[LENS, 2]) / c[LENS, 0]
+            ray_y = u * c[0, 1] + v * c[1, 1] + c[2, 1]
+            above = c[EYE, 1] - c[FLOOR, 0]
+            if ray_y < 0.0 and above > 0.0:
+                far = -above / ray_y
+                p = c[EYE, 0] + far * (u * c[0, 0] + v * c[1, 0] + c[2, 0]) - c[FLOOR, 1]
+                q = c[EYE, 2] + far * (u * c[0, 2] + v * c[1, 2] + c[2, 2]) - c[FLOOR, 2]
+                column = p * c[FLOOR + 1, 0] + 0.5 * CELLS - 0.5
+                row = q * c[FLOOR + 1, 0] + 0.5 * CELLS - 0.5
+                if 0.0 <= column < CELLS - 1.0 and 0.0 <= row < CELLS - 1.0:
+                    left = ti.cast(column, ti.i32)
+                    top = ti.cast(row, ti.i32)
+                    f = column - left
+                    g = row - top
+                    for k in ti.static(range(3)):
+                        one = darkening[top, left, k] * (1 - f) + darkening[top, left + 1, k] * f
+                        two = darkening[top + 1, left, k] * (1 - f) + darkening[top + 1, left + 1, k] * f
+                        shade[k] = one + g * (two - one)
+        for k in ti.static(range(3)):
+            colour_out[y, x, k] = (background[k] + (background[k + 3] - background[k]) * down) * shade[k]
+
+
+@ti.func
+def weights(edges: F32x2, f, x, y):
+    """b0, b1, b2 of triangle f at the pixel with its middle at (x, y)."""
+    b = ti.Vector([edges[f, 3 * k] * x + edges[f, 3 * k + 1] * y + edges[f, 3 * k + 2] for k in ti.static(range(3))])
+    return b / ti.max(b.sum(), 1e-30)
+
+
+@ti.func
+def smooth_normal(faces: I32x2, normals: F32x2, f, b):
+    """The vertices' normals blended, unit."""
+    n = ti.Vector([0.0, 0.0, 0.0])
+    for i in ti.static(range(3)):
+        for k in ti.static(range(3)):
+            n[k] += b[i] * normals[faces[f, i], k]
+    return n / ti.max(n.norm(), 1e-12)
+
+
+@ti.kernel
+def _shade(
+    width: Int,
+    shadowed: Template,
+    c: F32x2,
+    lamps: F32x3,  # direction towards each, then its radiance
+    # mesh:
+    faces: I32x2,
+    behind: I32x1,
+    albedo: F32x2,
+    normals: F32x2,
+    open_sky: F32x2,
+    edges: F32x2,
+    # pixels:
+    face: I32x2,
+    passing: F32x3,
+    # out:
+    colour_out: F32x3,
+):
+    keep(colour_out, (0, 0, 0), width)
+    for i in range(colour_out.shape[0] * width):
+        y = i // width
+        x = i % width
+        f = face[y, x]
+        if f >= 0:
+            b = weights(edges, f, x + 0.5, y + 0.5)
+            n = smooth_normal(faces, normals, f, b)
+            side = behind[f]
+            n *= 1.0 - 2.0 * side
+            upward = 0.5 + 0.5 * n[1]
+            seen = 0.0
+            for j in ti.static(range(3)):
+                seen += b[j] * open_sky[faces[f, j], side]
+            lit = ti.Vector([c[GROUND, k] + (c[SKY, k] - c[GROUND, k]) * upward for k in ti.static(range(3))])
+            above = rise(n[1])
+            for k in ti.static(range(3)):
+                lit[k] = (lit[k] + c[DOME, k] * above) * seen
+            for j in range(lamps.shape[0]):
+                share = ti.max(n[0] * lamps[j, 0, 0] + n[1] * lamps[j, 0, 1] + n[2] * lamps[j, 0, 2], 0.0)
+                if ti.static(shadowed):
+                    share *= passing[j, y, x]
+                for k in ti.static(range(3)):
+                    lit[k] += share * lamps[j, 1, k]
+            for k in ti.static(range(3)):
+                own = 0.0
+                for j in ti.static(range(3)):
+                    own += b[j] * albedo[faces[f, j], k]
+                colour_out[y, x, k] = own * lit[k]

@@ -1,0 +1,1 @@
+"""Tiles: splats sorted and blended, triangles seen, pixel by pixel."""

@@ -1,0 +1,1 @@
+"""`taichi-cloth body`: a body in parts and primitives, drawn and measured."""

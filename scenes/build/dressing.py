@@ -1,0 +1,154 @@
+"""From a scene's words to a garment worn by a body: both are made once, and kept on disk by what made them."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from taichi_cloth.body.colliders.colliders import Colliders
+from taichi_cloth.body.colliders.grid import DistanceGrid
+from taichi_cloth.body.moving.motion import Motion
+from taichi_cloth.body.primitives.primitives import Primitive
+from taichi_cloth.body.skin.skinning import Body
+from taichi_cloth.ground.cache import digest, kept
+from taichi_cloth.ground.errors import InputError
+from taichi_cloth.motion.forces import Forces
+from taichi_cloth.garment.pattern.cut import cut, spacing_for
+from taichi_cloth.garment.pattern.drafts import DRAFTS, Cut, draft
+from taichi_cloth.garment.pattern.fitting import fitted
+from taichi_cloth.garment.pattern.garmentcode import read_garmentcode
+from taichi_cloth.garment.sewn.limbs import spared
+from taichi_cloth.garment.pattern.measure import figure_of
+from taichi_cloth.garment.pattern.pattern import Pattern
+from taichi_cloth.garment.sewn.sew import Garment, Worn, sew
+from taichi_cloth.motion.simulation import Simulation
+
+from ..scene.body_section import BodySection, prepare_body, prepare_motion
+from ..scene.garment_schema import GarmentSection
+from .moving import forces_of, material_of
+from ..scene.schema import Scene
+from .standing import grids_of, primitives_of
+
+__all__ = ["Dressed", "Parts", "dress", "dressed_parts", "garment_of", "motion_of", "simulation_of"]
+
+VERSION = 5
+"""Of what is kept on disk: raised whenever the same scene would come to another rest."""
+
+Progress = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Parts:
+    """What is known before anything is sewn: a body, its primitives, which tell its limbs, the distance grids that
+    cloth touches instead of them where a scene asks for those, and a garment cut for it."""
+
+    body: Body
+    primitives: tuple[Primitive, ...]
+    grids: tuple[DistanceGrid, ...]
+    garment: Garment
+
+
+@dataclass(frozen=True, eq=False)
+class Dressed(Parts):
+    """A garment on its body, and how it rests. from_disk: whether it was sewn before."""
+
+    worn: Worn
+    from_disk: bool
+
+
+def dressed_parts(scene: Scene) -> Parts:
+    """Body, primitives and garment of a scene; the last few are remembered. Raises InputError."""
+    assert scene.garment is not None
+    body = (scene.body or BodySection()).model_dump_json()
+    return _parts(scene.garment.model_dump_json(), body)
+
+
+@lru_cache(maxsize=4)
+def _parts(garment: str, body: str) -> Parts:
+    section, worn_by = GarmentSection.model_validate_json(garment), BodySection.model_validate_json(body)
+    figure = prepare_body(worn_by)
+    grids = grids_of(figure) if worn_by.contact == "grid" else ()
+    return Parts(figure, primitives_of(figure, worn_by.primitives), grids, garment_of(section, figure))
+
+
+def dress(scene: Scene, each: Progress | None = None) -> Dressed:
+    """The scene's garment on its body, sewn unless it was before. Raises InputError; needs Taichi only to sew."""
+    parts = dressed_parts(scene)
+    colliders = _colliders(scene, parts)
+    limit = forces_of(scene.forces).strain_limit
+    made_of = digest(VERSION, parts.garment, limit, colliders.made_of(), list(parts.primitives))
+
+    def make() -> dict[str, np.ndarray]:
+        worn = sew(parts.garment, colliders, limit=limit, each=each)
+        return {name: np.asarray(getattr(worn, name)) for name in Worn.__dataclass_fields__}
+
+    arrays, found = kept("worn", made_of, make)
+    numbers = {name: arrays[name].item() for name in ("gap", "depth", "stretch", "speed", "frames")}
+    worn = Worn(positions=arrays["positions"], places=arrays["places"], **numbers)
+    return Dressed(parts.body, parts.primitives, parts.grids, parts.garment, worn, found)
+
+
+def garment_of(section: GarmentSection, body: Body) -> Garment:
+    """A pattern, fitted to the body and cut. Raises InputError."""
+    figure = figure_of(body)
+    pattern: Pattern
+    if section.pattern.lower().endswith(".json"):
+        pattern = fitted(read_garmentcode(Path(section.pattern)), figure)
+    elif section.pattern in DRAFTS:
+        metres = {name: None if cm is None else 0.01 * cm for name, cm in
+                  (("length", section.length_cm), ("sleeve", section.sleeve_cm))}  # fmt: skip
+        pattern = draft(section.pattern, figure, Cut(ease=section.ease, flare=section.flare, **metres))
+    else:
+        raise InputError(
+            f"garment.pattern: {section.pattern!r}; known: {', '.join(DRAFTS)}, or the path of a .json file"
+        )
+    names = [panel.name for panel in pattern.panels]
+    for key in ("colours", "weaves", "prints"):
+        for name in getattr(section, key):
+            if name not in names:
+                raise InputError(f"garment.{key}: no panel {name!r}; known: {', '.join(names)}")
+    return Garment(pattern, cut(pattern, spacing_for(pattern, section.key_points)), material_of(section))
+
+
+def motion_of(scene: Scene, body: Body) -> Motion:
+    """How the body of a scene moves."""
+    return prepare_motion(scene.body or BodySection(), body)
+
+
+def simulation_of(scene: Scene, dressed: Dressed) -> Simulation:
+    """The worn garment, ready to move with its body by one frame of the video at a time."""
+    moves = motion_of(scene, dressed.body)
+    still = moves.name == "rest"
+    colliders = _colliders(scene, dressed)
+    if not still:
+        poses = [dressed.body.bone_transforms(moves.pose(time)) for time in (0.1, 0.37, 1.0, 2.3)]
+        name = f"{moves.name} {digest(poses)}"
+
+        def bones_at(time: float) -> np.ndarray:
+            return dressed.body.bone_transforms(moves.pose(time))
+
+        colliders = replace(colliders, motion=bones_at, name=name)
+    garment = dressed.garment
+    met = spared(garment.atlas, dressed.worn.positions, dressed.primitives, moving=not still)
+    colliders = replace(colliders, spared=met)
+    forces: Forces = replace(forces_of(scene.forces), body=colliders)
+    names = garment.holds()[3]
+    bones = np.array([dressed.body.skeleton.index(name) for name in names], np.int64)
+    return garment.simulation(
+        forces,
+        dressed.worn.positions,
+        places=dressed.worn.places,
+        held=np.ones(len(names), bool),
+        bones=bones,
+        frame_rate=float(scene.output.fps),
+        safety=scene.solver.safety if scene.solver else 0.9,
+    )
+
+
+def _colliders(scene: Scene, parts: Parts) -> Colliders:
+    section = scene.garment
+    assert section is not None
+    touched = () if parts.grids else parts.primitives
+    return Colliders(primitives=touched, grids=parts.grids, friction=section.friction, gap=1e-3 * section.gap_mm)

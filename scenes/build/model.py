@@ -1,0 +1,58 @@
+"""What every built scene answers, whatever its subject, and what it hands over to be drawn."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_cloth.detail.streaming import FabricStream
+
+from ...render.data.blocks import ParticleBlocks
+from ...render.tiles.mesh import Mesh
+from ...render.data.particles import Particles
+from .facts import Fact
+from ..scene.schema import Scene
+
+__all__ = ["Model", "Numbers", "Panel"]
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """Which yarn and which part each particle is of, (n,) int32, and what the numbers stand for. Of a panel with a
+    source the particles' numbers come from that, batch by batch, and there are none here."""
+
+    yarn: NDArray[np.int32]
+    part: NDArray[np.int32]
+    yarns: dict[int, dict[str, str | int]]
+    parts: dict[int, str]
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One picture of a frame: its particles, the points that must be in it, the words under it, labels at
+    points of the world [m], and the particles' numbers, which are made only when asked for."""
+
+    particles: Particles | ParticleBlocks
+    bounds: NDArray[np.float32]
+    caption: str = ""
+    labels: tuple[tuple[str, tuple[float, float, float]], ...] = ()
+    numbers: Callable[[], Numbers] | None = None
+    meshes: tuple[Mesh, ...] = ()
+    """Surfaces among the particles, lit and shadowed with them."""
+    source: FabricStream | None = None
+    """Makes what is drawn, a batch at a time; `particles` are then a sample of it, which casts its shadows."""
+
+
+class Model(Protocol):
+    """A built scene."""
+
+    scene: Scene
+    frames: int
+
+    def step(self, frame: int) -> None: ...
+
+    def panels(self) -> Sequence[Panel]: ...
+
+    def facts(self) -> list[Fact]: ...

@@ -1,0 +1,1 @@
+"""Timing, and what studies share: rows, diagrams, the page."""

@@ -1,0 +1,249 @@
+"""From a built scene to images: cameras round it, lights and finish as the scene says, panels side by side."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from math import cos, radians, sin
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_cloth.weave.colour_order import colour
+
+from ...render.data.backdrop import Backdrop
+from ...render.data.blocks import ParticleBlocks
+from ...render.data.camera import Camera, frame, orbit
+from ...render.data.finish import FINISHES, Finish, finish_for
+from ...render.data.frame import RenderStats
+from ...render.data.light import Background, KeyLight, Lighting
+from ...render.data.sprites import CRISP, SOFT, SpriteSheet, fibre_sprite, round_sprite, sheet_from_png
+from ...render.image.caption import caption, label
+from ...render.image.tone import tone_inverse
+from ...render.splat.splat import Splatter
+from ...render.stage.paint import paint
+from ...render.stage.stage import Stage, stage_under
+from ...render.tiles.mesh import Mesh, join
+from ..build.model import Model, Panel
+from ..build.prepare import fibre_kind, has_floor
+from ..scene.schema import Scene
+from .streamed import Streamed
+
+__all__ = ["Shot", "View", "finish_of", "lighting_of"]
+
+Image = NDArray[np.uint8]
+
+
+@dataclass(frozen=True)
+class Shot:
+    """A panel that was just drawn: its camera, what stands behind, and the splatter that holds it."""
+
+    panel: Panel
+    splatter: Splatter
+    camera: Camera
+    backdrop: Backdrop | None
+    mesh: Mesh | None = None
+    linear: NDArray[np.float32] | None = None
+    """Of a panel that came in batches: what `Splatter.linear` gives of one that came whole."""
+
+
+class View:
+    """Draws a model at one image size, (width, height) [px], or on canvases `scale` times as large each way.
+
+    Raises InputError or InputError for a finish, colour or sprite that is not known.
+    """
+
+    def __init__(self, model: Model, size: tuple[int, int], *, scale: int = 1) -> None:
+        self.model, self.scene, self.size, self.scale = model, model.scene, size, scale
+        self.lighting, self.finish = lighting_of(self.scene), finish_of(self.scene)
+        top, bottom = (tuple(float(v) for v in colour(name)) for name in self.scene.light.background)
+        ends = (tuple(tone_inverse(self.lighting.tone, end).tolist()) for end in (top, bottom))
+        self.background = Background(**dict(zip(("top", "bottom"), ends, strict=True)))
+        self._splatters: list[Splatter] = []
+        self._panels: list[Panel] = []
+        self._stages: list[Stage | None] = []
+        self._streamed: list[Streamed | None] = []
+        self._meshes: list[Mesh | None] = []
+
+    def turntable(self, count: int, numbers: list[int]) -> Iterator[tuple[int, Image]]:
+        """The views `numbers` out of `count` evenly spaced ones, all framed alike."""
+        self._load()
+        cameras = [
+            orbit(
+                panel.bounds, count, width=s.width, height=s.height, start=self.scene.camera.azimuth_deg, **self._lens()
+            )
+            for panel, s in zip(self._panels, self._splatters, strict=True)
+        ]
+        for k in numbers:
+            yield k, self._draw([row[k] for row in cameras])
+
+    def shots(self) -> Iterator[Shot]:
+        """The panels as the first view of a turntable shows them, drawn one after the other, without words."""
+        self._load()
+        for k, camera in enumerate(self._first()):
+            yield self._shoot(k, camera, linear=True)[0]
+
+    def bare_shots(self) -> Iterator[Shot]:
+        """The same without shadows, occlusion and floor, for passes; what comes in batches is not drawn."""
+        self.lighting = Lighting()
+        self._load()
+        self._stages = [None for _ in self._panels]
+        for k, camera in enumerate(self._first()):
+            if self._panels[k].source is None:
+                yield self._shoot(k, camera)[0]
+            else:
+                yield Shot(self._panels[k], self._splatters[k], self._near(camera), None)
+
+    def camera(self) -> Camera:
+        """That of an animation, for the first panel, without the scene's zoom."""
+        self._load()
+        azimuth, (width, height) = self.scene.camera.azimuth_deg, (self._splatters[0].width, self._splatters[0].height)
+        return frame(self._panels[0].bounds, width=width, height=height, azimuth=azimuth, **self._lens())
+
+    def seen_by(self, camera: Camera) -> Image:
+        """The first panel as it is now, from any camera of the image's size."""
+        self._load()
+        return self._shoot(0, camera)[1]
+
+    def animation(self, numbers: list[int]) -> Iterator[tuple[int, Image]]:
+        """The frames `numbers`, in rising order, from one standing camera."""
+        for k in numbers:
+            self.model.step(k)
+            self._load()
+            azimuth = self.scene.camera.azimuth_deg
+            yield (
+                k,
+                self._draw(
+                    [
+                        frame(panel.bounds, width=s.width, height=s.height, azimuth=azimuth, **self._lens())
+                        for panel, s in zip(self._panels, self._splatters, strict=True)
+                    ]
+                ),
+            )
+
+    @property
+    def stats(self) -> list[RenderStats]:
+        """What the last frame took, panel by panel."""
+        return [s.stats for s in self._splatters if s.stats is not None]
+
+    def _lens(self) -> dict[str, float]:
+        c = self.scene.camera
+        return {"elevation": c.elevation_deg, "fov": c.fov_deg, "margin": c.margin}
+
+    def _first(self) -> Iterator[Camera]:
+        """The first view of a turntable, panel by panel."""
+        start = self.scene.camera.azimuth_deg
+        for panel, s in zip(self._panels, self._splatters, strict=True):
+            yield orbit(panel.bounds, 1, width=s.width, height=s.height, start=start, **self._lens())[0]
+
+    def _near(self, camera: Camera) -> Camera:
+        """As near as the scene's zoom says."""
+        return replace(camera, focal=camera.focal * self.scene.camera.zoom)
+
+    def _load(self) -> None:
+        self._panels = list(self.model.panels())
+        if not self._splatters:
+            width, height = self.size
+            edges = np.linspace(0, width, len(self._panels) + 1).round().astype(int)
+            profile, sheet = _sprite(self.scene)
+            self._splatters = [
+                Splatter(max(1, int(w)) * self.scale, height * self.scale, profile=profile, sprites=sheet)
+                for w in np.diff(edges)
+            ]
+        self._meshes = [join(panel.meshes) if panel.meshes else None for panel in self._panels]
+        on = has_floor(self.scene)
+        self._stages, self._streamed = [], []
+        for panel, splatter, mesh in zip(self._panels, self._splatters, self._meshes, strict=True):
+            if panel.source is not None:
+                assert isinstance(panel.particles, ParticleBlocks)
+                self._streamed.append(Streamed(splatter, panel.particles, floor=on))
+                self._stages.append(None)
+                continue
+            splatter.load(panel.particles, mesh)
+            self._streamed.append(None)
+            self._stages.append(stage_under(panel.particles, mesh) if on else None)
+
+    def _draw(self, cameras: list[Camera]) -> Image:
+        images = []
+        for k, (panel, camera) in enumerate(zip(self._panels, cameras, strict=True)):
+            shot, image = self._shoot(k, camera)
+            if panel.caption:
+                image = caption(image, panel.caption)
+            for name, point in panel.labels:
+                x, y, _ = shot.camera.project([point])[0]
+                image = label(image, name, (float(x), float(y)))
+            images.append(image)
+        return np.concatenate(images, axis=1)[:, : self.size[0] * self.scale]
+
+    def _shoot(self, k: int, camera: Camera, *, linear: bool = False) -> tuple[Shot, Image]:
+        """Draw panel k, the camera as near as the scene's zoom says. linear: keep what batches make of it."""
+        splatter, panel, streamed = self._splatters[k], self._panels[k], self._streamed[k]
+        near = self._near(camera)
+        light, ground, finish = self.lighting, self.background, self.finish
+        if streamed is not None and panel.source is not None:
+            rgba = np.zeros((near.height, near.width, 4), np.float32) if linear else None
+            image, backdrop = streamed.draw(
+                near, panel.source, lighting=light, finish=finish, background=ground, linear=rgba
+            )
+            return Shot(panel, splatter, near, backdrop, linear=rgba), image
+        mesh = self._meshes[k]
+        floor = self._stages[k]
+        maps = splatter.cast_light(near, light) if mesh is not None or floor is not None else None
+        backdrop = paint(near, mesh=mesh, stage=floor, lighting=light, background=ground, maps=maps, samples=2)
+        image = splatter.render(near, lighting=light, finish=finish, background=ground, backdrop=backdrop)
+        return Shot(panel, splatter, near, backdrop, mesh), image
+
+
+def lighting_of(scene: Scene) -> Lighting:
+    """The scene's lights. They stay where they are for the first view, or turn with the camera."""
+    section = scene.light
+    follows = section.follows_camera
+    if follows is None:
+        follows = scene.subject not in ("fabric", "cloth")
+
+    def direction(azimuth_deg: float, elevation_deg: float) -> tuple[float, float, float]:
+        azimuth = radians(azimuth_deg + (0.0 if follows else scene.camera.azimuth_deg))
+        elevation = radians(elevation_deg)
+        return sin(azimuth) * cos(elevation), sin(elevation), cos(azimuth) * cos(elevation)
+
+    rim = KeyLight(
+        direction=direction(section.rim_azimuth_deg, section.rim_elevation_deg),
+        intensity=section.rim_strength,
+        follows_camera=follows,
+        size=section.key_size_deg,
+        casts_shadow=section.shadows,
+    )
+    named = (("sky", section.zenith), ("horizon", section.horizon), ("ground", section.ground))
+    dome = {key: tuple(float(v) for v in colour(name)) for key, name in named if name is not None}
+    return Lighting(
+        **dome,  # pyright: ignore[reportArgumentType]
+        direction=direction(section.key_azimuth_deg, section.key_elevation_deg),
+        key_follows_camera=follows,
+        key=section.key_strength,
+        fill=section.fill_strength,
+        exposure=section.exposure,
+        size=section.key_size_deg,
+        shadows=section.shadows,
+        occlusion=section.occlusion,
+        others=(rim,) if section.rim_strength > 0 else (),
+        tone=section.tone,
+    )
+
+
+def finish_of(scene: Scene) -> Finish:
+    """How the scene's fibres answer light: the stated finish, or that of their kind."""
+    stated = scene.light.finish or fibre_kind(scene).finish
+    finish = finish_for(stated) if stated in FINISHES or scene.light.finish else Finish()
+    return replace(finish, model=scene.light.shading)
+
+
+def _sprite(scene: Scene) -> tuple:
+    """(profile, sheet): the analytic alpha, or a texture where the scene names one."""
+    name = scene.fibre.sprite
+    if name == "thread":
+        return CRISP, None
+    if name == "soft":
+        return SOFT, None
+    if name == "round":
+        return CRISP, SpriteSheet(np.stack([round_sprite()]))
+    if name == "fuzzy":
+        return CRISP, SpriteSheet(np.stack([fibre_sprite()]))
+    return CRISP, sheet_from_png([name])

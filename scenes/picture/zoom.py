@@ -1,0 +1,164 @@
+"""One continuous move from the whole cloth to one fibre (the paper's Figure 13): the camera's path, and its frames."""
+
+from collections.abc import Iterator
+from math import radians, tan
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_cloth.detail.refine import RefiningStream
+from taichi_cloth.detail.thinning import Gains
+from taichi_cloth.fabric.layout import BODY
+from taichi_cloth.fibre.contours import contour
+from taichi_cloth.fibre.relief import skin_of
+from taichi_cloth.fibre.sphere_set import sphere_set_from_rows
+from taichi_cloth.ground.cache import digest, kept
+from taichi_cloth.ground.errors import InputError
+
+from ...render.data.blocks import ParticleBlocks
+from ...render.data.camera import Camera, frame, look_at
+from ...render.data.finish import Finish
+from ...render.data.light import Lighting
+from ...render.splat.splat import Splatter
+from ..build.model import Model
+from ..build.models import FabricModel
+from ..build.prepare import LIT, fibre_kind, has_floor
+from .gains import fit_gains, fit_near, views_of
+from .streamed import Streamed
+from .view import View
+
+__all__ = ["path", "target_of", "zoom"]
+
+Image = NDArray[np.uint8]
+F64 = NDArray[np.float64]
+END_WIDTHS = 5.5
+"""Height of the last picture, in diameters of a fibre."""
+TURN = 0.7
+"""How far the camera turns from the scene's view towards the cloth's normal on its way."""
+SKIN_LENGTH = 350e-6
+FITTED = 4
+"""Version of how gains are fitted, which takes long: they are kept."""
+RESOLUTION = 1024
+"""Texels along a shadow map: more than for a still, for the camera comes near."""
+
+
+def zoom(view: View, count: int, numbers: list[int]) -> Iterator[tuple[int, Image]]:
+    """The frames `numbers` of `count`, lit as a still is: light maps of the whole cloth, made once a light direction.
+
+    Raises InputError for a scene that is not of a fabric.
+    """
+    lighting = view.lighting
+    source = source_of(view.model, lighting.without_passes(), view.finish, _first(view))
+    width, height = view.size
+    cameras = path(view, source, count)
+    sample = ParticleBlocks(source.base.sample(LIT))
+    streamed = Streamed(Splatter(width, height), sample, floor=has_floor(view.scene), resolution=RESOLUTION)
+    for k in numbers:
+        image, _ = streamed.draw(cameras[k], source, lighting=lighting, finish=view.finish, background=view.background)
+        yield k, image
+
+
+def source_of(
+    model: Model,
+    lighting: Lighting | None = None,
+    finish: Finish | None = None,
+    farthest: Camera | None = None,
+) -> RefiningStream:
+    """The model's fabric, refined where the camera is near down to the surface of the scene's own fibre.
+
+    lighting, finish: in which it keeps its brightness at any distance. farthest: a view than which none
+    will be farther away or at a lower angle; None keeps it everywhere.
+    """
+    if not isinstance(model, FabricModel):
+        raise InputError("zoom: needs a woven scene, such as swatch; this one has no [weave]")
+    rows = model.scene.fibre.spheres
+    spheres = (
+        sphere_set_from_rows(rows) if rows is not None else contour(fibre_kind(model.scene).name, length_m=SKIN_LENGTH)
+    )
+    skin = skin_of(spheres)
+    fabric, points, options = model.fabric, model.points, {"lighting": lighting, "finish": finish}
+
+    views = None if farthest is None else views_of(fabric, points, farthest)
+
+    def fit() -> dict[str, NDArray]:
+        far = fit_gains(fabric, points, views=views, **options)
+        near = fit_near(fabric, points, skin, **options)
+        return {"tilt": far.tilt, "factor": far.factor, "near": np.array(near)}
+
+    made_of = digest(FITTED, fabric.bank, fabric.layout.blocks, points, skin, lighting, finish, views)
+    fitted, _ = kept("gains", made_of, fit)
+    parted, surface = fitted["near"]
+    gains = Gains(fitted["tilt"], fitted["factor"])
+    return RefiningStream(fabric, points, skin, gains=gains, parted_gain=parted, surface_gain=surface)
+
+
+def path(view: View, source: RefiningStream, count: int) -> list[Camera]:
+    """`count` cameras: the distance falls by the same factor from each to the next, and what is looked at moves
+    from the middle of the cloth to a fibre in proportion to the distance left, so that it drifts to the middle of
+    the picture evenly."""
+    camera, points, first = view.scene.camera, source.base.points, _first(view)
+    lens = {"width": first.width, "height": first.height, "fov": camera.fov_deg}
+    end, normal = target_of(source)
+    centre = (points.min(axis=0) + points.max(axis=0)).astype(np.float64) / 2
+    far = float((centre - first.eye) @ first.forward)
+    begin = first.eye + first.forward * far
+    diameter = source.base.fabric.layout.warp.yarn.fibre_diameter
+    near = END_WIDTHS * diameter / 2 / tan(radians(camera.fov_deg) / 2)
+    start = -first.forward
+    final = start + TURN * (normal - start)
+    cameras = []
+    for k in range(count):
+        share = k / max(1, count - 1)
+        distance = far * (near / far) ** share
+        left = (distance - near) / (far - near)
+        at = end + (begin - end) * left
+        ease = share * share * (3 - 2 * share)
+        direction = start + (final - start) * ease
+        direction /= np.linalg.norm(direction)
+        # The picture's up stays that of the first view, so that a look straight down does not spin.
+        cameras.append(
+            look_at(at + direction * distance, at, up=-first.rotation[1], near=distance * 0.3, **lens)  # pyright: ignore
+        )
+    return cameras
+
+
+def _first(view: View) -> Camera:
+    """The first view of a zoom: the whole cloth."""
+    assert isinstance(view.model, FabricModel)
+    camera, (width, height) = view.scene.camera, view.size
+    return frame(
+        np.asarray(view.model.points).reshape(-1, 3), azimuth=camera.azimuth_deg, elevation=camera.elevation_deg,
+        margin=camera.margin, radius=1e-3, width=width, height=height, fov=camera.fov_deg,
+    )  # fmt: skip
+
+
+def target_of(source: RefiningStream) -> tuple[F64, F64]:
+    """A place on a fibre on the crown of a thread near the middle of the cloth [m], and the cloth's normal there."""
+    base = source.base
+    layout = base.fabric.layout
+    picks, ends = layout.cloth.warp_up.shape
+    body = np.flatnonzero(layout.kinds.section[layout.blocks.kind] == BODY)
+    middle = (picks // 2) * ends + ends // 2
+    centre = base.points[middle].astype(np.float64)
+    normal = base.frames[2][middle].astype(np.float64)
+    about = (base.points[layout.blocks.key0[body]] + base.points[layout.blocks.key1[body]]) / 2
+    nearest = body[np.argsort(np.linalg.norm(about - centre, axis=1), kind="stable")[:24]]
+    starts, sizes = (
+        base.fabric.bank.start[base.fabric.bank.template[nearest]],
+        base.size[base.fabric.bank.template[nearest]],
+    )
+    best, place = -np.inf, centre
+    for block, start, size in zip(nearest, starts, sizes, strict=True):
+        bank, mine = base.fabric.bank, slice(int(start), int(start + size))
+        usable = bank.openness[mine] < 1.0  # hairs stand open on all sides
+        height = np.where(usable, bank.offset[mine, 2] + bank.radius[mine], -np.inf)
+        top = int(np.argmax(height))
+        p0, p1 = (base.points[k[block]].astype(np.float64) for k in (layout.blocks.key0, layout.blocks.key1))
+        up = base.frames[2][layout.blocks.key0[block]].astype(np.float64)
+        along = (p1 - p0) / np.linalg.norm(p1 - p0)
+        u, offset = float(bank.u[mine][top]), bank.offset[mine][top].astype(np.float64)
+        spot = p0 + u * (p1 - p0) + offset[0] * along + offset[1] * np.cross(up, along) + height[top] * up
+        score = float(height[top]) - 0.02 * float(np.linalg.norm(spot - centre))
+        if score > best:
+            best, place, normal = score, spot, up
+    return place, normal

@@ -1,0 +1,1 @@
+"""What a scene will build, counted before anything runs."""

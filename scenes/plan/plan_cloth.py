@@ -1,0 +1,105 @@
+"""What a moving cloth will build, in words."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from taichi_cloth.body.colliders.colliders import Solid
+from taichi_cloth.constraints.self_contact import require_thickness
+from taichi_cloth.constraints.thin_limbs import let_through, thinnest_held
+from taichi_cloth.motion.forces import Forces
+from taichi_cloth.motion.solver import Solver
+from taichi_cloth.sheet.sheet import Sheet
+
+from ..build.moving import forces_of, sheet_of, solver_of, standing_in
+from ..scene.schema import Scene
+
+__all__ = ["force_stages", "sheet_stages", "thin_limbs"]
+
+THIN = "thin limbs"
+
+
+def thin_limbs(solids: Sequence[Solid], diagonal: float, gap: float) -> tuple[dict[str, str], dict[str, str]]:
+    """Whether the middles of springs are met, and by what, and why or why not."""
+    thin = let_through(solids, diagonal, gap)
+    if not len(thin):
+        held = 1e3 * thinnest_held(diagonal, gap)
+        return {}, {THIN: f"key points keep out all of the body: from {held:.1f} mm radius on"}
+    least = 1e3 * thinnest_held(diagonal, gap, middles=True)
+    parts = ", ".join(dict.fromkeys(solids[number].part or f"number {number}" for number in thin))
+    return {THIN: f"the middles of springs meet {parts}; enough from {least:.1f} mm radius on"}, {}
+
+
+def force_stages(forces: Forces) -> tuple[dict[str, str], dict[str, str]]:
+    """What acts beside springs and contact: what is built of it, and what is left out."""
+    built: dict[str, str] = {}
+    wind, limit, layers = forces.wind, forces.strain_limit, forces.self_contact
+    if wind:
+        speed = sum(v * v for v in wind.velocity) ** 0.5
+        built["wind"] = f"{speed:.1f} m/s, gusts of {100 * wind.gusts:.0f} %"
+    if limit:
+        built["strain limit"] = f"{100 * limit.strain:g} %, {limit.passes} passes a substep"
+    if layers:
+        built["cloth on cloth"] = f"{1e3 * layers.thickness:g} mm apart, friction {layers.friction:g}"
+    keys = {"wind": "wind", "strain limit": "strain_limit", "cloth on cloth": "self_contact"}
+    return built, {stage: f"the scene has no [forces.{key}]" for stage, key in keys.items() if stage not in built}
+
+
+def sheet_stages(scene: Scene) -> tuple[dict[str, str], dict[str, str]]:
+    """Stages that are built, with what of, and those left out, with why. Raises InputError as building would."""
+    cloth = scene.cloth
+    assert cloth is not None
+    sheet, forces = sheet_of(cloth), forces_of(scene.forces)
+    solver = _solver(scene, sheet, forces)
+    s, material = sheet.springs, sheet.material
+    law = "hinges" if s.law == "hinge" else "springs to second neighbours"
+    built = {
+        "sheet": (
+            f"{cloth.rows} × {cloth.columns} key points, {1e3 * s.spacing_x:.1f} × {1e3 * s.spacing_y:.1f} mm apart, "
+            f"{cloth.material}, {1e3 * material.density:.0f} g/m²; bending by {law}"
+        ),
+        "solver": f"{(scene.solver.name if scene.solver else 'verlet')}, {solver.substeps} substeps a frame of "
+        f"1/{scene.output.fps} s, {1e6 * solver.step:.1f} µs each; {scene.output.frames} frames",
+    }
+    left: dict[str, str] = {}
+    held = int(sheet.pinned.sum())
+    body, standing = scene.body, standing_in(scene)
+    if body:
+        moved = "standing still" if body.motion == "rest" else f"motion {body.motion}"
+        built["body"] = f"{body.source} {body.gender if body.source in ('built-in', 'anny') else ''}".rstrip()
+        built["body"] += f", {moved}; skin, skeleton and {body.contact}"
+    else:
+        left["body"] = left[THIN] = "the scene has no [body]"
+    if standing is not None:
+        solids = standing.colliders.solids
+        thin = thin_limbs(solids, s.diagonal_length, 1e-3 * cloth.gap_mm)
+        for stages, more in zip((built, left), thin, strict=True):
+            stages |= more
+    if held:
+        pull = f", pulled apart by {cloth.pins.pull_mm:g} mm" if cloth.pins.pull_mm else ""
+        at = (*cloth.pins.edges, *cloth.pins.corners, *(f"the body's {pin.bone}" for pin in cloth.pins.body))
+        built["pins"] = f"{held} key points at {', '.join(at)}{pull}"
+    else:
+        left["pins"] = "cloth.pins names none"
+    for stages, more in zip((built, left), force_stages(forces), strict=True):
+        stages |= more
+    ball = f"a ball of {forces.sphere.radius:g} m" if forces.sphere else ""
+    floor = f"a floor at {forces.plane.height:g} m" if forces.plane else ""
+    person = f"the body's {body.contact}, µ {cloth.friction:g}, {cloth.gap_mm:g} mm apart" if body else ""
+    if ball or floor or person:
+        built["contact"] = " and ".join(filter(None, (person, ball, floor)))
+    else:
+        left["contact"] = "the scene has neither [body], [forces.sphere] nor [forces.plane]"
+    shown = (cloth.representation == "mesh", "the sheet"), (bool(ball), "the ball"), (bool(body), "the body's skin")
+    meshes = [name for drawn, name in shown if drawn]
+    if meshes:
+        built["meshes"] = " and ".join(meshes)
+    return built, left
+
+
+def _solver(scene: Scene, sheet: Sheet, forces: Forces) -> Solver:
+    """The scene's, but without those passes of Verlet that hold fields: Taichi may not have been started."""
+    if not (scene.solver and scene.solver.name == "implicit"):  # that refuses them
+        if forces.self_contact:
+            require_thickness(sheet, forces.self_contact)
+        forces = replace(forces, strain_limit=None, self_contact=None)
+    return solver_of(sheet, forces, scene.solver, frame_rate=float(scene.output.fps))

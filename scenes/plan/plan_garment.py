@@ -1,0 +1,50 @@
+"""What a garment will build, in words."""
+
+from math import hypot
+
+from ..build.dressing import dressed_parts, motion_of
+from ..build.garment import woven_garment
+from ..build.moving import forces_of
+from ..scene.schema import Scene
+from .plan_cloth import force_stages, thin_limbs
+
+__all__ = ["garment_stages"]
+
+
+def garment_stages(scene: Scene) -> tuple[dict[str, str], dict[str, str], int, Scene | None]:
+    """Stages that are built, with what of, those left out, with why, the key points, and the cloth as a scene."""
+    section = scene.garment
+    assert section is not None
+    parts = dressed_parts(scene)
+    pattern, atlas = parts.garment.pattern, parts.garment.atlas
+    a, b = atlas.spacing
+    kinds = ["distance grid"] * len(parts.grids) or [p.kind for p in parts.primitives]
+    counted = ", ".join(f"{kinds.count(k)} {k}{'s' * (kinds.count(k) > 1)}" for k in dict.fromkeys(kinds))
+    moves = motion_of(scene, parts.body)
+    built = {
+        "body": f"{parts.body.name}, {100 * parts.body.stature:.0f} cm, {len(parts.body.vertices):,} vertices",
+        "pattern": f"{pattern.name}: {len(pattern.panels)} panels, {len(pattern.seams)} seams, "
+        f"{sum(p.area for p in pattern.panels):.2f} m²",
+        "sheet": f"{atlas.key_points:,} key points, {1e3 * a:.1f} × {1e3 * b:.1f} mm apart, {section.material}",
+        "seams": f"{len(parts.garment.seams()[0])} ties, {len(parts.garment.holds()[0])} to the body",
+        "contact": f"{counted}, {section.gap_mm:g} mm kept, friction {section.friction:g}",
+        "meshes": "the body" if section.representation == "fibre" else "the body and the garment",
+    }
+    if section.weaves:
+        built["weaves"] = ", ".join(f"{name}: {draft}" for name, draft in section.weaves.items())
+    left = {}
+    if moves.name == "rest":
+        left["motion"] = 'body.motion is "rest": the garment hangs as it was sewn'
+    else:
+        built["motion"] = moves.name
+    solids = parts.grids or parts.primitives
+    for more_built, more_left in (
+        force_stages(forces_of(scene.forces)),
+        thin_limbs(solids, hypot(a, b), 1e-3 * section.gap_mm),
+    ):
+        built |= more_built
+        left |= more_left
+    cloth = woven_garment(scene, atlas) if section.representation == "fibre" else None
+    if cloth is None:
+        left["fibre blocks"] = 'garment.representation is "mesh"'
+    return built, left, atlas.key_points, cloth

@@ -1,0 +1,165 @@
+"""The sections of a scene whose cloth moves: the sheet, what holds it, what acts on it, and how it is solved."""
+
+from typing import Literal
+
+from pydantic import Field, model_validator
+
+from taichi_cloth.body.skin.names import JOINTS
+from taichi_cloth.fabric.follow_rule import FollowRule
+from taichi_cloth.ground.errors import did_you_mean
+from taichi_cloth.sheet.springs import BendingLaw
+
+from .section import Positive, Section, Share
+
+__all__ = ["BodyPinSection", "ClothSection", "ForcesSection", "PinsSection", "SolverSection"]
+
+Edge = Literal["left", "right", "top", "bottom"]
+Corner = Literal["top-left", "top-right", "bottom-left", "bottom-right"]
+Vector = tuple[float, float, float]
+
+
+class PropertiesSection(Section):
+    """Of the fabric as a sheet, instead of the preset's."""
+
+    tensile_warp_n_per_m: Positive | None = Field(default=None, description="force per width and strain [N/m]")
+    tensile_weft_n_per_m: Positive | None = None
+    shear_n_per_m: float | None = Field(default=None, ge=0, description="force per width and radian [N/m]")
+    bending_warp_un_m: float | None = Field(default=None, ge=0, description="bending rigidity [µN·m]")
+    bending_weft_un_m: float | None = Field(default=None, ge=0)
+    density_g_per_m2: Positive | None = None
+    air_damping_per_s: float | None = Field(default=None, ge=0, description="share of the velocity lost [1/s]")
+    fibre_damping_ms: float | None = Field(default=None, ge=0, description="lag of the stress in the threads [ms]")
+    tensile_share: Share | None = Field(
+        default=None,
+        gt=0,
+        description="of the tensile stiffness that springs carry; below 1 [forces.strain_limit] holds the rest",
+    )
+
+
+class BodyPinSection(Section):
+    """A rectangle of key points attached to a bone and carried with it. Shares count from the left and the bottom."""
+
+    bone: str = Field(description="a joint of the body, such as spine3, clavicle_l, head")
+    columns: tuple[Share, Share] = Field(default=(0.0, 1.0), description="from where to where, in shares of the width")
+    rows: tuple[Share, Share] = Field(default=(0.0, 1.0), description="likewise, of the length")
+
+    @model_validator(mode="after")
+    def known_bone(self) -> "BodyPinSection":
+        if self.bone not in JOINTS:
+            raise ValueError(f"bone {self.bone!r}; known: {', '.join(JOINTS)}{did_you_mean(self.bone, JOINTS)}")
+        if self.columns[0] > self.columns[1] or self.rows[0] > self.rows[1]:
+            raise ValueError("columns, rows: allowed: the lesser share first")
+        return self
+
+
+class PinsSection(Section):
+    """Key points that are held. `pull_mm` moves the right edge away from the left one, half of it on each side."""
+
+    edges: tuple[Edge, ...] = ()
+    corners: tuple[Corner, ...] = ()
+    pull_mm: float = Field(default=0.0, ge=0, le=1e5, description="how far left and right edge are pulled apart [mm]")
+    pull_s: Positive = Field(default=1.0, description="how long that takes [s]")
+    body: tuple[BodyPinSection, ...] = Field(default=(), description="regions that the body carries; needs [body]")
+
+    @model_validator(mode="after")
+    def pull_needs_hands(self) -> "PinsSection":
+        if self.pull_mm and not {"left", "right"} <= set(self.edges):
+            raise ValueError('pull_mm pulls edges "left" and "right" apart; name both in edges')
+        return self
+
+
+class ClothSection(Section):
+    """A rectangular sheet on a grid of key points: columns along the weft, rows along the warp."""
+
+    width_m: float = Field(default=1.0, gt=0, le=100, description="along the weft [m]")
+    length_m: float = Field(default=1.0, gt=0, le=100, description="along the warp [m]")
+    columns: int = Field(default=79, ge=3, le=4000, description="key points along the weft")
+    rows: int = Field(default=79, ge=3, le=4000, description="key points along the warp")
+    threads_per_key_point: int = Field(
+        default=1, ge=1, le=1000, description="threads woven for each key point; the crossings between are smooth"
+    )
+    material: str = Field(default="cotton-shirting", description="a preset, such as silk-habotai, wool-suiting, denim")
+    properties: PropertiesSection = PropertiesSection()
+    bending: BendingLaw = Field(default="hinge", description='"spring" is the paper\'s')
+    follow: FollowRule = Field(default="smooth", description='how fibres follow key points; "paper": in world axes')
+    representation: Literal["fibre", "mesh"] = Field(default="fibre", description="what is drawn of the same sheet")
+    hang: Literal["flat", "upright"] = Field(default="flat", description="how the sheet starts: lying or standing")
+    height_m: float = Field(
+        default=0.0, ge=-100, le=100, description="of a flat sheet, or of the middle of one upright"
+    )
+    turn_deg: float = Field(default=0.0, ge=-360, le=360, description="turned about the vertical at the start")
+    centre_m: tuple[float, float] = Field(default=(0.0, 0.0), description="its middle at the start, x and z [m]")
+    friction: float = Field(default=0.3, ge=0, le=5, description="between cloth and [body]")
+    gap_mm: float = Field(default=4.0, ge=0, le=30, description="kept between [body] and the key points [mm]")
+    pleats: int = Field(default=0, ge=0, le=100, description="an upright sheet starts in so many folds, as a curtain")
+    fullness: float = Field(default=2.0, gt=1, le=2.5, description="width of the sheet over that of its pleats")
+    roughness_mm: float = Field(
+        default=0.0, ge=0, le=100, description="seeded bumps at the start, root mean square [mm]"
+    )
+    pins: PinsSection = PinsSection()
+
+    @model_validator(mode="after")
+    def pleats_stand(self) -> "ClothSection":
+        if self.pleats and self.hang != "upright":
+            raise ValueError('pleats are of a sheet with hang = "upright"; leave them out, or hang it so')
+        return self
+
+
+class WindSection(Section):
+    velocity_m_per_s: Vector
+    gusts: float = Field(default=0.0, ge=0, le=10, description="root mean square of gusts over the mean speed")
+    period_s: Positive = Field(default=4.0, description="of the slowest gust [s]")
+    drag: float = Field(default=1.2, ge=0)
+    lift: float = Field(default=0.6, ge=0)
+    seed: int = Field(default=0, ge=0, lt=2**31)
+
+
+class SphereSection(Section):
+    centre_m: Vector = (0.0, 0.0, 0.0)
+    radius_m: Positive = 0.25
+    friction: float = Field(default=0.3, ge=0)
+    gap_mm: float = Field(default=3.0, ge=0, description="kept between its surface and the key points [mm]")
+    colour: str = Field(default="#b9b4aa", description="of the ball that is drawn")
+
+
+class PlaneSection(Section):
+    height_m: float = 0.0
+    friction: float = Field(default=0.3, ge=0)
+    gap_mm: float = Field(default=2.0, ge=0, description="kept between it and the key points [mm]")
+
+
+class StrainLimitSection(Section):
+    percent: float = Field(default=10.0, ge=0, le=100, description="by how much a thread may grow at most [%]")
+    passes: int = Field(default=3, ge=1, le=101, description="over threads and seams each substep; more hold closer")
+
+
+class SelfContactSection(Section):
+    thickness_mm: Positive = Field(default=2.0, description="kept between layers, at most 4 times the spacing [mm]")
+    friction: float = Field(default=0.3, ge=0, le=5)
+
+
+class ForcesSection(Section):
+    """What acts on the sheet from outside; what is left out is not in the kernels either."""
+
+    gravity_m_per_s2: float = Field(default=9.81, ge=0)
+    wind: WindSection | None = None
+    sphere: SphereSection | None = None
+    plane: PlaneSection | None = Field(default=None, description="a level floor")
+    strain_limit: StrainLimitSection | None = Field(default=None, description="threads that grow no longer (Provot)")
+    self_contact: SelfContactSection | None = Field(default=None, description="cloth that does not pass through cloth")
+
+
+class SolverSection(Section):
+    """`implicit` is for sheets so stiff that the longest step of `verlet` is hopeless (docs/solvers.md)."""
+
+    name: Literal["verlet", "implicit"] = "verlet"
+    step_ms: Positive | None = Field(
+        default=None, description="longest substep; default: what the springs allow, or 1/240 s if implicit [ms]"
+    )
+    safety: Share = Field(default=0.9, gt=0, description="share of the longest stable step, of verlet")
+
+    @model_validator(mode="after")
+    def implicit_has_no_limit(self) -> "SolverSection":
+        if self.name == "implicit" and "safety" in self.model_fields_set:
+            raise ValueError('safety is a share of a limit that "implicit" has not; leave it out, or name step_ms')
+        return self

@@ -1,0 +1,55 @@
+"""The sections of a scene of a garment: its pattern, its cloth, its colours."""
+
+from typing import Literal
+
+from pydantic import Field
+
+from taichi_cloth.fabric.follow_rule import FollowRule
+
+from .cloth_schema import PropertiesSection
+from .section import Positive, Section
+
+__all__ = ["GarmentSection", "PanelColours", "PrintSection"]
+
+
+class PanelColours(Section):
+    """Thread orders of one panel, such as "navy*4 white*4", counted from the panel's own origin."""
+
+    warp: str | None = None
+    weft: str | None = None
+
+
+class PrintSection(Section):
+    """A picture printed on one panel; transparent pixels leave the yarn as it is."""
+
+    file: str = Field(description="a PNG; each piece of yarn takes the colour it lies under")
+    width_cm: Positive | None = Field(default=None, description="default: as wide as the panel [cm]")
+    right_cm: float = Field(default=0.0, description="of its middle from the panel's, seen from the right side [cm]")
+    up_cm: float = Field(default=0.0, description="of its middle from the panel's [cm]")
+
+
+class GarmentSection(Section):
+    """A garment cut from [weave] and worn on [body]."""
+
+    pattern: str = Field(default="tshirt", description="tshirt, skirt, dress, trousers, or a GarmentCode .json file")
+    key_points: int = Field(default=6245, ge=200, le=200_000, description="about how many the simulation moves")
+    threads_per_key_point: int = Field(
+        default=4, ge=1, le=64, description="threads woven for each key point; the crossings between are smooth"
+    )
+    ease: float | None = Field(default=None, ge=-0.1, le=1, description="share of the girth; default: the pattern's")
+    length_cm: Positive | None = Field(default=None, description="from the neck's side or the waist to the hem [cm]")
+    sleeve_cm: Positive | None = Field(default=None, description="from the underarm to the sleeve's hem [cm]")
+    flare: Positive | None = Field(default=None, description="girth of the hem over that of the hip")
+    material: str = Field(default="cotton-shirting", description="a preset, such as silk-habotai, wool-suiting, denim")
+    properties: PropertiesSection = PropertiesSection()
+    friction: float = Field(default=0.3, ge=0, le=5, description="between cloth and skin")
+    gap_mm: float = Field(default=4.0, ge=0, le=30, description="kept between the body and the key points [mm]")
+    colours: dict[str, PanelColours] = Field(default={}, description="of panels by name, instead of the weave's")
+    weaves: dict[str, str] = Field(default={}, description="drafts of panels by name, instead of weave.draft")
+    prints: dict[str, PrintSection] = Field(default={}, description="pictures on panels, by name")
+    hem_mm: float = Field(default=0.0, ge=0, le=80, description="width of the turned hems, a second layer inside [mm]")
+    stitches: str | None = Field(default=None, description="colour of the thread along hems and seams; default: none")
+    stitch_mm: float = Field(default=2.5, ge=1, le=20, description="from stitch to stitch [mm]")
+    thread_mm: float = Field(default=0.35, ge=0.05, le=2, description="diameter of the sewing thread [mm]")
+    follow: FollowRule = Field(default="smooth", description='how fibres follow key points; "paper": in world axes')
+    representation: Literal["fibre", "mesh"] = Field(default="fibre", description="what is drawn of the same garment")

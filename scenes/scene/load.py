@@ -1,0 +1,268 @@
+"""Scenes from TOML: found, read, overridden, and checked before anything is built."""
+
+import os
+import stat
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from importlib.resources import files
+from pathlib import Path
+from types import NoneType, UnionType
+from typing import Any, Union, get_args, get_origin
+
+from pydantic import BaseModel, ValidationError
+
+from taichi_cloth.ground.errors import InputError, did_you_mean
+from taichi_cloth.weave.colour_order import colour
+
+from ...render.data.finish import finish_for
+from .schema import Scene
+
+__all__ = ["built_in_scenes", "load_scene", "make_scene"]
+
+WIF_BRINGS = {
+    "weave": ("ends", "picks", "warp_colours", "weft_colours"),
+    "fabric": ("ends_per_cm", "picks_per_cm", "balance"),
+    "yarn": ("count_tex", "count_ne"),
+    "weft_yarn": ("count_tex", "count_ne"),
+}
+PATHS: dict[str, str | tuple[str, ...]] = {
+    "weave.draft": ".wif",
+    "weave.patches.*.draft": ".wif",
+    "fibre.sprite": ".png",
+    "garment.pattern": ".json",
+    "garment.weaves.*": ".wif",
+    "garment.prints.*.file": "",
+    "body.source": (".obj", ".ply", ".glb", ".stl"),
+    "body.motion": ".bvh",
+    "body.primitives": ".json",
+}
+"""Keys that may name a file, and how its name ends; * is any key, or any place of a list."""
+PATTERN_PASSES = 5
+"""Of the strain limit for a pattern from a file: the built-in scenes' one or two were found for their own garments."""
+LARGEST_SCENE_FILE = 4_000_000
+DEEPEST_KEY = 8
+SPRITES = ("thread", "round", "soft", "fuzzy")
+
+
+def built_in_scenes() -> dict[str, str]:
+    """Names of the built-in scenes and their titles, a line each."""
+    found = {}
+    for entry in files("taichi_cloth.scenes").iterdir():
+        if entry.name.endswith(".toml"):
+            found[entry.name.removesuffix(".toml")] = tomllib.loads(entry.read_text("utf-8")).get("title", "")
+    return dict(sorted(found.items()))
+
+
+def load_scene(name: str, overrides: list[str] | None = None) -> Scene:
+    """A built-in scene by name or a TOML file by path, with `key=value` overrides as on the command line.
+
+    A WIF file brings its own size, colours, spacing and thickness: when `weave.draft` is overridden with one, what
+    the scene says of these for its own draft is dropped; further overrides still hold. With a pattern from a file,
+    `garment.pattern`, its strain limit takes PATTERN_PASSES, likewise.
+    Raises InputError, one line: which file, key and value, what is allowed, and the nearest right spelling.
+    """
+    data, where, folder = _read(name)
+    given = {key.strip(): value.strip() for key, _, value in (text.partition("=") for text in overrides or [])}
+    if _names(given, "weave.draft", ".wif"):
+        for section, keys in WIF_BRINGS.items():
+            _drop(data, section, keys)
+    for section in ("yarn", "weft_yarn"):  # a count given in one unit replaces the scene's in the other
+        for key, other in (("count_tex", "count_ne"), ("count_ne", "count_tex")):
+            if f"{section}.{key}" in given:
+                _drop(data, section, (other,))
+    for text in overrides or []:
+        _override(data, text)
+    if _names(given, "garment.pattern", ".json"):
+        for name, limit, key in _places(data, ("forces", "strain_limit", "passes")):
+            if not _said(given, name):
+                limit[key] = PATTERN_PASSES
+    for pattern, ending in PATHS.items() if folder else ():
+        for name, table, key in _places(data, pattern.split(".")):
+            if isinstance(table[key], str) and table[key].lower().endswith(ending) and not _said(given, name):
+                table[key] = str(folder / table[key])  # a path in a file is meant from where the file lies
+    return make_scene(data, where)
+
+
+def _names(given: Mapping[str, str], key: str, ending: str) -> bool:
+    """Whether an override names a file of this kind."""
+    return given.get(key, "").strip("\"'").lower().endswith(ending)
+
+
+def _said(given: Mapping[str, str], name: str) -> bool:
+    """Whether an override states a key, by itself or with the table it is in."""
+    return any(f"{name}.".startswith(f"{other}.") for other in given)
+
+
+def _places(data: Any, keys: Sequence[str], above: str = "") -> Iterator[tuple[str, Any, Any]]:
+    """Where a scene's data state a key, * for any: its whole name, the table or list it is in, and its place there."""
+    places = list(data) if isinstance(data, dict) else list(range(len(data))) if isinstance(data, list) else []
+    for place in places:
+        if keys[0] not in ("*", place):
+            continue
+        if len(keys) == 1:
+            yield f"{above}{place}", data, place
+        else:
+            yield from _places(data[place], keys[1:], f"{above}{place}.")
+
+
+def _drop(data: dict[str, Any], section: str, keys: tuple[str, ...]) -> None:
+    """Forget keys of a section; one that is no table is left for the schema to refuse."""
+    if isinstance(data.get(section), dict):
+        for key in keys:
+            data[section].pop(key, None)
+
+
+def make_scene(data: dict[str, Any], where: str = "scene") -> Scene:
+    """Check a scene given as nested dictionaries. Raises InputError; `where` names its source in the line."""
+    try:
+        scene = Scene.model_validate(data)
+    except ValidationError as error:
+        raise InputError(f"{where}: {_line(error)}") from None
+    try:
+        _check_names(scene)
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
+    return scene
+
+
+def _check_names(scene: Scene) -> None:
+    """Look up what the schema leaves as text, so that a misspelling shows before anything is built."""
+    yarn, weft, twist = scene.yarn, scene.weft_yarn, scene.twist
+    named = [("fibre.colour", scene.fibre.colour)]
+    named += [("yarn.colour", yarn.colour if yarn else None), ("weft_yarn.colour", weft.colour if weft else None)]
+    named += [("twist.colours", name) for name in (twist.colours if twist else ())]
+    named += [("light.background", name) for name in scene.light.background]
+    for key, name in named:
+        if name is not None:
+            try:
+                colour(name)
+            except InputError as error:
+                raise InputError(f"{key}: {error}") from None
+    if scene.light.finish is not None:
+        try:
+            finish_for(scene.light.finish)
+        except InputError as error:
+            raise InputError(f"light.{error}") from None
+    sprite = scene.fibre.sprite
+    if sprite not in SPRITES:
+        if not sprite.lower().endswith(".png"):
+            raise InputError(
+                f"fibre.sprite: unknown sprite {sprite!r}; known: {', '.join(SPRITES)}, or the path of a .png file "
+                f"with alpha{did_you_mean(sprite, SPRITES)}"
+            )
+        from ...render.data.sprites import sheet_from_png  # loads OpenCV, which nothing else here needs
+
+        try:
+            sheet_from_png([sprite])
+        except (InputError, ValueError) as error:
+            raise InputError(f"fibre.sprite: {error}") from None
+
+
+def _read(name: str) -> tuple[dict[str, Any], str, Path | None]:
+    known = built_in_scenes()
+    if name in known:
+        return tomllib.loads((files("taichi_cloth.scenes") / f"{name}.toml").read_text("utf-8")), name, None
+    path = Path(name)
+    looks_like_path = path.suffix == ".toml" or "/" in name or "\\" in name
+    if not looks_like_path and not os.path.isfile(name):
+        raise InputError(
+            f"scene: unknown scene {_short(name)}; known: {', '.join(known)}, or the path of a .toml file"
+            f"{did_you_mean(name[:100], known)}"
+        )
+    where = name if len(name) < 200 else f"{name[:80]}…{name[-80:]}"
+    try:
+        status = path.stat()
+        if stat.S_ISREG(status.st_mode) and status.st_size > LARGEST_SCENE_FILE:
+            raise InputError(f"{where}: {status.st_size:,} bytes; a scene file has at most {LARGEST_SCENE_FILE:,}")
+        if not stat.S_ISREG(status.st_mode):  # a folder, or something like /dev/zero that has no end
+            raise InputError(f"{where}: is no file; give a built-in scene or a .toml file")
+        text = path.read_bytes().decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise InputError(f"{where}: is not UTF-8 text; save the scene as TOML in UTF-8") from None
+    except OSError as error:
+        raise InputError(f"{where}: cannot be read ({error.strerror}); give a built-in scene or a .toml file") from None
+    try:
+        return tomllib.loads(text), where, path.resolve().parent
+    except RecursionError:
+        raise InputError(f"{where}: not a scene: nested too deeply") from None
+    except ValueError as error:  # TOMLDecodeError, or an integer with more digits than Python reads
+        raise InputError(f"{where}: not TOML: {error}") from None
+
+
+def _override(data: dict[str, Any], text: str) -> None:
+    key, sign, value = text.partition("=")
+    parts = key.strip().split(".")
+    if not sign or not all(parts):
+        raise InputError(f"--set {text[:200]}: expected key=value, for instance weave.draft=twill-2/2")
+    if len(parts) > DEEPEST_KEY:
+        raise InputError(
+            f"--set {text[:60]}…: a key has at most {DEEPEST_KEY} parts, such as yarn.hairiness.ends_per_m"
+        )
+    at = data
+    for part in parts[:-1]:
+        at = at.setdefault(part, {})
+        if not isinstance(at, dict):
+            raise InputError(f"--set {text[:200]}: {part} is a value, not a section")
+    at[parts[-1]] = _value(value.strip())
+
+
+def _value(text: str) -> Any:
+    """A TOML value where it reads as one (3, true, [1, 2], "a"); anything else is text as it stands."""
+    try:
+        return tomllib.loads(f"x = {text}")["x"]
+    except (ValueError, RecursionError):
+        return text
+
+
+def _line(error: ValidationError) -> str:
+    """The first thing wrong, as one line; how many more there are."""
+    problems = error.errors(include_url=False)
+    first = problems[0]
+    path = [part for part in first["loc"] if not (isinstance(part, str) and part.startswith("function-"))]
+    key = ".".join(str(part) for part in path) or "scene"
+    if first["type"] == "extra_forbidden":
+        allowed = _keys_at(path[:-1])
+        line = f"{key[:200]}: unknown key; known: {', '.join(allowed)}{did_you_mean(str(path[-1])[:100], allowed)}"
+    elif first["type"] == "value_error":
+        prefix = "" if key == "scene" else f"{key}: "
+        line = prefix + str(first.get("ctx", {}).get("error", first["msg"]))
+    elif first["type"] == "missing":
+        line = f"{key}: is missing"
+    elif first["type"] in ("model_type", "model_attributes_type", "dict_type"):
+        line = f"{key}: {_short(first.get('input'))}; allowed: a section, with {', '.join(_keys_at(path)) or 'keys'}"
+    else:
+        given = first.get("input")
+        shown = _short(given)
+        message = first["msg"].removeprefix("Input should be ")
+        hint = ""
+        if first["type"] == "literal_error" and isinstance(given, str):
+            choices = str(first.get("ctx", {}).get("expected", "")).replace("'", "").replace(" or ", ", ").split(", ")
+            hint = did_you_mean(given, choices)
+        line = f"{key}: {shown}; allowed: {message}{hint}"
+    more = len(problems) - 1
+    return line + (f" (and {more} more to mend after this)" if more else "")
+
+
+def _short(value: Any) -> str:
+    """The value as Python writes it, cut where it gets long."""
+    try:
+        text = repr(value)
+    except (RecursionError, ValueError):  # nested too deeply, or an integer of thousands of digits
+        return f"a {type(value).__name__}"
+    return text if len(text) < 60 else text[:57] + "…"
+
+
+def _keys_at(path: list[Any]) -> list[str]:
+    """The keys that a section allows."""
+    model: Any = Scene
+    for part in path:
+        if not (isinstance(model, type) and issubclass(model, BaseModel)) or part not in model.model_fields:
+            return []
+        model = _section_of(model.model_fields[part].annotation)
+    return list(model.model_fields) if isinstance(model, type) and issubclass(model, BaseModel) else []
+
+
+def _section_of(annotation: Any) -> Any:
+    if get_origin(annotation) in (Union, UnionType):
+        return next((a for a in get_args(annotation) if a is not NoneType), annotation)
+    return annotation

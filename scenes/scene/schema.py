@@ -1,0 +1,306 @@
+"""What a scene is: every section, key, unit and allowed value. A scene that validates can be built.
+
+A scene builds the last thing it names: `[fibre]` alone gives one fibre, with `[yarn]` a length of yarn, with
+`[twist]` a yarn being twisted, with `[weave]` a fabric, with `[cloth]` one that moves. What it does not name is not
+built.
+"""
+
+from typing import Literal
+
+from pydantic import Field, model_validator
+
+from taichi_cloth.fabric.layout import Pose
+from taichi_cloth.yarn.yarn import Direction
+
+from ...render.image.tone import Tone
+from .body_section import BodySection
+from .cloth_schema import ClothSection, ForcesSection, SolverSection
+from .garment_schema import GarmentSection
+from .section import Positive, Section, Share
+
+__all__ = [
+    "Camera",
+    "FabricSection",
+    "Fibre",
+    "HairinessSection",
+    "Light",
+    "Output",
+    "Scene",
+    "StageSection",
+    "Subject",
+    "Twist",
+    "Weave",
+    "YarnSection",
+]
+
+Subject = Literal["fibre", "yarn", "twist", "fabric", "cloth", "garment"]
+
+
+class Fibre(Section):
+    """One fibre: a kind that textile people know, or a sphere set of one's own (paper 2.1)."""
+
+    kind: str = Field(default="cotton", description="cotton, wool, silk, viscose or polyester")
+    spheres: list[tuple[float, float, float, float]] | None = Field(
+        default=None, description="own contour: rows [x, y, z, radius] in µm, the fibre's axis along x"
+    )
+    length_um: float = Field(default=240.0, gt=0, le=1e5, description="length of the fibre shown [µm]")
+    spacing_um: float = Field(default=0.7, gt=0, description="distance between lattice particles [µm]")
+    jitter: float = Field(default=0.3, ge=0, le=1, description="largest perturbation, in fractions of the spacing")
+    particle_size: float = Field(default=0.8, gt=0, le=5, description="particle radius, in fractions of the spacing")
+    sprite: Literal["thread", "round", "soft", "fuzzy"] | str = Field(
+        default="thread", description="alpha texture of a particle: a name, or a PNG with alpha"
+    )
+    colour: str | None = Field(default=None, description="instead of the kind's own colour: a name or #rrggbb")
+
+
+class HairinessSection(Section):
+    ends_per_m: float = Field(default=0.0, ge=0, le=1e5, description="flyaway fibre ends per metre of yarn")
+    loops_per_m: float = Field(default=0.0, ge=0, le=1e5, description="fibre loops per metre of yarn")
+    height_mm: float = Field(default=0.4, gt=0, le=20, description="mean rise above the yarn's surface [mm]")
+
+
+class YarnSection(Section):
+    """A yarn as a spinner states it (paper 2.2)."""
+
+    count_tex: Positive | None = Field(
+        default=None,
+        description="linear density of one single [tex]; default: what the draft's spacing asks for, else 20",
+    )
+    count_ne: Positive | None = Field(default=None, description="the same as an English cotton count [Ne]")
+    plies: int = Field(default=2, ge=1, le=12, description="singles folded together")
+    twist_per_m: float = Field(
+        default=700.0, ge=0, description="folding twist [turns/m]; the yarn's own when plies = 1"
+    )
+    twist: Direction = "S"
+    singles_twist_per_m: float = Field(default=0.0, ge=0, description="twist left in each single [turns/m]")
+    singles_twist: Direction = "Z"
+    packing: float = Field(default=0.60, ge=0.05, le=0.95, description="share of a single's section that is fibre")
+    flattening: float = Field(default=1.5, ge=0.5, le=3, description="section of a ply, tangential over radial axis")
+    migration: Share = Field(default=0.25, description="how far a fibre wanders in the section")
+    migration_period_mm: Positive = Field(default=4.0, description="over which length it wanders [mm]")
+    hairiness: HairinessSection = HairinessSection()
+    colour: str | None = Field(default=None, description="a name or #rrggbb; default: the fibre's own")
+    fibres: int = Field(default=12, ge=1, le=2000, description="fibres drawn a ply, at most as many as it has")
+    length_mm: float = Field(default=6.0, gt=0, le=1e5, description="length shown when the scene is of a yarn [mm]")
+    construction: Literal["fibres", "lattice"] = Field(
+        default="fibres",
+        description='"lattice" fills the singles with the particles of a sphere set, as the paper does',
+    )
+
+    @model_validator(mode="after")
+    def one_count(self) -> "YarnSection":
+        if self.count_tex is not None and self.count_ne is not None:
+            raise ValueError("count_tex and count_ne are two names for one thing; give one of them")
+        return self
+
+
+class WeavePatch(Section):
+    """Another draft on a part of a cloth."""
+
+    draft: str = Field(description="as weave.draft")
+    end: int = Field(ge=0, description="its first warp end, from the left")
+    pick: int = Field(ge=0, description="its first weft pick, from the bottom")
+    ends: int = Field(ge=1, description="how many warp ends it takes")
+    picks: int = Field(ge=1, description="how many weft picks it takes")
+
+
+class Weave(Section):
+    """Which yarn is on top (paper 2.3): a named weave or a WIF file, and the threads' colours."""
+
+    draft: str = Field(default="plain", description="plain, twill-2/2, satin-5, … or the path of a .wif file")
+    ends: int | None = Field(default=None, description="warp ends; default: the file's own, or 40")
+    picks: int | None = Field(default=None, description="weft picks; default: the file's own, or 40")
+    warp_colours: str | None = Field(default=None, description='thread order, such as "navy*4 white*4"')
+    weft_colours: str | None = None
+    patches: list[WeavePatch] = Field(default=[], description="other drafts on parts of the cloth, later ones on top")
+
+
+class FabricSection(Section):
+    """Spacing of the threads, how finely they are drawn, and how the cloth lies."""
+
+    ends_per_cm: Positive | None = Field(
+        default=None, description="warp ends per cm; default: the file's, or what fits"
+    )
+    picks_per_cm: Positive | None = Field(default=None, description="weft picks per cm; likewise")
+    balance: float = Field(default=0.5, ge=0.05, le=0.95, description="the warp's part of the crimp height")
+    flattening: float = Field(default=2.0, ge=1, le=6, description="width of a thread over its thickness where it lies")
+    when_jammed: Literal["scale", "refuse"] = Field(
+        default="scale", description="threads too thick for their spacing: thin them with a note, or refuse"
+    )
+    steps: int = Field(default=10, ge=1, le=200, description="particles along a fibre between two crossings")
+    variants: int = Field(default=8, ge=1, le=256, description="fillings of each kind of block")
+    fringe: float = Field(default=1.5, ge=0, le=20, description="free yarn beyond the last crossing [thread spacings]")
+    irregularity: float = Field(default=0.03, ge=0, le=0.3, description="how far threads stray, in thread spacings")
+    pose: Pose = "flat"
+    pose_amount: float = Field(default=1.0, ge=0, le=10, description="how strongly it is folded or rolled")
+
+
+class Twist(Section):
+    """A yarn fed at A, twisted at B and taken up at C (paper 2.2.3)."""
+
+    zone_a_mm: float = Field(default=10.0, gt=0, description="distance from A to B [mm]")
+    zone_b_mm: float = Field(default=10.0, gt=0, description="distance from B to C [mm]")
+    speed_mm_per_s: float = Field(default=8.0, ge=0, description="speed of the yarn V [mm/s]")
+    turns_per_s: float = Field(default=6.0, ge=-1e5, le=1e5, description="speed of the twister at B [turns/s]")
+    duration_s: float = Field(default=3.0, gt=0, le=1e4, description="time shown [s]")
+    feed_mm: float = Field(default=2.0, ge=0, description="yarn shown before A and after C [mm]")
+    colours: tuple[str, str] = ("#c8102e", "#12863a")
+
+
+class Camera(Section):
+    elevation_deg: float = Field(default=45.0, ge=-90, le=90, description="height of the camera above the horizon")
+    azimuth_deg: float = Field(default=25.0, ge=-3600, le=3600, description="where the first view stands")
+    fov_deg: float = Field(default=24.0, ge=1, le=120, description="vertical field of view")
+    box_m: tuple[tuple[float, float, float], tuple[float, float, float]] | None = Field(
+        default=None,
+        description="two corners of what a picture of cloth or a garment frames [m]; default: where it starts",
+    )
+    margin: float = Field(default=0.03, ge=0, le=0.45, description="empty share of the frame on each side")
+    zoom: float = Field(
+        default=1.0, gt=0, le=1e4, description="how much nearer than the framing distance; above 1 crops"
+    )
+
+
+class Light(Section):
+    """Lights, and how brightness is made of them. Directions are the viewer's of the first view."""
+
+    key_azimuth_deg: float = Field(default=-68.0, description="from where the key light comes, from the camera's right")
+    key_elevation_deg: float = Field(default=38.0, ge=-90, le=90)
+    key_strength: float = Field(default=1.9, ge=0, le=1e3)
+    key_size_deg: float = Field(default=5.0, ge=0, le=90, description="how wide the key light is: soft shadows")
+    fill_strength: float = Field(default=0.5, ge=0, le=1e3)
+    zenith: str | None = Field(default=None, description="colour of the sky overhead: a name or #rrggbb")
+    horizon: str | None = Field(default=None, description="of the sky at the horizon; default: that of the zenith")
+    ground: str | None = Field(default=None, description="of the light that comes back from below")
+    rim_strength: float = Field(default=0.0, ge=0, le=1e3, description="a light from behind that makes fibres glow")
+    rim_azimuth_deg: float = Field(default=150.0, description="from where the rim light comes")
+    rim_elevation_deg: float = Field(default=30.0, ge=-90, le=90)
+    follows_camera: bool | None = Field(
+        default=None, description="the lights turn with the camera; default: not where a fabric lies still"
+    )
+    shadows: bool = Field(default=True, description="fibres shadow one another from the key light")
+    occlusion: bool = Field(default=True, description="fibres hide the sky from one another")
+    shading: Literal["kajiya", "marschner"] = Field(default="marschner", description="model of a fibre's highlight")
+    tone: Tone = Field(
+        default="shoulder", description="srgb, shoulder, neutral or aces: how bright highlights are kept from clipping"
+    )
+    exposure: float = Field(default=0.0, ge=-20, le=20, description="in stops")
+    background: tuple[str, str] = Field(default=("#f4f2ee", "#cfccc6"), description="top and bottom of the backdrop")
+    finish: str | None = Field(default=None, description="how fibres shine; default: the fibre's kind")
+
+
+class StageSection(Section):
+    """What the subject stands or lies on."""
+
+    ground: bool | None = Field(
+        default=None, description="a floor with the subject's shadow; default: under fabrics only"
+    )
+
+
+class Output(Section):
+    views: int = Field(default=36, ge=1, le=10_000, description="views of a turntable")
+    frame: int | None = Field(
+        default=None, ge=0, le=100_000, description="of a scene that moves, the one a still shows; default: the last"
+    )
+    frames: int = Field(default=72, ge=1, le=100_000, description="frames of an animation")
+    size: tuple[int, int] = Field(default=(1080, 720), description="width and height [px]")
+    fps: int = Field(default=18, ge=1, le=240, description="frames per second of the video")
+    webp: bool = Field(default=False, description="also an animated WebP, at most 720 px wide, for a README")
+
+    @model_validator(mode="after")
+    def size_fits(self) -> "Output":
+        if not all(1 <= n <= 16384 for n in self.size):
+            raise ValueError(f"size: {self.size[0]}x{self.size[1]}; allowed: 1x1 to 16384x16384")
+        if self.frame is not None and self.frame >= self.frames:
+            raise ValueError(f"frame: {self.frame}; allowed: 0 to {self.frames - 1}, for output.frames = {self.frames}")
+        return self
+
+
+class Scene(Section):
+    """A whole scene. `subject` is what it shows: the last thing it names."""
+
+    title: str = ""
+    seed: int = Field(default=0, ge=0, lt=2**31)
+    fibre: Fibre = Fibre()
+    yarn: YarnSection | None = None
+    weft_yarn: YarnSection | None = Field(default=None, description="where the weft differs from [yarn]")
+    twist: Twist | None = None
+    weave: Weave | None = None
+    fabric: FabricSection | None = None
+    cloth: ClothSection | None = None
+    garment: GarmentSection | None = None
+    body: BodySection | None = None
+    forces: ForcesSection | None = None
+    solver: SolverSection | None = None
+    camera: Camera = Camera()
+    light: Light = Light()
+    stage: StageSection = StageSection()
+    output: Output = Output()
+
+    @model_validator(mode="after")
+    def sections_agree(self) -> "Scene":
+        if self.weave and self.twist:
+            raise ValueError("a scene shows either [weave] or [twist], not both; leave one of them out")
+        if self.fabric and not self.weave:
+            raise ValueError('[fabric] needs [weave]; add it, for instance weave.draft = "plain"')
+        if (self.twist or self.weave or self.weft_yarn) and not self.yarn:
+            raise ValueError("[twist] and [weave] are made of [yarn]; add it, for instance yarn.count_tex = 20")
+        return self
+
+    @model_validator(mode="after")
+    def cloth_is_whole(self) -> "Scene":
+        if (self.forces or self.solver) and not (self.cloth or self.garment):
+            raise ValueError("[forces] and [solver] move a [cloth]; add it, for instance cloth.width_m = 1")
+        if self.cloth and self.twist:
+            raise ValueError("a scene shows either [cloth] or [twist], not both; leave one of them out")
+        if self.cloth and self.cloth.representation == "fibre" and not self.weave:
+            raise ValueError('cloth.representation "fibre" needs [yarn] and [weave]; add them, or take "mesh"')
+        if self.cloth and self.weave and (self.weave.ends or self.weave.picks):
+            raise ValueError(
+                "weave.ends, weave.picks: a [cloth] has as many as its columns, rows and threads_per_key_point make; "
+                "leave them out"
+            )
+        if self.cloth and self.fabric and (self.fabric.ends_per_cm or self.fabric.picks_per_cm):
+            raise ValueError("fabric.ends_per_cm, fabric.picks_per_cm: follow from the size of [cloth]; leave them out")
+        return self
+
+    @model_validator(mode="after")
+    def body_has_cloth(self) -> "Scene":
+        if self.body and not (self.cloth or self.garment):
+            raise ValueError("a [body] wears a [garment] or has a [cloth] fall on it; add one of them")
+        if self.cloth and self.cloth.pins.body and not self.body:
+            raise ValueError("cloth.pins.body attaches key points to a [body]; add it")
+        return self
+
+    @model_validator(mode="after")
+    def garment_is_whole(self) -> "Scene":
+        if not self.garment:
+            return self
+        if self.solver and self.solver.name == "implicit":
+            raise ValueError('solver.name: "implicit" has no body, and a [garment] has; use "verlet", or leave it out')
+        if self.cloth or self.twist:
+            raise ValueError("a scene shows one of [garment], [cloth] and [twist]; leave the others out")
+        if self.garment.representation == "fibre" and not self.weave:
+            raise ValueError('garment.representation "fibre" needs [yarn] and [weave]; add them, or take "mesh"')
+        if self.weave and self.weave.patches:
+            raise ValueError("weave.patches: a [garment] has drafts by panel; say garment.weaves instead")
+        if self.weave and (self.weave.ends or self.weave.picks):
+            raise ValueError(
+                "weave.ends, weave.picks: a [garment] has as many as its pattern, key_points and threads_per_key_point "
+                "make; leave them out"
+            )
+        if self.fabric and (self.fabric.ends_per_cm or self.fabric.picks_per_cm):
+            raise ValueError("fabric.ends_per_cm, fabric.picks_per_cm: follow from the [garment]; leave them out")
+        return self
+
+    @property
+    def subject(self) -> Subject:
+        if self.garment:
+            return "garment"
+        if self.cloth:
+            return "cloth"
+        if self.weave:
+            return "fabric"
+        if self.twist:
+            return "twist"
+        return "yarn" if self.yarn else "fibre"

@@ -1,0 +1,103 @@
+"""What of a body cloth can touch: its primitives or distance grids, how its bones move, gap and friction."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_cloth.body.colliders.grid import DistanceGrid
+from taichi_cloth.body.primitives.distance import nearest_distance
+from taichi_cloth.body.primitives.primitives import Primitive
+from taichi_cloth.ground.cache import digest
+from taichi_cloth.ground.errors import InputError
+
+__all__ = ["BoneFrame", "Colliders", "Motion", "Solid", "solid_distance"]
+
+F64 = NDArray[np.float64]
+Motion = Callable[[float], F64]
+Solid = Primitive | DistanceGrid
+"""What a part of a body may be to the cloth that touches it."""
+
+
+def solid_distance(solids: Sequence[Solid], points: NDArray) -> F64:
+    """Signed distance (n,) [m] of points (n, 3) from what one or more solids at rest stand for together."""
+    at = np.asarray(points, np.float64)
+    primitives = [s for s in solids if isinstance(s, Primitive)]
+    found = [nearest_distance(primitives, at)[0]] if primitives else []
+    return np.min(found + [s.at(at)[0] for s in solids if isinstance(s, DistanceGrid)], axis=0)
+
+
+@dataclass(frozen=True, eq=False)
+class BoneFrame:
+    """start, end: (bones, 4, 4), from the world at rest to the world at the two ends of a frame; rigid."""
+
+    start: F64
+    end: F64
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Colliders:
+    """A body that cloth can touch. Raises InputError on one that cannot be.
+
+    primitives, grids: what it is made of, at rest. motion: time [s] → (bones, 4, 4), where rest positions go, rigid;
+    None: the body stands still. name: of the motion, which tells one from another where a run is resumed.
+    friction: Coulomb's µ. gap: kept between the body and the key points [m], the thickness of the cloth and what hair
+    and skin need. recovery: how fast key points that lie inside are let out, and get no speed by it [m/s].
+    spared: (rows, cols) int32 of one sheet's key points, bits 1 << bone of the bones that each does not meet
+    (`garment/limbs.py`); None: all meet all, and nothing is spent on it.
+    """
+
+    primitives: tuple[Primitive, ...] = ()
+    grids: tuple[DistanceGrid, ...] = field(default=(), repr=False)
+    motion: Motion | None = field(default=None, repr=False)
+    name: str = ""
+    friction: float = 0.3
+    gap: float = 0.0
+    recovery: float = 1.0
+    spared: NDArray[np.int32] | None = field(default=None, repr=False)
+
+    def __post_init__(self) -> None:
+        if not self.primitives and not self.grids:
+            raise InputError("body: nothing to touch; allowed: one primitive or grid, or more")
+        for name in ("friction", "gap", "recovery"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value >= 0):
+                raise InputError(f"body.{name}: {value!r}; allowed: a finite number, 0 or more")
+        if self.motion is not None:
+            self.during(0.0, 0.0)
+
+    @property
+    def solids(self) -> tuple[Solid, ...]:
+        """Primitives, then grids."""
+        return (*self.primitives, *self.grids)
+
+    def made_of(self) -> str:
+        """A hash of what cloth meets. Of a motion that has no name, where it leads in the first seconds."""
+        moves = [self.name] if self.name or self.motion is None else [self.at(t) for t in (0.0, 0.1, 0.37, 1.0, 2.3)]
+        grids = [(g.origin, g.spacing, g.values, g.part, g.bone) for g in self.grids]
+        spared = () if self.spared is None else (self.spared,)
+        return digest(list(self.primitives), grids, moves, self.friction, self.gap, self.recovery, *spared)
+
+    def at(self, time: float) -> F64:
+        """(bones, 4, 4) at a time [s]. Raises InputError where the motion gives something that is not rigid."""
+        bones = 1 + max(s.bone for s in self.solids)
+        if self.motion is None:
+            return np.broadcast_to(np.eye(4), (bones, 4, 4))
+        out = np.asarray(self.motion(time), np.float64)
+        if out.ndim != 3 or out.shape[1:] != (4, 4) or len(out) < bones or not np.isfinite(out).all():
+            raise InputError(f"body.motion: {out.shape} at {time:g} s; allowed: ({bones} or more, 4, 4), finite")
+        turn = out[:, :3, :3]
+        if np.abs(turn @ turn.transpose(0, 2, 1) - np.eye(3)).max() > 1e-4 or (np.linalg.det(turn) < 0).any():
+            raise InputError(f"body.motion: a bone that is not rigid at {time:g} s; allowed: turns and shifts")
+        return out
+
+    def during(self, start: float, end: float) -> BoneFrame:
+        """The bones at the ends of a frame [s]."""
+        return BoneFrame(self._recent(start), self._recent(end))
+
+    @cached_property
+    def _recent(self) -> Motion:
+        """`at`, of the last two times kept: a frame starts where the one before ended."""
+        return lru_cache(maxsize=2)(self.at)

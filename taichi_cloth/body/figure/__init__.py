@@ -1,0 +1,1 @@
+"""The built-in bodies: from measures of a person to a closed skin."""

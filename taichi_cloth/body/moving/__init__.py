@@ -1,0 +1,1 @@
+"""How a body moves: built-in motions, legs that keep their feet, BVH files."""

@@ -1,0 +1,1 @@
+"""Segmentation (paper 4.1): the named parts of a body."""

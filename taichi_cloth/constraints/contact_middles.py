@@ -1,0 +1,237 @@
+"""The middles of springs against what is too thin for the key points to keep out (`thin_limbs.py`; paper 4.1).
+
+They meet the same surfaces by the same law as key points (`contact_response.py`), right after these: a middle that
+stands deeper than the gap is pushed out along the normal, which takes its velocity towards the surface and no more,
+and is held by friction. A push of the middle by δ moves each end by 2 δ w / (w₁ + w₂), w its inverse mass: both get
+the same impulse, so that no moment about the middle is made, and a pinned end stays.
+
+Springs are those that hold the sheet in its plane: along the weft, along the warp, and both diagonals of each cell.
+Every 16 milliseconds those that could come near a thin solid are listed, by a capsule around it. Eight at a time their
+distances are measured, again when one of them could touch; what could touch soon gets a plane. Only these are gone
+through every substep, one after the other in a fixed order, each seeing what those before it did. A middle that gets
+from one side of a limb to the other within one step is not seen.
+"""
+
+# In kernels a vector is a Taichi expression, which type checkers cannot follow.
+# pyright: reportOptionalCall=false, reportOperatorIssue=false, reportGeneralTypeIssues=false
+# pyright: reportArgumentType=false, reportCallIssue=false
+
+from functools import lru_cache
+
+import numpy as np
+import taichi as ti
+from numpy.typing import NDArray
+
+from taichi_cloth.constraints.contact import Contact
+from taichi_cloth.constraints.contact_response import GROWTH, TURNING, Response
+from taichi_cloth.constraints.contact_surface import BONE, ROW, SHAPE
+from taichi_cloth.ground import runtime
+from taichi_cloth.ground.arrays import Template
+from taichi_cloth.motion.crew import PARTS
+from taichi_cloth.motion.forces import FrameForces
+from taichi_cloth.motion.passes import Pass
+from taichi_cloth.motion.stencil import load, store
+from taichi_cloth.sheet.sheet import LANES, Sheet, SheetState
+
+__all__ = ["MiddleContact"]
+
+FAMILIES = 4
+ROOM, LEAST = 8, 1 << 15
+"""Springs that may be near a thin solid, for each key point, and in all; one that is near two of them counts twice."""
+PLANE = 4  # normal, offset from the anchor
+
+
+class MiddleContact(Pass):
+    """The pass of one sheet, after that of its key points. solids: numbers (n,) of those that the middles meet."""
+
+    whole = True
+
+    def __init__(self, contact: Contact, sheet: Sheet, solids: NDArray[np.int32]) -> None:
+        self.solids = solids
+        self.memory = _memory(runtime.generation(), contact.memory, sheet.padded_shape)
+
+    # Two passes that share their memory are one to the solver: it needs no second kernel for them.
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, MiddleContact) and self.memory is other.memory
+
+    def __hash__(self) -> int:
+        return id(self.memory)
+
+    def begin(self, state: SheetState, forces: FrameForces) -> None:
+        if self.memory.holder is not self:
+            self.memory.solid.from_numpy(np.resize(self.solids, self.memory.solid.shape[0]))
+            self.memory.solids[None] = len(self.solids)
+            self.memory.holder = self
+        self.memory.most[None] = 0
+
+    def end(self, state: SheetState) -> None:
+        """Raises RuntimeError where there was no room for all springs near thin solids."""
+        found, room = self.memory.most[None], self.memory.room
+        if found > room:
+            raise RuntimeError(
+                f"contact: {found} springs near thin parts of the body, room for {room}; use key points closer together"
+            )
+
+    @ti.func
+    def after_all(self, work: Template, done, n: Template):
+        self.memory.touch(work, done, n)
+
+
+@lru_cache(maxsize=8)
+def _memory(generation: int, surface: Response, padded_shape: tuple[int, int]) -> "_Middles":
+    """Fields and functions for grids of that shape. generation: of the Taichi runtime."""
+    return _Middles(surface, *padded_shape)
+
+
+@ti.data_oriented
+class _Middles:
+    """Springs near thin solids, in groups of LANES that are near the same one, and the planes that they may touch."""
+
+    def __init__(self, surface: Response, rows: int, width: int) -> None:
+        self.surface, self.width = surface, width
+        self.room = max(ROOM * rows * width, LEAST)
+        self.holder: object = None
+        self.solid, self.solids = ti.field(ti.i32, surface.capacity), ti.field(ti.i32, ())
+        self.groups, self.most, self.entries = (ti.field(ti.i32, ()) for _ in range(3))
+        self.one, self.two = (ti.field(ti.i32, self.room + LANES) for _ in range(2))  # ends of each spring
+        self.owner, self.due = (ti.field(ti.i32, self.room // LANES + 1) for _ in range(2))  # of each group
+        self.place = ti.field(ti.f32, 6 * LANES)  # of the group at work: middles against the anchor, and their steps
+        self.entry, self.plane = ti.field(ti.i32, self.room), ti.field(ti.f32, PLANE * self.room)
+
+    @ti.func
+    def touch(self, work: Template, done, n: Template):
+        """Response of the middles at the end of substep `done`, to poses that `Contact` has just brought up to date."""
+        since = done % int(self.surface.setting[6])
+        if since == 0:
+            if done % int(self.surface.setting[1]) == 0:
+                self.seek(work, done, n)
+            self.entries[None] = 0
+            for g in range(self.groups[None]):
+                if self.due[g] <= done:
+                    self.look(work, g, done)
+        for e in range(self.entries[None]):
+            self.respond(work, e, float(since))
+
+    @ti.func
+    def seek(self, work: Template, done, n: Template):
+        """Lists the springs whose middles could reach a thin solid before the next time."""
+        found = 0
+        for s in range(self.solids[None]):
+            i, begun = self.solid[s], found // LANES
+            for e in range(work.cut[0], work.cut[PARTS]):
+                if self.near(work, work.block[e], i, n.diagonal_length):
+                    found = self.enlist(work, work.block[e], i, found)
+            while found % LANES != 0:  # a group is of one solid; the rest of the last is empty
+                if found < self.room:
+                    self.one[found] = -1
+                found += 1
+            for g in range(begun, ti.min(found, self.room) // LANES):
+                self.owner[g], self.due[g] = i, done
+        self.most[None] = ti.max(self.most[None], found)
+        self.groups[None] = ti.min(found, self.room) // LANES
+
+    @ti.func
+    def near(self, work: Template, b, i, reach):
+        """Whether a middle not farther than `reach` [m] from a key point of block b could touch solid i before the next
+        time: by the capsule around it."""
+        a, row = work.lanes(b * LANES), i * ROW + SHAPE
+        c, axis, shift = self.surface.posed(i, 0), self.surface.posed(i, 3), self.surface.vector(i, SHAPE + 9)
+        x, y, z = load(work.position[0], a) - c[0], load(work.position[1], a) - c[1], load(work.position[2], a) - c[2]
+        u, v, w = load(work.step[0], a) - shift[0], load(work.step[1], a) - shift[1], load(work.step[2], a) - shift[2]
+        turning = self.surface.vector(i, SHAPE + 12).norm() * (ti.sqrt(x * x + y * y + z * z) + reach)
+        along = x * axis[0] + y * axis[1] + z * axis[2]
+        along = ti.min(ti.max(along, self.surface.row[row + 16]), self.surface.row[row + 17])
+        x, y, z = x - along * axis[0], y - along * axis[1], z - along * axis[2]
+        far = ti.sqrt(x * x + y * y + z * z) - self.surface.row[row + 15] - self.surface.setting[3] - reach
+        rate = self.surface.setting[2] + GROWTH * (ti.sqrt(u * u + v * v + w * w) + turning)
+        store(self.place, 0, far - self.surface.setting[1] * rate)
+        least = self.place[0]
+        for k in range(1, LANES):
+            least = ti.min(least, self.place[k])
+        return least < 0.0
+
+    @ti.func
+    def enlist(self, work: Template, b, i, found):
+        """Appends the springs that begin in block b. Returns how many there are then."""
+        for k in range(b * LANES, (b + 1) * LANES):
+            for family in range(FAMILIES):
+                p, q, weight = k, k + 1, work.east[k]
+                if family == 1:
+                    q, weight = k + self.width, work.north[k]
+                elif family >= 2:
+                    weight = work.cell[k]
+                    p, q = k + family - 2, k + self.width + 3 - family
+                met = weight > 0.0 and work.inverse_mass[p] + work.inverse_mass[q] > 0.0
+                if ti.static(self.surface.sparing):
+                    spared = self.surface.spared[p] | self.surface.spared[q]
+                    met = met and (spared >> int(self.surface.row[i * ROW + BONE])) & 1 == 0
+                if met:
+                    if found < self.room:
+                        self.one[found], self.two[found] = p, q
+                    found += 1
+        return found
+
+    @ti.func
+    def look(self, work: Template, g, done):
+        """Distances of a group from its solid, and when to look again; planes for those that could touch before."""
+        i, every = self.owner[g], int(self.surface.setting[6])
+        c, q = self.surface.posed(i, 0), self.surface.scratch_of(0)
+        for k in range(LANES):
+            p1, p2 = self.one[g * LANES + k], self.two[g * LANES + k]
+            for axis in ti.static(range(3)):
+                x, u = 1e6, 0.0
+                if p1 >= 0:
+                    x = 0.5 * (work.position[axis][p1] + work.position[axis][p2]) - c[axis]
+                    u = 0.5 * (work.step[axis][p1] + work.step[axis][p2])
+                self.place[axis * LANES + k], self.place[(axis + 3) * LANES + k] = x, u
+        x, y, z = load(self.place, 0), load(self.place, LANES), load(self.place, 2 * LANES)
+        self.surface.measure(i, q, x, y, z)
+        u, v, w = load(self.place, 3 * LANES), load(self.place, 4 * LANES), load(self.place, 5 * LANES)
+        u, v, w = self.surface.slip(i, x, y, z, u, v, w)
+        d, nx = load(self.surface.scratch, q), load(self.surface.scratch, q + LANES)
+        ny, nz = load(self.surface.scratch, q + 2 * LANES), load(self.surface.scratch, q + 3 * LANES)
+        away, along = ti.max(d - self.surface.setting[3], 0.0), u * nx + v * ny + w * nz
+        rate = self.surface.setting[2] + GROWTH * ti.max(-along, 0.0) + TURNING * ti.sqrt(u * u + v * v + w * w)
+        store(self.surface.scratch, q, away / rate)
+        store(self.place, 0, x * nx + y * ny + z * nz - d)
+        soonest, e = 1e6, self.entries[None]
+        for k in range(LANES):
+            arrives = self.surface.scratch[q + k]
+            soonest = ti.min(soonest, arrives)
+            if arrives < every:
+                self.entry[e] = g * LANES + k
+                for m in ti.static(range(3)):
+                    self.plane[e * PLANE + m] = self.surface.scratch[q + (m + 1) * LANES + k]
+                self.plane[e * PLANE + 3] = self.place[k]
+                e += 1
+        self.entries[None] = e
+        self.due[g] = done + ti.max(int(soonest) // every, 1) * every
+
+    @ti.func
+    def respond(self, work: Template, e, since):
+        """As `Response.respond`, of one middle. since: substeps since the poses were worked out."""
+        k = self.entry[e]
+        i, p, q = self.owner[k // LANES], self.one[k], self.two[k]
+        shift, turn = self.surface.vector(i, SHAPE + 9), self.surface.vector(i, SHAPE + 12)
+        x, u, normal = ti.Vector([0.0, 0.0, 0.0]), ti.Vector([0.0, 0.0, 0.0]), ti.Vector([0.0, 0.0, 0.0])
+        for axis in ti.static(range(3)):
+            x[axis] = 0.5 * (work.position[axis][p] + work.position[axis][q])
+            u[axis] = 0.5 * (work.step[axis][p] + work.step[axis][q])
+            normal[axis] = self.plane[e * PLANE + axis]
+        normal += since * turn.cross(normal)
+        x -= self.surface.posed(i, 0) + since * shift
+        depth = self.surface.setting[3] - (normal.dot(x) - self.plane[e * PLANE + 3])
+        if depth > 0.0:
+            u -= shift
+            u -= turn.cross(x - 0.5 * u)  # half-way along the step
+            approach = ti.max(-u.dot(normal), 0.0)
+            push = ti.min(depth, approach + self.surface.setting[4])
+            pressed = ti.min(push, approach)
+            move = self.surface.change(u[0], u[1], u[2], normal[0], normal[1], normal[2], push, pressed)
+            out = (push - pressed) * normal
+            here = 2.0 * work.inverse_mass[p] / (work.inverse_mass[p] + work.inverse_mass[q])
+            for axis in ti.static(range(3)):
+                work.position[axis][p] = work.position[axis][p] + here * move[axis]
+                work.position[axis][q] = work.position[axis][q] + (2.0 - here) * move[axis]
+                work.step[axis][p] = work.step[axis][p] + here * (move[axis] - out[axis])
+                work.step[axis][q] = work.step[axis][q] + (2.0 - here) * (move[axis] - out[axis])

@@ -1,0 +1,369 @@
+"""What `contact.Contact` runs inside the frame's kernel, for 8 neighbouring key points at once, a block.
+
+Four stages, ever more often and ever cheaper: a block's list of primitives from the tree (`walk`), with the time before
+which none of its key points can touch each; exact distances to those whose time has come (`look`), which leave a plane
+for each key point; whether one has `moved` too far for its plane; and after every substep the response to the planes
+(`respond`), which move with the primitive.
+
+A plane lasts until its key point has slid by a hundredth of the least radius of curvature, or by half of its distance
+when it was looked at: of one that touches the normal is then off by 10 mrad, and it lies 2 µm off a limb of 40 mm.
+Cloth that sticks to a limb keeps its planes.
+
+A block's lists and planes are its own, so parts of the sheet on several threads share nothing they write.
+"""
+
+# In kernels a vector is a Taichi expression, which type checkers cannot follow.
+# pyright: reportArgumentType=false, reportOptionalSubscript=false, reportIndexIssue=false
+# pyright: reportOptionalCall=false, reportOperatorIssue=false, reportGeneralTypeIssues=false, reportCallIssue=false
+
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import taichi as ti
+from numpy.typing import NDArray
+
+from taichi_cloth.constraints.contact_surface import BONE, BOX, ROW, SHAPE, BodySurface
+from taichi_cloth.ground.arrays import Template
+from taichi_cloth.motion.crew import LINE, PARTS
+from taichi_cloth.motion.stencil import load, store
+from taichi_cloth.sheet.sheet import LANES, PAD
+
+__all__ = ["Response", "response"]
+
+KEPT = 4
+"""Planes a block may have for each key point and keep. Of more than that the nearest are merged into one, which lasts
+until the next look; beside it there is room for the plane that is merged."""
+SLOTS = KEPT + 2
+PLANE = 8  # normal at the look, offset from the anchor, place against the anchor, how far from there it lasts [m]
+SOON = 6
+"""Substeps. What may touch within them gets its planes now: a response to them costs a fifth of a look."""
+GROWTH = 1.25  # of the approach to a surface until the next look at it
+TURNING = 0.25  # share of the slip that may become approach meanwhile
+
+
+@lru_cache(maxsize=16)
+def response(generation: int, *made_of: Any) -> "Response":
+    """Fields and functions for grids and bodies: a `Response` of these. generation: of the Taichi runtime."""
+    return Response(*made_of)
+
+
+@ti.data_oriented
+class Response(BodySurface):
+    """What the kernel works on. sparing: whether some key points do not meet all bones."""
+
+    def __init__(
+        self,
+        size: int,
+        capacity: int,
+        kinds: tuple[int, ...],
+        long_steps: bool,
+        nodes: int,
+        sparing: bool,
+    ) -> None:
+        super().__init__(capacity, kinds, nodes)
+        self.long_steps, self.sparing = long_steps, sparing
+        self.spared = ti.field(ti.i32, size if sparing else 1)
+        blocks = size // LANES
+        self.count, self.next = ti.field(ti.i32, blocks), ti.field(ti.i32, blocks)
+        self.list, self.due = ti.field(ti.i32, blocks * capacity), ti.field(ti.i32, blocks * capacity)
+        self.used = ti.field(ti.i32, blocks)  # a bit a slot
+        self.owner, self.pair, self.looked = (ti.field(ti.i32, blocks * SLOTS) for _ in range(3))
+        self.plane = ti.field(ti.f32, blocks * SLOTS * PLANE * LANES)
+        # What a substep meets, one after the other in memory: blocks, their primitives, and normals and offsets now.
+        self.entries = ti.field(ti.i32, PARTS * LINE)
+        self.entry_block, self.entry_of = ti.field(ti.i32, blocks * SLOTS), ti.field(ti.i32, blocks * SLOTS)
+        self.entry = ti.field(ti.f32, blocks * SLOTS * 4 * LANES)
+
+    def spare(self, bits: NDArray[np.int32], padded_shape: tuple[int, ...]) -> None:
+        """Takes the bits of `Colliders.spared` (rows, cols)."""
+        padded = np.full(padded_shape, -1, np.int32)
+        padded[PAD : PAD + bits.shape[0], : bits.shape[1]] = bits
+        self.spared.from_numpy(padded.ravel())
+
+    @ti.func
+    def walk(self, work: Template, part, b, done):
+        """The list of block b: what it can reach until the next walk, by boxes and then by capsules, and when."""
+        low, high = ti.Vector([1e30, 1e30, 1e30]), ti.Vector([-1e30, -1e30, -1e30])
+        fastest, slow, fast = 0.0, ti.Vector([1e30, 1e30, 1e30]), ti.Vector([-1e30, -1e30, -1e30])
+        spared = -1  # by every key point of the block
+        for k in range(b * LANES, (b + 1) * LANES):
+            if work.inverse_mass[k] > 0.0:
+                here, step = ti.Vector([0.0, 0.0, 0.0]), ti.Vector([0.0, 0.0, 0.0])
+                for c in ti.static(range(3)):
+                    here[c], step[c] = work.position[c][k], work.step[c][k]
+                low, high = ti.min(low, here), ti.max(high, here)
+                slow, fast = ti.min(slow, step), ti.max(fast, step)
+                fastest = ti.max(fastest, step.norm_sqr())
+                if ti.static(self.sparing):
+                    spared &= self.spared[k]
+        count, soonest = 0, 1 << 24
+        if low[0] < 1e29:
+            wait = self.setting[1]
+            margin = self.setting[3] + wait * (self.setting[2] + GROWTH * ti.sqrt(fastest))
+            middle, radius = 0.5 * (low + high), 0.5 * (high - low).norm()
+            step, spread = 0.5 * (slow + fast), 0.5 * (fast - slow).norm()
+            node, nodes = 0, int(self.setting[10])
+            while node < nodes:
+                q = node * BOX
+                apart = 0.0
+                for k in ti.static(range(3)):
+                    apart = ti.max(apart, self.box[q + k] - high[k], low[k] - self.box[q + 3 + k])
+                if apart > margin:
+                    node = self.skip[node]
+                else:
+                    i = self.leaf[node]
+                    if ti.static(self.sparing):  # i stays -1 where it is
+                        i |= -((spared >> int(self.row[ti.max(i, 0) * ROW + BONE])) & 1)
+                    if i >= 0:
+                        here = middle - self.posed(i, 0)
+                        u, v, w = self.slip(i, here[0], here[1], here[2], step[0], step[1], step[2])
+                        slip = ti.sqrt(u * u + v * v + w * w) + spread + radius * self.vector(i, SHAPE + 12).norm()
+                        rate = self.setting[2] + GROWTH * slip
+                        free = (self.apart(work, part, b, i) - self.setting[3]) / rate
+                        if free < wait:
+                            due = done + ti.max(int(free), 0)
+                            self.list[b * self.capacity + count] = i
+                            self.due[b * self.capacity + count] = due
+                            soonest = ti.min(soonest, due)
+                            count += 1
+                    node += 1
+        self.count[b], self.next[b], self.used[b] = count, soonest, 0
+
+    @ti.func
+    def apart(self, work: Template, part, b, i):
+        """Least distance [m] of the block's free key points from the capsule around primitive i."""
+        a = work.lanes(b * LANES)
+        q = self.scratch_of(part)
+        row = i * ROW + SHAPE
+        c, axis = self.posed(i, 0), self.posed(i, 3)
+        x, y, z = load(work.position[0], a) - c[0], load(work.position[1], a) - c[1], load(work.position[2], a) - c[2]
+        along = x * axis[0] + y * axis[1] + z * axis[2]
+        along = ti.min(ti.max(along, self.row[row + 16]), self.row[row + 17])
+        x, y, z = x - along * axis[0], y - along * axis[1], z - along * axis[2]
+        free = ti.min(load(work.inverse_mass, a) * 1e30, 1.0)
+        store(self.scratch, q, x * x + y * y + z * z + (1.0 - free) * 1e12)
+        least = self.scratch[q]
+        for k in range(q + 1, q + LANES):
+            least = ti.min(least, self.scratch[k])
+        return ti.sqrt(least) - self.row[row + 15]
+
+    @ti.func
+    def change(self, u, v, w, nx, ny, nz, push, pressed):
+        """What a push along the normal changes, at a slip (u, v, w) [m], with friction of as much of it as presses."""
+        along = u * nx + v * ny + w * nz
+        u, v, w = u - along * nx, v - along * ny, w - along * nz
+        held = ti.min(self.setting[7] * pressed / ti.sqrt(u * u + v * v + w * w + 1e-30), 1.0)
+        return push * nx - held * u, push * ny - held * v, push * nz - held * w
+
+    @ti.func
+    def cross(self, work: Template, a, i, q, free):
+        """Where a long step of the lanes at a meets the primitive on its way it is pushed back to the first such place:
+        so far that it stays outside."""
+        gap, c = self.setting[3], self.posed(i, 0)
+        x, y, z = load(work.position[0], a) - c[0], load(work.position[1], a) - c[1], load(work.position[2], a) - c[2]
+        dx, dy, dz = load(work.step[0], a), load(work.step[1], a), load(work.step[2], a)
+        u, v, w = self.slip(i, x, y, z, dx, dy, dz)
+        longest = ti.sqrt((free * (u * u + v * v + w * w)).max())
+        pieces = ti.min(int(longest / (0.25 * self.setting[5])), 64)
+        nx, ny, nz, push = 0.0 * x, 0.0 * x, 0.0 * x, 0.0 * x
+        for j in range(1, pieces):
+            left = 1.0 - j / float(pieces)
+            self.measure(i, q, x - left * u, y - left * v, z - left * w)
+            d, ax = load(self.scratch, q), load(self.scratch, q + LANES)
+            ay, az = load(self.scratch, q + 2 * LANES), load(self.scratch, q + 3 * LANES)
+            depth = free * ti.max(gap - d, 0.0)
+            hit = ti.select((depth > 0.0) & (push == 0.0), 1.0, 0.0)
+            nx, ny, nz = nx + hit * (ax - nx), ny + hit * (ay - ny), nz + hit * (az - nz)
+            push += hit * (depth + left * ti.max(-(u * ax + v * ay + w * az), 0.0))
+        u, v, w = self.change(u, v, w, nx, ny, nz, push, push)
+        for axis, more in ti.static(((0, u), (1, v), (2, w))):
+            store(work.position[axis], a, load(work.position[axis], a) + more)
+            store(work.step[axis], a, load(work.step[axis], a) + more)
+
+    @ti.func
+    def look(self, work: Template, part, b, i, slot):
+        """Planes of block b on primitive i, into a slot. Returns the substeps until one of them could be touched."""
+        a = work.lanes(b * LANES)
+        q = self.scratch_of(part)
+        o = ti.min(ti.max(slot, 0), 1 << 22) * PLANE * LANES
+        c = self.posed(i, 0)
+        free = ti.min(load(work.inverse_mass, a) * 1e30, 1.0)
+        if ti.static(self.sparing):
+            met = 1 - ((load(self.spared, a) >> int(self.row[i * ROW + BONE])) & 1)
+            free *= ti.cast(met, ti.f32)
+        if ti.static(self.long_steps):
+            self.cross(work, a, i, q, free)
+        x, y, z = load(work.position[0], a) - c[0], load(work.position[1], a) - c[1], load(work.position[2], a) - c[2]
+        self.measure(i, q, x, y, z)
+        d, nx = load(self.scratch, q), load(self.scratch, q + LANES)
+        ny, nz = load(self.scratch, q + 2 * LANES), load(self.scratch, q + 3 * LANES)
+        dx, dy, dz = load(work.step[0], a), load(work.step[1], a), load(work.step[2], a)
+        u, v, w = self.slip(i, x, y, z, dx, dy, dz)
+        store(self.plane, o, nx)
+        store(self.plane, o + LANES, ny)
+        store(self.plane, o + 2 * LANES, nz)
+        store(self.plane, o + 3 * LANES, x * nx + y * ny + z * nz - d - (1.0 - free) * 1e6)
+        away, pinned = ti.max(d - self.setting[3], 0.0), (1.0 - free) * 1e6
+        store(self.plane, o + 4 * LANES, x)
+        store(self.plane, o + 5 * LANES, y)
+        store(self.plane, o + 6 * LANES, z)
+        lasts = 0.0 * away if ti.static(self.long_steps) else ti.max(0.5 * away, self.row[i * ROW + 7])
+        store(self.plane, o + 7 * LANES, lasts + pinned)
+        along = u * nx + v * ny + w * nz
+        share = ti.static(GROWTH if self.long_steps else TURNING)
+        rate = self.setting[2] + GROWTH * ti.max(-along, 0.0) + share * ti.sqrt(u * u + v * v + w * w)
+        store(self.scratch, q, away / rate + pinned)
+        arrives = 1e6
+        for k in range(q, q + LANES):
+            arrives = ti.min(arrives, self.scratch[k])
+        return arrives
+
+    @ti.func
+    def moved(self, work: Template, part, slot, done):
+        """Whether a key point has slid further over the primitive from where it was looked at than its plane lasts."""
+        a = work.lanes(slot // SLOTS * LANES)
+        o = ti.min(ti.max(slot, 0), 1 << 22) * PLANE * LANES
+        q = self.scratch_of(part)
+        i = self.owner[slot]
+        c, m = self.posed(i, 0), self.turned(i, float(done - self.looked[slot]))
+        x, y, z = load(work.position[0], a) - c[0], load(work.position[1], a) - c[1], load(work.position[2], a) - c[2]
+        u = m[0, 0] * x + m[1, 0] * y + m[2, 0] * z - load(self.plane, o + 4 * LANES)
+        v = m[0, 1] * x + m[1, 1] * y + m[2, 1] * z - load(self.plane, o + 5 * LANES)
+        w = m[0, 2] * x + m[1, 2] * y + m[2, 2] * z - load(self.plane, o + 6 * LANES)
+        out = u * load(self.plane, o) + v * load(self.plane, o + LANES) + w * load(self.plane, o + 2 * LANES)
+        lasts = load(self.plane, o + 7 * LANES)
+        store(self.scratch, q, u * u + v * v + w * w - out * out - lasts * lasts)
+        most = self.scratch[q]
+        for k in range(q + 1, q + LANES):
+            most = ti.max(most, self.scratch[k])
+        return most >= 0.0
+
+    @ti.func
+    def merge(self, work: Template, b, kept, new):
+        """Slot `kept` takes, for each key point of the block, the plane of slot `new` where nearer. It moves on as the
+        primitive that has the slot, until the next look."""
+        other = self.posed(self.owner[kept], 0)
+        mine = self.posed(self.owner[new], 0)
+        for lane in range(LANES):
+            j, k = kept * PLANE * LANES + lane, new * PLANE * LANES + lane
+            one, two, shift = -self.plane[j + 3 * LANES], -self.plane[k + 3 * LANES], 0.0
+            for c in ti.static(range(3)):
+                x = work.position[c][b * LANES + lane]
+                one += self.plane[j + c * LANES] * (x - other[c])
+                two += self.plane[k + c * LANES] * (x - mine[c])
+                shift += self.plane[k + c * LANES] * (mine[c] - other[c])
+            if two < one:
+                self.plane[k + 3 * LANES] = self.plane[k + 3 * LANES] + shift
+                for c in range(4):
+                    self.plane[j + c * LANES] = self.plane[k + c * LANES]
+
+    @ti.func
+    def refresh(self, work: Template, part, b, done):
+        """Looks at those of the block's list whose time has come."""
+        base, pairs = b * SLOTS, b * self.capacity
+        used = self.used[b] & ((1 << KEPT) - 1)
+        for k in range(KEPT):
+            if (used >> k) & 1 == 1 and self.due[pairs + self.pair[base + k]] <= done:
+                used ^= 1 << k
+        every, soonest = int(self.setting[6]), 1 << 24
+        for c in range(self.count[b]):
+            if self.due[pairs + c] <= done:
+                i, k = self.list[pairs + c], 0
+                while k < KEPT + 1 and (used >> k) & 1 == 1:
+                    k += 1
+                slot = base + k
+                arrives = self.look(work, part, b, i, slot)
+                due = done + ti.max(int(arrives) // every, 1) * every
+                if arrives < ti.max(SOON, every):
+                    self.owner[slot], self.pair[slot], self.looked[slot] = i, c, done
+                    if k < KEPT:
+                        due = done + ti.max(int(self.setting[8] / (self.vector(i, SHAPE + 12).norm() + 1e-9)), every)
+                    else:
+                        due = done + every
+                    if k <= KEPT:
+                        used |= 1 << k
+                    else:
+                        self.merge(work, b, slot - 1, slot)
+                self.due[pairs + c] = due
+            soonest = ti.min(soonest, self.due[pairs + c])
+        self.used[b], self.next[b] = used, soonest
+
+    @ti.func
+    def touch(self, work: Template, part, first, last, done):
+        """Response of a part, blocks number `first` to `last`, to the body at the end of substep `done`."""
+        base = first * SLOTS
+        since = done % int(self.setting[6])
+        if since == 0:
+            if done % int(self.setting[1]) == 0:
+                for m in range(first, last):
+                    self.walk(work, part, work.block[m], done)
+            e = base
+            for m in range(first, last):
+                b = work.block[m]
+                used = self.used[b]
+                if used != 0:
+                    for k in range(KEPT):
+                        slot = b * SLOTS + k
+                        if (used >> k) & 1 == 1 and self.moved(work, part, slot, done):
+                            self.due[b * self.capacity + self.pair[slot]] = done
+                            self.next[b] = done
+                if self.next[b] <= done:
+                    self.refresh(work, part, b, done)
+                used = self.used[b]
+                if used != 0:
+                    for k in range(KEPT + 1):
+                        if (used >> k) & 1 == 1:
+                            self.enter(b * SLOTS + k, e, b, done)
+                            e += 1
+            self.entries[part * LINE] = e
+        for e in range(base, self.entries[part * LINE]):
+            self.respond(work, e, float(since))
+
+    @ti.func
+    def enter(self, slot, e, b, done):
+        """A slot's planes as entry e, turned as its primitive has."""
+        i = self.owner[slot]
+        m = self.turned(i, float(done - self.looked[slot]))
+        self.entry_block[e], self.entry_of[e] = b, i
+        o = ti.min(ti.max(slot, 0), 1 << 22) * PLANE * LANES
+        q = ti.min(ti.max(e, 0), 1 << 22) * 4 * LANES
+        x, y, z = load(self.plane, o), load(self.plane, o + LANES), load(self.plane, o + 2 * LANES)
+        for k in ti.static(range(3)):
+            store(self.entry, q + k * LANES, m[k, 0] * x + m[k, 1] * y + m[k, 2] * z)
+        store(self.entry, q + 3 * LANES, load(self.plane, o + 3 * LANES))
+
+    @ti.func
+    def respond(self, work: Template, e, since):
+        """Straight-line code that ends in stores: that is what makes it vector code. since: substeps since the poses
+        were worked out; anchors go on straight, normals turn to first order."""
+        a = work.lanes(self.entry_block[e] * LANES)
+        o = ti.min(ti.max(e, 0), 1 << 22) * 4 * LANES
+        i = self.entry_of[e]
+        shift, turn = self.vector(i, SHAPE + 9), self.vector(i, SHAPE + 12)
+        c, t = self.posed(i, 0) + since * shift, since * turn
+        px, py, pz = load(work.position[0], a), load(work.position[1], a), load(work.position[2], a)
+        dx, dy, dz = load(work.step[0], a), load(work.step[1], a), load(work.step[2], a)
+        ax, ay, az = load(self.entry, o), load(self.entry, o + LANES), load(self.entry, o + 2 * LANES)
+        nx, ny, nz = ax + t[1] * az - t[2] * ay, ay + t[2] * ax - t[0] * az, az + t[0] * ay - t[1] * ax
+        x, y, z = px - c[0], py - c[1], pz - c[2]
+        d = nx * x + ny * y + nz * z - load(self.entry, o + 3 * LANES)
+        u, v, w = dx - shift[0], dy - shift[1], dz - shift[2]
+        x, y, z = x - 0.5 * u, y - 0.5 * v, z - 0.5 * w  # half-way along the step
+        u, v, w = (
+            u - turn[1] * z + turn[2] * y,
+            v - turn[2] * x + turn[0] * z,
+            w - turn[0] * y + turn[1] * x,
+        )
+        depth = ti.max(self.setting[3] - d, 0.0)
+        approach = ti.max(-(u * nx + v * ny + w * nz), 0.0)
+        push = ti.min(depth, approach + self.setting[4])
+        pressed = ti.min(push, approach)
+        out = push - pressed  # of what was deep before, and is no speed
+        x, y, z = self.change(u, v, w, nx, ny, nz, push, pressed)
+        store(work.position[0], a, px + x)
+        store(work.position[1], a, py + y)
+        store(work.position[2], a, pz + z)
+        store(work.step[0], a, dx + x - out * nx)
+        store(work.step[1], a, dy + y - out * ny)
+        store(work.step[2], a, dz + z - out * nz)

@@ -1,0 +1,195 @@
+"""Where the surfaces of a body are, inside the frame's kernel: poses of its primitives, distances to them, their speed.
+
+Rows of numbers a primitive come from the host once a frame. Poses follow within it; each part of the sheet has lanes of
+its own to work out distances in, so that parts on several threads share nothing they write.
+"""
+
+# In kernels a vector is a Taichi expression, which type checkers cannot follow.
+# pyright: reportArgumentType=false, reportOptionalSubscript=false, reportIndexIssue=false
+# pyright: reportOptionalCall=false, reportOperatorIssue=false, reportGeneralTypeIssues=false, reportCallIssue=false
+
+import taichi as ti
+
+from taichi_cloth.body.primitives.shapes import cone, ellipse, local, prism
+from taichi_cloth.ground.arrays import F32x2, Template
+from taichi_cloth.motion.crew import LINE, PARTS
+from taichi_cloth.motion.stencil import load, store
+from taichi_cloth.sheet.sheet import LANES
+
+__all__ = ["BONE", "BOX", "CONE", "ELLIPTIC", "GRID", "MOTION", "ROW", "SHAPE", "BodySurface"]
+
+CONE, ELLIPTIC, GRID = 0, 1, 2
+
+SHAPE, MOTION, BOX, BONE, ROW = 8, 18, 6, 32, 40
+"""Numbers of a primitive: kind, 6 of its shape, how far a point may slide on one plane; motion and the capsule around
+it (see `Contact.begin`); box; bone; with room to spare."""
+
+POSE = 12  # anchor, axis, across, other
+SCRATCH = 10
+
+
+@ti.data_oriented
+class BodySurface:
+    """Primitives of a body and the tree of their boxes. nodes: values of all distance grids together."""
+
+    def __init__(self, capacity: int, kinds: tuple[int, ...], nodes: int) -> None:
+        self.nodes = ti.field(ti.f32, max(1, nodes))
+        self.holder: object = None
+        self.capacity, self.kinds = capacity, kinds
+        self.row = ti.field(ti.f32, capacity * ROW)
+        self.setting = ti.field(ti.f32, ROW)
+        self.skip = ti.field(ti.i32, 2 * capacity)
+        self.leaf = ti.field(ti.i32, 2 * capacity)
+        self.box = ti.field(ti.f32, 2 * capacity * BOX)
+        self.pose = ti.field(ti.f32, capacity * POSE)
+        self.scratch = ti.field(ti.f32, (PARTS + 1) * (SCRATCH * LANES + LINE))
+
+    @ti.kernel
+    def take(self, rows: F32x2):
+        """A frame's rows of `Contact.begin`; boxes of the tree from its leaves up."""
+        ti.loop_config(serialize=True)
+        for _ in range(1):
+            for k in range(ROW):
+                self.setting[k] = rows[3 * self.capacity, k]
+            for i in range(self.capacity):
+                for k in range(ROW):
+                    self.row[i * ROW + k] = rows[i, k]
+            nodes = int(self.setting[10])
+            for back in range(nodes):
+                node = nodes - 1 - back
+                self.skip[node] = int(rows[self.capacity + node, 0])
+                leaf = int(rows[self.capacity + node, 1])
+                self.leaf[node] = leaf
+                for k in range(BOX):
+                    if leaf >= 0:
+                        self.box[node * BOX + k] = rows[leaf, SHAPE + MOTION + k]
+                    else:
+                        one = self.box[(node + 1) * BOX + k]
+                        two = self.box[self.skip[node + 1] * BOX + k]
+                        self.box[node * BOX + k] = ti.min(one, two) if k < 3 else ti.max(one, two)
+
+    @ti.func
+    def scratch_of(self, part):
+        """The first of a part's lanes of scratch. The bounds tell the compiler that nothing overflows."""
+        return (ti.min(ti.max(part, 0), PARTS - 1) + 1) * (SCRATCH * LANES + LINE)
+
+    @ti.func
+    def vector(self, i, k: Template):
+        return ti.Vector([self.row[i * ROW + k], self.row[i * ROW + k + 1], self.row[i * ROW + k + 2]])
+
+    @ti.func
+    def posed(self, i, k: Template):
+        return ti.Vector([self.pose[i * POSE + k], self.pose[i * POSE + k + 1], self.pose[i * POSE + k + 2]])
+
+    @ti.func
+    def turned(self, i, age):
+        """Rotation of primitive i over some substeps, to second order."""
+        t = age * self.vector(i, SHAPE + 12)
+        half = 0.5 * t
+        x, y, z = t[0] * half[0], t[1] * half[1], t[2] * half[2]
+        xy, yz, zx = t[0] * half[1], t[1] * half[2], t[2] * half[0]
+        return ti.Matrix(
+            [
+                [1.0 - y - z, xy - t[2], zx + t[1]],
+                [xy + t[2], 1.0 - z - x, yz - t[0]],
+                [zx - t[1], yz + t[0], 1.0 - x - y],
+            ]
+        )
+
+    @ti.func
+    def follow(self, done):
+        """Poses at the end of substep `done`: anchors on a line, axes turned about one vector (Rodrigues)."""
+        for i in range(int(self.setting[0])):
+            anchor = self.vector(i, SHAPE) + (done + 1.0) * self.vector(i, SHAPE + 9)
+            turn = (done + 1.0) * self.vector(i, SHAPE + 12)
+            angle = turn.norm()
+            axis, across = self.vector(i, SHAPE + 3), self.vector(i, SHAPE + 6)
+            if angle > 0.0:
+                about, cosine, sine = turn / angle, ti.cos(angle), ti.sin(angle)
+                axis = cosine * axis + sine * about.cross(axis) + (1.0 - cosine) * about.dot(axis) * about
+                across = cosine * across + sine * about.cross(across) + (1.0 - cosine) * about.dot(across) * about
+            other = axis.cross(across)
+            for k in ti.static(range(3)):
+                self.pose[i * POSE + k] = anchor[k]
+                self.pose[i * POSE + 3 + k] = axis[k]
+                self.pose[i * POSE + 6 + k] = across[k]
+                self.pose[i * POSE + 9 + k] = other[k]
+
+    @ti.func
+    def measure(self, i, q, x, y, z):
+        """Signed distance [m] and normal of primitive i at points relative to its anchor, into the scratch
+        lanes q, q + 1, q + 2 and q + 3. Lanes are stored half-way: what ends in stores becomes vector code."""
+        row = i * ROW
+        axis, across, other = self.posed(i, 3), self.posed(i, 6), self.posed(i, 9)
+        one, two, three, four = self.row[row + 1], self.row[row + 2], self.row[row + 3], self.row[row + 4]
+        kind = int(self.row[row])
+        for k in ti.static(self.kinds):
+            if kind == k:
+                if ti.static(k == CONE):
+                    d, nx, ny, nz = cone(x, y, z, axis, across, one, two, three, four)
+                    self.keep(q, d, nx, ny, nz)
+                else:
+                    along, px, py = local(x, y, z, axis), local(x, y, z, across), local(x, y, z, other)
+                    self.keep(q + 4 * LANES, along, px, py, py)
+                    if ti.static(k == GRID):
+                        for lane in range(q + 4 * LANES, q + 5 * LANES):
+                            along1, px1 = self.scratch[lane], self.scratch[lane + LANES]
+                            d1, u1, v1, w1 = self.sample(i, px1, self.scratch[lane + 2 * LANES], along1)
+                            for m, value in ti.static(enumerate((d1, u1, v1, w1))):
+                                self.scratch[lane + (m - 4) * LANES] = value
+                    else:
+                        flank, nu, nv = ellipse(px, py, one, two, int(self.row[row + 5]))
+                        self.keep(q + 4 * LANES, flank, nu, nv, along)
+                        d, nu, nv, end = prism(flank, nu, nv, along, three, four)
+                        self.keep(q, d, nu, nv, end)
+        if kind != CONE:
+            nu, nv, end = (
+                load(self.scratch, q + LANES),
+                load(self.scratch, q + 2 * LANES),
+                load(self.scratch, q + 3 * LANES),
+            )
+            store(self.scratch, q + LANES, nu * across[0] + nv * other[0] + end * axis[0])
+            store(self.scratch, q + 2 * LANES, nu * across[1] + nv * other[1] + end * axis[1])
+            store(self.scratch, q + 3 * LANES, nu * across[2] + nv * other[2] + end * axis[2])
+
+    @ti.func
+    def keep(self, q, one, two, three, four):
+        store(self.scratch, q, one)
+        store(self.scratch, q + LANES, two)
+        store(self.scratch, q + 2 * LANES, three)
+        store(self.scratch, q + 3 * LANES, four)
+
+    @ti.func
+    def sample(self, i, x, y, z):
+        """Trilinear distance [m] and unit gradient at a point relative to the middle of grid i; beyond it, the way to
+        it is added."""
+        row = i * ROW
+        begin, spacing = int(self.row[row + 1]), self.row[row + 2]
+        count = ti.Vector([int(self.row[row + 3]), int(self.row[row + 4]), int(self.row[row + 5])])
+        top = ti.cast(count - 1, ti.f32)
+        place = ti.Vector([x, y, z]) / spacing + 0.5 * top
+        inside = ti.min(ti.max(place, 0.0), top)
+        cell = ti.min(ti.cast(inside, ti.i32), count - 2)
+        f = inside - ti.cast(cell, ti.f32)
+        value, slope = 0.0, ti.Vector([0.0, 0.0, 0.0])
+        for a, b, c in ti.static(ti.ndrange(2, 2, 2)):
+            here = self.nodes[begin + ((cell[0] + a) * count[1] + cell[1] + b) * count[2] + cell[2] + c]
+            u = f[0] if ti.static(a == 1) else 1.0 - f[0]
+            v = f[1] if ti.static(b == 1) else 1.0 - f[1]
+            w = f[2] if ti.static(c == 1) else 1.0 - f[2]
+            value += u * v * w * here
+            slope += ti.Vector([(2.0 * a - 1.0) * v * w, (2.0 * b - 1.0) * u * w, (2.0 * c - 1.0) * u * v]) * here
+        slope /= ti.max(slope.norm(), 1e-20)
+        return value + spacing * (place - inside).norm(), slope[0], slope[1], slope[2]
+
+    @ti.func
+    def slip(self, i, x, y, z, u, v, w):
+        """Step (u, v, w) less that of the surface, at points relative to the anchor; its turn to second order."""
+        shift, turn = self.vector(i, SHAPE + 9), self.vector(i, SHAPE + 12)
+        ax, ay, az = turn[1] * z - turn[2] * y, turn[2] * x - turn[0] * z, turn[0] * y - turn[1] * x
+        ax, ay, az = (
+            ax - 0.5 * (turn[1] * az - turn[2] * ay),
+            ay - 0.5 * (turn[2] * ax - turn[0] * az),
+            az - 0.5 * (turn[0] * ay - turn[1] * ax),
+        )
+        return u - shift[0] - ax, v - shift[1] - ay, w - shift[2] - az

@@ -1,0 +1,227 @@
+"""Strain limit (Provot 1995, "Deformation constraints", section 4): threads that have grown too long are shortened.
+
+Threads are the structural springs. Those near the limit are few: they are listed, and then gone through one after the
+other, each seeing what those before it did (Gauss–Seidel, as Provot's own), in turns from the first to the last and
+from the last to the first. Both ends of a thread move by the share of their inverse mass, so that momentum is kept and
+pinned key points stay. From the steps is taken the speed at which a thread grows, and no more: what was too long before
+is mended in positions alone, and so adds no energy of motion.
+
+A sweep mends a thread but hardly the long row that hangs on it. What does not change from substep to substep is the
+pull that each has to bear, so a substep begins with that of the one before, and sweeps only add to it or take of it
+what turns out too much (warm starting; Catto 2005, "Iterative Dynamics with Temporal Coherence"). So one sweep is
+enough where five that begin anew left more. Pulls are part of the state: a run that goes on is the run left alone.
+"""
+
+# In kernels a vector is a Taichi expression, which type checkers cannot follow.
+# pyright: reportOptionalCall=false, reportOperatorIssue=false, reportGeneralTypeIssues=false
+# pyright: reportArgumentType=false
+
+from functools import lru_cache
+
+import taichi as ti
+
+from taichi_cloth.ground import runtime
+from taichi_cloth.ground.arrays import Template
+from taichi_cloth.motion.crew import PARTS
+from taichi_cloth.motion.passes import Pass
+from taichi_cloth.motion.stencil import largest, load, store
+from taichi_cloth.sheet.sheet import LANES, Sheet, SheetState
+
+__all__ = ["ThreadLimit"]
+
+NEAR = 0.005
+"""Share of its length by which a thread may be shorter than the limit and is listed: the others may stretch it."""
+
+KEPT = 0.985
+"""Share of a pull with which the next substep begins: a little less than all, so that what threads strike dies out."""
+
+MOST = 1.0
+"""Share of its length by which a thread is drawn together, at most, before a sweep looks at it: without an end to it a
+start with threads many times too long blows up."""
+
+NONE = -1.0
+"""Below what any thread can be: there is none [m²]."""
+
+
+class ThreadLimit(Pass):
+    """The limit of one sheet's threads; how far they may grow stands in the solver's `Numbers`."""
+
+    whole = True
+    repeated = True
+    remembers = 2
+
+    def __init__(self, sheet: Sheet) -> None:
+        self.memory = _memory(runtime.generation(), sheet.padded_shape)
+
+    # Limits that share their memory are one pass to the solver: they need no second kernel.
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, ThreadLimit) and self.memory is other.memory
+
+    def __hash__(self) -> int:
+        return id(self.memory)
+
+    def rescale(self, state: SheetState, share: float) -> None:
+        state.values[6:8] *= share**2  # what a force does in a step
+
+    @ti.func
+    def open(self, values: Template, p, i, j):
+        for axis in ti.static(range(2)):
+            for k in range(LANES):
+                self.memory.pull[axis][p + k] = values[6 + axis, i, j + k]
+
+    @ti.func
+    def close(self, values: Template, p, i, j):
+        for axis in ti.static(range(2)):
+            for k in range(LANES):
+                values[6 + axis, i, j + k] = self.memory.pull[axis][p + k]
+
+    @ti.func
+    def ready(self, work: Template, done, n: Template):
+        if done % 2 == 0:  # what comes near within a substep is seen to in the next
+            self.memory.seek(work, n)
+        self.memory.pull_again(work)
+        self.memory.turn[None] = done
+
+    @ti.func
+    def after_all(self, work: Template, done, n: Template):
+        self.memory.shorten(work, self.memory.turn[None] % 2, n)
+        self.memory.turn[None] += 1
+
+
+@lru_cache(maxsize=8)
+def _memory(generation: int, padded_shape: tuple[int, int]) -> "_Memory":
+    """Fields and functions for grids of that shape. generation: of the Taichi runtime."""
+    return _Memory(*padded_shape)
+
+
+@ti.data_oriented
+class _Memory:
+    """How much each thread was drawn together for the limit, by its first key point, along rows and across. And lists
+    of the threads near the limit or drawn together: those along rows, in the order of their columns,
+    and those across, in the order of their rows. So a sweep goes along every yarn from end to end, but the threads next
+    to each other in a list are of different yarns, and a processor need not wait for one to begin with the next."""
+
+    def __init__(self, rows: int, width: int) -> None:
+        self.width = width
+        self.turn = ti.field(ti.i32, ())
+        self.pull = tuple(ti.field(ti.f32, rows * width) for _ in range(2))  # by how much in a substep [m]
+        self.count = ti.field(ti.i32, 2)
+        self.found, self.along, self.across = (ti.field(ti.i32, rows * width) for _ in range(3))
+        self.column = ti.field(ti.i32, width + 1)
+        self.over = tuple(ti.field(ti.f32, rows * width) for _ in range(2))
+        self.own, self.near = ti.field(ti.f32, 2 * LANES), ti.field(ti.f32, 2 * LANES)
+
+    @ti.func
+    def grown(self, work: Template, p, offset: Template, weight: Template, near, pull: Template):
+        """By how much the squared length of the threads to p + offset is above `near`² [m²], more where they are drawn
+        together; NONE where none is."""
+        x, y, z = work.away(work.position, p, offset)
+        there = ti.min(load(weight, p) * 1e30, 1.0)
+        over = x * x + y * y + z * z - near * near + 1e12 * load(pull, p)
+        return there * over + (1.0 - there) * NONE
+
+    @ti.func
+    def seek(self, work: Template, n: Template):
+        """Lists the threads near the limit or drawn together, and those before and after each in its yarn, which may be
+        short because it is long: key points that are drawn back and forth between them."""
+        x, y = n.longest_x - NEAR * n.spacing_x, n.longest_y - NEAR * n.spacing_y
+        over_x, over_y = ti.static(*self.over)
+        along, across = 0, 0
+        for c in range(self.width + 1):
+            self.column[c] = 0
+        for e in range(work.cut[0], work.cut[PARTS]):
+            p = work.lanes(work.block[e] * LANES)
+            store(over_x, p, self.grown(work, p, 1, work.east, x, self.pull[0]))
+            store(over_y, p, self.grown(work, p, ti.static(self.width), work.north, y, self.pull[1]))
+        for e in range(work.cut[0], work.cut[PARTS]):
+            p = work.lanes(work.block[e] * LANES)
+            own_x, own_y = load(over_x, p), load(over_y, p)
+            near_x = ti.max(load(over_x, p - 1), own_x, load(over_x, p + 1))
+            near_y = ti.max(load(over_y, p - self.width), own_y, load(over_y, p + self.width))
+            if largest(ti.max(near_x, near_y)) > 0.0:
+                store(self.own, 0, own_x)
+                store(self.own, LANES, own_y)
+                store(self.near, 0, near_x)
+                store(self.near, LANES, near_y)
+                for k in range(LANES):
+                    if self.near[k] > 0.0 and self.own[k] > NONE:
+                        self.found[along] = p + k
+                        self.column[(p + k) % self.width + 1] += 1
+                        along += 1
+                    if self.near[LANES + k] > 0.0 and self.own[LANES + k] > NONE:
+                        self.across[across] = p + k
+                        across += 1
+        for c in range(self.width):
+            self.column[c + 1] += self.column[c]
+        for k in range(along):
+            p = self.found[k]
+            c = p % self.width
+            self.along[self.column[c]] = p
+            self.column[c] += 1
+        self.count[0], self.count[1] = along, across
+
+    @ti.func
+    def pull_again(self, work: Template):
+        """Draws together the threads of the lists as in the last substep."""
+        self.pull_all(work, self.along, self.count[0], 1, self.pull[0])
+        self.pull_all(work, self.across, self.count[1], self.width, self.pull[1])
+
+    @ti.func
+    def pull_all(self, work: Template, listed: Template, count, offset: Template, pull: Template):
+        x, y, z = ti.static(*work.position)
+        for k in range(count):
+            p = listed[k]
+            q = p + offset
+            if pull[p] > 0.0:
+                dx, dy, dz = x[q] - x[p], y[q] - y[p], z[q] - z[p]
+                pull[p] *= KEPT
+                share = pull[p] / ti.sqrt(ti.max(dx * dx + dy * dy + dz * dz, 1e-20))
+                self.draw(work, p, q, dx, dy, dz, share, share)
+
+    @ti.func
+    def shorten(self, work: Template, back, n: Template):
+        """Every thread of the lists once, from their first to their last or back."""
+        self.shorten_all(work, self.along, self.count[0], 1, n.longest_x, self.pull[0], back)
+        self.shorten_all(work, self.across, self.count[1], self.width, n.longest_y, self.pull[1], back)
+
+    @ti.func
+    def shorten_all(self, work: Template, listed: Template, count, offset: Template, longest, pull: Template, back):
+        """To `longest` [m] where a thread is longer, or lets it grow to that where it was pulled too much."""
+        x, y, z = ti.static(*work.position)
+        u, v, w = ti.static(*work.step)
+        for k in range(count):
+            p = listed[count - 1 - k if back else k]
+            q = p + offset
+            dx, dy, dz = x[q] - x[p], y[q] - y[p], z[q] - z[p]
+            squared = dx * dx + dy * dy + dz * dz
+            if squared > longest * longest or pull[p] > 0.0:
+                length = ti.sqrt(ti.max(squared, 1e-20))
+                scale = 1.0 / length
+                over = 1.0 - longest * scale
+                growth = ((u[q] - u[p]) * dx + (v[q] - v[p]) * dy + (w[q] - w[p]) * dz) * scale * scale
+                slow = ti.max(ti.min(growth, over), -pull[p] * scale)
+                if over < 0.0:
+                    over = slow
+                pull[p] = ti.min(ti.max(pull[p] + slow * length, 0.0), MOST * longest)
+                self.draw(work, p, q, dx, dy, dz, over, slow)
+
+    @ti.func
+    def draw(self, work: Template, p, q, dx, dy, dz, over, slow):
+        """Draws p and q together by a share of their distance (dx, dy, dz) [m], and their steps by another."""
+        x, y, z = ti.static(*work.position)
+        u, v, w = ti.static(*work.step)
+        free = work.inverse_mass[p] + work.inverse_mass[q]
+        here = work.inverse_mass[p] / ti.max(free, 1e-30)
+        there = work.inverse_mass[q] / ti.max(free, 1e-30)
+        x[p] += here * over * dx
+        y[p] += here * over * dy
+        z[p] += here * over * dz
+        u[p] += here * slow * dx
+        v[p] += here * slow * dy
+        w[p] += here * slow * dz
+        x[q] -= there * over * dx
+        y[q] -= there * over * dy
+        z[q] -= there * over * dz
+        u[q] -= there * slow * dx
+        v[q] -= there * slow * dy
+        w[q] -= there * slow * dz

@@ -1,0 +1,60 @@
+"""Limbs that would pass between the key points of a sheet.
+
+Between four key points that stand at the gap g off a surface lies, at the middle of their cell, the widest hole: l/2
+from all of them, l the diagonal of the cell. A ball of radius r that comes up there stands out of their plane by
+
+    s = R − √(R² − l²/4),   R = r + g        (it goes through where R < l/2)
+
+above the place where it would touch them. Where s is more than g and what a key point may be deep, DEEP, the sheet is
+pierced. Solved for r: of limbs thinner than (l²/4 + u²) / 2u − g, u = g + DEEP, the middles of springs are needed too.
+They leave holes of half the size.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
+
+from taichi_cloth.body.colliders.colliders import Solid
+from taichi_cloth.body.colliders.grid import DistanceGrid
+
+__all__ = ["DEEP", "let_through", "thinnest_held"]
+
+DEEP = 5e-4  # [m]
+
+
+def thinnest_held(diagonal: float, gap: float, *, middles: bool = False) -> float:
+    """Radius [m] of the thinnest limb that key points `gap` [m] off it keep out, or they and the middles of springs.
+
+    diagonal: of a cell [m]. 0 where they keep out any limb.
+    """
+    hole, u = diagonal / (4 if middles else 2), gap + DEEP
+    return (hole * hole + u * u) / (2 * u) - gap if u < hole else 0.0
+
+
+def let_through(solids: Sequence[Solid], diagonal: float, gap: float) -> NDArray[np.int32]:
+    """Numbers (n,) of the solids that key points alone would let through somewhere. diagonal: of a cell [m]."""
+    radius = thinnest_held(diagonal, gap)
+    return np.flatnonzero([_is_thinner(solid, radius) for solid in solids]).astype(np.int32)
+
+
+def _is_thinner(solid: Solid, radius: float) -> bool:
+    """Whether some of a solid is thinner than a ball. Of a grid, to its spacing: some of its inside is farther than
+    that from all balls of this radius [m] in it."""
+    if isinstance(solid, DistanceGrid):
+        inside = solid.values < 0
+        if radius <= 0 or not inside.any():
+            return False
+        middles = solid.values <= -radius
+        if not middles.any():
+            return True
+        far = np.asarray(distance_transform_edt(~middles, sampling=solid.spacing))
+        return bool(far[inside].max() > radius + solid.spacing)
+    length = float(np.linalg.norm(solid.end - solid.start))
+    one, two = solid.radii
+    if solid.kind == "sphere":
+        return one < radius
+    if solid.kind == "elliptic":
+        return min(one, two, length / 2) < radius
+    return (max(one, two) if length <= abs(one - two) else min(one, two)) < radius

@@ -1,0 +1,314 @@
+"""Ties: points of the cloth held together, or held to a moving place, by correcting positions after each substep.
+
+A tie is a blend of up to eight key points, d = Σ w x (− target): the gap between two points embedded in the cloth, or
+between one and its place. It is closed along d by moving its key points by −w/m · λ, which keeps the momentum of what
+is tied together. All ties are closed at once in each substep:
+
+    (G + ε D) λ = d,      G_ij = Σ_k w_ik w_jk / m_k,      D = diag G,
+
+in which nothing changes over time, so that λ is the product of d and a matrix that is known. A small ε leaves a gap
+to the next substep where ties nearly say the same of the same key points, which without it would throw them about.
+
+Steps take the λ of d's own steps, not of d: what a gap has left over from before is mended in positions alone. Where
+either is half done (by one sweep of Gauss–Seidel, say) seams shake what hangs on them without end.
+
+Seams take turns with the strain limit; after the first turn those still too wide are closed one after the other,
+λ = d / G_ii. A gap wider than CLOSED shrinks at a set speed instead, so that panels are drawn together, and loses no
+more of its steps than it grows. Holds come before contact, which has the last word: they close what a step has opened,
+and draw at a set speed only beyond that.
+"""
+
+# pyright: reportOptionalCall=false, reportOperatorIssue=false, reportGeneralTypeIssues=false
+# pyright: reportArgumentType=false
+
+from functools import lru_cache
+
+import numpy as np
+import taichi as ti
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from taichi_cloth.ground import runtime
+from taichi_cloth.ground.arrays import F32x2, Template
+from taichi_cloth.ground.cache import digest
+from taichi_cloth.ground.errors import InputError
+from taichi_cloth.motion.forces import FrameForces
+from taichi_cloth.motion.passes import Pass
+from taichi_cloth.motion.stencil import load, store
+from taichi_cloth.sheet.sheet import LANES, PAD, Sheet, SheetState
+
+__all__ = ["Ties"]
+
+F64 = NDArray[np.float64]
+NODES = 8
+SHARE = NODES
+ROW = 2 * NODES
+"""Numbers of a tie that stay: weights, shares w/m / Σ w²/m."""
+ALLOWED = 6
+PATH = ALLOWED + 2
+"""Numbers of a tie for a frame: target at its start [m] and how far it moves, width allowed at its start [m] and how
+that changes."""
+
+CLOSED = 2e-3
+"""Gap at the start of a frame up to which a tie is closed and held so, instead of being drawn together [m]."""
+
+SEAM, HOLD = 0.02, 0.3
+"""ε of ties that take turns with the strain limit, and of holds, which often ask of one cell what cannot be."""
+
+MOST_AT_ONCE = 1024
+"""Ties up to which they are closed at once: the work grows with the square of their number."""
+
+SLACK = 1e-4
+"""By how much a tie has to be too wide to be seen to more than once in a substep [m]: few are."""
+
+
+class Ties(Pass):
+    """nodes: int (n, m ≤ 8, 2) rows and columns of key points. weights: (n, m); those of a tie sum to 0, or to 1 where
+    it has a place. speed: at which gaps are closed [m/s].
+    places: (n, 3) [m] at rest for a tie to a place, NaN for one between two points; None: all of the latter.
+    bones: (n,) the bone that carries each place, −1 for none; None: none are carried.
+    repeated: in turn with the strain limit, after contact; otherwise they give way to contact.
+
+    Raises InputError on shapes that differ or no ties.
+    """
+
+    whole = True
+    substeps: int
+    reach: float
+
+    def __init__(
+        self,
+        sheet: Sheet,
+        nodes: NDArray[np.int64],
+        weights: F64,
+        *,
+        speed: float = 0.5,
+        places: F64 | None = None,
+        bones: NDArray[np.int64] | None = None,
+        repeated: bool = True,
+    ) -> None:
+        n, m = weights.shape
+        if nodes.shape != (n, m, 2) or m > NODES or n == 0:
+            shapes = f"{nodes.shape} and {weights.shape}"
+            raise InputError(f"ties: nodes and weights of shapes {shapes}; allowed: (n, m, 2) and (n, m), m at most 8")
+        self.count, self.speed, self.repeated = n, speed, repeated
+        self.index = np.zeros((n, NODES), np.int32)
+        self.weight = np.zeros((n, NODES), np.float32)
+        self.index[:, :m] = (nodes[..., 0] + PAD) * sheet.width + nodes[..., 1]
+        self.weight[:, :m] = weights
+        for c in range(1, m):  # a key point that a tie names twice is one: its lanes are read and written at once
+            for b in range(c):
+                again = self.index[:, c] == self.index[:, b]
+                self.weight[again, b] += self.weight[again, c]
+                self.weight[again, c] = 0.0
+        self.index[self.weight == 0.0] = 0  # in the padding, where nothing is
+        inverse = sheet.padded(sheet.inverse_mass).reshape(-1)[self.index]
+        compliance = (self.weight.astype(np.float64) ** 2 * inverse).sum(axis=1, keepdims=True)
+        self.share = self.weight * inverse / np.where(compliance > 0, compliance, np.inf)
+        self.blend = self.weight.astype(np.float64)
+        self.answer = self._answer(inverse, compliance) if n <= MOST_AT_ONCE else None
+        self.places = np.full((n, 3), np.nan) if places is None else np.asarray(places, np.float64)
+        self.bones = np.full(n, -1) if bones is None else np.asarray(bones)
+        self.held = np.asarray(np.isfinite(self.places).all(axis=1))
+        self.memory = _memory(runtime.generation(), -(-n // 256) * 256, repeated, self.answer is not None)
+
+    # Ties that share their memory are one pass to the solver: they need no second kernel.
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Ties) and self.memory is other.memory
+
+    def __hash__(self) -> int:
+        return id(self.memory)
+
+    def _answer(self, inverse: F64, compliance: F64) -> F64:
+        """(n, n): from all gaps to the pushes D λ of all ties, which `share` hands on to their key points."""
+        used, node = np.unique(self.index, return_inverse=True)
+        at = np.repeat(np.arange(self.count), NODES), node.ravel()
+        blend = csr_array((self.blend.ravel(), at), shape=(self.count, len(used)))
+        mobile = csr_array(((self.blend * inverse).ravel(), at), shape=blend.shape)
+        soft = (SEAM if self.repeated else HOLD) * np.where(compliance > 0, compliance, 1.0)
+        return compliance * np.linalg.inv((mobile @ blend.T).toarray() + np.diag(soft[:, 0]))
+
+    def made_of(self) -> str:
+        return digest(self.index, self.weight, self.share, self.places, self.bones, self.reach, self.repeated)
+
+    def targets(self, bones: F64 | None) -> F64:
+        """Places (n, 3) [m] with the bones there, (bones, 4, 4) or None for rest; 0 for ties between two points."""
+        out = np.where(self.held[:, None], self.places, 0.0)
+        carried = self.held & (self.bones >= 0)
+        if bones is not None and carried.any():
+            moved = bones[self.bones[carried]]
+            out[carried] = np.einsum("nij,nj->ni", moved[:, :3, :3], out[carried]) + moved[:, :3, 3]
+        return out
+
+    def gaps(self, state: SheetState, bones: F64 | None = None) -> F64:
+        """Width of each gap (n,) [m]."""
+        return self._widths(state, self.targets(bones))
+
+    def _widths(self, state: SheetState, targets: F64) -> F64:
+        flat = state.values[:3].reshape(3, -1)
+        apart = np.einsum("cnk,nk->nc", flat[:, self.index], self.blend) - targets
+        return np.sqrt((apart * apart).sum(axis=1))
+
+    def join(self, substeps: int, step: float) -> None:
+        self.substeps, self.reach = substeps, self.speed * step * substeps
+
+    def begin(self, state: SheetState, forces: FrameForces) -> None:
+        frame, memory = forces.body, self.memory
+        start = self.targets(frame.start if frame else None)
+        end = self.targets(frame.end if frame else None)
+        now = self._widths(state, start)
+        path = np.zeros((memory.capacity + 1, PATH), np.float32)
+        path[: self.count, :3], path[: self.count, 3:ALLOWED] = start, end - start
+        allowed = np.where((now > CLOSED) & self.repeated, now, 0.0)
+        path[: self.count, ALLOWED] = allowed
+        path[: self.count, ALLOWED + 1] = np.maximum(allowed - self.reach, 0.0) - allowed
+        most = np.inf if self.repeated else self.reach / self.substeps
+        path[-1, :3] = self.count, 1.0 / self.substeps, most
+        if memory.holder is not self:
+            more = ((0, memory.capacity - self.count), (0, 0))
+            memory.node.from_numpy(np.pad(self.index, more))
+            memory.row.from_numpy(np.pad(np.concatenate([self.weight, self.share], axis=1).astype(np.float32), more))
+            if self.answer is not None:
+                answer = np.pad(self.answer.T.astype(np.float32), (0, memory.capacity - self.count))
+                memory.answer.from_numpy(answer.ravel())
+            memory.holder = self
+        memory.take(path)
+
+    @ti.func
+    def before(self, work: Template, done, n: Template):
+        self.memory.wide[None] = -1
+
+    @ti.func
+    def after_all(self, work: Template, done, n: Template):
+        self.memory.pull(work, done)
+
+
+@lru_cache(maxsize=8)
+def _memory(generation: int, capacity: int, repeated: bool, at_once: bool) -> "_Memory":
+    """Fields and functions for that many ties. generation: of the Taichi runtime. repeated: a sheet's seams and what
+    it is held by do not share one."""
+    return _Memory(capacity, repeated, at_once)
+
+
+@ti.data_oriented
+class _Memory:
+    def __init__(self, capacity: int, repeated: bool, at_once: bool) -> None:
+        self.capacity, self.repeated, self.at_once = capacity, repeated, at_once
+        self.row, self.path = ti.field(ti.f32, (capacity, ROW)), ti.field(ti.f32, (capacity + 1, PATH))
+        self.node = ti.field(ti.i32, (capacity, NODES))
+        if at_once:
+            self.answer = ti.field(ti.f32, capacity * capacity)
+            self.apart, self.push = ti.field(ti.f32, 6 * capacity), ti.field(ti.f32, 6 * capacity)
+        self.holder: Ties | None = None
+        self.wide, self.listed = ti.field(ti.i32, ()), ti.field(ti.i32, capacity)
+
+    @ti.kernel
+    def take(self, path: F32x2):
+        ti.loop_config(serialize=True)  # less work than to wake threads
+        for i, j in ti.ndrange(path.shape[0], path.shape[1]):
+            self.path[i, j] = path[i, j]
+
+    @ti.func
+    def pull(self, work: Template, done):
+        """Every tie, the first time in a substep; from then on those that were much too wide, one after the other."""
+        share = ti.cast(done + 1, ti.f32) * self.path[self.capacity, 1]
+        if ti.static(self.at_once):
+            if self.wide[None] < 0:
+                self.close_all(work, share)
+            elif ti.static(self.repeated):
+                for m in range(self.wide[None]):
+                    self.close(work, self.listed[m], share)
+        else:
+            first = self.wide[None] < 0
+            count, found = ti.cast(self.path[self.capacity, 0], ti.i32) if first else self.wide[None], 0
+            for m in range(count):
+                k = m if first else self.listed[m]
+                if self.close(work, k, share) and first:
+                    self.listed[found] = k
+                    found += 1
+            if first:
+                self.wide[None] = found
+
+    @ti.func
+    def close_all(self, work: Template, share):
+        """Closes all ties at once, and lists those that were wider than SLACK."""
+        found, count = 0, ti.cast(self.path[self.capacity, 0], ti.i32)
+        for k in range(count):
+            push, wide = self.wanted(work, k, share)
+            for c in ti.static(range(6)):
+                self.apart[c * self.capacity + k] = push[c]
+            if wide:
+                self.listed[found] = k
+                found += 1
+        self.wide[None] = found
+        blocks = (count + LANES - 1) // LANES
+        for c in ti.static(range(6)):
+            for k in range(blocks * LANES):
+                self.push[c * self.capacity + k] = 0.0
+        for b in range(2 * blocks):  # three numbers at a time, which is what registers hold
+            for m in range(blocks):
+                self.answer_to(work.lanes((b % blocks) * LANES), work.lanes(m * LANES), b // blocks * 3 * self.capacity)
+        for k in range(count):
+            self.move(work, k, ti.Vector([self.push[c * self.capacity + k] for c in ti.static(range(6))]))
+
+    @ti.func
+    def answer_to(self, q, m, at):
+        """Adds the pushes of the ties at q that answer the gaps of those at m: three of their numbers, from `at` on."""
+        n = ti.static(self.capacity)
+        o = at + q
+        a, b, c = load(self.push, o), load(self.push, o + n), load(self.push, o + 2 * n)
+        for j in ti.static(range(LANES)):
+            row = load(self.answer, (m + j) * n + q)
+            a = a + row * self.apart[at + m + j]
+            b = b + row * self.apart[at + n + m + j]
+            c = c + row * self.apart[at + 2 * n + m + j]
+        store(self.push, o, a)
+        store(self.push, o + n, b)
+        store(self.push, o + 2 * n, c)
+
+    @ti.func
+    def measure(self, work: Template, k, share):
+        """How far tie k is apart after this share of the frame, and how that changed in this step [m]."""
+        out, moved = ti.Vector([0.0] * 6), self.path[self.capacity, 1]
+        for c in ti.static(range(3)):
+            out[c] = -self.path[k, c] - share * self.path[k, 3 + c]
+            out[3 + c] = -moved * self.path[k, 3 + c]
+        for j in ti.static(range(NODES)):
+            p, weight = self.node[k, j], self.row[k, j]
+            for c in ti.static(range(3)):
+                out[c] += weight * work.position[c][p]
+                out[3 + c] += weight * work.step[c][p]
+        return out
+
+    @ti.func
+    def move(self, work: Template, k, push):
+        """Brings tie k together by so much, and its steps by so much [m]."""
+        for j in ti.static(range(NODES)):
+            p, f = self.node[k, j], self.row[k, SHARE + j]
+            for c in ti.static(range(3)):
+                work.position[c][p] -= f * push[c]
+                work.step[c][p] -= f * push[3 + c]
+
+    @ti.func
+    def wanted(self, work: Template, k, share):
+        """How much tie k is to come together to the width allowed after this share of the frame, and its steps [m]; and
+        whether it was wider by SLACK."""
+        push = self.measure(work, k, share)
+        gap = ti.sqrt(push[0] ** 2 + push[1] ** 2 + push[2] ** 2)
+        allowed = self.path[k, ALLOWED] + share * self.path[k, ALLOWED + 1]
+        growth = (push[0] * push[3] + push[1] * push[4] + push[2] * push[5]) / ti.max(gap * gap, 1e-24)
+        most = self.path[self.capacity, 2] / ti.max(gap, 1e-12) + ti.max(growth, 0.0)
+        over = ti.min(ti.max(gap - allowed, 0.0) / ti.max(gap, 1e-12), most)
+        if allowed > 0.0:  # still being drawn together: no more of the step than it grows, along the gap
+            for c in ti.static(range(3)):
+                push[3 + c] = ti.min(ti.max(growth, 0.0), over) * push[c]
+        for c in ti.static(range(3)):
+            push[c] *= over
+        return push, gap > allowed + SLACK
+
+    @ti.func
+    def close(self, work: Template, k, share):
+        """Closes tie k to the width allowed after this share of the frame. Returns whether it was wider by SLACK."""
+        push, wide = self.wanted(work, k, share)
+        self.move(work, k, push)
+        return wide

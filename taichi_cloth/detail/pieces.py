@@ -1,0 +1,298 @@
+"""Pieces of real fibres, and the points on their surface: what `refine` is made of.
+
+`split` lays blocks with every drawn fibre as several real ones, in pieces; `place` finds where each piece is on the
+image and how many points its surface needs there; `surface` makes them.
+"""
+
+# In kernels a name stands for a Taichi expression, which type checkers cannot follow.
+# pyright: reportIndexIssue=false, reportArgumentType=false, reportOptionalCall=false, reportReturnType=false
+
+from math import pi
+
+import taichi as ti
+
+from taichi_cloth.detail.streaming import LANES, ROWS, TILE
+from taichi_cloth.fabric.laying import block_ends, frame_at, placed, row, turned
+from taichi_cloth.ground.arrays import F32x1, F32x2, F32x3, Float, I16x2, I32x1, I32x2, I64x1, Int
+
+__all__ = ["THREAD", "WIDTH", "place", "split", "surface"]
+
+SURFACE = (7.0, 16.0)
+"""Radius of a real fibre [px] at which its surface begins to show, and at which it is all there."""
+SPACING = 2.0
+"""Distance between points on a fibre's surface [px]."""
+GROWN = 30.0
+"""The real fibres beside the first have their full radius when they have parted this many times less than wholly."""
+WIDTH, THREAD = 23, 22
+"""Numbers of a piece: position, radius, colour, tangent, normal, half length, openness (as `streaming.ROWS`), its
+place along the skin's period, the period [m], its turn [rad], whether it has a skin, how far it has parted, and how
+far before and after it its neighbours on the fibre stand in the list, 0 at a block's end; at THREAD its thread."""
+ARC = 220.0 / 180.0 * pi
+"""How much of a fibre's circumference gets points: the side towards the camera, and a little more."""
+
+
+@ti.func
+def _hash(a, b):
+    """Even in 0..1 from two whole numbers, the same in any order of work."""
+    x = ti.cast(a * 73856093 + b * 19349663 + 83492791, ti.u32)
+    x = (x ^ (x >> 16)) * ti.cast(73244475, ti.u32)
+    x = (x ^ (x >> 16)) * ti.cast(73244475, ti.u32)
+    return ti.cast((x ^ (x >> 16)) & ti.cast(0xFFFFFF, ti.u32), ti.f32) / 16777216.0
+
+
+@ti.kernel
+def split(
+    chunks: Int,
+    ids: I32x1,
+    starts: I32x1,
+    parted: F32x1,
+    gain: F32x1,
+    # key points
+    point: F32x2,
+    along_weft: F32x2,
+    along_warp: F32x2,
+    upward: F32x2,
+    # blocks
+    key0: I32x1,
+    key1: I32x1,
+    family: I32x1,
+    pitch: F32x1,
+    thread: I32x1,
+    template: I32x1,
+    template_start: I64x1,
+    core: I32x1,
+    steps: I32x1,
+    each: I32x1,
+    thread_colour: F32x2,
+    # templates
+    particle: F32x2,
+    usual: Float,
+    # out
+    pieces_out: F32x2,
+):
+    """Lay blocks as `blocks` does, each drawn fibre as `each` real ones: an even spiral in its section (Vogel).
+
+    gain: factors for the colour of those that have parted, of warp and of weft.
+    """
+    for step in range(chunks * 1024):
+        if step % 1024 != 0:
+            continue
+        chunk = step // 1024
+        for i in range(ids.shape[0] * chunk // chunks, ids.shape[0] * (chunk + 1) // chunks):
+            b = ids[i]
+            k0, k1, yarn = key0[b], key1[b], thread[b]
+            p0, p1, a0, a1, n0, n1 = block_ends(point, along_weft, along_warp, upward, k0, k1, family[b], pitch[b])
+            periods = ti.max(1.0, ti.round(pitch[b] / usual))
+            t0 = ti.cast(template_start[template[b]], ti.i32)
+            q = starts[i]
+            m = 0
+            while q < starts[i + 1]:
+                t = t0 + m
+                u = particle[t, 0]
+                along, across, up = frame_at(a0, a1, n0, n1, u)
+                x = placed(p0, p1, u, along, across, up, particle[t, 1], particle[t, 2], particle[t, 3])
+                d = turned(along, across, up, particle[t, 4], particle[t, 5], particle[t, 6])
+                normal = turned(along, across, up, particle[t, 7], particle[t, 8], particle[t, 9])
+                side = d.cross(normal)
+                is_core = m < core[b]
+                line = m // steps[b] if is_core else 100000 + m
+                count = each[b] if is_core else 1
+                many = ti.cast(count, ti.f32)
+                radius = particle[t, 10]
+                for j in range(count):
+                    here, r, outward, tone = x, radius, normal, particle[t, 13]
+                    far = 0.0
+                    if count > 1:
+                        rho = ti.sqrt((j + 0.5) / many)
+                        fine = radius / ti.sqrt(many)
+                        angle = 2.399963 * j + 6.2831853 * _hash(line, yarn)
+                        bulge = ti.sin(3.14159265 * ti.math.clamp(u, 0.0, 1.0)) ** 2 * radius
+                        y = ti.cos(angle) * rho * (radius - fine) + (_hash(line * 64 + j, b) - 0.5) * 0.7 * bulge
+                        z = ti.sin(angle) * rho * (radius - fine) + (_hash(line * 64 + j, b + 7919) - 0.5) * 0.7 * bulge
+                        here += parted[i] * (y * normal + z * side)
+                        r = radius + parted[i] * (fine - radius)
+                        if j > 0:  # where all still lie on one another, one is enough
+                            r *= ti.min(GROWN * parted[i], 1.0)
+                        outward = (normal + parted[i] * 0.6 * (y * normal + z * side) / radius).normalized()
+                        tone *= 1.0 + parted[i] * (gain[family[b]] - 1.0)
+                        tone *= 1.0 + parted[i] * 0.12 * (_hash(line * 64 + j, yarn + 31) - 0.5)
+                        far = parted[i]
+                    for c in ti.static(range(3)):
+                        pieces_out[q, c] = here[c]
+                        pieces_out[q, 4 + c] = thread_colour[yarn, c] * tone
+                        pieces_out[q, 7 + c] = d[c]
+                        pieces_out[q, 10 + c] = outward[c]
+                    pieces_out[q, 3] = r
+                    pieces_out[q, 13] = particle[t, 11]
+                    pieces_out[q, 14] = particle[t, 12]
+                    pieces_out[q, 15] = u * periods + _hash(line * 64 + j, yarn + 101)
+                    pieces_out[q, 16] = pitch[b] / periods
+                    pieces_out[q, 17] = 6.2831853 * _hash(line * 64 + j, yarn + 57)
+                    pieces_out[q, 18] = 1.0 if is_core else 0.0
+                    pieces_out[q, 19] = far
+                    pieces_out[q, 20] = count if is_core and m % steps[b] > 0 else 0
+                    pieces_out[q, 21] = count if is_core and m % steps[b] < steps[b] - 1 else 0
+                    pieces_out[q, THREAD] = yarn
+                    q += 1
+                m += 1
+
+
+@ti.kernel
+def place(
+    pieces: F32x2,
+    view: F32x2,
+    # out
+    boxes_out: I16x2,
+    counts_out: I32x1,
+    depth_out: F32x1,
+    grid_out: I32x2,
+):
+    """As `streaming.survey`, for pieces; grid_out: points along a piece and around it, 0 for one splat."""
+    for q in range(pieces.shape[0]):
+        at = row(pieces, q)
+        x = row(view, 0).dot(at) + view[3, 0]
+        y = row(view, 1).dot(at) + view[3, 1]
+        z = row(view, 2).dot(at) + view[3, 2]
+        r = ti.max(pieces[q, 13], 2.2 * pieces[q, 3])
+        left, right, top, bottom = 1, 0, 1, 0
+        along, around, count = 0, 0, 0
+        if z > view[5, 2] + r:
+            scale = view[4, 0] / z
+            u, v = x / z, y / z
+            grown = view[4, 0] * r / (z - r)
+            wide = grown * ti.sqrt(1.0 + u * u) + 2.0
+            high = grown * ti.sqrt(1.0 + v * v) + 2.0
+            cx = u * view[4, 0] + view[4, 1]
+            cy = v * view[4, 0] + view[4, 2]
+            left = ti.cast(ti.floor(ti.max(cx - wide, 0.0) / TILE), ti.i32)
+            top = ti.cast(ti.floor(ti.max(cy - high, 0.0) / TILE), ti.i32)
+            right = ti.cast(ti.floor(ti.min(cx + wide, view[5, 0] - 1) / TILE), ti.i32)
+            bottom = ti.cast(ti.floor(ti.min(cy + high, view[5, 1] - 1) / TILE), ti.i32)
+            if left <= right and top <= bottom:
+                count = 1
+                radius = pieces[q, 3] * scale
+                if pieces[q, 18] > 0 and radius > SURFACE[0] and pieces[q, 19] > 0.5:
+                    # What is much nearer than the rest gets fewer points, not a multitude.
+                    scale = ti.min(scale, view[4, 0] / (2.0 * view[5, 2]))
+                    radius = pieces[q, 3] * scale
+                    along = ti.cast(ti.ceil(pieces[q, 13] * scale * 2.0 / 3.0 / SPACING), ti.i32) + 1
+                    around = ti.cast(ti.ceil(ARC * radius / SPACING), ti.i32) + 1
+                    along, around = ti.min(along, 256), ti.min(around, 1024)
+                    count = along * around
+        if count == 0:
+            left, right, top, bottom = 1, 0, 1, 0
+        boxes_out[q, 0] = ti.cast(left, ti.i16)
+        boxes_out[q, 1] = ti.cast(right, ti.i16)
+        boxes_out[q, 2] = ti.cast(top, ti.i16)
+        boxes_out[q, 3] = ti.cast(bottom, ti.i16)
+        counts_out[q] = count
+        depth_out[q] = z
+        grid_out[q, 0] = along
+        grid_out[q, 1] = around
+
+
+@ti.func
+def _side(pieces: F32x2, i):
+    return ti.Vector([pieces[i, 10], pieces[i, 11], pieces[i, 12]])
+
+
+@ti.func
+def _height(skin: F32x2, s, angle):
+    """The skin at s periods along and an angle [rad], bilinear, both ways round."""
+    rows, columns = skin.shape[0], skin.shape[1]
+    a = (s - ti.floor(s)) * rows
+    turn = angle / 6.283185307179586
+    c = (turn - ti.floor(turn)) * columns
+    i, j = ti.cast(a, ti.i32), ti.cast(c, ti.i32)
+    f, g = a - i, c - j
+    i0, j0 = i % rows, j % columns
+    i1, j1 = (i + 1) % rows, (j + 1) % columns
+    return (skin[i0, j0] * (1 - g) + skin[i0, j1] * g) * (1 - f) + (skin[i1, j0] * (1 - g) + skin[i1, j1] * g) * f
+
+
+@ti.kernel
+def surface(
+    chunks: Int,
+    ids: I32x1,
+    starts: I32x1,
+    pieces: F32x2,
+    grid: I32x2,
+    view: F32x2,
+    skin: F32x2,
+    ends: Int,
+    gain: F32x1,
+    # out
+    blocks_out: F32x3,
+):
+    """A piece as one splat, or as points on its skin: with ρ(s, θ) the height map over the mean radius r and e the
+    unit vector from the axis, points a + r ρ e with normals e − ρ_θ/ρ e_θ − r ρ_s t.
+
+    gain: factors for the points' colour, of warp and of weft; threads from `ends` on are weft.
+    """
+    for step in range(chunks * 1024):
+        if step % 1024 != 0:
+            continue
+        chunk = step // 1024
+        total = ti.cast(ids.shape[0], ti.i64)
+        for i in range(ti.cast(total * chunk // chunks, ti.i32), ti.cast(total * (chunk + 1) // chunks, ti.i32)):
+            p = ids[i]
+            q = starts[i]
+            if grid[p, 0] == 0:
+                for c in ti.static(range(ROWS)):
+                    blocks_out[c, q // LANES, q % LANES] = pieces[p, c]
+            else:
+                at = row(pieces, p)
+                before = p - ti.cast(pieces[p, 20], ti.i32)
+                after = p + ti.cast(pieces[p, 21], ti.i32)
+                x0, x2 = row(pieces, before), row(pieces, after)
+                n0, n1, n2 = _side(pieces, before), _side(pieces, p), _side(pieces, after)
+                s0, s1, s2 = pieces[before, 15], pieces[p, 15], pieces[after, 15]
+                if before == p:  # the fibre goes straight on into the next block
+                    x0, s0 = 2.0 * at - x2, 2.0 * s1 - s2
+                if after == p:
+                    x2, s2 = 2.0 * at - x0, 2.0 * s1 - s0
+                radius = pieces[p, 3]
+                toward = row(view, 6) - at
+                z = row(view, 2).dot(at) + view[3, 2]
+                scale = view[4, 0] / z
+                shown = ti.math.clamp((radius * scale - SURFACE[0]) / (SURFACE[1] - SURFACE[0]), 0.0, 1.0)
+                shown = shown * shown * (3.0 - 2.0 * shown)
+                along, around = grid[p, 0], grid[p, 1]
+                period = pieces[p, 16]
+                gap = 0.5 * (x2 - x0).norm() / along
+                tint = gain[ti.cast(pieces[p, THREAD] >= ends, ti.i32)]
+                for a in range(along):
+                    # The course between the middles of neighbours: the uniform quadratic B-spline.
+                    t = (a + 0.5) / along - 0.5
+                    w0, w1, w2 = 0.5 * (0.5 - t) ** 2, 0.75 - t * t, 0.5 * (0.5 + t) ** 2
+                    middle = w0 * x0 + w1 * at + w2 * x2
+                    d = ((t - 0.5) * x0 - 2.0 * t * at + (t + 0.5) * x2).normalized()
+                    outward = w0 * n0 + w1 * n1 + w2 * n2
+                    outward = (outward - d * outward.dot(d)).normalized()
+                    side = d.cross(outward)
+                    front = ti.atan2(toward.dot(side), toward.dot(outward))
+                    s = w0 * s0 + w1 * s1 + w2 * s2
+                    for k in range(around):
+                        angle = front + ((k + 0.5) / around - 0.5) * ARC
+                        e = ti.cos(angle) * outward + ti.sin(angle) * side
+                        f = ti.cos(angle) * side - ti.sin(angle) * outward
+                        turn = angle + pieces[p, 17]
+                        rho = 1.0 + shown * (_height(skin, s, turn) - 1.0)
+                        by_angle = shown * (_height(skin, s, turn + 0.06) - _height(skin, s, turn - 0.06)) / 0.12
+                        step_s = 0.008
+                        by_length = shown * (_height(skin, s + step_s, turn) - _height(skin, s - step_s, turn))
+                        by_length *= radius / (2.0 * step_s * period)
+                        n = (e - by_angle / rho * f - by_length * d).normalized()
+                        n = (n * (0.6 + 0.9 * shown) + outward * (1.0 - 0.55 * shown)).normalized()
+                        x = middle + radius * rho * e
+                        block, lane = q // LANES, q % LANES
+                        for c in ti.static(range(3)):
+                            blocks_out[c, block, lane] = x[c]
+                            blocks_out[4 + c, block, lane] = pieces[p, 4 + c] * tint
+                            blocks_out[7 + c, block, lane] = d[c]
+                            blocks_out[10 + c, block, lane] = n[c]
+                        width = ti.sqrt(rho * rho + by_angle * by_angle) * radius * ARC / around
+                        blocks_out[3, block, lane] = 0.8 * width
+                        blocks_out[13, block, lane] = ti.max(1.5 * gap, 0.8 * width)
+                        blocks_out[14, block, lane] = pieces[p, 14]
+                        q += 1

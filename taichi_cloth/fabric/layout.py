@@ -1,0 +1,340 @@
+"""Fabric (paper 2.3 and 3.3): key points at every crossing, and the fibre blocks between them.
+
+P[i, j] is the crossing of weft pick i and warp end j, as in the paper (with the textile use of the words: warp ends
+run along the cloth, weft picks across). A weft yarn runs along j, a warp yarn along i. A *block* is the piece of a
+yarn between two neighbouring key points; blocks of one kind share a template (`templates.py`).
+
+`lay_out` makes everything that is counted, and no particle: it is what `plan` prints and what a limit refuses.
+"""
+
+from dataclasses import dataclass
+from math import pi
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_cloth.ground.errors import InputError, did_you_mean
+from taichi_cloth.weave.crimp import Interlacing, PathKinds, crossing_heights, path_kinds
+from taichi_cloth.yarn.spin import Period
+from taichi_cloth.yarn.yarn import Yarn
+
+__all__ = [
+    "BLOCK_BYTES",
+    "BODY",
+    "END",
+    "PARTICLE_BYTES",
+    "START",
+    "Blocks",
+    "Detail",
+    "FabricLayout",
+    "Frames",
+    "Pose",
+    "Threads",
+    "frames",
+    "lay_out",
+    "pose_points",
+    "required_bytes",
+]
+
+F32 = NDArray[np.float32]
+F64 = NDArray[np.float64]
+I32 = NDArray[np.int32]
+Pose = Literal["flat", "wave", "roll"]
+
+BODY, START, END = 0, 1, 2  # a block between two crossings; the free end before the first; after the last
+BLOCK_BYTES = 40  # the records of a block, and what laying them out takes besides
+PARTICLE_BYTES = 64  # position, tangent, normal, colour, radius, half length, openness, all float32
+
+
+@dataclass(frozen=True, kw_only=True)
+class Detail:
+    """How finely the fabric is drawn; nothing here changes the cloth itself.
+
+    fibres: drawn a ply, at most as many as the yarn has. steps: particles along a fibre in a block.
+    variants: different fillings of the same kind of block. fringe: free yarn beyond the last crossing [pitches].
+    irregularity: how far threads stray from even spacing, in fractions of it. seed: of everything random.
+    """
+
+    fibres: int = 12
+    steps: int = 6
+    variants: int = 8
+    fringe: float = 1.5
+    irregularity: float = 0.03
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class Threads:
+    """One family of threads (warp ends or weft picks).
+
+    position: (n,) [m] across. thickness, width: (n,) [m] of the section as it lies in the cloth, flattened by the
+    threads it crosses. colour: (n, 3) float32 linear. yarn: what they are spun of; its section is scaled to fit.
+    """
+
+    position: F64
+    thickness: F64
+    width: F64
+    colour: F32
+    yarn: Yarn
+
+    @property
+    def pitch(self) -> float:
+        """Mean distance between neighbours [m]; the diameter where there is only one thread."""
+        n = len(self.position)
+        return float(self.position[-1] - self.position[0]) / (n - 1) if n > 1 else float(self.width[0]) * 1.5
+
+
+@dataclass(frozen=True)
+class Blocks:
+    """Block records, each array (blocks,).
+
+    key0, key1: int32 flat indices i·ends + j of the key points at its ends; equal for the free end of a yarn.
+    thread: int32, warp ends first, then weft picks. kind: int32 row of `FabricLayout.kinds`.
+    phase: int32 block of the yarn's period. variant: int32 filling.
+    """
+
+    key0: I32
+    key1: I32
+    thread: I32
+    kind: I32
+    phase: I32
+    variant: I32
+
+
+@dataclass(frozen=True)
+class BlockKinds:
+    """The distinct shapes of yarn path, each array (kinds,).
+
+    family: 0 warp, 1 weft. section: BODY, START or END. pitch: between the two crossings [m]. path: heights, wrap
+    radii and pitch without flats [m] as in `crimp`. flat: half of the first crossing's flat [m], where the path
+    starts to bend. thickness, width: of the thread [m].
+    """
+
+    family: I32
+    section: I32
+    pitch: F64
+    path: PathKinds
+    flat: F64
+    thickness: F64
+    width: F64
+
+
+@dataclass(frozen=True)
+class FabricLayout:
+    """Everything about a fabric that can be counted before a particle is made."""
+
+    cloth: Interlacing
+    warp: Threads
+    weft: Threads
+    detail: Detail
+    warp_period: Period
+    weft_period: Period
+    kinds: BlockKinds
+    blocks: Blocks
+
+    @property
+    def key_points(self) -> int:
+        return self.cloth.warp_up.size
+
+
+def required_bytes(ends: int, picks: int, particles_per_block: float) -> int:
+    """Bytes to build a fabric of that size, before anything of it is laid out."""
+    blocks = ends * (picks + 1) + picks * (ends + 1)
+    return int(blocks * (BLOCK_BYTES + particles_per_block * PARTICLE_BYTES))
+
+
+def lay_out(cloth: Interlacing, warp: Threads, weft: Threads, *, detail: Detail) -> FabricLayout:
+    """Key points and block records of a fabric. Vectorised over blocks; no particle is made.
+
+    cloth: the weave with the sizes of its threads, not periodic. Raises InputError where its threads jam.
+    """
+    picks, ends = cloth.warp_up.shape
+    rng = np.random.Generator(np.random.Philox(key=detail.seed))
+    warp_period = Period.of(warp.yarn, weft.pitch)
+    weft_period = Period.of(weft.yarn, warp.pitch)
+    heights = crossing_heights(cloth.warp_up, cloth.warp_diameter_m, cloth.weft_diameter_m, cloth.balance)
+    flat = np.arange(picks * ends, dtype=np.int32).reshape(picks, ends)
+    warp_rows, warp_kinds = _family(
+        flat.T, cloth.warp_up.T, heights[0].T, _along(path_kinds(cloth, "warp"), transpose=True), warp, weft, detail
+    )
+    weft_rows, weft_kinds = _family(
+        flat, ~cloth.warp_up, heights[1], _along(path_kinds(cloth, "weft"), transpose=False), weft, warp, detail
+    )
+    weft_rows["kind"] += len(warp_kinds["section"])
+    weft_rows["thread"] += ends
+    rows = {name: np.concatenate([warp_rows[name], weft_rows[name]]) for name in warp_rows}
+    kinds = {name: np.concatenate([warp_kinds[name], weft_kinds[name]]) for name in warp_kinds}
+    starts = rng.integers(0, 1 << 30, ends + picks)
+    blocks_of = np.where(np.arange(ends + picks) < ends, warp_period.blocks, weft_period.blocks)
+    thread = rows["thread"]
+    phase = (starts[thread] + rows.pop("along")) % blocks_of[thread]
+    variant = rng.integers(0, max(1, detail.variants), len(thread))
+    return FabricLayout(
+        cloth=cloth,
+        warp=warp,
+        weft=weft,
+        detail=detail,
+        warp_period=warp_period,
+        weft_period=weft_period,
+        kinds=BlockKinds(
+            family=np.repeat(np.array([0, 1], np.int32), [len(warp_kinds["section"]), len(weft_kinds["section"])]),
+            section=kinds["section"],
+            path=PathKinds(*(kinds[name] for name in PATH_FIELDS)),
+            **{name: kinds[name] for name in ("pitch", "flat", "thickness", "width")},
+        ),
+        blocks=Blocks(phase=phase.astype(np.int32), variant=variant.astype(np.int32), **rows),
+    )
+
+
+PATH_FIELDS = ("free", "z0", "z1", "r0", "r1")  # of PathKinds; its pitch is free of the flats
+
+
+def _values(paths: PathKinds) -> tuple[F64, F64, F64, F64, F64]:
+    return paths.pitch, paths.z0, paths.z1, paths.r0, paths.r1
+
+
+def _along(paths: PathKinds, *, transpose: bool) -> dict[str, F64]:
+    """Path arrays with the threads along axis 0 and the blocks along axis 1; pitch spread to that shape."""
+    out = {
+        name: np.broadcast_to(array, paths.z0.shape) for name, array in zip(PATH_FIELDS, _values(paths), strict=True)
+    }
+    return {name: array.T if transpose else array for name, array in out.items()}
+
+
+def _family(
+    flat: I32, up: NDArray[np.bool_], z: F64, paths: dict[str, F64], own: Threads, other: Threads, detail: Detail
+) -> tuple[dict[str, NDArray], dict[str, NDArray]]:
+    """Block records and kinds of one family, with the threads along axis 0 and the crossings along axis 1."""
+    threads, crossings = flat.shape
+    own_class = _classes(own.thickness)
+    other_class = _classes(other.thickness)
+    gaps = np.diff(other.position)
+    gap_class = _classes(gaps)
+    i, j = np.indices((threads, crossings - 1))
+    parts = [(i.ravel(), j.ravel(), j.ravel() + 1, BODY)]
+    if detail.fringe > 0:
+        each = np.arange(threads)
+        first, last = 0 * each, 0 * each + crossings - 1
+        parts += [(each, first, first, START), (each, last, last, END)]
+    thread, begin, end = (np.concatenate([p[k] for p in parts]) for k in range(3))
+    section = np.concatenate([np.full(len(p[0]), p[3], np.int32) for p in parts])
+    gap = np.zeros(len(thread), np.int64)
+    gap[section == BODY] = gap_class[begin[section == BODY]]
+    # A kind is a mixed-radix number of everything that shapes the path; np.unique finds those in use.
+    code = section.astype(np.int64)
+    for values in (up[thread, begin], up[thread, end], own_class[thread], other_class[begin], other_class[end], gap):
+        code = code * (int(values.max(initial=0)) + 1) + values
+    _, found, kind = np.unique(code, return_index=True, return_inverse=True)
+    t, b, free = thread[found], begin[found], section[found] != BODY
+    inside = np.minimum(b, max(0, crossings - 2))
+    kinds: dict[str, NDArray] = {
+        "section": section[found],
+        "thickness": own.thickness[t],
+        "width": own.width[t],
+        "flat": np.where(free, 0.0, (other.width - other.thickness)[b] / 2),
+        "pitch": np.where(free, other.pitch, gaps[inside] if crossings > 1 else other.pitch),
+    }
+    for name, array in paths.items():
+        kinds[name] = np.where(free, 0.0, array[t, inside] if crossings > 1 else 0.0)
+    for name in ("z0", "z1"):
+        kinds[name] = np.where(free, z[t, b], kinds[name])
+    rows: dict[str, NDArray] = {
+        "key0": flat[thread, begin],
+        "key1": flat[thread, end],
+        "thread": thread.astype(np.int32),
+        "kind": kind.ravel().astype(np.int32),
+        "along": begin,
+    }
+    return rows, kinds
+
+
+def _classes(values: F64) -> NDArray[np.int64]:
+    """Class numbers of values that are equal to a nanometre."""
+    return np.unique(np.rint(values * 1e9), return_inverse=True)[1].ravel().astype(np.int64)
+
+
+@dataclass(frozen=True)
+class Frames:
+    """Unit vectors at each key point, each (picks, ends, 3) float32: along the weft, along the warp, the normal."""
+
+    weft: F32
+    warp: F32
+    normal: F32
+
+
+def frames(points: NDArray) -> Frames:
+    """Local frames of a grid of key points (picks, ends, 3) [m] by central differences.
+
+    The normal is weft × warp, so that a warp that lies on top is on its side. Where a direction has one thread
+    only, it is taken square to the other.
+    """
+    p = np.asarray(points, np.float64)
+    picks, ends = p.shape[:2]
+    weft = np.gradient(p, axis=1) if ends > 1 else None
+    warp = np.gradient(p, axis=0) if picks > 1 else None
+    if weft is None:
+        weft = np.cross(warp, [0.0, 1.0, 0.0]) if warp is not None else np.broadcast_to([1.0, 0.0, 0.0], p.shape)
+    if warp is None:
+        warp = np.cross([0.0, 1.0, 0.0], weft)
+    normal = np.cross(weft, warp)
+    out = [v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-30) for v in (weft, warp, normal)]
+    return Frames(*(np.ascontiguousarray(v, np.float32) for v in out))
+
+
+def pose_points(layout: FabricLayout, pose: Pose = "flat", *, amount: float = 1.0) -> F32:
+    """Key points (picks, ends, 3) float32 [m] of the resting fabric, centred, lying in the x–z plane, y up.
+
+    flat: a plane. wave: soft folds along the weft, rising `amount` × 5 % of the width. roll: bent about the warp's
+    direction to an arc of `amount` × 90°. Both keep lengths along the yarns.
+    """
+    poses = get_args(Pose)
+    if pose not in poses:
+        raise InputError(f"pose: unknown pose {pose!r}; known: {', '.join(poses)}{did_you_mean(pose, poses)}")
+    x = layout.warp.position - layout.warp.position.mean()
+    z = layout.weft.position - layout.weft.position.mean()
+    x, z = _stray(layout, x, z)
+    width = max(float(np.ptp(x)), 1e-9)
+    if pose == "wave":
+        bend = 2.0 * pi * 1.25 / width
+        tilt = 0.05 * amount * width * bend  # slope of the fold at its steepest
+        slope = tilt * np.cos(bend * x + 0.6)
+    elif pose == "roll":
+        slope = amount * (pi / 2) * x / width
+    else:
+        slope = np.zeros_like(x)
+    angle = slope if pose == "roll" else np.arctan(slope)
+    # Walk along the weft: each step keeps its length and takes the direction of the fold there.
+    # The straying of picks is left out of the walk: it moves threads in the plane only.
+    y = _walk(x, np.sin(angle))
+    across = _walk(x, np.cos(angle))
+    points = np.empty((*z.shape, 3), np.float32)
+    points[..., 0] = across
+    points[..., 1] = y - 0.5 * (float(y.min()) + float(y.max()))
+    points[..., 2] = -z
+    return points
+
+
+def _walk(x: F64, rate: F64) -> F64:
+    """∫ rate dx along the last axis by the trapezoidal rule, centred."""
+    steps = np.diff(x, axis=-1) * (rate[..., 1:] + rate[..., :-1]) / 2
+    total = np.concatenate([np.zeros((*x.shape[:-1], 1)), np.cumsum(steps, axis=-1)], axis=-1)
+    return total - total[..., -1:] / 2
+
+
+def _stray(layout: FabricLayout, x: F64, z: F64) -> tuple[F64, F64]:
+    """Threads that stray: a constant shift a thread and a slow wander along it, both bounded; (picks, ends) each."""
+    picks, ends = layout.cloth.warp_up.shape
+    amount = layout.detail.irregularity
+    rng = np.random.Generator(np.random.Philox(key=[layout.detail.seed, 1]))
+
+    def one(own: F64, other: F64, pitch: float) -> F64:
+        n = len(own)
+        shift = rng.uniform(-1.0, 1.0, (n, 1)) * 0.5
+        wave = rng.uniform(0.5, 1.5, (n, 1)) * 2.0 * pi / max(float(np.ptp(other)), pitch)
+        wander = 0.5 * np.sin(wave * other[None, :] + rng.uniform(0.0, 2.0 * pi, (n, 1)))
+        return own[:, None] + amount * pitch * (shift + wander)
+
+    xs = one(x, z, layout.warp.pitch).T
+    zs = one(z, x, layout.weft.pitch)
+    return np.broadcast_to(xs, (picks, ends)), np.broadcast_to(zs, (picks, ends))

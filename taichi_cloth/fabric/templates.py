@@ -1,0 +1,372 @@
+"""Templates: the fibre particles of one kind of block, made once and shared by all blocks of that kind.
+
+A template is a list of particles, each with its ratio u along the block and its offset in the fabric's local frame
+(along the yarn, across it, normal). It joins three things: the path the yarn takes over and under (`crimp`), the
+block's place in the yarn's period (`spin.spin`), and one of a few variants that hide the repeat. All templates of
+one yarn meet their neighbours in the same section, so there is no seam between blocks.
+"""
+
+from dataclasses import dataclass
+from math import pi
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_cloth.fabric.layout import BODY, END, START, FabricLayout
+from taichi_cloth.weave.crimp import PathKinds, centreline
+from taichi_cloth.yarn.spin import Period, Strands, hairs, spin
+from taichi_cloth.yarn.yarn import Yarn
+
+__all__ = ["TemplateBank", "build_templates", "covered", "particle_count", "particles_per_body_block"]
+
+F32 = NDArray[np.float32]
+F64 = NDArray[np.float64]
+I32 = NDArray[np.int32]
+FRAY = 1.6  # how much wider a yarn is at its free end
+LEAN = 0.45  # how far free ends stray from straight, in thread widths
+LAYERS = 1.5  # fibres that lie before one another across a drawn yarn, at least
+MOST_OF_THICKNESS = 1.3  # of the yarn, that a drawn fibre takes: one stands for many side by side
+MOST_APART = 1.6  # how much further apart drawn fibres are laid than those that they stand for
+STATIONS = 192  # along a yarn's period, at which its width is taken
+WANDER = 0.10  # bend of a fibre between block ends that tells variants apart, in yarn radii
+
+
+@dataclass(frozen=True)
+class TemplateBank:
+    """All templates, one after another.
+
+    start: (templates + 1,) int64, where each template's particles begin. template: (blocks,) int32.
+    Per particle, float32: u (n,) ratio along the block; offset, tangent, normal (n, 3) in the frame (along,
+    across, normal), offset in [m]; radius, half_length (n,) [m]; openness (n,) 0 to 1; tone (n,).
+    """
+
+    start: NDArray[np.int64]
+    template: I32
+    u: F32
+    offset: F32
+    tangent: F32
+    normal: F32
+    radius: F32
+    half_length: F32
+    openness: F32
+    tone: F32
+
+    @property
+    def particle_start(self) -> NDArray[np.int64]:
+        """(blocks + 1,) where each block's particles begin."""
+        sizes = np.diff(self.start)[self.template]
+        return np.concatenate([[0], np.cumsum(sizes)])
+
+
+def particles_per_body_block(yarn: Yarn, fibres: int, steps: int) -> int:
+    """Particles of a block between two crossings, without hairs."""
+    return yarn.plies * min(fibres, yarn.fibres_in_section) * steps
+
+
+def particle_count(layout: FabricLayout) -> int:
+    """How many particles the layout's blocks will have, exactly, without making one."""
+    blocks, detail = layout.blocks, layout.detail
+    family, section = layout.kinds.family[blocks.kind], layout.kinds.section[blocks.kind]
+    total = 0
+    for which, (threads, period) in enumerate(((layout.warp, layout.warp_period), (layout.weft, layout.weft_period))):
+        rows = particles_per_body_block(threads.yarn, detail.fibres, 1)
+        body = (family == which) & (section == BODY)
+        free = (family == which) & (section != BODY)
+        total += rows * (int(body.sum()) * detail.steps + int(free.sum()) * _free_steps(layout))
+        for v, n in enumerate(np.bincount(blocks.variant[body], minlength=1)):
+            total += int(n) * _grown(layout, threads.yarn, period, which, v).half_length.size
+    return total
+
+
+def _free_steps(layout: FabricLayout) -> int:
+    """Steps of a yarn's free end."""
+    return max(1, round(layout.detail.fringe * layout.detail.steps))
+
+
+def _grown(layout: FabricLayout, yarn: Yarn, period: Period, family: int, variant: int) -> Strands:
+    """The hairs of one variant of a family's blocks."""
+    return hairs(
+        yarn,
+        length=period.block_length,
+        step=1.5 * period.block_length / layout.detail.steps,
+        seed=((layout.detail.seed * 2 + family) << 20) + 1000 + variant,
+    )
+
+
+def build_templates(layout: FabricLayout) -> TemplateBank:
+    """Make every template that the layout's blocks use, and no other."""
+    blocks = layout.blocks
+    family = layout.kinds.family[blocks.kind]
+    periods = (layout.warp_period, layout.weft_period)
+    yarns = (layout.warp.yarn, layout.weft.yarn)
+    most = max(p.blocks for p in periods)
+    variants = max(1, layout.detail.variants)
+    code = (blocks.kind.astype(np.int64) * most + blocks.phase) * variants + blocks.variant
+    used, template = np.unique(code, return_inverse=True)
+    kind, phase, variant = used // variants // most, used // variants % most, used % variants
+    sections = layout.kinds.section[kind]
+    pieces: list[_Piece] = []
+    for which in (0, 1):
+        if not np.any(family == which):
+            continue
+        yarn, period = yarns[which], periods[which]
+        fibres = min(layout.detail.fibres, yarn.fibres_in_section)
+        seed = layout.detail.seed * 2 + which
+        steps = layout.detail.steps
+        spun = spin(yarn, period, fibres=fibres, steps=steps, start=0.0, stop=period.length, seed=seed)
+        for section in (BODY, START, END):
+            mine = np.flatnonzero((layout.kinds.family[kind] == which) & (sections == section))
+            if len(mine):
+                pieces.append(_core(layout, mine, kind[mine], phase[mine], variant[mine], spun, period, section, seed))
+            if section == BODY and len(mine) and (yarn.hairiness.ends_per_m or yarn.hairiness.loops_per_m):
+                pieces += _hair(layout, mine, kind[mine], phase[mine], variant[mine], yarn, period, which)
+    return _assemble(pieces, len(used), template.ravel().astype(np.int32))
+
+
+@dataclass(frozen=True)
+class _Piece:
+    """Equal-sized particle lists of some templates: template (t,), every other array (t, m, …)."""
+
+    template: NDArray[np.int64]
+    u: F64
+    offset: F64
+    tangent: F64
+    normal: F64
+    radius: F64
+    half_length: F64
+    openness: F64
+    tone: F64
+
+
+def _core(
+    layout: FabricLayout,
+    template: NDArray[np.int64],
+    kind: NDArray[np.int64],
+    phase: NDArray[np.int64],
+    variant: NDArray[np.int64],
+    spun: Strands,
+    period: Period,
+    section: int,
+    seed: int,
+) -> _Piece:
+    steps = layout.detail.steps
+    free = _free_steps(layout)
+    first, count = {BODY: (0, steps), START: (-free, free), END: (0, free)}[section]
+    place = first + np.arange(count)
+    u = (place + 0.5) / steps
+    rows = len(spun.ply)
+    # (t, f, k) positions in the period; free ends run on into the period beyond the block.
+    at = (phase[:, None] * steps + place[None, :]) % (period.blocks * steps)
+
+    def gather(array: F64) -> F64:
+        return np.moveaxis(array[:, at], 0, 1)  # (f, t, k, …) → (t, f, k, …)
+
+    section_yz = gather(spun.position[..., 1:])
+    size = np.stack([layout.kinds.width[kind], layout.kinds.thickness[kind]], -1)[:, None, None, :]
+    yarn = _yarn(layout, kind[0])
+    scale = size / yarn.diameter
+    thick = spun.radius.mean() * np.sqrt(scale[..., 0] * scale[..., 1])[..., 0]  # (t, 1)
+    grown = _covering(thick, rows, size[:, 0, 0, :])
+    # Thicker fibres are laid within the yarn's outline; then so far apart that they cover its width, but for plies of
+    # many fibres, between which a gap would open.
+    inside = 1.0 - spun.radius.mean() / (yarn.diameter / 2)
+    filling = np.maximum(size / 2 - (grown * thick)[..., None, None], 0.0) / (inside * size / 2)
+    thicker = grown[:, 0] > 1.0
+    scale_yz = scale * np.where(thicker[:, None, None, None], filling, 1.0)
+    radius = spun.radius * np.sqrt(scale[..., 0] * scale[..., 1])[..., 0] * grown  # (t, f)
+    spread = thicker | (yarn.plies == 1)
+    scale_yz[spread, 0, 0, 0] *= _apart(
+        spun.position[..., 1], scale_yz[spread, 0, 0, 0], radius[spread], size[spread, 0, 0, 0]
+    )
+    section_yz = section_yz * scale_yz
+    if section == BODY:
+        rng = np.random.Generator(np.random.Philox(key=[seed, 2]))
+        bend = rng.standard_normal((max(1, layout.detail.variants), rows, 1, 2)).clip(-2, 2)
+        section_yz = section_yz + bend[variant] * (WANDER * size / 2) * (np.sin(pi * u) ** 2)[None, None, :, None]
+    else:
+        away = np.abs(u if section == END else -u) / max(layout.detail.fringe, 1e-9)
+        section_yz = section_yz * (1.0 + (FRAY - 1.0) * away**2)[None, None, :, None]
+        rng = np.random.Generator(np.random.Philox(key=[seed, 4]))
+        lean = rng.standard_normal((max(1, layout.detail.variants), 1, 1, 2)).clip(-2, 2)
+        section_yz = section_yz + lean[variant] * (LEAN * size) * (away**2)[None, None, :, None]
+    z, slope = _path(layout, kind, u, section)
+    offset, tangent, normal = _bend(
+        section_yz, gather(spun.tangent), gather(spun.normal), z[:, None, :], slope[:, None, :]
+    )
+    stretch = (layout.kinds.pitch[kind] / period.block_length)[:, None, None]
+    shape = (len(kind), rows, count)
+    open_ = _openness(layout, gather(spun.depth), offset[..., 2])
+    return _flatten(
+        template,
+        u=np.broadcast_to(u, shape),
+        offset=offset,
+        tangent=tangent,
+        normal=normal,
+        radius=np.broadcast_to(radius[..., None], shape),
+        half_length=gather(spun.half_length) * stretch * np.sqrt(1.0 + slope**2)[:, None, :],
+        openness=open_,
+        tone=np.broadcast_to(spun.tone[None, :, None], shape),
+    )
+
+
+def _covering(radius: F64, fibres: int, size: F64) -> F64:
+    """How much thicker drawn fibres of a radius (t, 1) [m] must be for a yarn of a size (t, 2) [m], width and
+    thickness, to let no light through, (t, 1): 1 where they are many enough. A real yarn has dozens before one another.
+    """
+    wanted = LAYERS * size[:, :1] / (2 * fibres)
+    return np.maximum(1.0, np.minimum(wanted, MOST_OF_THICKNESS * size[:, 1:] / 2) / radius)
+
+
+def _apart(across: F64, scale: F64, radius: F64, width: F64) -> F64:
+    """How much further apart than spun the drawn fibres are laid, (t,), so that they cover their yarn's width: on
+    average along it, or as far as MOST_APART goes. Hundreds of real fibres reach its sides all along; a few that
+    wander through its section mostly do not.
+
+    across: (f, k) of the spun fibres. scale: (t,) of it. radius: (t, f) [m]. width: (t,) [m].
+    """
+    across = across[:, :: -(-across.shape[1] // STATIONS)]
+    out = np.ones(len(width))
+    alike = np.unique(np.column_stack([scale, radius[:, 0], width]), axis=0, return_index=True, return_inverse=True)
+    for number, t in enumerate(alike[1].tolist()):
+        low, high = 1.0, MOST_APART
+        if covered(across * scale[t], radius[t]) < width[t]:
+            for _ in range(10):
+                middle = (low + high) / 2
+                short = covered(across * (scale[t] * middle), radius[t]) < width[t]
+                low, high = (middle, high) if short else (low, middle)
+        out[alike[2].ravel() == number] = low
+    return out
+
+
+def covered(across: F64, radius: F64) -> float:
+    """Width that fibres of some radii (f,) [m] hide, their middles across (f, k) [m] at k places: the mean [m]."""
+    order = np.argsort(across - radius[:, None], axis=0)
+    left = np.take_along_axis(across - radius[:, None], order, axis=0)
+    right = np.maximum.accumulate(np.take_along_axis(across + radius[:, None], order, axis=0), axis=0)
+    gaps = np.maximum(left[1:] - right[:-1], 0.0).sum(axis=0)
+    return float((right[-1] - left[0] - gaps).mean())
+
+
+def _hair(
+    layout: FabricLayout,
+    template: NDArray[np.int64],
+    kind: NDArray[np.int64],
+    phase: NDArray[np.int64],
+    variant: NDArray[np.int64],
+    yarn: Yarn,
+    period: Period,
+    family: int,
+) -> list[_Piece]:
+    """Hairs of each variant, turned with the block's place in the period so that no two blocks look alike."""
+    pieces = []
+    for v in np.unique(variant):
+        grown = _grown(layout, yarn, period, family, int(v))
+        if not len(grown.ply):
+            continue
+        mine = np.flatnonzero(variant == v)
+        turn = (phase[mine] * (pi * (3.0 - 5.0**0.5)))[:, None, None]
+
+        def turned(array: F64, turn: F64 = turn) -> F64:
+            c, s = np.cos(turn), np.sin(turn)
+            x, y, z = (np.broadcast_to(array[None, ..., k], (len(turn), *array.shape[:2])) for k in range(3))
+            return np.stack([x, c * y - s * z, s * y + c * z], -1)
+
+        position = turned(grown.position)
+        u = position[..., 0] / period.block_length
+        z, slope = _path(layout, kind[mine], np.array([0.5]), BODY)
+        offset, tangent, normal = _bend(
+            position[..., 1:],
+            turned(grown.tangent),
+            turned(grown.normal),
+            z[:, None, :],
+            0.0 * slope[:, None, :],
+        )
+        shape = u.shape
+        pieces.append(
+            _flatten(
+                template[mine],
+                u=u,
+                offset=offset,
+                tangent=tangent,
+                normal=normal,
+                radius=np.broadcast_to(grown.radius[None, :, None], shape),
+                half_length=np.broadcast_to(grown.half_length[None], shape),
+                openness=np.ones(shape),
+                tone=np.broadcast_to(grown.tone[None, :, None], shape),
+            )
+        )
+    return pieces
+
+
+def _yarn(layout: FabricLayout, kind: int) -> Yarn:
+    return (layout.warp, layout.weft)[int(layout.kinds.family[kind])].yarn
+
+
+def _path(layout: FabricLayout, kind: NDArray[np.int64], u: F64, section: int) -> tuple[F64, F64]:
+    """Height of the yarn's axis and its slope, (t, k) each; a free end settles to the middle of the cloth."""
+    kinds = layout.kinds
+    if section != BODY:
+        away = np.clip(np.abs(u) / max(layout.detail.fringe, 1e-9), 0.0, 1.0)
+        ease = away * away * (3.0 - 2.0 * away)
+        sign = 1.0 if section == END else -1.0
+        rate = 6.0 * away * (1.0 - away) / max(layout.detail.fringe, 1e-9) * sign
+        z0, pitch = kinds.path.z0[kind][:, None], kinds.pitch[kind][:, None]
+        return z0 * (1.0 - ease), -z0 * rate / pitch
+    p = kinds.path
+    free = p.pitch[kind][:, None]
+    # On a flat the path is level: u is counted between the flats, and held at its ends on them.
+    inner = np.clip((u[None, :] * kinds.pitch[kind][:, None] - kinds.flat[kind][:, None]) / free, 0.0, 1.0)
+    z, per_pitch = centreline(PathKinds(*(a[kind] for a in (p.pitch, p.z0, p.z1, p.r0, p.r1))), inner)
+    return z, per_pitch / free
+
+
+def _bend(section_yz: F64, tangent: F64, normal: F64, z: F64, slope: F64) -> tuple[F64, F64, F64]:
+    """Stand sections square to a path that rises with `slope`, and carry directions along with them."""
+    c = 1.0 / np.sqrt(1.0 + slope**2)
+    s = slope * c
+    y, up = section_yz[..., 0], section_yz[..., 1]
+
+    def turn(v: F64) -> F64:
+        return np.stack([c * v[..., 0] - s * v[..., 2], v[..., 1], s * v[..., 0] + c * v[..., 2]], -1)
+
+    return np.stack([-s * up, y, z + c * up], -1), turn(tangent), turn(normal)
+
+
+def _openness(layout: FabricLayout, depth: F64, height: F64) -> F64:
+    """Share of the sky a fibre sees, by how deep it lies in its yarn and how deep the yarn lies in the cloth.
+
+    A first approximation that costs nothing at render time: 1 on the crowns, about 0.1 in the gaps' depth.
+    """
+    half = (float(layout.warp.thickness.mean()) + float(layout.weft.thickness.mean())) / 2
+    rise = np.clip(np.abs(height) / half, 0.0, 1.0)
+    return (0.30 + 0.70 * depth**2) * (0.35 + 0.65 * rise * rise * (3.0 - 2.0 * rise))
+
+
+def _flatten(template: NDArray[np.int64], **arrays: F64) -> _Piece:
+    t = len(template)
+    flat = {
+        name: a.reshape(t, -1, 3) if name in ("offset", "tangent", "normal") else np.ascontiguousarray(a).reshape(t, -1)
+        for name, a in arrays.items()
+    }
+    return _Piece(template=template, **flat)
+
+
+def _assemble(pieces: list[_Piece], templates: int, template: I32) -> TemplateBank:
+    sizes = np.zeros(templates, np.int64)
+    for piece in pieces:
+        sizes[piece.template] += piece.u.shape[1]
+    start = np.concatenate([[0], np.cumsum(sizes)])
+    filled = start[:-1].copy()
+    total = int(start[-1])
+    out = {
+        name: np.empty((total, 3) if name in ("offset", "tangent", "normal") else total, np.float32)
+        for name in ("u", "offset", "tangent", "normal", "radius", "half_length", "openness", "tone")
+    }
+    for piece in pieces:
+        m = piece.u.shape[1]
+        rows = (filled[piece.template][:, None] + np.arange(m)).ravel()
+        filled[piece.template] += m
+        for name, array in out.items():
+            values = getattr(piece, name)
+            array[rows] = values.reshape(-1, 3) if array.ndim == 2 else values.ravel()
+    return TemplateBank(start=start, template=template, **out)

@@ -1,0 +1,129 @@
+"""Sewing patterns in the JSON form of GarmentCode (Korosteleva & Sorkine-Hornung 2023) and of the
+Garment-Pattern-Generator before it: panels with straight, Bézier and circular edges, stitches, units."""
+
+import json
+from math import radians
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_cloth.garment.pattern.curves import arc, bezier, from_relative
+from taichi_cloth.garment.pattern.pattern import Flat, Panel, Pattern, Seam, Side
+from taichi_cloth.ground.errors import InputError
+
+__all__ = ["read_garmentcode"]
+
+F64 = NDArray[np.float64]
+LARGEST_FILE = 20_000_000  # bytes
+
+
+def read_garmentcode(path: Path | str) -> Pattern:
+    """A pattern from a file, in metres. Raises InputError with the file, the panel and what is wrong with it."""
+    file = Path(path)
+    try:
+        if file.stat().st_size > LARGEST_FILE:
+            raise InputError(f"{file}: {file.stat().st_size} bytes; allowed: at most {LARGEST_FILE}")
+        document = json.loads(file.read_text(encoding="utf-8-sig"))
+    except (OSError, ValueError, RecursionError) as error:
+        raise InputError(f"{file}: no sewing pattern in JSON ({error}); allowed: GarmentCode's specification") from None
+    try:
+        return _pattern(file.stem, document)
+    except InputError as error:
+        raise InputError(f"{file}: {error}") from None
+
+
+def _get(owner: Any, key: str, kind: type | tuple[type, ...], where: str, default: Any = None) -> Any:
+    value = owner.get(key, default) if isinstance(owner, dict) else None
+    if value is None or not isinstance(value, kind) or (isinstance(value, bool) and kind in (int, float)):
+        wanted = kind.__name__ if isinstance(kind, type) else " or ".join(k.__name__ for k in kind)
+        raise InputError(f"{where}.{key}: {'missing' if value is None else repr(value)[:60]}; allowed: a {wanted}")
+    return value
+
+
+def _numbers(value: Any, count: int, where: str) -> F64:
+    good = isinstance(value, list) and len(value) == count
+    if not good or not all(isinstance(v, int | float) and not isinstance(v, bool) for v in value):
+        raise InputError(f"{where}: {str(value)[:60]}; allowed: {count} numbers")
+    out = np.asarray(value, np.float64)
+    if not np.isfinite(out).all():
+        raise InputError(f"{where}: {str(value)[:60]}; allowed: finite numbers")
+    return out
+
+
+def _pattern(name: str, document: Any) -> Pattern:
+    body = _get(document, "pattern", dict, "file")
+    properties = document.get("properties", {})
+    units = _get(properties, "units_in_meter", (int, float), "properties", 100)
+    if not 0 < units < 1e6:
+        raise InputError(f"properties.units_in_meter: {units}; allowed: above 0, such as 100 for centimetres")
+    notation = properties.get("curvature_coords", "relative")
+    if notation not in ("relative", "absolute"):
+        raise InputError(f"properties.curvature_coords: {notation!r}; allowed: relative, absolute")
+    named = _get(body, "panels", dict, "pattern")
+    order = body.get("panel_order") or list(named)
+    if not isinstance(order, list) or sorted(map(str, order)) != sorted(named):
+        raise InputError("pattern.panel_order: not the names of the panels; allowed: each of them once")
+    panels = [_panel(str(key), named[key], float(units), notation == "relative") for key in order]
+    stitches = body.get("stitches", [])
+    if not isinstance(stitches, list):
+        raise InputError("pattern.stitches: allowed: a list")
+    return Pattern(name, tuple(panels), tuple(_seam(k, s) for k, s in enumerate(stitches)))
+
+
+def _panel(name: str, panel: Any, units: float, relative: bool) -> Panel:
+    where = f"panels.{name}"
+    rows = _get(panel, "vertices", list, where)
+    vertices = [_numbers(v, 2, f"{where}.vertices") / units for v in rows]
+    edges = []
+    for k, edge in enumerate(_get(panel, "edges", list, where)):
+        at = f"{where}.edges[{k}]"
+        ends = _get(edge, "endpoints", list, at)
+        if len(ends) != 2 or not all(isinstance(e, int) and 0 <= e < len(vertices) for e in ends):
+            raise InputError(f"{at}.endpoints: {ends}; allowed: two numbers of vertices, 0 to {len(vertices) - 1}")
+        edges.append(_curve(vertices[ends[0]], vertices[ends[1]], edge.get("curvature"), units, relative, at))
+    shift = _numbers(panel.get("translation", [0, 0, 0]), 3, f"{where}.translation") / units
+    turn = _numbers(panel.get("rotation", [0, 0, 0]), 3, f"{where}.rotation")
+    return Panel(name, tuple(edges), Flat(_rotation(turn), shift), label=str(panel.get("label", "")))
+
+
+def _curve(start: F64, end: F64, bend: Any, units: float, relative: bool, where: str) -> F64:
+    """Polyline (k, 2) [m] of an edge in any of the notations."""
+    if bend is None:
+        return np.stack([start, end])
+
+    def control(point: Any) -> F64:
+        p = _numbers(point, 2, f"{where}.curvature")
+        return from_relative(start, end, p) if relative else p / units
+
+    if isinstance(bend, list):
+        return bezier(np.stack([start, control(bend), end]))
+    kind = _get(bend, "type", str, f"{where}.curvature")
+    values = _get(bend, "params", list, f"{where}.curvature")
+    count = {"quadratic": 1, "cubic": 2, "circle": 3}.get(kind)
+    if count is None:
+        raise InputError(f"{where}.curvature.type: {kind!r}; allowed: quadratic, cubic, circle")
+    if len(values) != count:
+        raise InputError(f"{where}.curvature.params: {len(values)} of them; a {kind} curve has {count}")
+    if kind == "circle":
+        radius = float(_numbers(values[:1], 1, f"{where}.curvature")[0]) / units
+        return arc(start, end, radius, large=bool(values[1]), right=bool(values[2]))
+    return bezier(np.stack([start, *(control(v) for v in values), end]))
+
+
+def _rotation(degrees: F64) -> F64:
+    """R = Rz · Ry · Rx."""
+    (cx, sx), (cy, sy), (cz, sz) = ((np.cos(a), np.sin(a)) for a in map(radians, degrees))
+    x = np.array([[1, 0, 0], [0, cx, -sx], [0, sx, cx]])
+    y = np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]])
+    z = np.array([[cz, -sz, 0], [sz, cz, 0], [0, 0, 1]])
+    return z @ y @ x
+
+
+def _seam(number: int, stitch: Any) -> Seam:
+    where = f"stitches[{number}]"
+    if not isinstance(stitch, list) or not 2 <= len(stitch) <= 3 or (len(stitch) == 3 and stitch[2] != "right_wrong"):
+        raise InputError(f'{where}: allowed: two sides {{"panel", "edge"}}, and perhaps "right_wrong"')
+    sides = [Side(_get(s, "panel", str, where), _get(s, "edge", int, where)) for s in stitch[:2]]
+    return Seam(sides[0], sides[1], alike=True if len(stitch) == 3 else None)

@@ -1,0 +1,94 @@
+"""Which limbs a garment's panels meet: cloth between an arm and the chest is held by one of them, not torn by both.
+
+A body is five limbs: the trunk with neck and head, two arms, two legs. A panel is *of* the limbs that enough of it lies
+nearest to where the garment rests: a shirt's front of the trunk, a sleeve of its arm, half a pair of trousers of a leg
+and the trunk. A panel of the trunk that hangs below it meets both legs as well. Of another limb a key point meets what
+it lies on at rest, as a front the shoulder under it.
+
+Where the two face each other there is a fold, the armpit or the crotch. A limb that moves closes it: cloth that both
+keep out has nowhere to go, and as each rubs it along its own way it is torn. There a key point meets the nearer of the
+two while the garment is sewn on a body at rest, and neither once the body moves: cloth slips into the fold, which hides
+it.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_cloth.body.primitives.distance import nearest_distance
+from taichi_cloth.body.primitives.primitives import Primitive
+from taichi_cloth.body.skin.names import JOINTS
+from taichi_cloth.garment.pattern.cut import Atlas
+
+__all__ = ["LIMBS", "spared"]
+
+F64 = NDArray[np.float64]
+
+LIMBS = {
+    "trunk": ("pelvis", "spine1", "spine2", "spine3", "neck", "head", "clavicle_l", "clavicle_r"),
+    "arm_l": ("upper_arm_l", "forearm_l", "hand_l"),
+    "arm_r": ("upper_arm_r", "forearm_r", "hand_r"),
+    "leg_l": ("thigh_l", "shin_l", "foot_l"),
+    "leg_r": ("thigh_r", "shin_r", "foot_r"),
+}
+SHARE = 0.2
+"""Of a panel's key points that lie nearest to a limb that the panel is of."""
+CLOSE = 0.02
+"""From a limb of another panel at which a key point still rests on it [m]."""
+FACING = 0.5
+"""Cosine between the normals of two surfaces below which there is a fold between them."""
+NEARER = 0.005
+"""By which a limb of another panel has to be nearer, in a fold, to be met instead at rest [m]."""
+
+FOLD = 0.075
+"""From both of two limbs with a fold between them, at rest, within which cloth in motion hides in it [m]."""
+
+
+def spared(atlas: Atlas, positions: NDArray, primitives: Sequence[Primitive], *, moving: bool) -> NDArray[np.int32]:
+    """(rows, cols): for each key point bits 1 << bone of the bones that it does not meet.
+
+    positions: of the garment at rest on the body at rest (rows, cols, 3) [m]. moving: whether the body moves
+    from there.
+    """
+    present, owner = atlas.present(), atlas.owner()
+    points = np.asarray(positions, np.float64)[present]
+    bones = [[JOINTS.index(name) for name in names] for names in LIMBS.values()]
+    distance = np.full((len(LIMBS), len(points)), np.inf)
+    normal = np.zeros((len(LIMBS), len(points), 3))
+    for k, own in enumerate(bones):
+        of_limb = [p for p in primitives if p.bone in own]
+        if of_limb:
+            distance[k], normal[k], _ = nearest_distance(of_limb, points)
+    nearest = distance.argmin(axis=0)
+    trunk, legs = list(LIMBS).index("trunk"), [list(LIMBS).index(f"leg_{side}") for side in "lr"]
+    meets = np.zeros((len(LIMBS), len(points)), bool)
+    for number in range(len(atlas.panels)):
+        mine = owner[present] == number
+        of = np.bincount(nearest[mine], minlength=len(LIMBS)) >= SHARE * mine.sum()
+        if of[trunk] and not of[legs].any():
+            of[legs] = True
+        meets[:, mine] = _met(distance[:, mine], normal[:, mine], of, moving)
+    bits = np.array([sum(1 << bone for bone in own) for own in bones], np.int32)
+    out = np.zeros(atlas.shape, np.int32)
+    out[present] = (~meets * bits[:, None]).sum(axis=0)
+    return out
+
+
+def _met(distance: F64, normal: F64, of: NDArray[np.bool_], moving: bool) -> NDArray[np.bool_]:
+    """(limbs, n): what points of a panel meet that is `of` some limbs (limbs,), by their distance from each (limbs, n)
+    and the normals there (limbs, n, 3)."""
+    points = np.arange(distance.shape[1])
+    own = np.flatnonzero(of)[distance[of].argmin(axis=0)]
+    along = np.einsum("kna,na->kn", normal, normal[own, points])
+    other = (distance < CLOSE) & ~of[:, None]
+    out = of[:, None] | (other & (along > FACING))
+    fold = np.where(~of[:, None] & (along <= FACING), distance, np.inf)
+    across, there = fold.min(axis=0), fold.argmin(axis=0)
+    if moving:
+        out[:, np.maximum(across, distance[own, points]) < FOLD] = False
+    else:
+        nearer = (across < CLOSE) & (across < distance[own, points] - NEARER)
+        out[:, nearer] = False
+        out[there[nearer], points[nearer]] = True
+    return out

@@ -1,0 +1,326 @@
+"""Sewing (paper 4): panels stand round the body, seams draw them together, gravity lets the garment settle.
+
+1. Closing: no gravity, thick air; the gaps of all seams shrink at a set speed, the body keeps the cloth out.
+2. Settling: gravity and friction, each panel on its own limbs (`limbs.py`), until the cloth is at rest or the time is
+   up.
+What comes out is where the key points rest. Seams then stay as ties for as long as the garment is worn.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_cloth.body.colliders.colliders import Colliders, solid_distance
+from taichi_cloth.constraints.self_contact import ClothContact
+from taichi_cloth.constraints.ties import Ties
+from taichi_cloth.garment.pattern.curves import along, length
+from taichi_cloth.garment.pattern.cut import Atlas, turned
+from taichi_cloth.garment.pattern.pattern import Pattern, Seam, Side
+from taichi_cloth.garment.sewn.limbs import spared
+from taichi_cloth.ground.errors import InputError, Unstable
+from taichi_cloth.motion.forces import Forces, StrainLimit
+from taichi_cloth.motion.simulation import Simulation
+from taichi_cloth.sheet.materials import Material
+from taichi_cloth.sheet.sheet import Sheet
+from taichi_cloth.sheet.springs import calibrate
+from taichi_cloth.solvers.verlet import Verlet
+
+__all__ = ["DEEPEST", "OPEN", "TAUT", "Garment", "Worn", "misfit", "sew"]
+
+F32 = NDArray[np.float32]
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+
+OPEN = 2e-3
+"""A seam is closed when its gap is no wider than this [m]."""
+
+DEEPEST = 3e-3
+"""In the body, of any key point of a garment that fits [m]."""
+TAUT = 0.08
+"""Largest strain at rest of a garment that fits."""
+
+CARRIED = 0.25, 0.75
+"""From where to where of its length an edge is held that is held where it rests: its ends, at neck and armhole, go with
+the cloth around them."""
+
+CLOSING = 240  # frames at most
+SETTLING = 300
+SWINGING = 120
+"""Frames after which what still swings is settled in thick air."""
+STILL = 0.01  # [m/s] root mean square from frame to frame at which cloth is at rest
+THICK, THIN = 6.0, 2.0  # [1/s] damping by the air while closing and while settling
+LAG = 3e-5  # [s] least damping of the threads: what seams and skin strike dies out in a few milliseconds
+RECOVERY = 5.0  # [m/s] at which the body lets out cloth that panels start with, or that seams draw, inside it
+
+
+@dataclass(frozen=True, eq=False)
+class Garment:
+    """A pattern cut from a material. Raises InputError as `cut` and `calibrate` do."""
+
+    pattern: Pattern
+    atlas: Atlas
+    material: Material
+
+    def sheet(self, material: Material | None = None) -> Sheet:
+        """Key points and springs of all panels."""
+        m, (a, b) = material or self.material, self.atlas.spacing
+        return Sheet.of_cells(self.atlas.cells, material=m, springs=calibrate(m, spacing_x=a, spacing_y=b))
+
+    def seams(self) -> tuple[I64, F64]:
+        """Points along all seams, a key point's distance apart: blends (n, 8, 2) and (n, 8) that are 0 when closed."""
+        nodes, weights = [], []
+        for seam, count in zip(self.pattern.seams, self._counts(), strict=True):
+            sides = zip((seam.first, seam.second), self.pattern.pairs(seam, count), strict=True)
+            (n0, w0), (n1, w1) = (self._embedded(side, points) for side, points in sides)
+            nodes.append(np.concatenate([n0, n1], axis=1))
+            weights.append(np.concatenate([w0, -w1], axis=1))
+        if not nodes:
+            return np.zeros((0, 8, 2), np.int64), np.zeros((0, 8))
+        return np.concatenate(nodes), np.concatenate(weights)
+
+    def sewn(self) -> NDArray[np.bool_]:
+        """Key points (rows, cols) that the seams join."""
+        nodes, weights = self.seams()
+        out = np.zeros(self.atlas.shape, bool)
+        out[tuple(nodes[weights != 0].T)] = True
+        return out
+
+    def _counts(self) -> list[int]:
+        """Ties of each seam."""
+        cell = max(self.atlas.spacing)
+        return [max(2, int(np.ceil(self.pattern.seam_length(seam) / cell)) + 1) for seam in self.pattern.seams]
+
+    def last_ties(self) -> NDArray[np.int64]:
+        """Number of each seam's last tie in `seams`, (seams,)."""
+        return np.cumsum(self._counts()) - 1
+
+    def holds(self) -> tuple[I64, F64, F64, list[str], NDArray[np.bool_]]:
+        """Points of the edges that the body carries: blends (n, 4, 2) and (n, 4), where those that are early belong
+        (n, 3) [m], the name of the bone of each, and whether it is held from the start or only once the garment
+        rests."""
+        nodes, weights, places, bones, early = [], [], [], [], []
+        for hold in self.pattern.holds:
+            edge = self.pattern.edge(hold.side)
+            count = max(2, int(np.ceil(length(edge) / max(self.atlas.spacing))) + 1)
+            points = along(edge, np.linspace(0.0, 1.0, count) if hold.early else np.linspace(*CARRIED, count))
+            n, w = self._embedded(hold.side, points)
+            nodes.append(n)
+            weights.append(w)
+            places.append((hold.place or self.pattern.panel(hold.side.panel).place).points(points))
+            bones += [hold.bone] * count
+            early += [hold.early] * count
+        if not nodes:
+            return np.zeros((0, 4, 2), np.int64), np.zeros((0, 4)), np.zeros((0, 3)), [], np.zeros(0, bool)
+        return np.concatenate(nodes), np.concatenate(weights), np.concatenate(places), bones, np.array(early)
+
+    def _embedded(self, side: Side, points: F64) -> tuple[I64, F64]:
+        piece = self.atlas.panel(side.panel)
+        return piece.embed(turned(points, piece.panel.grain))
+
+    def ties(self, sheet: Sheet, places: F64, held: NDArray[np.bool_], bones: NDArray, speed: float) -> list[Ties]:
+        """Those holds that are `held`, at `places` (n, 3) [m], carried by `bones` (n,), and the seams; where there are
+        any."""
+        seams, seam_weights = self.seams()
+        nodes, weights = self.holds()[:2]
+        out = []
+        if held.any():
+            carried = {"places": places[held], "bones": bones[held], "repeated": False}
+            out.append(Ties(sheet, nodes[held], weights[held], speed=speed, **carried))
+        if len(seams):
+            out.append(Ties(sheet, seams, seam_weights, speed=speed))
+        return out
+
+    def simulation(
+        self,
+        forces: Forces,
+        positions: F64 | F32,
+        *,
+        places: F64,
+        held: NDArray[np.bool_],
+        bones: NDArray,
+        frame_rate: float = 60.0,
+        safety: float = 0.9,
+        air_damping: float | None = None,
+        speed: float = 0.5,
+    ) -> Simulation:
+        """The garment in motion from `positions`, seams and holds tied."""
+        own = self.material
+        air = own.air_damping if air_damping is None else air_damping
+        material = replace(own, air_damping=air, fibre_damping=max(own.fibre_damping, LAG))
+        sheet = self.sheet(material)
+        ties = self.ties(sheet, places, held, bones, speed)
+        touching = [ClothContact(sheet, forces.self_contact, self.sewn())] if forces.self_contact else []
+        alone = replace(forces, self_contact=None)
+        solver = Verlet(sheet, alone, frame_rate=frame_rate, safety=safety, passes=(*ties, *touching))
+        return Simulation(sheet, solver, forces=forces, positions=positions)
+
+
+@dataclass(frozen=True, eq=False)
+class Worn:
+    """A garment at rest on a body.
+
+    positions: key points (rows, cols, 3) [m]. places: (n, 3) of the pattern's holds [m]. gap: of the widest seam [m].
+    depth: of the deepest key point in the body [m]. stretch: largest strain of a thread. speed: root mean square from
+    frame to frame at the end [m/s]. frames: that sewing took.
+    """
+
+    positions: F32
+    places: F64
+    gap: float
+    depth: float
+    stretch: float
+    speed: float
+    frames: int
+
+
+def sew(
+    garment: Garment,
+    body: Colliders,
+    *,
+    limit: StrainLimit | None = None,
+    each: Callable[[str, int, int], None] | None = None,
+    closing: int = CLOSING,
+    settling: int = SETTLING,
+) -> Worn:
+    """Sews a garment on a body at rest. limit: of how far its threads may grow. each: told the stage, the frame and the
+    most there may be, after each frame.
+
+    Raises InputError when the cloth does not hold together, with what to change.
+    """
+    _, _, places, names, early = garment.holds()
+    bones = np.full(len(names), -1)
+    start = garment.atlas.start()
+    still = replace(body, motion=None, recovery=RECOVERY)
+    smooth = replace(still, friction=0.05)
+    frames = 0
+    try:
+        simulation = garment.simulation(
+            Forces(gravity=(0.0, 0.0, 0.0), body=smooth, strain_limit=limit),
+            start,
+            places=places,
+            held=early,
+            bones=bones,
+            air_damping=THICK,
+        )
+        for frame in range(closing):
+            simulation.step()
+            frames += 1
+            if each:
+                each("sewing", frame + 1, closing)
+            if _gap(simulation) < OPEN:
+                break
+        speed = 0.0
+        if body.primitives:  # in whose folds both keep out; of grids, which are one skin at rest, there are none
+            still = replace(still, spared=spared(garment.atlas, simulation.positions, body.primitives, moving=False))
+        for first, last, air in ((0, SWINGING, THIN), (SWINGING, settling, THICK)):
+            simulation = garment.simulation(
+                Forces(body=still, strain_limit=limit),
+                simulation.positions,
+                places=places,
+                held=early,
+                bones=bones,
+                air_damping=air,
+            )
+            frame_time = simulation.solver.step * simulation.solver.substeps
+            for frame in range(first, min(last, settling)):
+                before = simulation.positions.copy()
+                simulation.step()
+                frames += 1
+                if each:
+                    each("settling", frame + 1, settling)
+                speed = _speed(simulation, before, frame_time)
+                if frame >= 60 and speed < STILL:
+                    break
+            if speed < STILL:
+                break
+    except Unstable as error:
+        raise InputError(
+            f"garment {garment.pattern.name}: torn while it was sewn ({error}); it does not fit this body: "
+            "allowed: a pattern whose panels start clear of the body and whose seams can close round it"
+        ) from None
+    positions = simulation.positions
+    present = simulation.sheet.present
+    distance = solid_distance(body.solids, positions[present])
+    depth = float(max(0.0, -distance.min()))
+    nodes, weights = garment.holds()[:2]
+    rested = np.einsum("nkc,nk->nc", positions[nodes[..., 0], nodes[..., 1]], weights)
+    return Worn(
+        positions=positions,
+        places=np.where(early[:, None], places, rested),
+        gap=_gap(simulation),
+        depth=depth,
+        stretch=float(max(s.max() for s in simulation.sheet.stretch(positions))),
+        speed=speed,
+        frames=frames,
+    )
+
+
+def misfit(garment: Garment, worn: Worn) -> str | None:
+    """Why a garment does not fit the body it was sewn on, in one line with numbers and where; None: it fits."""
+    faults = []
+    if worn.gap > OPEN:
+        nodes, weights = garment.seams()
+        ends = np.einsum("nkc,nk->nc", worn.positions[nodes[..., 0], nodes[..., 1]], weights)
+        worst = int(np.argmax(np.linalg.norm(ends, axis=1)))
+        row, col = nodes[worst, 0]
+        name = garment.pattern.panels[garment.atlas.owner()[row, col]].name
+        why = _reason(garment, garment.pattern.seams[int(np.searchsorted(garment.last_ties(), worst))])
+        faults.append(f"a seam of {name} stays {1e3 * worn.gap:.1f} mm open (allowed {1e3 * OPEN:g}){why}")
+    if worn.depth > DEEPEST:
+        faults.append(f"cloth lies {1e3 * worn.depth:.1f} mm in the body (allowed {1e3 * DEEPEST:g})")
+    if worn.stretch > TAUT:
+        strain = max(garment.sheet().stretch(worn.positions), key=lambda s: s.max())
+        row, col = np.unravel_index(int(np.argmax(strain)), strain.shape)
+        name = garment.pattern.panels[garment.atlas.owner()[row, col]].name
+        x, y, z = worn.positions[row, col]
+        where = f"at ({x:.2f}, {y:.2f}, {z:.2f}) m"
+        faults.append(f"threads of {name} are {100 * worn.stretch:.1f} % longer {where} (allowed {100 * TAUT:g})")
+    if faults and (darts := [width for seam in garment.pattern.seams if (width := _narrow(garment, seam))]):
+        cell = max(garment.atlas.spacing)
+        faults.append(
+            f"its darts, from {1e3 * min(darts):.0f} mm wide, want key points closer than {1e3 * cell:.0f} mm"
+        )
+    return "; ".join(faults) or None
+
+
+def _narrow(garment: Garment, seam: Seam) -> float:
+    """Width of a dart that is narrower than two cells [m]; 0 for any other seam."""
+    pattern, (first, second) = garment.pattern, (seam.first, seam.second)
+    if first.panel != second.panel:
+        return 0.0
+    ends = pattern.edge(first)[[0, -1]], pattern.edge(second)[[0, -1]]
+    apart = np.linalg.norm(ends[0][:, None] - ends[1][None], axis=2)
+    wide = float(np.linalg.norm(ends[0][::-1] - ends[1], axis=1).max())
+    return wide if apart.min() < 1e-4 and wide < 2 * max(garment.atlas.spacing) else 0.0
+
+
+def _reason(garment: Garment, seam: Seam) -> str:
+    """What of a seam itself keeps it open: a dart narrower than two cells, or edges of unequal length."""
+    if wide := _narrow(garment, seam):
+        return f": a dart {1e3 * wide:.0f} mm wide"
+    edges = [garment.pattern.edge(side) for side in (seam.first, seam.second)]
+    longer, shorter = sorted((length(edge) for edge in edges), reverse=True)
+    if longer > 1.05 * shorter:
+        return f": {100 * longer:.1f} cm of cloth gathered onto {100 * shorter:.1f} cm"
+    return ""
+
+
+def _gap(simulation: Simulation) -> float:
+    """Of the widest seam [m]; holds give way to the body."""
+    solver = simulation.solver
+    assert isinstance(solver, Verlet)
+    seams = [one for one in solver.passes if isinstance(one, Ties) and one.repeated]
+    return max((float(one.gaps(simulation.state).max()) for one in seams), default=0.0)
+
+
+def _speed(simulation: Simulation, before: F32, frame_time: float) -> float:
+    """Root mean square of how far key points came since `before` (rows, cols, 3) [m], a frame ago, over its time.
+
+    Not the speed within a substep: where a seam pulls cloth against the skin the two take turns, and key points
+    tremble by hundredths of a millimetre that no frame shows.
+    """
+    present = simulation.sheet.present
+    moved = (simulation.positions[present] - before[present]).astype(np.float64)
+    return float(np.sqrt((moved**2).sum(axis=1).mean())) / frame_time

@@ -1,0 +1,56 @@
+"""Names for the types of kernel arguments, so that type checkers and Taichi both read the same signature.
+
+A suffix is the number of dimensions. NumPy arrays are passed without a copy on a CPU.
+"""
+
+from typing import TYPE_CHECKING, Any
+
+import taichi as ti
+
+__all__ = [
+    "Address",
+    "F32x1",
+    "F32x2",
+    "F32x3",
+    "Float",
+    "I16x2",
+    "I32x1",
+    "I32x2",
+    "I64x1",
+    "Int",
+    "Long",
+    "Template",
+    "U8x1",
+    "U8x3",
+]
+
+if TYPE_CHECKING:
+    F32x1 = Any
+    F32x2 = Any
+    F32x3 = Any
+    I16x2 = Any
+    I32x1 = Any
+    I32x2 = Any
+    I64x1 = Any
+    U8x1 = Any
+    U8x3 = Any
+    Float = Any
+    Int = Any
+    Long = Any
+    Address = Any
+    Template = Any
+else:
+    F32x1 = ti.types.ndarray(ti.f32, 1)
+    F32x2 = ti.types.ndarray(ti.f32, 2)
+    F32x3 = ti.types.ndarray(ti.f32, 3)
+    I16x2 = ti.types.ndarray(ti.i16, 2)
+    I32x1 = ti.types.ndarray(ti.i32, 1)
+    I32x2 = ti.types.ndarray(ti.i32, 2)
+    I64x1 = ti.types.ndarray(ti.i64, 1)
+    U8x1 = ti.types.ndarray(ti.u8, 1)
+    U8x3 = ti.types.ndarray(ti.u8, 3)
+    Float = ti.f32
+    Int = ti.i32
+    Long = ti.i64
+    Address = ti.u64
+    Template = ti.template()

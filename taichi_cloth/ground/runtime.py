@@ -1,0 +1,129 @@
+"""The only place that starts Taichi: which device, how many threads, where compiled kernels are kept.
+
+Every `ti.init` throws away all fields and kernels of the one before it, so nothing here runs at import: the
+command line, the tests and a person's own script call `start` once, before the first field is made.
+"""
+
+import contextlib
+import io
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, Literal, get_args
+
+import taichi as ti
+from taichi.lang.ast.ast_transformer_utils import ASTTransformerContext
+from taichi.lang.impl import current_cfg
+
+from taichi_cloth.ground.errors import InputError, did_you_mean
+
+__all__ = ["Arch", "Runtime", "generation", "on_host", "plain_code", "start", "threads"]
+
+Arch = Literal["cpu", "cuda", "vulkan", "metal", "gpu"]
+
+
+@dataclass(frozen=True)
+class Runtime:
+    """What was started: the device's name in Taichi ("x64", "cuda", …) and the CPU threads it may use."""
+
+    arch: str
+    threads: int
+
+
+_started: list[Runtime] = []  # all starts of this process, the last one valid
+
+
+def generation() -> int:
+    """How many times Taichi was started: fields and kernels made under another number are gone."""
+    return len(_started)
+
+
+def threads() -> int:
+    """CPU threads that kernels may use; 1 before `start`."""
+    return _started[-1].threads if _started else 1
+
+
+def on_host() -> bool:
+    """Whether kernels run on the CPU, where NumPy and Taichi see the same memory."""
+    return bool(_started) and _started[-1].arch in ("x64", "arm64")
+
+
+def start(arch: Arch = "cpu", *, threads: int | None = None, cache: bool = True, pin: bool = False) -> Runtime:
+    """Start Taichi on `arch`. Kernels compiled before, in this or an earlier process, come from the cache.
+
+    threads: CPU threads for kernels; None takes the processors this process may run on.
+    cache: keep compiled kernels on disk between processes (Taichi's offline cache).
+    pin: tie each worker thread to one processor, which steadies timings on virtual machines (Linux only).
+
+    Raises InputError when the name is unknown, the device is not there, or `threads` is below 1.
+    """
+    if arch not in get_args(Arch):
+        raise InputError(
+            f"--arch: unknown device {arch!r}; known: {', '.join(get_args(Arch))}{did_you_mean(arch, get_args(Arch))}"
+        )
+    processors = _processors()
+    if threads is not None and not 1 <= threads <= 1024:
+        raise InputError(f"--threads: {threads}; allowed: 1 to 1024 (this process may use {processors})")
+    workers = threads or processors
+    before = _thread_ids()
+    ASTTransformerContext.get_pos_info = _line_of  # pyright: ignore[reportAttributeAccessIssue]
+    options: dict[str, Any] = {
+        "arch": getattr(ti, arch),
+        "cpu_max_num_threads": workers,
+        "offline_cache": cache,
+        "log_level": ti.ERROR,
+        "fast_math": False,  # reproducible sums, and faster vector code here (simulation stencil)
+        "random_seed": 0,
+    }
+    with contextlib.redirect_stdout(io.StringIO()):  # ti.init prints where it starts, whatever the log level
+        ti.init(**options)
+    got = str(current_cfg().arch).removeprefix("Arch.")
+    wanted = {"cpu": {"x64", "arm64"}, "gpu": {"cuda", "vulkan", "metal", "opengl", "amdgpu"}}.get(arch, {arch})
+    if got not in wanted:
+        raise InputError(f"--arch {arch}: no such device on this machine (Taichi fell back to {got}); use --arch cpu")
+    if pin and workers > 1:
+        _pin(sorted(_thread_ids() - before)[-workers:])
+    _started.append(Runtime(arch=got, threads=workers))
+    return _started[-1]
+
+
+@contextlib.contextmanager
+def plain_code() -> Iterator[None]:
+    """Kernels first called within are compiled without Taichi's own analysis of which loads repeat.
+
+    For long kernels with many stores it takes three quarters of the compile time and gains nothing; LLVM does it too.
+    """
+    config = current_cfg()
+    before = config.cfg_optimization
+    config.cfg_optimization = False
+    try:
+        yield
+    finally:
+        config.cfg_optimization = before
+
+
+def _line_of(context: Any, node: Any) -> str:
+    """Where a piece of a kernel stands. Taichi's own draws the line with carets below, of each expression, for an error
+    that may come: half of the time that Python takes for a kernel from the cache."""
+    return f'File "{context.file}", line {node.lineno + context.lineno_offset}, in {context.func.func.__name__}:\n'
+
+
+def _processors() -> int:
+    if hasattr(os, "sched_getaffinity"):
+        return max(1, len(os.sched_getaffinity(0)))
+    return os.cpu_count() or 1
+
+
+def _thread_ids() -> set[int]:
+    try:
+        return {int(name) for name in os.listdir("/proc/self/task")}
+    except OSError:
+        return set()
+
+
+def _pin(thread_ids: list[int]) -> None:
+    if not hasattr(os, "sched_setaffinity"):
+        return
+    processors = sorted(os.sched_getaffinity(0))
+    for number, thread_id in enumerate(thread_ids):
+        os.sched_setaffinity(thread_id, {processors[number % len(processors)]})

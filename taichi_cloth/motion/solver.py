@@ -1,0 +1,59 @@
+"""What every solver is: a thing that moves a state on by one frame."""
+
+from abc import ABC, abstractmethod
+
+from taichi_cloth.motion.forces import FrameForces
+from taichi_cloth.motion.passes import Pass
+from taichi_cloth.sheet.sheet import SheetState
+
+__all__ = ["Solver"]
+
+
+class Solver(ABC):
+    """A method of integration, made for one sheet, one set of forces and one frame rate."""
+
+    substeps: int
+    """Steps a frame."""
+
+    step: float
+    """Length of a step [s]."""
+
+    staggered: bool = True
+    """Whether the steps in the state belong to the time half a step before that of the positions."""
+
+    passes: tuple[Pass, ...] = ()
+    """What acts on key points beside springs, after each step."""
+
+    @property
+    def settings(self) -> tuple[object, ...]:
+        """What else the motion depends on: a saved state is of a solver with the same."""
+        return ()
+
+    def rounding(self, ulp: float) -> float:
+        """Speed [m/s] that key points get from rounding coordinates whose neighbouring numbers are `ulp` [m] apart."""
+        return 0.0
+
+    def shorten(self, state: SheetState, reached: SheetState | None) -> bool:
+        """Whether what the sheet has become asks for shorter steps than were taken; then they are from now on, and the
+        steps in `state` with them.
+
+        state: from which to go on. reached: where the last frame led from there, or the same before the first; None:
+        to what is no sheet any more, so that steps are wanted that are stable in any shape.
+        """
+        return False
+
+    @property
+    def found(self) -> tuple[float, ...]:
+        """What a run has found out about its steps, for one that goes on from it."""
+        return ()
+
+    def go_on(self, found: tuple[float, ...]) -> None:
+        """Takes the steps of the run that found that."""
+        assert not found
+
+    @abstractmethod
+    def advance(self, state: SheetState, forces: FrameForces) -> None:
+        """Moves the state on by one frame, in place.
+
+        The steps of pinned key points stand in the state and are kept: they move by them every substep.
+        """

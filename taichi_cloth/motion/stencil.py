@@ -1,0 +1,253 @@
+"""One substep of 8 neighbouring key points: springs, hinges, air, contact. Straight-line code without a branch.
+
+LLVM turns it into vector instructions because the 8 lanes are loaded from consecutive elements of separate fields,
+rows have a width known at compile time, and fast_math is off. All of that is needed: each one missing costs a factor
+of two to four, silently.
+
+Everything is scaled so that inverse mass × sum is a displacement: constants come multiplied by h².
+
+Damping of Kelvin and Voigt, a stress σ(ε + τ dε/dt), is to first order the stress at x + τ v, where the cloth would be
+a time τ later. So springs and hinges are measured there, at `ahead`, and cost no more than without damping; and as they
+read nothing else, positions change in place. What is ahead has two buffers that take turns: a substep reads one and
+fills the other, unless something moves key points after it: then `lead` fills it anew. Without damping and without
+that, positions are what is ahead, and are not kept beside it within a frame.
+"""
+
+# In kernels a vector is a Taichi expression, which type checkers cannot follow.
+# pyright: reportOptionalCall=false, reportOperatorIssue=false, reportGeneralTypeIssues=false
+
+from dataclasses import dataclass
+from typing import Any
+
+import taichi as ti
+
+from taichi_cloth.ground.arrays import Template
+from taichi_cloth.sheet.sheet import LANES
+
+__all__ = ["Features", "Numbers", "Stencil"]
+
+
+@dataclass(frozen=True)
+class Features:
+    """What the kernel contains. Taichi compiles one kernel for each combination that is used."""
+
+    hinges: bool
+    wind: bool
+    sphere: bool
+    plane: bool
+    leads: bool  # a substep says what is ahead of it: nothing moves key points after it
+    apart: bool  # positions are not what is ahead: by damping, or because passes change them
+
+
+NUMBERS = (
+    *("structural_x", "structural_y", "diagonal", "second_x", "second_y", "hinge_x", "hinge_y"),  # × h² [N s²/m = kg]
+    *("spacing_x", "spacing_y", "diagonal_length"),  # [m]
+    "kept",  # share of a step that viscous damping leaves
+    "lag",  # τ/h of damping along the springs
+    *("gravity_x", "gravity_y", "gravity_z"),  # × h² [m]
+    *("wind_drag", "wind_lift", "rate"),  # ½ ρ C h² [kg s²/m³], the last 1/h [1/s]
+    *("sphere_x", "sphere_y", "sphere_z", "sphere_radius", "sphere_friction"),  # [m], gap included
+    *("plane_x", "plane_y", "plane_z", "plane_height", "plane_friction"),
+    *("longest_x", "longest_y"),  # [m] that a thread between two key points may be, for the strain limit
+    "sweeps",  # how often passes that are repeated are called
+)
+
+Numbers: Any = ti.types.struct(**dict.fromkeys(NUMBERS, ti.f32))
+"""Constants of a step, in a field: changing them compiles nothing."""
+
+
+@ti.func
+def load(field: Template, p):
+    return ti.Vector([field[p + k] for k in ti.static(range(LANES))])
+
+
+@ti.func
+def store(field: Template, p, values):
+    for k in ti.static(range(LANES)):
+        field[p + k] = values[k]
+
+
+@ti.func
+def largest(values):
+    """Of the lanes; in halves, as vector instructions have it."""
+    four = ti.Vector([ti.max(values[k], values[k + 4]) for k in ti.static(range(4))])
+    two = ti.Vector([ti.max(four[k], four[k + 2]) for k in ti.static(range(2))])
+    return ti.max(two[0], two[1])
+
+
+@ti.func
+def contact(features: Template, nx, ny, nz, depth, friction, dx, dy, dz):
+    """The step (dx, dy, dz) [m] after a push out by `depth` along n, and Coulomb friction of at most µ × push."""
+    along = dx * nx + dy * ny + dz * nz
+    tx, ty, tz = dx - along * nx, dy - along * ny, dz - along * nz
+    held = ti.min(friction * depth / ti.sqrt(tx * tx + ty * ty + tz * tz + 1e-30), 1.0)
+    return dx + depth * nx - held * tx, dy + depth * ny - held * ty, dz + depth * nz - held * tz
+
+
+@ti.data_oriented
+class Stencil:
+    """Work memory for substeps, and the weights. `size` elements; rows of `width`.
+
+    position, step: [axis] fields [m]. ahead: [axis], position and what is moved within the lag of the stress [m], both
+    buffers one after the other: element p of the second is size + p, so that one copy of the code serves both. east,
+    north, cell: weights of `Sheet`. inverse_mass: [1/kg].
+    """
+
+    def __init__(self, size: int, width: int) -> None:
+        def fields(count: int, buffers: int = 1) -> list[ti.Field]:
+            return [ti.field(ti.f32, buffers * size) for _ in range(count)]
+
+        self.size, self.width = size, width
+        self.position, self.step, self.ahead = fields(3), fields(3), fields(3, 2)
+        self.east, self.north, self.cell, self.inverse_mass = fields(4)
+
+    @ti.func
+    def lanes(self, p):
+        """Element p, a whole number of lanes. The bounds tell the compiler that nothing overflows."""
+        return ti.min(ti.max(p // LANES, 0), 1 << 24) * LANES
+
+    @ti.func
+    def away(self, place: Template, p, offset: Template):
+        """Vector from the lanes at p to those at p + offset. place: position or ahead."""
+        x, y, z = ti.static(*place)
+        return (
+            load(x, p + offset) - load(x, p),
+            load(y, p + offset) - load(y, p),
+            load(z, p + offset) - load(z, p),
+        )
+
+    @ti.func
+    def lead(self, p, n: Template):
+        """Where the lanes at p would be a lag later, into the first buffer."""
+        for axis in ti.static(range(3)):
+            store(self.ahead[axis], p, load(self.position[axis], p) + n.lag * load(self.step[axis], p))
+
+    @ti.func
+    def settle(self, p, at):
+        """The positions of the lanes at p from a buffer of what is ahead."""
+        for axis in ti.static(range(3)):
+            store(self.position[axis], p, load(self.ahead[axis], self.lanes(p + at)))
+
+    @ti.func
+    def spring(self, a, offset: Template, constant, rest):
+        """Pull of the spring to the key point at a + offset."""
+        x, y, z = self.away(self.ahead, a, offset)
+        factor = constant * (1.0 - rest / ti.sqrt(ti.max(x * x + y * y + z * z, 1e-20)))
+        return factor * x, factor * y, factor * z
+
+    @ti.func
+    def bend(self, a, p, offset: Template, weight: Template, beta):
+        """Pull of the three hinges that p is part of, in the direction of neighbours at ±offset."""
+        before, here = load(weight, p - offset), load(weight, p)
+        c_minus = ti.min(load(weight, p - 2 * offset), before)
+        c_here = ti.min(before, here)
+        c_plus = ti.min(here, load(weight, p + offset))
+        x1, y1, z1 = self.away(self.ahead, a, offset)
+        x2, y2, z2 = self.away(self.ahead, a, 2 * offset)
+        x_1, y_1, z_1 = self.away(self.ahead, a, -offset)
+        x_2, y_2, z_2 = self.away(self.ahead, a, -2 * offset)
+        return (
+            beta * (2.0 * c_here * (x1 + x_1) - c_plus * (x2 - 2.0 * x1) - c_minus * (x_2 - 2.0 * x_1)),
+            beta * (2.0 * c_here * (y1 + y_1) - c_plus * (y2 - 2.0 * y1) - c_minus * (y_2 - 2.0 * y_1)),
+            beta * (2.0 * c_here * (z1 + z_1) - c_plus * (z2 - 2.0 * z1) - c_minus * (z_2 - 2.0 * z_1)),
+        )
+
+    @ti.func
+    def second(self, a, p, offset: Template, weight: Template, k, rest):
+        """Pull of the paper's two springs to the second neighbours at ±2 offset."""
+        ahead = ti.min(load(weight, p), load(weight, p + offset))
+        behind = ti.min(load(weight, p - offset), load(weight, p - 2 * offset))
+        x, y, z = self.spring(a, 2 * offset, k * ahead, rest)
+        u, v, w = self.spring(a, -2 * offset, k * behind, rest)
+        return x + u, y + v, z + w
+
+    @ti.func
+    def elastic(self, features: Template, a, p, n: Template):
+        """Pull of all springs and hinges on the lanes at p, at a of `ahead`."""
+        row = ti.static(self.width)
+        e, w = load(self.east, p), load(self.east, p - 1)
+        x, y, z = self.spring(a, 1, n.structural_x * e, n.spacing_x)
+        u, v, t = self.spring(a, -1, n.structural_x * w, n.spacing_x)
+        x, y, z = x + u, y + v, z + t
+        e, w = load(self.north, p), load(self.north, p - row)
+        u, v, t = self.spring(a, row, n.structural_y * e, n.spacing_y)
+        x, y, z = x + u, y + v, z + t
+        u, v, t = self.spring(a, -row, n.structural_y * w, n.spacing_y)
+        x, y, z = x + u, y + v, z + t
+        for corner, cell in ti.static(((row + 1, 0), (-row - 1, -row - 1), (row - 1, -1), (1 - row, -row))):
+            c = n.diagonal * load(self.cell, p + cell)
+            u, v, t = self.spring(a, corner, c, n.diagonal_length)
+            x, y, z = x + u, y + v, z + t
+        if ti.static(features.hinges):
+            u, v, t = self.bend(a, p, 1, self.east, n.hinge_x)
+            x, y, z = x + u, y + v, z + t
+            u, v, t = self.bend(a, p, row, self.north, n.hinge_y)
+            x, y, z = x + u, y + v, z + t
+        else:
+            u, v, t = self.second(a, p, 1, self.east, n.second_x, 2.0 * n.spacing_x)
+            x, y, z = x + u, y + v, z + t
+            u, v, t = self.second(a, p, row, self.north, n.second_y, 2.0 * n.spacing_y)
+            x, y, z = x + u, y + v, z + t
+        return x, y, z
+
+    @ti.func
+    def air(self, a, p, dx, dy, dz, wind, n: Template):
+        """Drag and lift of the wind × h². The area vector is that of the cells around, so it is right at edges too."""
+        row = ti.static(self.width)
+        e, w = ti.min(2.0 * load(self.east, p), 1.0), ti.min(2.0 * load(self.east, p - 1), 1.0)
+        s, t = ti.min(2.0 * load(self.north, p), 1.0), ti.min(2.0 * load(self.north, p - row), 1.0)
+        x1, y1, z1 = self.away(self.ahead, a, 1)
+        x2, y2, z2 = self.away(self.ahead, a, -1)
+        ax, ay, az = e * x1 - w * x2, e * y1 - w * y2, e * z1 - w * z2
+        x1, y1, z1 = self.away(self.ahead, a, row)
+        x2, y2, z2 = self.away(self.ahead, a, -row)
+        bx, by, bz = s * x1 - t * x2, s * y1 - t * y2, s * z1 - t * z2
+        nx, ny, nz = 0.25 * (ay * bz - az * by), 0.25 * (az * bx - ax * bz), 0.25 * (ax * by - ay * bx)
+        ux, uy, uz = wind[0] - n.rate * dx, wind[1] - n.rate * dy, wind[2] - n.rate * dz
+        speed = ti.sqrt(ux * ux + uy * uy + uz * uz + 1e-30)
+        area = ti.sqrt(nx * nx + ny * ny + nz * nz + 1e-30)
+        through = nx * ux + ny * uy + nz * uz
+        along = n.wind_drag * ti.abs(through) - n.wind_lift * through * through / (area * speed)
+        across = n.wind_lift * through * speed / area
+        return along * ux + across * nx, along * uy + across * ny, along * uz + across * nz
+
+    @ti.func
+    def substep(self, features: Template, at, p, wind, n: Template):
+        """Störmer–Verlet for the lanes at p: dx ← D dx + a h², x ← x + dx. at: which buffer of `ahead` is read, 0 or
+        `size`; all around the lanes must be in it."""
+        a = self.lanes(p + at)
+        here = ti.static(self.position if features.apart else self.ahead)
+        q = p if ti.static(features.apart) else a
+        px, py, pz = load(here[0], q), load(here[1], q), load(here[2], q)
+        sx, sy, sz = load(self.step[0], p), load(self.step[1], p), load(self.step[2], p)
+        fx, fy, fz = self.elastic(features, a, p, n)
+        if ti.static(features.wind):
+            x, y, z = self.air(a, p, sx, sy, sz, wind, n)
+            fx, fy, fz = fx + x, fy + y, fz + z
+        inverse = load(self.inverse_mass, p)
+        free = ti.min(inverse * 1e30, 1.0)  # 1, or 0 for pinned and absent key points, which keep their step
+        dx = sx + free * ((n.kept - 1.0) * sx + inverse * fx + n.gravity_x)
+        dy = sy + free * ((n.kept - 1.0) * sy + inverse * fy + n.gravity_y)
+        dz = sz + free * ((n.kept - 1.0) * sz + inverse * fz + n.gravity_z)
+        if ti.static(features.sphere):
+            x, y, z = px + dx - n.sphere_x, py + dy - n.sphere_y, pz + dz - n.sphere_z
+            distance = ti.sqrt(ti.max(x * x + y * y + z * z, 1e-12))
+            depth = free * ti.max(n.sphere_radius - distance, 0.0)
+            scale = 1.0 / distance
+            dx, dy, dz = contact(features, x * scale, y * scale, z * scale, depth, n.sphere_friction, dx, dy, dz)
+        if ti.static(features.plane):
+            x, y, z = px + dx, py + dy, pz + dz
+            depth = free * ti.max(n.plane_height - (x * n.plane_x + y * n.plane_y + z * n.plane_z), 0.0)
+            dx, dy, dz = contact(features, n.plane_x, n.plane_y, n.plane_z, depth, n.plane_friction, dx, dy, dz)
+        if ti.static(features.apart):
+            store(self.position[0], p, px + dx)
+            store(self.position[1], p, py + dy)
+            store(self.position[2], p, pz + dz)
+        store(self.step[0], p, dx)
+        store(self.step[1], p, dy)
+        store(self.step[2], p, dz)
+        if ti.static(features.leads):
+            b = self.lanes(p + self.size - at)
+            store(self.ahead[0], b, px + dx + n.lag * dx)
+            store(self.ahead[1], b, py + dy + n.lag * dy)
+            store(self.ahead[2], b, pz + dz + n.lag * dz)

@@ -1,0 +1,111 @@
+"""Fabric properties that dynamics follows from, and presets with their sources.
+
+Everything is a property of the *sheet*, per width or per area, so it does not know how finely the sheet is cut into
+key points. Kawabata's units (KES-F): 1 gf·cm²/cm of bending rigidity = 98.07 µN·m, 1 gf/(cm·deg) of shear stiffness
+= 56.2 N/m.
+
+Sources. Denim: all of it measured, "11oz-black-denim" of Wang, O'Brien & Ramamoorthi 2011 ("Data-driven elastic models
+for cloth: modeling and measurement", SIGGRAPH), from their published material file: 0.324 kg/m²; small-strain moduli
+C22 = 1014–1059 N/m along the stiffer family (here the warp), C11 = 205–232 N/m along the other, C33 = 53–84 N/m in
+shear; bending 97 and 64 µN·m. Their C12 of 10–62 N/m has no counterpart in springs. The other three: bending and shear
+are the middle of ranges usual in Kawabata's measurements ("The standardization and analysis of hand evaluation", 1980)
+for habotai silk, cotton shirting and wool suiting; those ranges are quoted from memory and were not checked against
+the book. Their tensile stiffness is the secant of the first percent, a round number of the right order and not a
+measurement: yarns are an order stiffer once their crimp is drawn out.
+"""
+
+from dataclasses import dataclass, fields
+from math import isfinite
+
+from taichi_cloth.ground.errors import InputError, did_you_mean
+
+__all__ = ["MATERIALS", "Material", "known_materials", "named_material"]
+
+_BENDING = 98.07e-6  # N·m of 1 gf·cm²/cm
+_SHEAR = 56.2  # N/m of 1 gf/(cm·deg)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Material:
+    """A fabric as a sheet. Raises InputError on values that no cloth can have.
+
+    tensile_warp, tensile_weft: force per width and strain when pulled along one family with free edges [N/m].
+    shear: force per width and radian of shear angle [N/m].
+    bending_warp, bending_weft: rigidity when the warp, or the weft, is bent [N·m] (moment per width and curvature).
+    density: mass per area [kg/m²].
+    air_damping: share of the velocity lost a second, as a rate [1/s].
+    fibre_damping: time by which the stress in springs and hinges lags behind, of Kelvin and Voigt [s].
+    tensile_share: of the tensile stiffness that springs carry. Below 1 the cloth is soft while the crimp of its yarns
+    is drawn out, and `forces.strain_limit`, which it then needs, holds what has grown further.
+    """
+
+    tensile_warp: float
+    tensile_weft: float
+    shear: float
+    bending_warp: float
+    bending_weft: float
+    density: float
+    air_damping: float = 1.0
+    fibre_damping: float = 0.0
+    tensile_share: float = 1.0
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            positive = field.name in ("tensile_warp", "tensile_weft", "density")
+            if not (isfinite(value) and (value > 0 if positive else value >= 0)):
+                allowed = "above 0" if positive else "0 or more"
+                raise InputError(f"material.{field.name}: {value!r}; allowed: a finite number, {allowed}")
+        if not 0 < self.tensile_share <= 1:
+            raise InputError(f"material.tensile_share: {self.tensile_share!r}; allowed: above 0, at most 1")
+
+
+MATERIALS = {
+    "cotton-shirting": Material(
+        tensile_warp=1500.0,
+        tensile_weft=1000.0,
+        shear=1.2 * _SHEAR,
+        bending_warp=0.09 * _BENDING,
+        bending_weft=0.06 * _BENDING,
+        density=0.115,
+    ),
+    "silk-habotai": Material(
+        tensile_warp=1200.0,
+        tensile_weft=900.0,
+        shear=0.3 * _SHEAR,
+        bending_warp=0.015 * _BENDING,
+        bending_weft=0.012 * _BENDING,
+        density=0.055,
+    ),
+    "wool-suiting": Material(
+        tensile_warp=1000.0,
+        tensile_weft=800.0,
+        shear=0.75 * _SHEAR,
+        bending_warp=0.13 * _BENDING,
+        bending_weft=0.11 * _BENDING,
+        density=0.220,
+    ),
+    "denim": Material(
+        tensile_warp=1040.0,
+        tensile_weft=220.0,
+        shear=70.0,
+        bending_warp=97e-6,
+        bending_weft=64e-6,
+        density=0.324,
+    ),
+}
+"""Presets by name; the sources stand at the head of this module."""
+
+
+def known_materials() -> tuple[str, ...]:
+    """Names of the presets."""
+    return tuple(MATERIALS)
+
+
+def named_material(name: str) -> Material:
+    """A preset by its name. Raises InputError on a name that is not known."""
+    if name not in MATERIALS:
+        raise InputError(
+            f"material: unknown material {name!r}; known: {', '.join(MATERIALS)}{did_you_mean(name, MATERIALS)}"
+        )
+    return MATERIALS[name]

@@ -1,0 +1,131 @@
+"""Springs of the key points (paper 3.1, Figure 7), with constants that make the *sheet* right.
+
+On a grid of key points with spacing a along the weft (index j) and b along the warp (index i) lie structural springs
+to the four neighbours, two crossing diagonals in every cell for shear, and a law between second neighbours for
+bending. A homogeneous strain (e_x, e_y, shear angle g) costs, per area,
+
+    2 W = C_x e_x² + 2 G e_x e_y + C_y e_y² + G g²,      l² = a² + b²
+    G   = 2 k_d a b / l²                                 both diagonals of a cell
+    C_x = (k_x + 4 q_x) a/b + G a²/b²                    structural, second neighbours (q), diagonals
+    C_y = (k_y + 4 q_y) b/a + G b²/a²
+
+so the diagonals also stiffen the sheet along its threads, and couple the two directions. Pulled along x with free
+edges such a sheet answers with E_x = C_x − G²/C_y, and E_x / E_y = C_x / C_y. Given E_x, E_y, G, solve
+
+    C_y = (E_y + sqrt(E_y² + 4 G² E_y / E_x)) / 2,       C_x = C_y E_x / E_y
+
+and then k_d, k_x and k_y: all calibrated together. Springs on an edge of the sheet stand for half a strip and get
+half the constant, as edge key points get half the mass (`sheet.py`).
+
+Bending laws:
+- "hinge" (default): energy B/2 ∫ κ² with κ ≈ |x₋ − 2x + x₊| / a², the quadratic bending of Bergou et al. 2006 on a
+  grid; linear in the positions, right near the flat state. Energy of a hinge: β/2 |x₋ − 2x + x₊|², β = B b/a³.
+- "spring": the paper's spring to the second neighbour. Its length changes only with the square of the angle, so it
+  has no stiffness near the flat state; it stores the energy of B at one curvature κ₀ only: q = 16 B b / (a⁵ κ₀²).
+"""
+
+from dataclasses import dataclass, fields
+from math import hypot, isfinite, sqrt
+from typing import Literal, get_args
+
+from taichi_cloth.ground.errors import InputError, did_you_mean
+from taichi_cloth.sheet.materials import Material
+
+__all__ = ["BendingLaw", "Springs", "calibrate"]
+
+BendingLaw = Literal["hinge", "spring"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Springs:
+    """Constants of the interior of a sheet. x is along the weft (j), y along the warp (i).
+
+    structural_x, structural_y, diagonal: [N/m]. second_x, second_y: the paper's bending springs [N/m], 0 with hinges.
+    hinge_x, hinge_y: β [N/m], 0 with springs. spacing_x, spacing_y: rest lengths [m]. law: which of them bends.
+    Raises InputError on constants below 0 and rest lengths that are not above.
+    """
+
+    structural_x: float
+    structural_y: float
+    diagonal: float
+    second_x: float
+    second_y: float
+    hinge_x: float
+    hinge_y: float
+    spacing_x: float
+    spacing_y: float
+    law: BendingLaw
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            if field.name == "law":
+                continue
+            value, length = getattr(self, field.name), field.name.startswith("spacing")
+            if not (isfinite(value) and (value > 0 if length else value >= 0)):
+                allowed = "above 0" if length else "0 or more"
+                raise InputError(f"springs.{field.name}: {value!r}; allowed: a finite number, {allowed}")
+
+    @property
+    def diagonal_length(self) -> float:
+        return hypot(self.spacing_x, self.spacing_y)
+
+
+def calibrate(
+    material: Material,
+    *,
+    spacing_x: float,
+    spacing_y: float,
+    bending: BendingLaw = "hinge",
+    reference_curvature: float = 100.0,
+) -> Springs:
+    """Spring constants that give a sheet of key points the material's moduli.
+
+    spacing_x, spacing_y: between neighbours along the weft and along the warp [m]. reference_curvature: κ₀ [1/m], for
+    bending = "spring" only. Raises InputError where no positive springs make such a sheet.
+    """
+    if bending not in get_args(BendingLaw):
+        known = get_args(BendingLaw)
+        raise InputError(f"bending: unknown law {bending!r}; known: {', '.join(known)}{did_you_mean(bending, known)}")
+    for name, value in (
+        ("spacing_x", spacing_x),
+        ("spacing_y", spacing_y),
+        ("reference_curvature", reference_curvature),
+    ):
+        if not (isfinite(value) and value > 0):
+            raise InputError(f"springs.{name}: {value!r}; allowed: a finite number above 0")
+    a, b, g = spacing_x, spacing_y, material.shear
+    e_x, e_y = (material.tensile_share * e for e in (material.tensile_weft, material.tensile_warp))
+    c_y = (e_y + sqrt(e_y**2 + 4 * g**2 * e_y / e_x)) / 2
+    c_x = c_y * e_x / e_y
+    q_x = q_y = h_x = h_y = 0.0
+    if bending == "spring":
+        q_x = 16 * material.bending_weft * b / (a**5 * reference_curvature**2)
+        q_y = 16 * material.bending_warp * a / (b**5 * reference_curvature**2)
+    else:
+        h_x = material.bending_weft * b / a**3
+        h_y = material.bending_warp * a / b**3
+    k_x = (c_x - g * a**2 / b**2) * b / a - 4 * q_x
+    k_y = (c_y - g * b**2 / a**2) * a / b - 4 * q_y
+    for family, k, e, second in (("weft", k_x, e_x, q_x), ("warp", k_y, e_y, q_y)):
+        if k <= 0 and second > 0:
+            raise InputError(
+                f"bending: second-neighbour springs of {second:.3g} N/m along the {family} leave nothing of {e:g} N/m "
+                'for the structural springs; use bending "hinge", wider spacing or a larger reference_curvature'
+            )
+        if k <= 0:
+            raise InputError(
+                f"material.shear: {g:g} N/m; diagonals of key points {a:g} m by {b:g} m apart would alone be stiffer "
+                f"along the {family} than {e:g} N/m; use a smaller shear stiffness or squarer spacing"
+            )
+    return Springs(
+        structural_x=k_x,
+        structural_y=k_y,
+        diagonal=g * (a**2 + b**2) / (2 * a * b),
+        second_x=q_x,
+        second_y=q_y,
+        hinge_x=h_x,
+        hinge_y=h_y,
+        spacing_x=a,
+        spacing_y=b,
+        law=bending,
+    )

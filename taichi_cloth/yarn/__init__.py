@@ -1,0 +1,1 @@
+"""Yarns (paper 2.2): what a spinner states, where the fibres run, and how twist runs along a yarn being made."""

@@ -1,0 +1,177 @@
+"""Yarn (paper 2.2): what a spinner states about it, and what follows from that by the textbook formulas.
+
+A yarn is described by count, plies, twist and fibre. Where its fibres run is in `spin`.
+"""
+
+from dataclasses import dataclass
+from math import cos, isfinite, pi, sqrt, tan
+from typing import Literal
+
+import numpy as np
+
+from taichi_cloth.ground.errors import InputError
+
+__all__ = [
+    "Direction",
+    "Hairiness",
+    "Yarn",
+    "ne_to_tex",
+    "resultant_count",
+    "turns_per_m",
+]
+
+Direction = Literal["S", "Z"]
+
+
+def ne_to_tex(count_ne: float) -> float:
+    """English cotton count Ne (hanks of 840 yd per pound) as tex [g/km]: tex = 590.5 / Ne."""
+    return 590.5 / count_ne
+
+
+def resultant_count(n1: float, n2: float) -> float:
+    """Count of two singles folded together, in an indirect system such as Ne: N1·N2 / (N1 + N2)."""
+    return n1 * n2 / (n1 + n2)
+
+
+def turns_per_m(twist_multiplier: float, count_ne: float) -> float:
+    """Turns/m from a cotton twist multiplier: turns per inch = TM·√Ne (TM about 3.0 to 4.2)."""
+    return twist_multiplier * sqrt(count_ne) / 0.0254
+
+
+@dataclass(frozen=True)
+class Hairiness:
+    """Fibres that leave the yarn body: flyaway ends, and loops that come back to it.
+
+    ends_per_m, loops_per_m: how many of each in a metre of yarn. height_mm: mean rise above the surface.
+    """
+
+    ends_per_m: float = 0.0
+    loops_per_m: float = 0.0
+    height_mm: float = 0.4
+
+
+@dataclass(frozen=True, kw_only=True)
+class Yarn:
+    """A yarn as a spinner states it. Raises InputError where a value is impossible.
+
+    count_tex: linear density of one single [tex = g/km].
+    plies: singles folded together; 1 is a single yarn.
+    twist_per_m, twist: turns/m and direction of the folding twist (of the yarn itself when plies is 1).
+    singles_twist_per_m, singles_twist: turns/m and direction inside each single, seen in the finished yarn.
+    fibre_density: of the fibre substance [kg/m³]. fineness_dtex: of one fibre [dtex = g per 10 km].
+    packing: share of a single's section that is fibre; 0.60 gives cotton's textbook diameter.
+    flattening: section of a ply, tangential over radial axis, at equal area; plies press each other flat.
+    migration: how far a fibre wanders in the section, in fractions of its area; 0 keeps it on its helix.
+    migration_period_mm: over which length it wanders.
+    """
+
+    count_tex: float
+    plies: int = 2
+    twist_per_m: float = 700.0
+    twist: Direction = "S"
+    singles_twist_per_m: float = 0.0
+    singles_twist: Direction = "Z"
+    fibre_density: float = 1520.0
+    fineness_dtex: float = 1.7
+    packing: float = 0.60
+    flattening: float = 1.0
+    migration: float = 0.25
+    migration_period_mm: float = 4.0
+    hairiness: Hairiness = Hairiness()
+
+    def __post_init__(self) -> None:
+        def check(name: str, value: float, low: float, high: float, unit: str) -> None:
+            if not (isfinite(value) and low <= value <= high):
+                raise InputError(f"yarn.{name}: {value:g}; allowed: {low:g} to {high:g} {unit}".rstrip())
+
+        check("count_tex", self.count_tex, 0.1, 10_000, "tex")
+        check("plies", self.plies, 1, 12, "")
+        check("twist_per_m", self.twist_per_m, 0, 20_000, "turns/m")
+        check("singles_twist_per_m", self.singles_twist_per_m, 0, 20_000, "turns/m")
+        check("fibre_density", self.fibre_density, 100, 20_000, "kg/m3")
+        check("fineness_dtex", self.fineness_dtex, 0.01, 1_000, "dtex")
+        check("packing", self.packing, 0.05, 0.95, "")
+        check("flattening", self.flattening, 0.5, 3.0, "")
+        check("migration", self.migration, 0.0, 1.0, "")
+        check("migration_period_mm", self.migration_period_mm, 0.1, 1000.0, "mm")
+        for name in ("ends_per_m", "loops_per_m"):
+            check(f"hairiness.{name}", getattr(self.hairiness, name), 0.0, 1e5, "per m")
+        check("hairiness.height_mm", self.hairiness.height_mm, 0.01, 20.0, "mm")
+        if self.fineness_dtex * 0.1 > self.count_tex:
+            raise InputError(
+                f"yarn.fineness_dtex: one fibre of {self.fineness_dtex:g} dtex is heavier than the whole single of "
+                f"{self.count_tex:g} tex; use a finer fibre or a heavier count"
+            )
+
+    @property
+    def resultant_tex(self) -> float:
+        """Nominal linear density of the folded yarn [tex], without take-up."""
+        return self.count_tex * self.plies
+
+    @property
+    def single_diameter(self) -> float:
+        """Diameter of one single [m] from its mass: π/4·d²·φ·ρ = tex. At φ = 0.6 this is 1/(28√Ne) inch."""
+        return sqrt(4.0 * self.count_tex * 1e-6 / (pi * self.fibre_density * self.packing))
+
+    @property
+    def ply_axes(self) -> tuple[float, float]:
+        """Semi-axes of a ply's section [m]: (radial, tangential), of the area of the round single."""
+        if self.plies == 1:
+            return self.single_diameter / 2, self.single_diameter / 2
+        root = sqrt(self.flattening)
+        return self.single_diameter / 2 / root, self.single_diameter / 2 * root
+
+    @property
+    def ply_offset(self) -> float:
+        """Distance [m] from the yarn's axis to a ply's axis: touching plies, R = a/sin(π/n) for round ones."""
+        if self.plies == 1:
+            return 0.0
+        radial, tangential = self.ply_axes
+        return radial if self.plies == 2 else max(radial, tangential) / float(np.sin(pi / self.plies))
+
+    @property
+    def diameter(self) -> float:
+        """Diameter [m] of the round tube that holds the whole yarn as it leaves the twister."""
+        return 2.0 * (self.ply_offset + self.ply_axes[0])
+
+    @property
+    def woven_diameter(self) -> float:
+        """Diameter [m] of the circle of the same area as all plies: the textbook's, 1/(28√Ne) inch of the
+        resultant count. A plied yarn is pressed to it between the threads it crosses."""
+        return sqrt(self.plies) * self.single_diameter
+
+    @property
+    def fibre_diameter(self) -> float:
+        """Diameter [m] of a round fibre of the stated fineness and density."""
+        return sqrt(4.0 * self.fineness_dtex * 1e-7 / (pi * self.fibre_density))
+
+    @property
+    def fibres_in_section(self) -> int:
+        """Fibres in the section of one single: tex of the single over tex of the fibre."""
+        return max(1, round(self.count_tex / (self.fineness_dtex * 0.1)))
+
+    @property
+    def single_helix_angle(self) -> float:
+        """α [rad] of a surface fibre in its single: tan α = 2π·r·T."""
+        turns = self.singles_twist_per_m if self.plies > 1 else self.twist_per_m
+        return float(np.arctan(pi * self.single_diameter * turns))
+
+    @property
+    def ply_helix_angle(self) -> float:
+        """β [rad] of a ply's axis: tan β = 2π·R·T with R the ply offset (for two round plies half a diameter)."""
+        return float(np.arctan(2.0 * pi * self.ply_offset * self.twist_per_m))
+
+    @property
+    def contraction(self) -> float:
+        """Length of single needed for a unit of yarn by its own twist: (1 + sec α)/2."""
+        return (1.0 + 1.0 / cos(self.single_helix_angle)) / 2.0
+
+    @property
+    def retraction(self) -> float:
+        """Shortening by the single's own twist as a fraction of the length fed: tan²(α/2)."""
+        return tan(self.single_helix_angle / 2.0) ** 2
+
+    @property
+    def ply_take_up(self) -> float:
+        """Shortening by folding, as a fraction of the length fed: 1 − cos β."""
+        return 1.0 - cos(self.ply_helix_angle)

@@ -1,0 +1,140 @@
+"""Cloth against cloth: layers keep their thickness, momentum stays, and nothing of it is there where nobody asks."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from layers import crossings, nearest
+from numpy.typing import NDArray
+
+from taichi_cloth.constraints.self_contact import ClothContact
+from taichi_cloth.ground.errors import InputError
+from taichi_cloth.motion.forces import Forces, Plane, SelfContact
+from taichi_cloth.motion.simulation import Simulation
+from taichi_cloth.sheet.materials import Material
+from taichi_cloth.sheet.sheet import Sheet
+from taichi_cloth.sheet.springs import calibrate
+from taichi_cloth.solvers.verlet import Verlet
+
+SPACING, COLS, THICKNESS = 0.01, 7, 0.003
+ROWS = 37  # two panels of 17 and 18 rows with an empty row of cells between them, or one of 37
+SOFT = Material(
+    tensile_warp=150.0,
+    tensile_weft=150.0,
+    shear=15.0,
+    bending_warp=2e-6,
+    bending_weft=2e-6,
+    density=0.15,
+    air_damping=2.0,
+    fibre_damping=1e-4,
+)
+REACH = 2  # rows that are a key point's own neighbourhood at this thickness and spacing
+
+
+def sheet_of(panels: int) -> Sheet:
+    cells = np.ones((ROWS - 1, COLS - 1), bool)
+    if panels == 2:
+        cells[16:18] = False
+    springs = calibrate(SOFT, spacing_x=SPACING, spacing_y=SPACING)
+    return Sheet.of_cells(cells, material=SOFT, springs=springs)
+
+
+def layers(speed: float) -> tuple[Sheet, NDArray, NDArray]:
+    """Two panels 6 mm apart, the upper 3 mm off to a side, coming down at `speed` [m/s]; positions and velocities."""
+    sheet = sheet_of(2)
+    flat = sheet.flat()
+    x = flat[..., [0, 2, 1]]
+    upper = np.arange(ROWS) >= 18
+    x[upper] += [0.003, 0.006, 0.004 - 18 * SPACING]
+    v = np.zeros_like(x)
+    v[upper, :, 1] = -speed
+    return sheet, x, v
+
+
+@cache
+def fallen() -> tuple[Sheet, NDArray, list[NDArray], tuple[bytes, ...]]:
+    """Momentum at the start of each of 8 frames, positions at their ends, and the last states of two runs."""
+    sheet, x, v = layers(1.0)
+    forces = Forces(gravity=(0.0, 0.0, 0.0), self_contact=SelfContact(thickness=THICKNESS))
+    solver = Verlet(sheet, forces, threads=2)
+    states, paths, momenta = [], [], []
+    for _ in range(2):
+        simulation = Simulation(sheet, solver, forces=forces, positions=x, velocities=v)
+        paths, momenta = [], []
+        for _ in range(8):
+            momenta.append((sheet.mass[..., None] * sheet.steps(simulation.state)).sum((0, 1)) / solver.step)
+            simulation.step()
+            paths.append(simulation.positions)
+        states.append(simulation.state.values.tobytes())
+    return sheet, np.array(momenta), paths, tuple(states)
+
+
+def test_layers_that_fall_on_each_other_keep_their_thickness() -> None:
+    """At 1 m/s: no key point comes nearer to the other layer than 90 % of the thickness, and no thread crosses it."""
+    sheet, _, paths, _ = fallen()
+    least = min(nearest(sheet, x, apart=0.03) for x in paths)
+    assert 0.9 * THICKNESS < least < 1.2 * THICKNESS, f"{1e3 * least:.2f} mm of {1e3 * THICKNESS:.2f}"
+    assert all(crossings(sheet, x, apart=REACH) == 0 for x in paths)
+
+
+def test_contact_keeps_momentum() -> None:
+    """Without external forces only the air takes momentum, e^(−ct): to 1e-4 of the first."""
+    _, momenta, _, _ = fallen()
+    exact = momenta[0] * np.exp(-SOFT.air_damping * np.arange(8) / 60)[:, None]
+    assert np.abs(momenta - exact).max() < 1e-4 * np.linalg.norm(momenta[0])
+
+
+def test_a_second_run_gives_the_same_bytes() -> None:
+    """With what the first has left in the lists; asking for 2 threads changes nothing, as the sheet is one strip."""
+    assert len(set(fallen()[3])) == 1
+
+
+@pytest.mark.slow
+def test_sewn_edges_are_let_lie_on_each_other() -> None:
+    """Two panels 1 mm apart, the first row of the upper one sewn: what is beyond the reach of the seam is pushed to the
+    thickness of 3 mm, the seam's own surroundings are where they were."""
+    sheet, x, _ = layers(0.0)
+    upper = np.arange(ROWS) >= 18
+    x[upper, :, 1] = 0.001
+    seams = np.zeros(sheet.shape, bool)
+    seams[18] = True
+    contact = ClothContact(sheet, SelfContact(thickness=THICKNESS), seams)
+    forces = Forces(gravity=(0.0, 0.0, 0.0))
+    simulation = Simulation(sheet, Verlet(sheet, forces, passes=(contact,)), forces=forces, positions=x)
+    simulation.step()
+    rise = simulation.positions[18:35, :, 1] - 0.001  # where the lower panel, of 17 rows, is below
+    assert np.abs(rise[0]).max() < 1e-4
+    assert rise[contact.reach + 4 : 14].min() > 0.0005
+
+
+@pytest.mark.slow
+def test_a_strip_that_falls_in_folds_lies_in_layers() -> None:
+    """0.36 m, let go upright: at rest it is a heap of layers, none deeper than 10 % of the thickness into another, and
+    nothing crosses but what lies within a fold tighter than the key points can show (4 rows)."""
+    sheet = sheet_of(1)
+    x = sheet.flat()
+    x[..., 2] = 0.01 * np.sin(25 * x[..., 1])
+    x[..., 1] += 0.005
+    forces = Forces(self_contact=SelfContact(thickness=THICKNESS), plane=Plane(friction=0.5))
+    simulation = Simulation(sheet, Verlet(sheet, forces), forces=forces, positions=x)
+    for _ in range(60):
+        simulation.step()
+    x = simulation.positions
+    assert x[..., 1].max() < 0.05, "it lies"
+    assert x[..., 1].max() > 3 * THICKNESS, "in layers"
+    assert nearest(sheet, x, apart=0.035) > 0.9 * THICKNESS
+    assert crossings(sheet, x, apart=4) == 0
+
+
+def test_what_is_not_asked_for_is_not_built() -> None:
+    sheet = sheet_of(2)
+    assert Verlet(sheet, Forces()).passes == ()
+    assert Verlet(sheet, Forces(self_contact=SelfContact(thickness=THICKNESS))).passes
+
+
+def test_contacts_that_cannot_be_are_refused() -> None:
+    for options in ({"thickness": 0.0}, {"thickness": 1e-3, "friction": -1.0}):
+        with pytest.raises(InputError, match="self_contact"):
+            SelfContact(**options)
+    with pytest.raises(InputError, match="thickness"):
+        Verlet(sheet_of(2), Forces(self_contact=SelfContact(thickness=0.1)))

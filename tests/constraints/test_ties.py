@@ -1,0 +1,48 @@
+"""Ties as a pass of the solver: closed at once, and no source of motion."""
+
+import numpy as np
+import pytest
+from strips import PLAIN, simulate
+
+from taichi_cloth.constraints.ties import Ties
+from taichi_cloth.sheet.energy import elastic_energy, kinetic_energy
+from taichi_cloth.sheet.sheet import Sheet
+from taichi_cloth.sheet.springs import calibrate
+
+TIES = 40
+
+
+@pytest.fixture(scope="module")
+def strips():
+    """Two strips of 12 cells side by side, and 40 ties along their edges: nodes and weights."""
+    cells = np.ones((12, 7), bool)
+    cells[:, 3] = False
+    sheet = Sheet.of_cells(cells, material=PLAIN, springs=calibrate(PLAIN, spacing_x=0.01, spacing_y=0.01))
+    along = np.linspace(0.0, 11.99, TIES)
+    row, part = along.astype(int), along % 1
+    nodes = np.stack([np.stack([row + i, np.full(TIES, c)], -1) for c in (3, 4) for i in (0, 1)], 1)
+    return sheet, nodes, np.stack([1 - part, part, part - 1, -part], 1)
+
+
+def joined(sheet: Sheet) -> np.ndarray:
+    """Flat, the strips' edges on each other."""
+    x = sheet.flat()
+    x[:, 4:, 0] -= 0.01
+    return x
+
+
+def test_seams_finer_than_the_cells_close_and_shake_nothing(strips):
+    """Thrown about by 0.1 m/s without any damping: closed to 10 µm after each frame, and never more energy than after
+    the first, to a tenth. (Ties that leave their gaps as speed tear the strips in the first frame.)"""
+    sheet, nodes, weights = strips
+    ties = Ties(sheet, nodes, weights)
+    velocities = 0.1 * np.random.default_rng(3).standard_normal((*sheet.shape, 3))
+    simulation = simulate(sheet, positions=joined(sheet), velocities=velocities, passes=(ties,))
+    energy, gaps = [], []
+    for _ in range(120):
+        simulation.step()
+        x, v = simulation.positions.astype(float), sheet.steps(simulation.state) / simulation.solver.step
+        energy.append(elastic_energy(sheet, x - v * simulation.solver.step / 2) + kinetic_energy(sheet, v))
+        gaps.append(ties.gaps(simulation.state).max())
+    assert max(gaps) < 1e-5
+    assert max(energy) < 1.1 * energy[0]

@@ -1,0 +1,127 @@
+"""Spring constants make the sheet's moduli, whatever the spacing; forces are the derivative of the energy."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from strips import PLAIN, strip
+
+from taichi_cloth.ground.errors import InputError
+from taichi_cloth.sheet.energy import elastic_energy, elastic_forces
+from taichi_cloth.sheet.materials import MATERIALS, Material, named_material
+from taichi_cloth.sheet.sheet import Sheet
+from taichi_cloth.sheet.springs import BendingLaw, calibrate
+
+RNG = np.random.Generator(np.random.Philox(key=3))
+
+
+def sheet_of(material: Material, a: float, b: float, *, bending: BendingLaw = "hinge", rows=6, cols=9) -> Sheet:
+    springs = calibrate(material, spacing_x=a, spacing_y=b, bending=bending)
+    return Sheet.rectangle(rows, cols, material=material, springs=springs)
+
+
+@pytest.mark.parametrize(("a", "b"), [(0.01, 0.01), (0.005, 0.005), (0.01, 0.007)])
+@pytest.mark.parametrize("name", MATERIALS)
+def test_a_stretched_or_sheared_sheet_stores_the_energy_of_its_moduli(name: str, a: float, b: float) -> None:
+    """Energy per area at 1e-4 strain against ½ E e² with the free lateral contraction, and ½ G g². Tolerance 0.1 %."""
+    material = MATERIALS[name]
+    sheet = sheet_of(material, a, b)
+    x = sheet.flat()
+    area = x[..., 0].max() * x[..., 1].max()
+    e, g = 1e-4, material.shear
+    c_y = (
+        material.tensile_warp
+        + (material.tensile_warp**2 + 4 * g**2 * material.tensile_warp / material.tensile_weft) ** 0.5
+    ) / 2
+    c_x = c_y * material.tensile_weft / material.tensile_warp
+    for along, modulus, contraction in ((0, material.tensile_weft, g / c_y), (1, material.tensile_warp, g / c_x)):
+        stretched = x.copy()
+        stretched[..., along] *= 1 + e
+        stretched[..., 1 - along] *= 1 - contraction * e
+        assert elastic_energy(sheet, stretched) / area == pytest.approx(modulus * e**2 / 2, rel=1e-3)
+    sheared = x.copy()
+    sheared[..., 0] += e * x[..., 1]
+    assert elastic_energy(sheet, sheared) / area == pytest.approx(material.shear * e**2 / 2, rel=1e-3)
+
+
+@pytest.mark.parametrize("cut", [8, 16])
+def test_a_sheet_on_a_cylinder_stores_b_kappa_squared(cut: int) -> None:
+    """Of the strip between the first and the last hinge's patch; 0.3 % at 1/8 rad a key point, by (angle)²/12."""
+    b, radius = 1.0 / cut * 0.1, 0.1
+    sheet = sheet_of(PLAIN, b, b, rows=cut + 1, cols=4)
+    angle = np.arange(cut + 1) / cut
+    chord = b / (2 * np.sin(0.5 / cut))  # key points stay `b` apart
+    x = sheet.flat()
+    x[..., 1], x[..., 2] = chord * np.sin(angle)[:, None], chord * (1 - np.cos(angle))[:, None]
+    patches = (cut - 1) * b * 3 * b  # hinges × length × width
+    assert elastic_energy(sheet, x) == pytest.approx(0.5 * PLAIN.bending_warp / radius**2 * patches, rel=0.004)
+
+
+@pytest.mark.parametrize("bending", ["hinge", "spring"])
+def test_forces_are_minus_the_derivative_of_the_energy(bending) -> None:
+    """Central differences of the energy, float64: relative error under 1e-6."""
+    sheet = sheet_of(replace(PLAIN, bending_warp=3e-5), 0.02, 0.015, bending=bending, rows=4, cols=5)
+    x = sheet.flat() + 0.002 * RNG.standard_normal((4, 5, 3))
+    forces = elastic_forces(sheet, x)
+    h = 1e-7
+    for index in [(0, 0, 0), (1, 2, 1), (2, 3, 2), (3, 4, 0)]:
+        moved = [x.copy(), x.copy()]
+        moved[0][index] -= h
+        moved[1][index] += h
+        slope = (elastic_energy(sheet, moved[1]) - elastic_energy(sheet, moved[0])) / (2 * h)
+        assert forces[index] == pytest.approx(-slope, rel=1e-6, abs=1e-6 * np.abs(forces).max())
+
+
+def test_masses_are_areas_and_edges_get_half() -> None:
+    sheet = sheet_of(PLAIN, 0.01, 0.02)
+    cell = PLAIN.density * 0.01 * 0.02
+    assert sheet.mass.sum() == pytest.approx(cell * 5 * 8)
+    assert sheet.mass[0, 0] == pytest.approx(cell / 4)
+    assert sheet.mass[0, 3] == pytest.approx(cell / 2)
+    assert sheet.mass[2, 3] == pytest.approx(cell)
+    half = strip(rows=21)
+    assert half.mass[21:].sum() == 0
+    assert half.mass.sum() == pytest.approx(PLAIN.density * 0.4 * 0.04)
+
+
+def test_no_key_point_of_a_cut_sheet_is_lighter_than_the_corner_of_a_cell() -> None:
+    """Cells of which an outline leaves 2 % and 30 %: where 0.02 or 0.3 quarters would meet there is one, elsewhere what
+    meets there."""
+    cells = np.ones((4, 4))
+    cells[0, 0], cells[3, 3] = 0.02, 0.3
+    sheet = Sheet.of_cells(cells, material=PLAIN, springs=sheet_of(PLAIN, 0.01, 0.01).springs)
+    quarter = PLAIN.density * 0.01**2 / 4
+    assert sheet.mass[0, 0] == pytest.approx(quarter)
+    assert sheet.mass[4, 4] == pytest.approx(quarter)
+    assert sheet.mass[0, 1] == pytest.approx(1.02 * quarter)
+    assert sheet.mass[1, 1] == pytest.approx(3.02 * quarter)
+
+
+def test_springs_that_carry_a_share_are_those_of_a_softer_fabric() -> None:
+    """In tension only: the shear and bending of the sheet stay what they are."""
+    springs = [
+        calibrate(replace(PLAIN, **changes), spacing_x=0.01, spacing_y=0.012)
+        for changes in ({"tensile_share": 0.25}, {"tensile_warp": 12.5, "tensile_weft": 12.5})
+    ]
+    assert springs[0] == springs[1]
+    assert springs[0].structural_x < 0.25 * calibrate(PLAIN, spacing_x=0.01, spacing_y=0.012).structural_x
+
+
+def test_refusals_are_one_line() -> None:
+    cases = [
+        (lambda: named_material("denin"), 'did you mean "denim"'),
+        (lambda: replace(PLAIN, density=0.0), "material.density: 0.0; allowed: a finite number, above 0"),
+        (lambda: replace(PLAIN, shear=-1.0), "0 or more"),
+        (lambda: replace(PLAIN, tensile_share=0.0), "material.tensile_share: 0.0; allowed: above 0, at most 1"),
+        (lambda: calibrate(PLAIN, spacing_x=0.0, spacing_y=0.1), "springs.spacing_x"),
+        (lambda: calibrate(PLAIN, spacing_x=1, spacing_y=1, bending="hinges"), 'did you mean "hinge"'),  # pyright: ignore
+        (lambda: calibrate(PLAIN, spacing_x=0.001, spacing_y=0.001, bending="spring"), 'use bending "hinge"'),
+        (lambda: calibrate(replace(PLAIN, shear=200.0), spacing_x=0.02, spacing_y=0.01), "squarer spacing"),
+        (lambda: Sheet.of_cells(np.zeros((3, 3)), material=PLAIN, springs=strip().springs), "sheet: cells"),
+        (lambda: strip().state(np.zeros((2, 2, 3))), "sheet: positions of shape"),
+    ]
+    for make, words in cases:
+        with pytest.raises(InputError) as caught:
+            make()
+        assert words in str(caught.value)
+        assert "\n" not in str(caught.value)
