@@ -11,7 +11,9 @@ states. Run it in an environment that has this project's dependencies. Exit code
 
 import argparse
 import hashlib
+import json
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -60,16 +62,21 @@ def installed(revision: str | None, folder: Path) -> Path:
 
 
 def made(site: Path, arguments: list[str], out: Path) -> dict[str, str]:
-    """File name to hash of what one command writes; states are hashed array by array."""
+    """The `hashes` of what one command writes, or its exit code and line where it failed."""
     environment = os.environ | {
         "PYTHONPATH": str(site),
         "TAICHI_CLOTH_CACHE": str(site.parent / "cache"),
-        "TI_OFFLINE_CACHE_FILE_PATH": str(site.parent / "kernels"),
+        "TI_OFFLINE_CACHE_FILE_PATH": str(site.parent.with_name(f"{site.parent.name}-kernels")),
     }
     command = [sys.executable, "-m", "taichi_cloth.scenes", *arguments, "--out", str(out)]
     run = subprocess.run(command, env=environment, cwd=site.parent, capture_output=True, text=True)
     if run.returncode:
         return {"exit code": f"{run.returncode}: {run.stderr.strip()}"}
+    return hashes(out)
+
+
+def hashes(out: Path) -> dict[str, str]:
+    """File name to hash of the pictures in a folder, and of the arrays of a state."""
     found = {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in sorted(out.glob("*.png"))}
     for path in out.glob("*.npz"):
         with np.load(path, allow_pickle=False) as arrays:
@@ -80,12 +87,22 @@ def made(site: Path, arguments: list[str], out: Path) -> dict[str, str]:
     return found
 
 
+def remembered(revision: str | None, side: Path, name: str) -> dict[str, str]:
+    """What `made` says; of a revision it is said from a file where it was made before."""
+    file = side / f"{name}.json"
+    if revision is not None and file.exists():
+        return json.loads(file.read_text("utf-8"))
+    found = made(side / "site", RUNS[name], side / "out" / name)
+    file.write_text(json.dumps(found, indent=1), "utf-8")
+    return found
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("revision", help="a revision of git")
     parser.add_argument("other", nargs="?", help="another one; default: the working tree")
     parser.add_argument("--only", help=f"runs, with commas: {', '.join(RUNS)}")
-    parser.add_argument("--keep", type=Path, help="folder for what is installed and made; default: one that goes again")
+    parser.add_argument("--keep", type=Path, help="folder for what is made, gone on with if it is there")
     chosen = parser.parse_args()
     wanted = chosen.only.split(",") if chosen.only else list(RUNS)
     differing = 0
@@ -94,16 +111,18 @@ def main() -> int:
         sides = []
         for revision in (chosen.revision, chosen.other):
             side = base / (revision or "working-tree")
+            if revision is None and side.exists():
+                shutil.rmtree(side)
             if not (side / "site").is_dir():
                 installed(revision, side)
-            sides.append(side)
+            sides.append((revision, side))
         for name in wanted:
-            first, second = (made(side / "site", RUNS[name], side / "out" / name) for side in sides)
+            first, second = (remembered(revision, side, name) for revision, side in sides)
             different = sorted(key for key in first.keys() | second.keys() if first.get(key) != second.get(key))
             differing += len(different)
             failed = "exit code" in first
             print(f"{name}: {len(first)} files and arrays, {len(different)} differ {' '.join(different)}", flush=True)
-            for side, found in zip(sides, (first, second), strict=True):
+            for (_, side), found in zip(sides, (first, second), strict=True):
                 if "exit code" in found:
                     print(f"  {side.name}: exit code {found['exit code']}")
             differing += failed
