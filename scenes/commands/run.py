@@ -21,9 +21,9 @@ from taichi_cloth.ground.errors import InputError
 from ...render.image.image import contact_sheet, write_png
 from ...render.image.video import write_mp4
 from ...render.image.webp import write_webp
-from ..build.kept import KeptRun
-from ..build.models import build, shown_frame
-from ..build.prepare import require_picture
+from ..models.build import build, shown_frame
+from ..models.kept import KeptRun
+from ..models.prepare import require_picture
 from ..picture.view import View
 from ..picture.zoom import zoom
 from ..plan.lines import fact_lines, plan_lines

@@ -23,9 +23,9 @@ from ...render.image.image import linear_to_srgb, write_bytes, write_png
 from ...render.image.tone import Tone, tone_curve
 from ...render.splat.passes import PASSES, Passes, render_passes
 from ...render.splat.stream import stream_passes
-from ..build.model import Model, Numbers
-from ..build.models import build, shown_frame
-from ..build.prepare import require_picture
+from ..models.build import build, shown_frame
+from ..models.model import Model, Numbers
+from ..models.prepare import require_picture
 from ..picture.view import Shot, View
 from ..plan.plan import plan
 from ..scene.load import load_scene

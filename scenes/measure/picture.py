@@ -11,8 +11,8 @@ from ...render.data.camera import Camera, frame
 from ...render.data.light import Lighting
 from ...render.image.image import linear_to_srgb
 from ...render.splat.splat import Splatter
-from ..build.models import FabricModel
-from ..build.prepare import prepare_fabric
+from ..models.fabric import FabricModel
+from ..models.prepare import prepare_fabric
 from ..picture.view import finish_of, lighting_of
 from ..scene.load import load_scene
 

@@ -21,8 +21,9 @@ from ...render.data.camera import Camera, look_at
 from ...render.data.particles import Particles
 from ...render.data.sprites import SOFT
 from ...render.splat.splat import Splatter
-from ..build.models import FabricModel, build
-from ..build.prepare import prepare_fabric
+from ..models.build import build
+from ..models.fabric import FabricModel
+from ..models.prepare import prepare_fabric
 from ..picture.view import View
 from ..scene.load import load_scene, make_scene
 from ..scene.schema import Scene

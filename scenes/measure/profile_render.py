@@ -22,7 +22,7 @@ from ...render.data.particles import Particles
 from ...render.data.sprites import CRISP, SOFT, Profile
 from ...render.splat.splat import Splatter
 from ...render.splat.stream import StreamStats, stream
-from ..build.models import build
+from ..models.build import build
 from ..scene.load import load_scene
 
 __all__ = ["render_profile_lines", "scaling_source"]

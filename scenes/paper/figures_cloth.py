@@ -5,8 +5,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...render.image.caption import caption, label, legend
-from ..build.cloth import ClothModel
-from ..build.models import FabricModel, build
+from ..models.build import build
+from ..models.cloth import ClothModel
+from ..models.fabric import FabricModel
 from ..picture.view import View
 from ..scene.load import load_scene
 

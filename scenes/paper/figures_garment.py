@@ -16,10 +16,10 @@ from ...render.image.caption import caption, tag
 from ...render.tiles.mesh import Mesh
 from ..body.body_fit import GREY
 from ..body.body_picture import HUES, KIND_COLOURS, Shown, draw_panels, part_mesh, primitive_meshes
-from ..build.garment import GarmentModel, woven_garment
-from ..build.models import build
-from ..build.prepare import prepare_fabric
-from ..build.standing import primitives_of
+from ..models.build import build
+from ..models.garment import GarmentModel, woven_garment
+from ..models.prepare import prepare_fabric
+from ..models.standing import primitives_of
 from ..picture.view import View
 from ..scene.load import load_scene
 

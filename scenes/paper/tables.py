@@ -30,11 +30,11 @@ from ...render.data.camera import frame as framed
 from ...render.splat.splat import Splatter
 from ...render.stage.paint import paint
 from ...render.tiles.mesh import join
-from ..build.cloth import nothing
-from ..build.dressing import dressed_parts, simulation_of
-from ..build.garment import GarmentModel, woven_garment
-from ..build.prepare import prepare_fabric
 from ..measure.machine import cores, cpu_name
+from ..models.cloth import nothing
+from ..models.dressing import dressed_parts, simulation_of
+from ..models.garment import GarmentModel, woven_garment
+from ..models.prepare import prepare_fabric
 from ..picture.view import finish_of, lighting_of
 from ..scene.load import built_in_scenes, load_scene
 from ..scene.schema import Scene

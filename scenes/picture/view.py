@@ -22,8 +22,8 @@ from ...render.splat.splat import Splatter
 from ...render.stage.paint import paint
 from ...render.stage.stage import Stage, stage_under
 from ...render.tiles.mesh import Mesh, join
-from ..build.model import Model, Panel
-from ..build.prepare import fibre_kind, has_floor
+from ..models.model import Model, Panel
+from ..models.prepare import fibre_kind, has_floor
 from ..scene.schema import Scene
 from .streamed import Streamed
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from ..build.facts import Fact
+from ..models.facts import Fact
 from .plan import Plan
 
 __all__ = ["fact_lines", "plan_lines"]

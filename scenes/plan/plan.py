@@ -10,7 +10,7 @@ from taichi_cloth.ground.memory import memory_limit
 from taichi_cloth.yarn.yarn import Yarn
 
 from ...render.data.light_sizes import light_bytes
-from ..build.prepare import DRAW_BYTES, LIT, Prepared, fibre_kind, has_floor, picture_bytes, prepare_fabric, yarn_of
+from ..models.prepare import DRAW_BYTES, LIT, Prepared, fibre_kind, has_floor, picture_bytes, prepare_fabric, yarn_of
 from ..scene.schema import Scene
 
 __all__ = ["Plan", "Stage", "plan"]
@@ -53,7 +53,7 @@ def plan(scene: Scene) -> Plan:
     prepared = None
     woven = None
     if scene.cloth:
-        from ..build.moving import woven_scene  # loads Taichi, which a plan of what lies still does without
+        from ..models.moving import woven_scene  # loads Taichi, which a plan of what lies still does without
         from .plan_cloth import sheet_stages
 
         woven = woven_scene(scene) if scene.cloth.representation == "fibre" else None

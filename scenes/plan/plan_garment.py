@@ -2,9 +2,9 @@
 
 from math import hypot
 
-from ..build.dressing import dressed_parts, motion_of
-from ..build.garment import woven_garment
-from ..build.moving import forces_of
+from ..models.dressing import dressed_parts, motion_of
+from ..models.garment import woven_garment
+from ..models.moving import forces_of
 from ..scene.schema import Scene
 from .plan_cloth import force_stages, thin_limbs
 

@@ -26,9 +26,9 @@ from taichi_cloth.yarn.twist import transient_twist, zone_twist
 
 from ...render.data.camera import look_at
 from ...render.splat.splat import Splatter
-from ..build.models import build
-from ..build.prepare import prepare_fabric, require_picture
 from ..measure.picture import Swatch
+from ..models.build import build
+from ..models.prepare import prepare_fabric, require_picture
 from ..scene.load import load_scene
 from .limit import found_limit
 

@@ -62,7 +62,7 @@ def probe(begun: float, size: tuple[int, int], name: str, overrides: list[str]) 
     """Everything from the import to a few frames. Starts Taichi."""
     from taichi_cloth.ground import runtime
 
-    from ..build.models import build, shown_frame
+    from ..models.build import build, shown_frame
     from ..picture.view import View
     from ..plan.plan import plan
     from ..scene.load import load_scene

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 from taichi_cloth.ground.errors import InputError
 
-from ..build.dressing import dress
 from ..measure.machine import cores
 from ..measure.page import Section, csv_text
+from ..models.dressing import dress
 from ..scene.load import built_in_scenes, load_scene
 from ..scene.schema import Scene
 from .stage_probe import Probe

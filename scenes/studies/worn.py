@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..build.dressing import Dressed, dress, dressed_parts, simulation_of
 from ..measure.study import Row, microseconds
+from ..models.dressing import Dressed, dress, dressed_parts, simulation_of
 from ..scene.load import load_scene
 from .moved import rms, timed
 

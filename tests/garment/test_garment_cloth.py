@@ -12,9 +12,9 @@ from taichi_cloth.garment.pattern.drafts import DRAFTS
 from taichi_cloth.render.data.camera import frame
 from taichi_cloth.render.data.particles import Particles
 from taichi_cloth.render.splat.splat import Splatter
-from taichi_cloth.scenes.build.garment import GarmentModel
-from taichi_cloth.scenes.build.models import OPACITY
-from taichi_cloth.scenes.build.prepare import prepare_fabric
+from taichi_cloth.scenes.models.garment import GarmentModel
+from taichi_cloth.scenes.models.model import OPACITY
+from taichi_cloth.scenes.models.prepare import prepare_fabric
 from taichi_cloth.scenes.scene.load import load_scene
 
 SIZE = 320

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from taichi_cloth.ground.errors import InputError
-from taichi_cloth.scenes.build.dressing import dressed_parts
-from taichi_cloth.scenes.build.garment import colours_of, woven_garment
-from taichi_cloth.scenes.build.prepare import draft_of, prepare_fabric
+from taichi_cloth.scenes.models.dressing import dressed_parts
+from taichi_cloth.scenes.models.garment import colours_of, woven_garment
+from taichi_cloth.scenes.models.prepare import draft_of, prepare_fabric
 from taichi_cloth.scenes.scene.load import load_scene
 from taichi_cloth.scenes.scene.schema import Weave, WeavePatch
 from taichi_cloth.weave.colour_order import thread_repeat

@@ -22,9 +22,9 @@ from taichi_cloth.body.primitives.samples import mesh_distance
 from taichi_cloth.constraints import contact_response
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.scenes.body.report_body import garment_points
-from taichi_cloth.scenes.build import standing
-from taichi_cloth.scenes.build.cloth import ClothModel
-from taichi_cloth.scenes.build.moving import simulation_of, standing_in
+from taichi_cloth.scenes.models import standing
+from taichi_cloth.scenes.models.cloth import ClothModel
+from taichi_cloth.scenes.models.moving import simulation_of, standing_in
 from taichi_cloth.scenes.plan.plan import plan
 from taichi_cloth.scenes.scene.load import built_in_scenes, load_scene
 

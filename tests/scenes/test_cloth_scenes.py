@@ -14,9 +14,9 @@ from taichi_cloth.motion.forces import SelfContact, StrainLimit
 from taichi_cloth.motion.simulation import Simulation
 from taichi_cloth.render.data.blocks import ParticleBlocks
 from taichi_cloth.scenes import __main__ as command_line
-from taichi_cloth.scenes.build.cloth import ClothModel
-from taichi_cloth.scenes.build.kept import STATE
-from taichi_cloth.scenes.build.moving import forces_of, material_of, simulation_of, start_of
+from taichi_cloth.scenes.models.cloth import ClothModel
+from taichi_cloth.scenes.models.kept import STATE
+from taichi_cloth.scenes.models.moving import forces_of, material_of, simulation_of, start_of
 from taichi_cloth.scenes.picture.view import View
 from taichi_cloth.scenes.plan.plan import plan
 from taichi_cloth.scenes.scene.load import load_scene

@@ -18,8 +18,8 @@ from taichi_cloth.render.image.image import read_png
 from taichi_cloth.render.image.webp import write_webp
 from taichi_cloth.render.light import lightpass
 from taichi_cloth.scenes.__main__ import main
-from taichi_cloth.scenes.build import prepare
 from taichi_cloth.scenes.commands import still as still_module
+from taichi_cloth.scenes.models import prepare
 from taichi_cloth.scenes.plan.plan import plan
 from taichi_cloth.scenes.scene.load import load_scene
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from taichi_cloth.render.tiles.mesh import Mesh
-from taichi_cloth.scenes.build.model import Model, Panel
-from taichi_cloth.scenes.build.models import build
 from taichi_cloth.scenes.commands.still import shoot
+from taichi_cloth.scenes.models.build import build
+from taichi_cloth.scenes.models.model import Model, Panel
 from taichi_cloth.scenes.picture.view import View
 from taichi_cloth.scenes.scene.load import load_scene
 

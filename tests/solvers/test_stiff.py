@@ -15,7 +15,7 @@ from strips import NOTHING, PLAIN, ROWS, strip
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.motion.forces import Forces, Plane, Sphere, Wind
 from taichi_cloth.motion.simulation import Simulation
-from taichi_cloth.scenes.build.moving import simulation_of
+from taichi_cloth.scenes.models.moving import simulation_of
 from taichi_cloth.scenes.plan.plan import plan
 from taichi_cloth.scenes.scene.load import load_scene
 from taichi_cloth.scenes.studies.reference import reference

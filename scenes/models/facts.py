@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from taichi_cloth.weave.cloth_facts import (cloth_cover, cloth_facts, cotton_diameter_m, cover_factor)
 from taichi_cloth.fabric.layout import FabricLayout
+from taichi_cloth.weave.cloth_facts import cloth_cover, cloth_facts, cotton_diameter_m, cover_factor
 from taichi_cloth.weave.interpenetration import deepest_interpenetration
 from taichi_cloth.yarn.yarn import Yarn
 

@@ -3,23 +3,23 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_cloth.fabric.fabric import build_fabric
-from taichi_cloth.weave.colour_order import colour
 from taichi_cloth.fabric.crossings import refine_points
+from taichi_cloth.fabric.fabric import build_fabric
 from taichi_cloth.fabric.follow import FibreFollower
 from taichi_cloth.fabric.normals import grid_faces, vertex_normals
 from taichi_cloth.motion.simulation import Simulation
+from taichi_cloth.weave.colour_order import colour
 
 from ...render.data.blocks import ParticleBlocks
 from ...render.data.camera import box_corners
-from ...render.tiles.mesh import Mesh
 from ...render.data.particles import Particles
+from ...render.tiles.mesh import Mesh
+from ..scene.schema import Scene
 from .facts import Fact, fabric_facts, yarn_facts
 from .kept import KeptRun
 from .model import Numbers, Panel
-from .moving import (simulation_of, standing_in, start_of, woven_scene)
-from .prepare import (Prepared, draft_of, fibre_kind, prepare_fabric)
-from ..scene.schema import Scene
+from .moving import simulation_of, standing_in, start_of, woven_scene
+from .prepare import Prepared, draft_of, fibre_kind, prepare_fabric
 
 __all__ = ["ALBEDO", "ClothModel", "ball_mesh", "nothing"]
 

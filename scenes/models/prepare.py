@@ -8,20 +8,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_cloth.fabric.layout import Detail, FabricLayout, Threads, lay_out, required_bytes
+from taichi_cloth.fabric.templates import particle_count, particles_per_body_block
+from taichi_cloth.fibre.contours import FIBRES, FibreKind
+from taichi_cloth.ground.errors import InputError, did_you_mean
+from taichi_cloth.ground.memory import memory_limit, require_memory
 from taichi_cloth.weave.colour_order import colour as colour_named
 from taichi_cloth.weave.colour_order import coloured
-from taichi_cloth.fibre.contours import FIBRES, FibreKind
 from taichi_cloth.weave.crimp import Interlacing
-from taichi_cloth.ground.errors import InputError, did_you_mean
-from taichi_cloth.fabric.layout import (Detail, FabricLayout, Threads, lay_out, required_bytes)
-from taichi_cloth.weave.jamming import fit_balance, fit_diameters
-from taichi_cloth.ground.memory import memory_limit, require_memory
-from taichi_cloth.fabric.templates import particle_count, particles_per_body_block
 from taichi_cloth.weave.draft import Draft, named_weave, tile
+from taichi_cloth.weave.jamming import fit_balance, fit_diameters
 from taichi_cloth.weave.wif import read_wif
 from taichi_cloth.yarn.yarn import Hairiness, Yarn, ne_to_tex
 
-from ..scene.schema import (FabricSection, Scene, Weave, YarnSection)
+from ..scene.schema import FabricSection, Scene, Weave, YarnSection
 
 __all__ = [
     "DRAW_BYTES",

@@ -10,17 +10,17 @@ from scipy.optimize import brentq
 from scipy.special import j0
 
 from taichi_cloth.ground.errors import InputError
-from taichi_cloth.motion.forces import (Forces, Plane, SelfContact, Sphere, StrainLimit, Wind)
+from taichi_cloth.motion.forces import Forces, Plane, SelfContact, Sphere, StrainLimit, Wind
+from taichi_cloth.motion.simulation import Simulation
+from taichi_cloth.motion.solver import Solver
 from taichi_cloth.sheet.materials import Material, named_material
 from taichi_cloth.sheet.pins import Pins
 from taichi_cloth.sheet.sheet import Sheet
-from taichi_cloth.motion.simulation import Simulation
-from taichi_cloth.motion.solver import Solver
+from taichi_cloth.sheet.springs import calibrate
 from taichi_cloth.solvers.implicit import Implicit
 from taichi_cloth.solvers.verlet import Verlet
-from taichi_cloth.sheet.springs import calibrate
 
-from ..scene.cloth_schema import (BodyPinSection, ClothSection, ForcesSection, PinsSection, SolverSection)
+from ..scene.cloth_schema import BodyPinSection, ClothSection, ForcesSection, PinsSection, SolverSection
 from ..scene.garment_schema import GarmentSection
 from ..scene.schema import FabricSection, Scene
 

@@ -5,10 +5,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from taichi_cloth.weave.colour_order import srgb_to_linear
-from taichi_cloth.ground.errors import InputError
 from taichi_cloth.garment.pattern.pattern import Panel
 from taichi_cloth.garment.pattern.prints import Print
+from taichi_cloth.ground.errors import InputError
+from taichi_cloth.weave.colour_order import srgb_to_linear
 
 from ..scene.garment_schema import PrintSection
 

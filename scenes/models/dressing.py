@@ -12,23 +12,23 @@ from taichi_cloth.body.colliders.grid import DistanceGrid
 from taichi_cloth.body.moving.motion import Motion
 from taichi_cloth.body.primitives.primitives import Primitive
 from taichi_cloth.body.skin.skinning import Body
-from taichi_cloth.ground.cache import digest, kept
-from taichi_cloth.ground.errors import InputError
-from taichi_cloth.motion.forces import Forces
 from taichi_cloth.garment.pattern.cut import cut, spacing_for
 from taichi_cloth.garment.pattern.drafts import DRAFTS, Cut, draft
 from taichi_cloth.garment.pattern.fitting import fitted
 from taichi_cloth.garment.pattern.garmentcode import read_garmentcode
-from taichi_cloth.garment.sewn.limbs import spared
 from taichi_cloth.garment.pattern.measure import figure_of
 from taichi_cloth.garment.pattern.pattern import Pattern
+from taichi_cloth.garment.sewn.limbs import spared
 from taichi_cloth.garment.sewn.sew import Garment, Worn, sew
+from taichi_cloth.ground.cache import digest, kept
+from taichi_cloth.ground.errors import InputError
+from taichi_cloth.motion.forces import Forces
 from taichi_cloth.motion.simulation import Simulation
 
 from ..scene.body_section import BodySection, prepare_body, prepare_motion
 from ..scene.garment_schema import GarmentSection
-from .moving import forces_of, material_of
 from ..scene.schema import Scene
+from .moving import forces_of, material_of
 from .standing import grids_of, primitives_of
 
 __all__ = ["Dressed", "Parts", "dress", "dressed_parts", "garment_of", "motion_of", "simulation_of"]

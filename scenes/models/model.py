@@ -8,14 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_cloth.detail.streaming import FabricStream
+from taichi_cloth.ground.particles import FibreCloud
 
 from ...render.data.blocks import ParticleBlocks
-from ...render.tiles.mesh import Mesh
 from ...render.data.particles import Particles
-from .facts import Fact
+from ...render.tiles.mesh import Mesh
 from ..scene.schema import Scene
+from .facts import Fact
 
-__all__ = ["Model", "Numbers", "Panel"]
+__all__ = ["OPACITY", "Model", "Numbers", "Panel", "joined", "particles_of"]
+
+OPACITY = 1.0
+"""Of every particle that a model draws."""
 
 
 @dataclass(frozen=True)
@@ -56,3 +60,22 @@ class Model(Protocol):
     def panels(self) -> Sequence[Panel]: ...
 
     def facts(self) -> list[Fact]: ...
+
+
+def particles_of(cloud: FibreCloud) -> Particles:
+    """A cloud as the renderer takes it."""
+    return Particles(
+        position=cloud.position,
+        radius=cloud.radius,
+        colour=cloud.colour,
+        tangent=cloud.tangent,
+        normal=cloud.normal,
+        half_length=cloud.half_length,
+        openness=cloud.openness,
+        opacity=OPACITY,
+    )
+
+
+def joined(clouds: Sequence[FibreCloud]) -> FibreCloud:
+    """Several clouds as one."""
+    return FibreCloud(*(np.concatenate([getattr(c, f) for c in clouds]) for f in FibreCloud.__dataclass_fields__))

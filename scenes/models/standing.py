@@ -11,16 +11,16 @@ from taichi_cloth.body.colliders.colliders import Colliders
 from taichi_cloth.body.colliders.grid import DistanceGrid, part_grids
 from taichi_cloth.body.moving.motion import Motion
 from taichi_cloth.body.parts.parts import JOINTS as PART_JOINTS
+from taichi_cloth.body.parts.segment import segment
 from taichi_cloth.body.primitives.primitive_arrays import primitives_from, primitives_to
 from taichi_cloth.body.primitives.primitive_file import load_primitives
 from taichi_cloth.body.primitives.primitives import Primitive
 from taichi_cloth.body.primitives.ready import fit_body, ready_primitives
-from taichi_cloth.body.parts.segment import segment
 from taichi_cloth.body.skin.skinning import Body
-from taichi_cloth.ground.cache import digest, kept
-from taichi_cloth.weave.colour_order import colour
-from taichi_cloth.ground.errors import InputError
 from taichi_cloth.garment.sewn.skin import beneath
+from taichi_cloth.ground.cache import digest, kept
+from taichi_cloth.ground.errors import InputError
+from taichi_cloth.weave.colour_order import colour
 
 from ...render.tiles.mesh import Mesh
 from ..scene.body_section import BodySection, prepare_body, prepare_motion

@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_cloth.fabric.fabric import build_fabric
-from taichi_cloth.weave.colour_order import colour, thread_repeat
 from taichi_cloth.fabric.follow import FibreFollower
 from taichi_cloth.garment.pattern.cut import Atlas
 from taichi_cloth.garment.sewn.limbs import spared
@@ -15,20 +14,21 @@ from taichi_cloth.garment.sewn.stitches import Stitches
 from taichi_cloth.garment.sewn.surface import Surface
 from taichi_cloth.garment.sewn.weaving import Colours, Weaving, crossings_shape
 from taichi_cloth.motion.simulation import Simulation
+from taichi_cloth.weave.colour_order import colour, thread_repeat
 
 from ...render.data.blocks import ParticleBlocks
 from ...render.data.camera import box_corners
 from ...render.tiles.mesh import Mesh
 from ..scene.body_section import BodySection
-from .cloth import ALBEDO, nothing
-from .dressing import (Dressed, Parts, Progress, dress, motion_of, simulation_of)
-from .facts import Fact, fabric_facts, yarn_facts
 from ..scene.garment_schema import PanelColours
+from ..scene.schema import FabricSection, Scene, Weave, WeavePatch
+from .cloth import ALBEDO, nothing
+from .dressing import Dressed, Parts, Progress, dress, motion_of, simulation_of
+from .facts import Fact, fabric_facts, yarn_facts
 from .kept import KeptRun
 from .model import Numbers, Panel
-from .prepare import (Prepared, draft_of, prepare_fabric, yarn_colours)
+from .prepare import Prepared, draft_of, prepare_fabric, yarn_colours
 from .prints import print_of
-from ..scene.schema import (FabricSection, Scene, Weave, WeavePatch)
 from .standing import skin_mesh
 
 __all__ = ["GarmentModel", "colours_of", "woven_garment"]
