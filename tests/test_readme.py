@@ -43,3 +43,15 @@ def test_every_scene_and_override_it_names_is_allowed(line: str, monkeypatch: py
         load_scene(words[0], known)
     else:
         assert words[0] == "SCENE"
+
+
+def test_every_file_the_house_names_is_there():
+    """From a step of the paper to the file that takes it; a name alone lies beside the one before it."""
+    steps = re.findall(r"^\| [\d., ]+ \|.*\| (.*) \|$", (ROOT / "docs" / "house.md").read_text("utf-8"), re.MULTILINE)
+    assert len(steps) > 15
+    for step in steps:
+        folder = ROOT
+        for name in re.findall(r"`([\w/]+\.py)`", step):
+            path = ROOT / name if "/" in name else folder / name
+            assert path.is_file(), f"{name} in: {step}"
+            folder = path.parent

@@ -60,6 +60,9 @@ def load_scene(name: str, overrides: list[str] | None = None) -> Scene:
     the scene says of these for its own draft is dropped; further overrides still hold. With a pattern from a file,
     `garment.pattern`, its strain limit takes PATTERN_PASSES, likewise.
     Raises InputError, one line: which file, key and value, what is allowed, and the nearest right spelling.
+
+    >>> load_scene("swatch", ["weave.draft=satin-5", "output.views=4"]).output.views
+    4
     """
     data, where, folder = _read(name)
     given = {key.strip(): value.strip() for key, _, value in (text.partition("=") for text in overrides or [])}

@@ -32,7 +32,11 @@ def cotton_diameter_m(tex: ArrayLike) -> NDArray[np.float64]:
 
 
 def areal_mass_gsm(threads_per_cm: ArrayLike, tex: ArrayLike, crimp_fraction: ArrayLike) -> float:
-    """Mass of cloth [g/m²]: the sum over families of threads/cm · tex · (1 + c) / 10."""
+    """Mass of cloth [g/m²]: the sum over families of threads/cm · tex · (1 + c) / 10.
+
+    >>> round(areal_mass_gsm([24, 22], [20, 20], [0.08, 0.06]), 2)  # a shirting
+    98.48
+    """
     n, t, c = (np.asarray(v, dtype=np.float64) for v in (threads_per_cm, tex, crimp_fraction))
     return float(np.sum(n * t * (1 + c)) / 10)
 

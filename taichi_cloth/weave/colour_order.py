@@ -87,6 +87,9 @@ def colour(name: str) -> NDArray[np.float32]:
 def thread_colours(order: Order, count: int) -> NDArray[np.float32]:
     """Linear RGB of each of `count` threads, float32 (count, 3), the order repeated from the first thread.
 
+    >>> thread_colours("#fff*2 #000*1", 4)[:, 0].tolist()
+    [1.0, 1.0, 0.0, 1.0]
+
     Raises InputError on an unknown colour, a stripe of 0 threads, an empty order, or too long a one.
     """
     if isinstance(count, bool) or not isinstance(count, (int, np.integer)) or not 1 <= count <= MAX_CROSSINGS:

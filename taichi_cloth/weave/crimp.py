@@ -319,6 +319,10 @@ def peirce(pitch: float, d1: float, d2: float, *, balance: float = 0.5) -> Peirc
     """Peirce's plain weave: yarn 1 of diameter d1 over threads of diameter d2 at this pitch, h1 = balance
     (d1 + d2).
 
+    >>> cell = peirce(1.0, 0.3, 0.3)
+    >>> round(cell.crimp, 3), round(cell.height, 3)
+    (0.047, 0.3)
+
     Raises InputError when the threads jam, pitch < (d1 + d2) sqrt(1 - (1 - balance)²), or a size is not
     above 0.
     """

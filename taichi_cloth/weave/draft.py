@@ -151,6 +151,11 @@ def named_weave(name: str, *, ends: int | None = None, picks: int | None = None)
     (warp-faced) and sateen-N[/STEP] (weft-faced); basket-A/B (A ends and B picks as one); herringbone-A/A
     (twill that turns back).
 
+    >>> print(named_weave("twill-2/1").warp_up.astype(int))
+    [[1 1 0]
+     [0 1 1]
+     [1 0 1]]
+
     Raises InputError when the name is unknown or its numbers make no weave, or the size is out of bounds.
     """
     if not isinstance(name, str):
@@ -253,6 +258,9 @@ def longest_float(warp_up: ArrayLike) -> tuple[int, int]:
 
     warp_up: bool (picks, ends), taken as a repeat. A thread that never changes face counts as its whole
     repeat.
+
+    >>> longest_float(named_weave("satin-5").warp_up)
+    (4, 4)
     """
     up = np.asarray(warp_up, dtype=bool)
     return _longest_run(up.T), _longest_run(up)

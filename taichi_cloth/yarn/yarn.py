@@ -24,12 +24,20 @@ Direction = Literal["S", "Z"]
 
 
 def ne_to_tex(count_ne: float) -> float:
-    """English cotton count Ne (hanks of 840 yd per pound) as tex [g/km]: tex = 590.5 / Ne."""
+    """English cotton count Ne (hanks of 840 yd per pound) as tex [g/km]: tex = 590.5 / Ne.
+
+    >>> round(ne_to_tex(30), 2)
+    19.68
+    """
     return 590.5 / count_ne
 
 
 def resultant_count(n1: float, n2: float) -> float:
-    """Count of two singles folded together, in an indirect system such as Ne: N1·N2 / (N1 + N2)."""
+    """Count of two singles folded together, in an indirect system such as Ne: N1·N2 / (N1 + N2).
+
+    >>> resultant_count(30, 30)
+    15.0
+    """
     return n1 * n2 / (n1 + n2)
 
 
