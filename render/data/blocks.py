@@ -1,9 +1,5 @@
-"""Particles as the kernels read them: blocks of 16 particles, and for each property a row of all blocks.
-
-With 16 neighbours of one property side by side, a load fills a vector register and projection and shading run
-16 particles at a time. Each property lies in memory by itself, so that what moves is written without touching
-what stays.
-"""
+"""Particles as the kernels read them: blocks of 16, and for each number of a particle's record (`RECORD` in
+`ground.particles`) a row of all blocks."""
 
 from dataclasses import dataclass, field
 
@@ -11,14 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_cloth.ground.errors import InputError
-from taichi_cloth.ground.particles import LANES
+from taichi_cloth.ground.particles import LANES, POSITION, RADIUS, RECORD
 
 from .particles import Particles
 
-__all__ = ["COLOUR", "NORMAL", "POSITION", "RADIUS", "TANGENT", "Layout", "ParticleBlocks", "pack"]
-
-POSITION, RADIUS, COLOUR, TANGENT, NORMAL = 0, 3, 4, 7, 10
-"""First row of each property that every layout has."""
+__all__ = ["Layout", "ParticleBlocks", "pack"]
 
 MAX_INDEX = 2**31 - 1
 """Taichi counts the elements of an array with 32-bit integers."""
@@ -38,24 +31,38 @@ class Layout:
 
     @property
     def half_length_row(self) -> int:
-        return 13
+        return self._before("half_length")
 
     @property
     def openness_row(self) -> int:
-        return 13 + self.elliptic
+        return self._before("openness")
 
     @property
     def opacity_row(self) -> int:
-        return 13 + self.elliptic + self.openness
+        return self._before("opacity")
 
     @property
     def sprite_row(self) -> int:
-        return 13 + self.elliptic + self.openness + self.opacity
+        return self._before("sprite")
 
     @property
     def rows(self) -> int:
         """How many there are."""
-        return 13 + self.elliptic + self.openness + self.opacity + self.textured
+        return self._before(None)
+
+    @property
+    def names(self) -> list[str]:
+        """The properties there are, in the order of their rows."""
+        optional = {"half_length": self.elliptic, "openness": self.openness}
+        optional |= {"opacity": self.opacity, "sprite": self.textured}
+        return [one.name for one in RECORD if optional.get(one.name, one.given == "always")]
+
+    def _before(self, name: str | None) -> int:
+        """Rows that stand before those of a property; None: all rows."""
+        before = [one for one in RECORD if one.name == name]
+        stop = RECORD.index(before[0]) if before else len(RECORD)
+        names = self.names
+        return sum(one.numbers for one in RECORD[:stop] if one.name in names)
 
     @property
     def splat_size(self) -> int:
@@ -115,17 +122,13 @@ def pack(particles: Particles, *, textured: bool) -> tuple[Layout, NDArray[np.fl
     limit = MAX_INDEX // max(layout.rows, layout.splat_size) - LANES
     if count > limit:
         raise InputError(f"particles: {count}; allowed: up to {limit} at once; draw them in several parts")
-    columns = [*particles.position.T, particles.radius]
-    for triple in (particles.colour, particles.tangent, particles.normal):
-        columns += [*triple.T]
-    for optional in (particles.half_length, particles.openness):
-        if optional is not None:
-            columns.append(optional)
-    if layout.opacity:
-        columns.append(np.asarray(particles.opacity))
-    if layout.textured:
-        sprite = particles.sprite
-        columns.append(np.zeros(count, np.float32) if sprite is None else sprite.astype(np.float32))
+    columns = []
+    for name in layout.names:
+        values = getattr(particles, name)
+        if values is None:  # no numbers of sprites: all are the first
+            values = np.zeros(count, np.float32)
+        values = np.asarray(values, np.float32)
+        columns += [*values.T] if values.ndim == 2 else [values]
 
     drawn = particles.radius > 0
     for column in columns:

@@ -1,5 +1,7 @@
 """How large the maps of light are, and what memory they take; known without Taichi, so that a plan can say it."""
 
+from taichi_cloth.ground.particles import ROWS
+
 __all__ = [
     "KEY_STRIDE",
     "LAYERS",
@@ -47,7 +49,7 @@ def light_bytes(particles: int, *, shadows: int, occlusion: bool, chunks: int = 
     and what it works with. shadows: lights that cast one. A map has no more than four texels a particle."""
     texels = 1.2 * min(MAP_SIZE**2, 4 * particles) * 4 / 3
     one = texels * (LAYERS + 1) * 4 + particles * 4
-    few = particles / KEY_STRIDE * (STAMP_ROWS + 15) * 4
+    few = particles / KEY_STRIDE * (STAMP_ROWS + ROWS) * 4
     dome = SKY_DIRECTIONS * 1.2 * min(SKY_SIZE**2, 4 * particles) * (LAYERS + 2) * 4 + particles * 4
-    working = particles / SKY_STRIDE * (15 + chunks * SCRATCH_ROWS) * 4
+    working = particles / SKY_STRIDE * (ROWS + chunks * SCRATCH_ROWS) * 4
     return int(shadows * one + (few if shadows else 0) + (dome + working if occlusion else 0))

@@ -10,7 +10,7 @@ from math import ceil, log2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..data.blocks import RADIUS
+from taichi_cloth.ground.particles import RADIUS
 
 __all__ = ["Fit", "fit", "step_up", "typical_radius"]
 

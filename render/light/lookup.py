@@ -6,9 +6,9 @@
 import taichi as ti
 
 from taichi_cloth.ground.arrays import F32x1, F32x2, Float, I32x2, Int, Template
-from taichi_cloth.ground.particles import LANES, Blocks, Vec16, keep
+from taichi_cloth.ground.particles import LANES, NORMAL, POSITION, RADIUS
+from taichi_cloth.ground.vectors import Blocks, Vec16, keep
 
-from ..data.blocks import NORMAL, POSITION, RADIUS
 from ..data.light_sizes import LAYERS
 from .transmittance import AWAY, ORIGIN, RIGHT, SCALE, UP, layer_of
 

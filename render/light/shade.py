@@ -12,9 +12,9 @@ from math import pi
 import taichi as ti
 
 from taichi_cloth.ground.arrays import F32x2, Template
-from taichi_cloth.ground.particles import Blocks, Vec16
+from taichi_cloth.ground.particles import COLOUR, NORMAL, POSITION, TANGENT
+from taichi_cloth.ground.vectors import Blocks, Vec16
 
-from ..data.blocks import COLOUR, NORMAL, POSITION, TANGENT
 from .fibre import lobes
 
 __all__ = ["CONSTANT_ROWS", "PLAIN", "Shading", "rise", "shade"]

@@ -16,9 +16,9 @@ bilinearly between four texels. A direction belongs to one thread.
 import taichi as ti
 
 from taichi_cloth.ground.arrays import F32x1, F32x2, F32x3, Float, I32x2, Int, Template
-from taichi_cloth.ground.particles import LANES, Blocks, Vec16, keep
+from taichi_cloth.ground.particles import LANES, NORMAL, POSITION, RADIUS, TANGENT
+from taichi_cloth.ground.vectors import Blocks, Vec16, keep
 
-from ..data.blocks import NORMAL, POSITION, RADIUS, TANGENT
 from ..data.light_sizes import LAYERS
 from ..tiles.sort import CHUNK_STEPS, share
 from .fibre import decay

@@ -13,9 +13,10 @@ import taichi as ti
 from numpy.typing import NDArray
 
 from taichi_cloth.ground.arrays import F32x3, Int, Template
-from taichi_cloth.ground.particles import LANES, keep
+from taichi_cloth.ground.particles import LANES, POSITION, RADIUS
+from taichi_cloth.ground.vectors import keep
 
-from ..data.blocks import POSITION, RADIUS, Layout
+from ..data.blocks import Layout
 
 __all__ = ["chained", "spread", "thin"]
 

@@ -22,9 +22,9 @@ gives the same map for any number of bands.
 import taichi as ti
 
 from taichi_cloth.ground.arrays import F32x1, F32x2, F32x3, Float, I32x1, I32x2, Int, Template
-from taichi_cloth.ground.particles import LANES, Blocks, Vec16
+from taichi_cloth.ground.particles import LANES, POSITION, RADIUS, TANGENT
+from taichi_cloth.ground.vectors import Blocks, Vec16
 
-from ..data.blocks import POSITION, RADIUS, TANGENT
 from ..data.light_sizes import LAYERS
 from ..tiles.sort import CHUNK_STEPS, share
 from .fibre import decay

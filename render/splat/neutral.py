@@ -9,7 +9,8 @@
 import taichi as ti
 
 from taichi_cloth.ground.arrays import F32x1, F32x3, I32x1, I32x2, Int, Template
-from taichi_cloth.ground.particles import TILE, Planes
+from taichi_cloth.ground.particles import TILE
+from taichi_cloth.ground.vectors import Planes
 
 from ..image.tone import NEUTRAL_FADE, NEUTRAL_FOOT, NEUTRAL_START, NEUTRAL_TOE
 from ..tiles.rows import HALF, packed

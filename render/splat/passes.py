@@ -23,10 +23,11 @@ from numpy.typing import NDArray
 
 from taichi_cloth.ground.arrays import F32x1, F32x2, F32x3, Float, I32x1, I32x2, Int, Template
 from taichi_cloth.ground.errors import InputError, did_you_mean
-from taichi_cloth.ground.particles import LANES, TILE, Vec16, keep
+from taichi_cloth.ground.particles import LANES, NORMAL, RADIUS, TILE
+from taichi_cloth.ground.vectors import Vec16, keep
 
 from ..data.backdrop import Backdrop
-from ..data.blocks import NORMAL, RADIUS, ParticleBlocks
+from ..data.blocks import ParticleBlocks
 from ..data.camera import Camera
 from ..data.particles import Particles
 from ..tiles.mesh import Mesh, from_behind, normals_at

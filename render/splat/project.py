@@ -14,9 +14,9 @@ Numbers of one splat, `splats[i]` float32 (see `Layout.splat_size`):
 import taichi as ti
 
 from taichi_cloth.ground.arrays import F32x2, I32x1, I32x2, I64x1, Int, Template
-from taichi_cloth.ground.particles import LANES, TILE, Blocks, Vec16
+from taichi_cloth.ground.particles import LANES, POSITION, RADIUS, TANGENT, TILE
+from taichi_cloth.ground.vectors import Blocks, Vec16
 
-from ..data.blocks import POSITION, RADIUS, TANGENT
 from ..light.shade import DEPTH, EDGE, IMAGE, KEY_DIRECTION, LENS, SURFACE, TRANSLATION, shade
 from ..tiles.compiling import left_to_llvm
 from ..tiles.sort import BINS, CHUNK_STEPS, share

@@ -15,7 +15,7 @@ import taichi as ti
 from numpy.typing import NDArray
 
 from taichi_cloth.ground.arrays import F32x1, F32x2, F32x3, I32x1, I32x2, Int, Template
-from taichi_cloth.ground.particles import keep
+from taichi_cloth.ground.vectors import keep
 
 from ..data.backdrop import Backdrop, padded, tiled
 from ..data.camera import Camera

@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from taichi_cloth.ground.arrays import F32x2, Float, I32x1, I32x2, Int
 from taichi_cloth.ground.errors import InputError
-from taichi_cloth.ground.particles import keep
+from taichi_cloth.ground.vectors import keep
 
 from ..data.backdrop import OPEN, padded
 from ..data.camera import Camera

@@ -14,7 +14,8 @@ of a loop then costs little, as what comes after it waits for nothing.
 import taichi as ti
 
 from taichi_cloth.ground.arrays import F32x1, F32x2, F32x3, Float, I32x1, I32x2, Int, Template
-from taichi_cloth.ground.particles import TILE, Blocks, Planes, Vec8, Vec16
+from taichi_cloth.ground.particles import TILE
+from taichi_cloth.ground.vectors import Blocks, Planes, Vec8, Vec16
 
 from .compiling import left_to_llvm
 from .rows import BOTH, HALF, LUT_STEPS, add, largest, least, most_of, packed, put, row_from_sprite, row_of, shown, span

@@ -6,7 +6,8 @@
 import taichi as ti
 
 from taichi_cloth.ground.arrays import F32x1, F32x2, F32x3, I32x1, Template
-from taichi_cloth.ground.particles import LANES, TILE, Vec8, Vec16
+from taichi_cloth.ground.particles import LANES, TILE
+from taichi_cloth.ground.vectors import Vec8, Vec16
 
 __all__ = [
     "BOTH",

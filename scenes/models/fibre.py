@@ -1,5 +1,6 @@
 """One fibre, as spheres and as particles (paper 2.1)."""
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -105,12 +106,4 @@ def upright(cloud: FibreCloud) -> FibreCloud:
 
     position = turn(cloud.position)
     position = position - np.array([0.0, (position[:, 1].min() + position[:, 1].max()) / 2, 0.0], np.float32)
-    return FibreCloud(
-        position=position,
-        tangent=turn(cloud.tangent),
-        normal=turn(cloud.normal),
-        colour=cloud.colour,
-        radius=cloud.radius,
-        half_length=cloud.half_length,
-        openness=cloud.openness,
-    )
+    return replace(cloud, position=position, tangent=turn(cloud.tangent), normal=turn(cloud.normal))

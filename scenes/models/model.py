@@ -16,7 +16,7 @@ from ...render.tiles.mesh import Mesh
 from ..scene.schema import Scene
 from .facts import Fact
 
-__all__ = ["OPACITY", "Model", "Numbers", "Panel", "joined", "particles_of"]
+__all__ = ["OPACITY", "Model", "Numbers", "Panel", "particles_of"]
 
 OPACITY = 1.0
 """Of every particle that a model draws."""
@@ -64,18 +64,4 @@ class Model(Protocol):
 
 def particles_of(cloud: FibreCloud) -> Particles:
     """A cloud as the renderer takes it."""
-    return Particles(
-        position=cloud.position,
-        radius=cloud.radius,
-        colour=cloud.colour,
-        tangent=cloud.tangent,
-        normal=cloud.normal,
-        half_length=cloud.half_length,
-        openness=cloud.openness,
-        opacity=OPACITY,
-    )
-
-
-def joined(clouds: Sequence[FibreCloud]) -> FibreCloud:
-    """Several clouds as one."""
-    return FibreCloud(*(np.concatenate([getattr(c, f) for c in clouds]) for f in FibreCloud.__dataclass_fields__))
+    return Particles(**vars(cloud), opacity=OPACITY)

@@ -8,7 +8,7 @@ from taichi_cloth.yarn.twisting import TwistingYarn
 
 from ..scene.schema import Scene
 from .facts import Fact, yarn_facts
-from .model import Numbers, Panel, joined, particles_of
+from .model import Numbers, Panel, particles_of
 from .prepare import fibre_kind, yarn_of
 
 __all__ = ["TwistModel"]
@@ -53,7 +53,7 @@ class TwistModel:
 
     def panels(self) -> list[Panel]:
         t = self.twisting
-        cloud = joined([t.cloud(), *self.nips])
+        cloud = FibreCloud.joined([t.cloud(), *self.nips])
         cloud.position[:, 0] -= (t.a + t.b) / 2
         twist_a, twist_b = t.twist
         caption = (

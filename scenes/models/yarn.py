@@ -10,7 +10,7 @@ from taichi_cloth.yarn.spin import Period, Strands, hairs, spin
 from ..scene.schema import Scene
 from .facts import Fact, yarn_facts
 from .fibre import upright
-from .model import Numbers, Panel, joined, particles_of
+from .model import Numbers, Panel, particles_of
 from .prepare import fibre_kind, yarn_of
 
 __all__ = ["YarnModel"]
@@ -36,7 +36,7 @@ class YarnModel:
         albedo = colour(section.colour) if section.colour else np.asarray(kind.colour, np.float32)
         self.strands = parts
         clouds = [_strand_cloud(part, albedo) for part in parts]
-        self.cloud = joined(clouds)
+        self.cloud = FibreCloud.joined(clouds)
 
     def step(self, frame: int) -> None:
         """A yarn at rest does not move."""

@@ -11,9 +11,21 @@ from math import pi
 
 import taichi as ti
 
-from taichi_cloth.detail.streaming import LANES, ROWS, TILE
-from taichi_cloth.fabric.laying import block_ends, frame_at, placed, row, turned
+from taichi_cloth.fabric.laying import block_ends, laid, row
+from taichi_cloth.fabric.templates import COLUMN
 from taichi_cloth.ground.arrays import F32x1, F32x2, F32x3, Float, I16x2, I32x1, I32x2, I64x1, Int
+from taichi_cloth.ground.particles import (
+    COLOUR,
+    HALF_LENGTH,
+    LANES,
+    NORMAL,
+    OPENNESS,
+    POSITION,
+    RADIUS,
+    ROWS,
+    TANGENT,
+    TILE,
+)
 
 __all__ = ["THREAD", "WIDTH", "place", "split", "surface"]
 
@@ -88,19 +100,16 @@ def split(
             m = 0
             while q < starts[i + 1]:
                 t = t0 + m
-                u = particle[t, 0]
-                along, across, up = frame_at(a0, a1, n0, n1, u)
-                x = placed(p0, p1, u, along, across, up, particle[t, 1], particle[t, 2], particle[t, 3])
-                d = turned(along, across, up, particle[t, 4], particle[t, 5], particle[t, 6])
-                normal = turned(along, across, up, particle[t, 7], particle[t, 8], particle[t, 9])
+                x, d, normal = laid(particle, t, p0, p1, a0, a1, n0, n1)
+                u = particle[t, COLUMN.u]
                 side = d.cross(normal)
                 is_core = m < core[b]
                 line = m // steps[b] if is_core else 100000 + m
                 count = each[b] if is_core else 1
                 many = ti.cast(count, ti.f32)
-                radius = particle[t, 10]
+                radius = particle[t, COLUMN.radius]
                 for j in range(count):
-                    here, r, outward, tone = x, radius, normal, particle[t, 13]
+                    here, r, outward, tone = x, radius, normal, particle[t, COLUMN.tone]
                     far = 0.0
                     if count > 1:
                         rho = ti.sqrt((j + 0.5) / many)
@@ -123,8 +132,8 @@ def split(
                         pieces_out[q, 7 + c] = d[c]
                         pieces_out[q, 10 + c] = outward[c]
                     pieces_out[q, 3] = r
-                    pieces_out[q, 13] = particle[t, 11]
-                    pieces_out[q, 14] = particle[t, 12]
+                    pieces_out[q, 13] = particle[t, COLUMN.half_length]
+                    pieces_out[q, 14] = particle[t, COLUMN.openness]
                     pieces_out[q, 15] = u * periods + _hash(line * 64 + j, yarn + 101)
                     pieces_out[q, 16] = pitch[b] / periods
                     pieces_out[q, 17] = 6.2831853 * _hash(line * 64 + j, yarn + 57)
@@ -287,12 +296,12 @@ def surface(
                         x = middle + radius * rho * e
                         block, lane = q // LANES, q % LANES
                         for c in ti.static(range(3)):
-                            blocks_out[c, block, lane] = x[c]
-                            blocks_out[4 + c, block, lane] = pieces[p, 4 + c] * tint
-                            blocks_out[7 + c, block, lane] = d[c]
-                            blocks_out[10 + c, block, lane] = n[c]
+                            blocks_out[POSITION + c, block, lane] = x[c]
+                            blocks_out[COLOUR + c, block, lane] = pieces[p, 4 + c] * tint
+                            blocks_out[TANGENT + c, block, lane] = d[c]
+                            blocks_out[NORMAL + c, block, lane] = n[c]
                         width = ti.sqrt(rho * rho + by_angle * by_angle) * radius * ARC / around
-                        blocks_out[3, block, lane] = 0.8 * width
-                        blocks_out[13, block, lane] = ti.max(1.5 * gap, 0.8 * width)
-                        blocks_out[14, block, lane] = pieces[p, 14]
+                        blocks_out[RADIUS, block, lane] = 0.8 * width
+                        blocks_out[HALF_LENGTH, block, lane] = ti.max(1.5 * gap, 0.8 * width)
+                        blocks_out[OPENNESS, block, lane] = pieces[p, 14]
                         q += 1

@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from taichi_cloth.detail.pieces import THREAD, WIDTH, place, split, surface
-from taichi_cloth.detail.streaming import COLUMNS, LANES, ROWS, FabricStream, Pinhole, Survey
+from taichi_cloth.detail.streaming import FabricStream, Pinhole, Survey
 from taichi_cloth.fabric.fabric import Fabric
 from taichi_cloth.fabric.layout import BODY, Blocks
 from taichi_cloth.fabric.templates import build_templates
+from taichi_cloth.ground.particles import LANES, ROWS, fill_up
 
 __all__ = ["RefiningStream"]
 
@@ -135,10 +136,7 @@ class RefiningStream:
             self.surface_gain,
             batch,
         )
-        filled = int(starts[-1]) % LANES
-        if filled:
-            batch[:, -1, filled:] = batch[:, -1, filled - 1, None]
-            batch[3, -1, filled:] = 0.0
+        fill_up(batch, int(starts[-1]))
         return batch, (rows + more) * LANES
 
     def numbers(self, survey: Refined, chosen: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
@@ -193,7 +191,7 @@ class RefiningStream:
             finer = replace(layout, blocks=fewer, detail=replace(layout.detail, steps=self.steps))
             bank = build_templates(finer)
             fabric = Fabric(finer, bank, self.base.fabric.thread_colour, bank.particle_start)
-            self._fine = (fabric, np.column_stack([getattr(bank, c) for c in COLUMNS]).astype(np.float32))
+            self._fine = (fabric, bank.packed())
         fabric, particles = self._fine
         layout, bank = fabric.layout, fabric.bank
         where = np.searchsorted(self._known, near).astype(np.int32)

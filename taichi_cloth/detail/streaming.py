@@ -21,25 +21,33 @@ from numpy.typing import NDArray
 
 from taichi_cloth.detail.thinning import FADE, FULL, UNCHANGED, Gains, gain, thinned_to
 from taichi_cloth.fabric.fabric import Fabric
-from taichi_cloth.fabric.laying import block_ends, frame_at, placed, row, turned
+from taichi_cloth.fabric.laying import block_ends, laid, row
 from taichi_cloth.fabric.layout import frames
+from taichi_cloth.fabric.templates import COLUMN
 from taichi_cloth.ground.arrays import F32x1, F32x2, F32x3, Float, I16x2, I32x1, I64x1, Int
+from taichi_cloth.ground.particles import (
+    COLOUR,
+    HALF_LENGTH,
+    LANES,
+    NORMAL,
+    OPENNESS,
+    POSITION,
+    RADIUS,
+    ROWS,
+    TANGENT,
+    TILE,
+    fill_up,
+)
 
-__all__ = ["LANES", "ROWS", "FabricStream", "Pinhole", "Survey"]
+__all__ = ["FabricStream", "Pinhole", "Survey"]
 
 F32 = NDArray[np.float32]
 I32 = NDArray[np.int32]
-LANES = 16
-ROWS = 15
-"""Rows of a block of 16 particles: position 0–2, radius 3, colour 4–6, tangent 7–9, normal 10–12, half length 13,
-openness 14."""
-COLUMNS = ("u", "offset", "tangent", "normal", "radius", "half_length", "openness", "tone")
 GOLDEN = 0.6180339887498949
 ROOT_2 = 1779033703
 """The fraction of √2 in 32 bits: a block's multiple of it is where it begins on its template's ring."""
 LOG2 = log(2.0)
 CHUNK_STEPS = 1024  # Taichi on a CPU gives a thread at least 512 iterations (see render/sort.py)
-TILE = 16
 
 
 class Pinhole(Protocol):
@@ -99,7 +107,7 @@ class FabricStream:
         template = np.repeat(np.arange(len(size)), size)
         place = np.arange(len(template)) - bank.start[template]
         order = np.lexsort(((place * GOLDEN + template * (1 - GOLDEN)) % 1.0, template))
-        self.particles = np.ascontiguousarray(np.column_stack([getattr(bank, c)[order] for c in COLUMNS]), np.float32)
+        self.particles = bank.packed()[order]
         self.size = size.astype(np.int32)
         used = np.zeros(len(size))  # the longest pitch each template is laid on
         np.maximum.at(used, bank.template, self.pitch)
@@ -187,9 +195,7 @@ class FabricStream:
             self.gains.at(survey.tilt),
             out,
         )
-        if total % LANES:  # places that fill up the last block: nothing, where something is
-            out[:, -1, total % LANES :] = out[:, -1, total % LANES - 1, None]
-            out[3, -1, total % LANES :] = 0.0
+        fill_up(out, total)
         return out, total
 
     def sample(self, most: int) -> F32:
@@ -358,22 +364,19 @@ def _lay(
             for m in range(count):
                 t, q = first + m, q0 + m
                 t = t0 + (t if t < size[kind] else t - size[kind])
-                u = particle[t, 0]
-                along, across, up = frame_at(a0, a1, n0, n1, u)
-                x = placed(p0, p1, u, along, across, up, particle[t, 1], particle[t, 2], particle[t, 3])
-                d = turned(along, across, up, particle[t, 4], particle[t, 5], particle[t, 6])
-                normal = turned(along, across, up, particle[t, 7], particle[t, 8], particle[t, 9])
+                x, d, normal = laid(particle, t, p0, p1, a0, a1, n0, n1)
                 faded = ti.math.clamp((drawn - m) / (FADE * drawn), 0.0, 1.0)
                 grown = ti.sqrt(larger * faded) * wider if share < FULL else 1.0
                 block, lane = q // LANES, q % LANES
                 for c in ti.static(range(3)):
-                    blocks_out[c, block, lane] = x[c]
-                    blocks_out[7 + c, block, lane] = d[c]
-                    blocks_out[10 + c, block, lane] = normal[c]
-                tone = particle[t, 13]
-                blocks_out[3, block, lane] = particle[t, 10] * grown
-                blocks_out[4, block, lane] = red * tone
-                blocks_out[5, block, lane] = green * tone
-                blocks_out[6, block, lane] = blue * tone
-                blocks_out[13, block, lane] = particle[t, 11] * grown
-                blocks_out[14, block, lane] = particle[t, 12] + opened * (most - particle[t, 12])
+                    blocks_out[POSITION + c, block, lane] = x[c]
+                    blocks_out[TANGENT + c, block, lane] = d[c]
+                    blocks_out[NORMAL + c, block, lane] = normal[c]
+                tone = particle[t, COLUMN.tone]
+                blocks_out[RADIUS, block, lane] = particle[t, COLUMN.radius] * grown
+                blocks_out[COLOUR, block, lane] = red * tone
+                blocks_out[COLOUR + 1, block, lane] = green * tone
+                blocks_out[COLOUR + 2, block, lane] = blue * tone
+                blocks_out[HALF_LENGTH, block, lane] = particle[t, COLUMN.half_length] * grown
+                openness = particle[t, COLUMN.openness]
+                blocks_out[OPENNESS, block, lane] = openness + opened * (most - openness)

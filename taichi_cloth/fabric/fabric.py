@@ -16,11 +16,21 @@ import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
 
-from taichi_cloth.fabric.laying import block_ends, frame_at, placed, turned
+from taichi_cloth.fabric.laying import block_ends, laid
 from taichi_cloth.fabric.layout import FabricLayout, frames
-from taichi_cloth.fabric.templates import TemplateBank, build_templates
+from taichi_cloth.fabric.templates import COLUMN, TemplateBank, build_templates
 from taichi_cloth.ground.arrays import F32x1, F32x2, I32x1, I64x1
-from taichi_cloth.ground.particles import FibreCloud
+from taichi_cloth.ground.particles import (
+    COLOUR,
+    HALF_LENGTH,
+    NORMAL,
+    OPENNESS,
+    POSITION,
+    RADIUS,
+    ROWS,
+    TANGENT,
+    FibreCloud,
+)
 
 __all__ = ["Fabric", "build_fabric"]
 
@@ -52,11 +62,9 @@ class Fabric:
         picks, ends = self.layout.cloth.warp_up.shape
         if points.shape != (picks, ends, 3):
             raise ValueError(f"points: shape {points.shape}; this fabric needs {(picks, ends, 3)}")
-        n, kinds, blocks, bank = self.particles, self.layout.kinds, self.layout.blocks, self.bank
+        kinds, blocks, bank = self.layout.kinds, self.layout.blocks, self.bank
         frame = frames(points)
-        out = FibreCloud(
-            *(np.empty((n, 3), np.float32) for _ in range(4)), *(np.empty(n, np.float32) for _ in range(3))
-        )
+        numbers = np.empty(ROWS * self.particles, np.float32)
         _lay(
             np.ascontiguousarray(points, np.float32).reshape(-1, 3),
             frame.weft.reshape(-1, 3),
@@ -71,23 +79,10 @@ class Fabric:
             bank.start,
             self.particle_start,
             self.thread_colour,
-            bank.u,
-            bank.offset,
-            bank.tangent,
-            bank.normal,
-            bank.radius,
-            bank.half_length,
-            bank.openness,
-            bank.tone,
-            out.position,
-            out.tangent,
-            out.normal,
-            out.colour,
-            out.radius,
-            out.half_length,
-            out.openness,
+            bank.packed(),
+            numbers,
         )
-        return out
+        return FibreCloud.over(numbers)
 
 
 def build_fabric(layout: FabricLayout) -> Fabric:
@@ -116,39 +111,23 @@ def _lay(
     template_start: I64x1,
     particle_start: I64x1,
     thread_colour: F32x2,
-    # templates
-    u: F32x1,
-    offset: F32x2,
-    tangent: F32x2,
-    normal: F32x2,
-    radius: F32x1,
-    half_length: F32x1,
-    openness: F32x1,
-    tone: F32x1,
+    particle: F32x2,
     # out
-    position_out: F32x2,
-    tangent_out: F32x2,
-    normal_out: F32x2,
-    colour_out: F32x2,
-    radius_out: F32x1,
-    half_length_out: F32x1,
-    openness_out: F32x1,
+    numbers_out: F32x1,
 ):
+    n = numbers_out.shape[0] // ROWS
     for b in range(key0.shape[0]):
         k0, k1, yarn = key0[b], key1[b], thread[b]
         p0, p1, a0, a1, n0, n1 = block_ends(point, along_weft, along_warp, upward, k0, k1, family[b], pitch[b])
         q0, t0 = particle_start[b], template_start[template[b]]
         for m in range(ti.i32(particle_start[b + 1] - q0)):
             t, q = t0 + m, q0 + m
-            along, across, up = frame_at(a0, a1, n0, n1, u[t])
-            x = placed(p0, p1, u[t], along, across, up, offset[t, 0], offset[t, 1], offset[t, 2])
-            d = turned(along, across, up, tangent[t, 0], tangent[t, 1], tangent[t, 2])
-            n = turned(along, across, up, normal[t, 0], normal[t, 1], normal[t, 2])
+            x, d, normal = laid(particle, t, p0, p1, a0, a1, n0, n1)
             for c in ti.static(range(3)):
-                position_out[q, c] = x[c]
-                tangent_out[q, c] = d[c]
-                normal_out[q, c] = n[c]
-                colour_out[q, c] = thread_colour[yarn, c] * tone[t]
-            radius_out[q] = radius[t]
-            half_length_out[q] = half_length[t]
-            openness_out[q] = openness[t]
+                numbers_out[POSITION * n + 3 * q + c] = x[c]
+                numbers_out[TANGENT * n + 3 * q + c] = d[c]
+                numbers_out[NORMAL * n + 3 * q + c] = normal[c]
+                numbers_out[COLOUR * n + 3 * q + c] = thread_colour[yarn, c] * particle[t, COLUMN.tone]
+            numbers_out[RADIUS * n + q] = particle[t, COLUMN.radius]
+            numbers_out[HALF_LENGTH * n + q] = particle[t, COLUMN.half_length]
+            numbers_out[OPENNESS * n + q] = particle[t, COLUMN.openness]

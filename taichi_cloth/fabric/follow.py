@@ -34,22 +34,28 @@ from numpy.typing import ArrayLike, NDArray
 from taichi_cloth.fabric.fabric import Fabric
 from taichi_cloth.fabric.follow_rule import FollowRule
 from taichi_cloth.fabric.normals import frame_of_point
-from taichi_cloth.fabric.octets import LANES, octets_of
+from taichi_cloth.fabric.octets import octets_of
 from taichi_cloth.ground import runtime
 from taichi_cloth.ground.arrays import Address, F32x3, Int, Template
 from taichi_cloth.ground.errors import InputError, did_you_mean
-from taichi_cloth.ground.particles import FibreCloud
+from taichi_cloth.ground.particles import (
+    COLOUR,
+    HALF_LENGTH,
+    LANES,
+    NORMAL,
+    OCTET,
+    OPENNESS,
+    POSITION,
+    RADIUS,
+    ROWS,
+    TANGENT,
+    FibreCloud,
+)
 
-__all__ = [
-    "COLOUR", "HALF_LENGTH", "NORMAL", "OPENNESS", "POSITION", "RADIUS", "ROWS", "TANGENT", "FibreFollower",
-]  # fmt: skip
+__all__ = ["FibreFollower"]
 
 F32 = NDArray[np.float32]
 
-GROUP = 16
-ROWS = 15
-"""Rows of numbers: position 0–2, radius 3, colour 4–6, tangent 7–9, normal 10–12, half length 13, openness 14."""
-POSITION, RADIUS, COLOUR, TANGENT, NORMAL, HALF_LENGTH, OPENNESS = 0, 3, 4, 7, 10, 13, 14
 MOVING = ("offset", "tangent", "normal")
 COLUMNS = 9  # numbers a particle in MOVING
 FRAME = 12
@@ -108,10 +114,10 @@ class FibreFollower:
             octets.run[template + 1],
             first - octets.octet[template],
         )
-        slots = LANES * int(count.sum())
-        self._own = -(-slots // GROUP)
-        self.slots = (self._own - (-others // GROUP)) * GROUP
-        self._spare = self._own * GROUP - slots
+        slots = OCTET * int(count.sum())
+        self._own = -(-slots // LANES)
+        self.slots = (self._own - (-others // LANES)) * LANES
+        self._spare = self._own * LANES - slots
         self._allocate(mask.size, len(self.kept), octets.ratio.size, octets.source.size)
         _fill(self._present, mask)
         _fill(self._record, np.stack(record, axis=1))
@@ -123,7 +129,7 @@ class FibreFollower:
 
         of_block, particle, drawn = _placed(fabric, self.kept, spans)
         of_block, particle = of_block[drawn], particle[drawn]
-        self.particle_slots = LANES * first[of_block] + octets.place[particle]
+        self.particle_slots = OCTET * first[of_block] + octets.place[particle]
         """Where the particles are, in the order of the blocks, (particles,) of the slots."""
         self.threads = blocks.thread[self.kept][of_block].astype(np.int32)
         """Thread of each particle, warp ends first, (particles,)."""
@@ -152,12 +158,12 @@ class FibreFollower:
         self._present = field(ti.i32, keys)
         self._record = field(ti.i32, blocks * RECORD)
         self._pitch = field(ti.f32, blocks)
-        self._start = field(ti.i32, ratios // LANES + 1)
+        self._start = field(ti.i32, ratios // OCTET + 1)
         self._ratio = field(ti.f32, ratios)
         self._bank = field(ti.f32, places * COLUMNS)
         self._out = field(ti.f32, ROWS * self.slots)
         self._blocks = blocks
-        shape = (ROWS, self.slots // GROUP, GROUP)
+        shape = (ROWS, self.slots // LANES, LANES)
         self._in_place = runtime.on_host()
         if self._in_place:
             memory = (ctypes.c_float * (self.slots * ROWS)).from_address(self._address())
@@ -198,25 +204,13 @@ class FibreFollower:
                 self.groups[row : row + 3] = moved[row : row + 3]
         if self._spare:  # the octet that fills up the last group lies where something is
             last = self.groups[POSITION : POSITION + 3, self._own - 1]
-            last[:, LANES:] = last[:, LANES - 1, None]
+            last[:, OCTET:] = last[:, OCTET - 1, None]
         return self.groups
 
     def cloud(self) -> FibreCloud:
         """The particles as they lie now, as separate arrays: a copy, in the order of the blocks."""
         rows = self.groups.reshape(ROWS, -1)[:, self.particle_slots]
-
-        def triple(row: int) -> F32:
-            return np.ascontiguousarray(rows[row : row + 3].T)
-
-        return FibreCloud(
-            position=triple(POSITION),
-            tangent=triple(TANGENT),
-            normal=triple(NORMAL),
-            colour=triple(COLOUR),
-            radius=rows[RADIUS],
-            half_length=rows[HALF_LENGTH],
-            openness=rows[OPENNESS],
-        )
+        return FibreCloud.of_rows(rows)
 
     def _checked(self, points: NDArray) -> F32:
         if points.shape != (*self.shape, 3):
@@ -260,7 +254,7 @@ class FibreFollower:
         behind = self._record[b * RECORD + 5]
         for run in range(self._record[b * RECORD + 3], self._record[b * RECORD + 4]):
             # The bounds tell the compiler that no index overflows, without which there are no vector instructions.
-            u = _load(self._ratio, ti.min(ti.max(run, 0), 1 << 24) * LANES)
+            u = _load(self._ratio, ti.min(ti.max(run, 0), 1 << 24) * OCTET)
             w = ti.min(ti.max(u, 0.0), 1.0)
             ax, ay, az, nx, ny, nz = _blended(a0, a1, n0, n1, w)
             cx, cy, cz = ny * az - nz * ay, nz * ax - nx * az, nx * ay - ny * ax
@@ -279,8 +273,8 @@ class FibreFollower:
                 bx, by, bz, rx, ry, rz = _blended(b0, b1, r0, r1, w)
                 dx, dy, dz = ry * bz - rz * by, rz * bx - rx * bz, rx * by - ry * bx
             for o in range(self._start[run], self._start[run + 1]):
-                t = ti.min(ti.max(o, 0), 1 << 24) * (COLUMNS * LANES)
-                q = ti.min(ti.max(o + behind, 0), 1 << 24) * LANES
+                t = ti.min(ti.max(o, 0), 1 << 24) * (COLUMNS * OCTET)
+                q = ti.min(ti.max(o + behind, 0), 1 << 24) * OCTET
                 x, y, z = _load3(self._bank, t)
                 self._store3(
                     POSITION,
@@ -290,7 +284,7 @@ class FibreFollower:
                     pz + (x * bz + y * dz + z * rz),
                 )
                 for k in ti.static(range(2)):
-                    x, y, z = _load3(self._bank, t + (3 + 3 * k) * LANES)
+                    x, y, z = _load3(self._bank, t + (3 + 3 * k) * OCTET)
                     self._store3(
                         TANGENT + 3 * k,
                         q,
@@ -301,11 +295,11 @@ class FibreFollower:
 
     @ti.func
     def _store3(self, row: Template, p, x, y, z):
-        for k in ti.static(range(LANES)):
+        for k in ti.static(range(OCTET)):
             self._out[p + ti.static(row * self.slots) + k] = x[k]
-        for k in ti.static(range(LANES)):
+        for k in ti.static(range(OCTET)):
             self._out[p + ti.static((row + 1) * self.slots) + k] = y[k]
-        for k in ti.static(range(LANES)):
+        for k in ti.static(range(OCTET)):
             self._out[p + ti.static((row + 2) * self.slots) + k] = z[k]
 
 
@@ -348,12 +342,12 @@ def _placed(
 
 @ti.func
 def _load(field: Template, p):
-    return ti.Vector([field[p + k] for k in ti.static(range(LANES))])
+    return ti.Vector([field[p + k] for k in ti.static(range(OCTET))])
 
 
 @ti.func
 def _load3(field: Template, p):
-    return _load(field, p), _load(field, p + LANES), _load(field, p + 2 * LANES)
+    return _load(field, p), _load(field, p + OCTET), _load(field, p + 2 * OCTET)
 
 
 @ti.func

@@ -10,9 +10,10 @@ with the offset t, and directions, in the cloth's frame there: along the yarn, a
 
 import taichi as ti
 
+from taichi_cloth.fabric.templates import COLUMN
 from taichi_cloth.ground.arrays import F32x2
 
-__all__ = ["block_ends", "frame_at", "placed", "row", "turned"]
+__all__ = ["block_ends", "laid", "row"]
 
 
 @ti.func
@@ -44,12 +45,13 @@ def frame_at(a0, a1, n0, n1, u):
 
 
 @ti.func
-def placed(p0, p1, u, along, across, up, x, y, z):
-    """Where a particle with the offset (x, y, z) is."""
-    return p0 + u * (p1 - p0) + x * along + y * across + z * up
-
-
-@ti.func
-def turned(along, across, up, x, y, z):
-    """A direction (x, y, z) of the frame in the world."""
-    return x * along + y * across + z * up
+def laid(particle: F32x2, t, p0, p1, a0, a1, n0, n1):
+    """Where particle t of the templates (`TemplateBank.packed`) is in a block, its tangent and its normal."""
+    u = particle[t, COLUMN.u]
+    along, across, up = frame_at(a0, a1, n0, n1, u)
+    x, y, z = particle[t, COLUMN.offset], particle[t, COLUMN.offset + 1], particle[t, COLUMN.offset + 2]
+    position = p0 + u * (p1 - p0) + x * along + y * across + z * up
+    x, y, z = particle[t, COLUMN.tangent], particle[t, COLUMN.tangent + 1], particle[t, COLUMN.tangent + 2]
+    tangent = x * along + y * across + z * up
+    x, y, z = particle[t, COLUMN.normal], particle[t, COLUMN.normal + 1], particle[t, COLUMN.normal + 2]
+    return position, tangent, x * along + y * across + z * up

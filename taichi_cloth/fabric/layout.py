@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_cloth.ground.errors import InputError, did_you_mean
+from taichi_cloth.ground.particles import ROWS
 from taichi_cloth.weave.crimp import Interlacing, PathKinds, crossing_heights, path_kinds
 from taichi_cloth.yarn.spin import Period
 from taichi_cloth.yarn.yarn import Yarn
@@ -44,7 +45,7 @@ Pose = Literal["flat", "wave", "roll"]
 
 BODY, START, END = 0, 1, 2  # a block between two crossings; the free end before the first; after the last
 BLOCK_BYTES = 40  # the records of a block, and what laying them out takes besides
-PARTICLE_BYTES = 64  # position, tangent, normal, colour, radius, half length, openness, all float32
+PARTICLE_BYTES = 4 * (ROWS + 1)  # its record, and the number of its thread
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,10 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_cloth.fabric.templates import TemplateBank
+from taichi_cloth.ground.particles import OCTET
 
-__all__ = ["LANES", "Octets", "octets_of"]
-
-LANES = 8
+__all__ = ["Octets", "octets_of"]
 
 Octet = tuple[int, ...]
 """Numbers of up to eight particles, in the order of the lanes."""
@@ -49,9 +48,9 @@ def octets_of(bank: TemplateBank) -> Octets:
         if not runs:
             runs += min((_runs(cut, u) for cut in (_in_order(u), _by_ratio(u))), key=_cost)
         for part in runs:
-            first = part[0] + part[0][-1:] * (LANES - len(part[0]))
+            first = part[0] + part[0][-1:] * (OCTET - len(part[0]))
             for one in part:
-                place[begin + np.array(one)] = LANES * (len(source) - octet[-1]) + np.arange(len(one))
+                place[begin + np.array(one)] = OCTET * (len(source) - octet[-1]) + np.arange(len(one))
                 source.append([begin + k for k in one + first[len(one) :]])
             ratio.append(u[list(first)])
             sizes.append(len(part))
@@ -61,15 +60,15 @@ def octets_of(bank: TemplateBank) -> Octets:
         octet=np.array(octet),
         run=np.array(run),
         start=np.concatenate([[0], np.cumsum(sizes)]).astype(np.int32),
-        ratio=np.array(ratio, np.float32).reshape(-1, LANES),
+        ratio=np.array(ratio, np.float32).reshape(-1, OCTET),
         place=place,
-        source=np.array(source, np.int64).reshape(-1, LANES),
+        source=np.array(source, np.int64).reshape(-1, OCTET),
     )
 
 
 def _in_order(u: NDArray) -> list[Octet]:
     """The particles as they come."""
-    return [tuple(range(k, min(k + LANES, len(u)))) for k in range(0, len(u), LANES)]
+    return [tuple(range(k, min(k + OCTET, len(u)))) for k in range(0, len(u), OCTET)]
 
 
 def _by_ratio(u: NDArray) -> list[Octet]:
@@ -81,10 +80,10 @@ def _by_ratio(u: NDArray) -> list[Octet]:
         alike = [mine for mine in owners if len(mine) == count]
         if count == 1:
             alone = [mine[0] for mine in alike]
-            out += [tuple(alone[k : k + LANES]) for k in range(0, len(alone), LANES)]
+            out += [tuple(alone[k : k + OCTET]) for k in range(0, len(alone), OCTET)]
             continue
-        for first in range(0, len(alike), LANES):
-            out += zip(*alike[first : first + LANES], strict=True)
+        for first in range(0, len(alike), OCTET):
+            out += zip(*alike[first : first + OCTET], strict=True)
     return out
 
 

@@ -13,11 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_cloth.fabric.layout import BODY, END, START, FabricLayout
+from taichi_cloth.ground.particles import Property, first_numbers
 from taichi_cloth.weave.crimp import PathKinds, centreline
 from taichi_cloth.yarn.spin import Period, Strands, hairs, spin
 from taichi_cloth.yarn.yarn import Yarn
 
-__all__ = ["TemplateBank", "build_templates", "covered", "particle_count", "particles_per_body_block"]
+__all__ = [
+    "COLUMN", "TemplateBank", "build_templates", "covered", "particle_count", "particles_per_body_block",
+]  # fmt: skip
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -31,17 +34,45 @@ STATIONS = 192  # along a yarn's period, at which its width is taken
 WANDER = 0.10  # bend of a fibre between block ends that tells variants apart, in yarn radii
 
 
+TEMPLATE = (
+    Property("u", 1, "1", "ratio along the block: 0 at its first key point, 1 at its second"),
+    Property("offset", 3, "m", "from there, in the cloth's frame: along the yarn, across it, normal"),
+    Property("tangent", 3, "1", "unit direction of the fibre, in that frame"),
+    Property("normal", 3, "1", "unit outward direction, in that frame"),
+    Property("radius", 1, "m", "of the particle"),
+    Property("half_length", 1, "m", "of the particle"),
+    Property("openness", 1, "1", "of the particle"),
+    Property("tone", 1, "1", "factor for its thread's colour"),
+)
+"""What a template says of each of its particles, in the order of the columns of `TemplateBank.packed`. Laid between
+two key points, in the colour of a thread, it becomes the record of `ground.particles`."""
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Where each property of `TEMPLATE` begins, as kernels read it."""
+
+    u: int
+    offset: int
+    tangent: int
+    normal: int
+    radius: int
+    half_length: int
+    openness: int
+    tone: int
+
+
+COLUMN = Columns(*first_numbers(TEMPLATE))
+
+
 @dataclass(frozen=True)
 class TemplateBank:
-    """All templates, one after another.
-
-    start: (templates + 1,) int64, where each template's particles begin. template: (blocks,) int32.
-    Per particle, float32: u (n,) ratio along the block; offset, tangent, normal (n, 3) in the frame (along,
-    across, normal), offset in [m]; radius, half_length (n,) [m]; openness (n,) 0 to 1; tone (n,).
-    """
+    """All templates, one after another. Of each particle, float32 (n,) or (n, 3): the properties of `TEMPLATE`."""
 
     start: NDArray[np.int64]
+    """(templates + 1,) where each template's particles begin."""
     template: I32
+    """(blocks,) number of each block's template."""
     u: F32
     offset: F32
     tangent: F32
@@ -50,6 +81,14 @@ class TemplateBank:
     half_length: F32
     openness: F32
     tone: F32
+
+    def properties(self) -> dict[str, F32]:
+        """The particles' properties by name."""
+        return {one.name: getattr(self, one.name) for one in TEMPLATE}
+
+    def packed(self) -> F32:
+        """All properties of each particle side by side, (n, 14): see `COLUMN`."""
+        return np.column_stack([*self.properties().values()]).astype(np.float32, copy=False)
 
     @property
     def particle_start(self) -> NDArray[np.int64]:
@@ -125,17 +164,10 @@ def build_templates(layout: FabricLayout) -> TemplateBank:
 
 @dataclass(frozen=True)
 class _Piece:
-    """Equal-sized particle lists of some templates: template (t,), every other array (t, m, …)."""
+    """Equal-sized particle lists of some templates: template (t,), and of each property of `TEMPLATE` (t, m, …)."""
 
     template: NDArray[np.int64]
-    u: F64
-    offset: F64
-    tangent: F64
-    normal: F64
-    radius: F64
-    half_length: F64
-    openness: F64
-    tone: F64
+    properties: dict[str, F64]
 
 
 def _core(
@@ -344,29 +376,22 @@ def _openness(layout: FabricLayout, depth: F64, height: F64) -> F64:
 
 def _flatten(template: NDArray[np.int64], **arrays: F64) -> _Piece:
     t = len(template)
-    flat = {
-        name: a.reshape(t, -1, 3) if name in ("offset", "tangent", "normal") else np.ascontiguousarray(a).reshape(t, -1)
-        for name, a in arrays.items()
-    }
-    return _Piece(template=template, **flat)
+    shape = {one.name: (t, -1, one.numbers) if one.numbers > 1 else (t, -1) for one in TEMPLATE}
+    return _Piece(template, {name: np.ascontiguousarray(a).reshape(shape[name]) for name, a in arrays.items()})
 
 
 def _assemble(pieces: list[_Piece], templates: int, template: I32) -> TemplateBank:
     sizes = np.zeros(templates, np.int64)
     for piece in pieces:
-        sizes[piece.template] += piece.u.shape[1]
+        sizes[piece.template] += piece.properties["u"].shape[1]
     start = np.concatenate([[0], np.cumsum(sizes)])
     filled = start[:-1].copy()
     total = int(start[-1])
-    out = {
-        name: np.empty((total, 3) if name in ("offset", "tangent", "normal") else total, np.float32)
-        for name in ("u", "offset", "tangent", "normal", "radius", "half_length", "openness", "tone")
-    }
+    out = {one.name: np.empty((total, one.numbers)[: 1 + (one.numbers > 1)], np.float32) for one in TEMPLATE}
     for piece in pieces:
-        m = piece.u.shape[1]
+        m = piece.properties["u"].shape[1]
         rows = (filled[piece.template][:, None] + np.arange(m)).ravel()
         filled[piece.template] += m
         for name, array in out.items():
-            values = getattr(piece, name)
-            array[rows] = values.reshape(-1, 3) if array.ndim == 2 else values.ravel()
+            array[rows] = piece.properties[name].reshape(-1, *array.shape[1:])
     return TemplateBank(start=start, template=template, **out)

@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 
 from taichi_cloth.detail.refine import RefiningStream
-from taichi_cloth.detail.streaming import LANES, ROWS, FabricStream
+from taichi_cloth.detail.streaming import FabricStream
 from taichi_cloth.detail.thinning import FULL, LEAST, Gains, thinned_to
 from taichi_cloth.fibre.contours import contour
 from taichi_cloth.fibre.relief import skin_of
+from taichi_cloth.ground.particles import LANES, ROWS
 from taichi_cloth.render.data.camera import Camera, frame
 from taichi_cloth.render.data.particles import Particles
 from taichi_cloth.render.splat.passes import render_passes

@@ -5,7 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from taichi_cloth.fabric.octets import LANES, octets_of
+from taichi_cloth.fabric.octets import octets_of
+from taichi_cloth.ground.particles import OCTET
 
 
 def cut(*templates: list[float]):
@@ -33,7 +34,7 @@ def along(steps: int, fibres: int) -> list[float]:
 )
 def test_fibres_cut_alike_share_their_frames(steps: int, fibres: int, hairs: int, octets: int, runs: int) -> None:
     found, _ = cut(along(steps, fibres) + [0.71 + 0.01 * k for k in range(hairs)])
-    assert found.source.shape == (octets, LANES)
+    assert found.source.shape == (octets, OCTET)
     assert len(found.ratio) == runs
 
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from taichi_cloth.ground.errors import InputError
-from taichi_cloth.render.data.blocks import COLOUR, NORMAL, POSITION, RADIUS, TANGENT, pack
+from taichi_cloth.ground.particles import COLOUR, NORMAL, POSITION, RADIUS, TANGENT
+from taichi_cloth.render.data.blocks import pack
 from taichi_cloth.render.data.particles import Particles, concatenate
 
 

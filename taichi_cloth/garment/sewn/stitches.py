@@ -11,11 +11,11 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_cloth.fabric.follow import COLOUR, HALF_LENGTH, NORMAL, OPENNESS, POSITION, RADIUS, TANGENT
 from taichi_cloth.garment.pattern.curves import along, length
 from taichi_cloth.garment.pattern.cut import CutPanel, inside, turned
 from taichi_cloth.garment.pattern.pattern import Pattern
 from taichi_cloth.garment.sewn.weaving import Weaving
+from taichi_cloth.ground.particles import COLOUR, HALF_LENGTH, NORMAL, OPENNESS, POSITION, RADIUS, TANGENT
 
 __all__ = ["Stitches", "inset"]
 

@@ -27,10 +27,6 @@ F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
 
-COLUMNS = ("u", "offset", "tangent", "normal", "radius", "half_length", "openness", "tone")
-"""Of a template bank, a row a particle."""
-
-
 @dataclass(frozen=True, eq=False)
 class Colours:
     """Repeats of thread colours, each (n, 3) linear: of the warp along the panel's x, of the weft along its y."""
@@ -140,8 +136,8 @@ class Weaving:
         apart = np.asarray(self.atlas.spacing)[family] / self.threads_per_key_point
         sizes = np.diff(bank.start)
         rows = np.concatenate([np.arange(int(bank.start[t]), int(bank.start[t + 1])) for t in used.tolist()])
-        columns = {name: getattr(bank, name) for name in COLUMNS}
-        new = {name: values[rows].copy() for name, values in columns.items()}
+        old = bank.properties()
+        new = {name: values[rows].copy() for name, values in old.items()}
         for name in ("offset", "tangent", "normal"):
             new[name][:, 2] *= -1
         new["offset"][:, 2] -= 2 * self.height
@@ -150,7 +146,7 @@ class Weaving:
             bank,
             start=np.concatenate([bank.start, bank.start[-1] + np.cumsum(sizes[used])]),
             template=np.concatenate([bank.template, len(sizes) + own]).astype(np.int32),
-            **{name: np.concatenate([values, new[name]]) for name, values in columns.items()},
+            **{name: np.concatenate([values, new[name]]) for name, values in old.items()},
         )
         both = {f.name: getattr(blocks, f.name) for f in fields(blocks)}
         blocks = replace(blocks, **{name: np.concatenate([v, v[chosen]]) for name, v in both.items()})
