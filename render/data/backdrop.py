@@ -38,7 +38,6 @@ class Backdrop:
         return "picture" if self.wall is None else "mesh"
 
 
-NO_COLOUR = np.zeros((1, 1, 3), np.float32)
 NO_WALL = np.zeros((1, 1, LANES), np.float32)
 
 

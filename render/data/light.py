@@ -168,6 +168,12 @@ class Background:
         """Top and bottom colour, shape (6,)."""
         return np.array([*self.top, *(self.top if self.bottom is None else self.bottom)], np.float32)
 
+    def rows(self, height: int) -> NDArray[np.float32]:
+        """The colour of each row of pixels of a picture, shape (height, 1, 3)."""
+        top, bottom = self.ends().reshape(2, 3)
+        down = (np.arange(height, dtype=np.float32) + np.float32(0.5)) / np.float32(height)
+        return np.asarray(top + (bottom - top) * down[:, None, None], np.float32)
+
 
 def check_colour(name: str, value: Colour, *, negative: bool = False) -> None:
     """Raises InputError unless `value` is three finite numbers, none negative unless `negative`."""

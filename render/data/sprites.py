@@ -76,18 +76,14 @@ class SpriteSheet:
         """Width and height of a texture [texel]."""
         return self.alpha.shape[1]
 
-    def pyramid(self) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
-        """All mip levels of all textures, down to 4 x 4, flat; and where each level begins within one texture.
-
-        The last entry of the second array, shape (levels + 1,), is how many texels one texture has in all.
-        """
+    def pyramid(self) -> NDArray[np.float32]:
+        """All mip levels of one texture after another, from the finest down to 4 x 4, flat."""
         levels: list[NDArray[Any]] = [self.alpha]
         while levels[-1].shape[1] > 4:
             a = levels[-1]
             levels.append((a[:, ::2, ::2] + a[:, 1::2, ::2] + a[:, ::2, 1::2] + a[:, 1::2, 1::2]) / 4)
         flat = np.concatenate([level.reshape(len(self.alpha), -1) for level in levels], axis=1)
-        starts = np.cumsum([0, *(level[0].size for level in levels)]).astype(np.int32)
-        return np.ascontiguousarray(flat, np.float32).ravel(), starts
+        return np.ascontiguousarray(flat, np.float32).ravel()
 
 
 def soft_sprite(size: int = 64) -> NDArray[np.float32]:

@@ -50,8 +50,9 @@ def _along(y, q):
 
 
 @ti.func
-def lobes(s_i, s_r, cos_i, cos_r, l_v, sharpness, reflect, transmit, internal):
-    """R, TT, TRT without their colours, shape of the arguments. l_v: l.v; sharpness: q of R; the rest: weights w."""
+def lobes(s_i, s_r, cos_i, cos_r, l_v, sharpness, weights):
+    """R, TT, TRT without their colours, shape of the arguments. l_v: sharpness: q of R; weights: w of each."""
+    reflect, transmit, internal = weights[0], weights[1], weights[2]
     cos_phi = (l_v - s_i * s_r) / ti.max(cos_i * cos_r, 1e-4)
     cos_phi = ti.min(ti.max(cos_phi, -1.0), 1.0)
     cos_d = ti.sqrt(ti.max(0.5 + 0.5 * (cos_i * cos_r + s_i * s_r), 1e-4))

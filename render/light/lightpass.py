@@ -23,9 +23,10 @@ from ..data.light import Lighting
 from ..data.light_sizes import KEY_STRIDE, MAP_SIZE, ROUND_STRIDE, SKY_STRIDE
 from ..tiles.mesh import Mesh
 from .occlusion import SkyMaps, occlude
-from .shade import MOST_OTHERS, Shading
+from .shade import Shading
 from .shadow import ShadowMap, cast
 from .thin import chained, spread, thin
+from .view import MOST_OTHERS
 
 __all__ = ["NO_LIGHT", "LightMaps", "LightPass", "shading_of"]
 

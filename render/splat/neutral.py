@@ -8,11 +8,11 @@
 
 import taichi as ti
 
-from taichi_cloth.ground.arrays import F32x1, F32x3, I32x1, I32x2, Int, Template
+from taichi_cloth.ground.arrays import F32x3, I32x1, I32x2, Template
 from taichi_cloth.ground.particles import TILE
-from taichi_cloth.ground.vectors import Planes
 
 from ..image.tone import NEUTRAL_FADE, NEUTRAL_FOOT, NEUTRAL_START, NEUTRAL_TOE
+from ..tiles.picture import Picture
 from ..tiles.rows import HALF, packed
 
 __all__ = ["resolve_neutral"]
@@ -22,41 +22,35 @@ REST = 1.0 - NEUTRAL_START
 
 @ti.kernel
 def resolve_neutral(
-    tiles_x: Int,
-    tiles: Int,
-    height: Int,
-    blended: Int,
+    features: Template,
+    picture: Picture,
     starts: I32x1,
-    through: Planes,
-    red: Planes,
-    green: Planes,
-    blue: Planes,
-    background: F32x1,
-    srgb: I32x1,
-    picture: Template,
+    planes: Template,
     backdrop: F32x3,
+    srgb: I32x1,
+    # out:
     image_out: I32x2,
 ):
-    """Write every tile over what stands behind it as 8-bit sRGB.
-
-    blended: 0 where a tile without splats was not touched and shows what stands behind it. picture: whether that is
-    the backdrop (height, whole tiles, 3) rather than the gradient. srgb: `tone_table`, `image_out`: as of `raster`.
-    """
-    for tile in range(tiles):
-        x0 = (tile % tiles_x) * TILE
-        y0 = (tile // tiles_x) * TILE
-        touched = blended > 0 or starts[tile] < starts[tile + 1]
-        for y in range(ti.min(TILE, height - y0)):
-            down = (y0 + y + 0.5) / height
+    """Write every tile over what stands behind it as 8-bit sRGB. Arguments: as of `raster`."""
+    for tile in range(picture.tiles):
+        x0 = (tile % picture.across) * TILE
+        y0 = (tile // picture.across) * TILE
+        touched = starts[tile] < starts[tile + 1]
+        if ti.static(features.turn == "last"):
+            touched = True
+        for y in range(ti.min(TILE, picture.height - y0)):
             for x in ti.static(range(TILE)):
-                light = ti.Vector([background[c] + (background[c + 3] - background[c]) * down for c in range(3)])
-                if ti.static(picture):
-                    light = ti.Vector([backdrop[y0 + y, x0 + x, c] for c in range(3)])
+                # Linear light of the pixel, in front of what stands behind it.
+                column = x0 + x if ti.static(features.behind != "gradient") else 0
+                light = ti.Vector([backdrop[y0 + y, column, c] for c in range(3)])
                 if touched:
                     row, lane = ti.static(x // HALF, x % HALF)
-                    light *= through[tile, 2 * y + row][lane]
-                    light += ti.Vector([plane[tile, 2 * y + row][lane] for plane in ti.static((red, green, blue))])
+                    light *= planes.through[tile, 2 * y + row][lane]
+                    light += ti.Vector(
+                        [plane[tile, 2 * y + row][lane] for plane in ti.static((planes.red, planes.green, planes.blue))]
+                    )
                 light = ti.max(light, 0.0)
+                # Off what a dielectric reflects, then compression and fading of what is bright.
                 least = light.min()
                 light -= least - NEUTRAL_TOE * least * least if least < 2.0 * NEUTRAL_FOOT else NEUTRAL_FOOT
                 peak = light.max()

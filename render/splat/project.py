@@ -17,14 +17,12 @@ from taichi_cloth.ground.arrays import F32x2, I32x1, I32x2, I64x1, Int, Template
 from taichi_cloth.ground.particles import LANES, POSITION, RADIUS, TANGENT, TILE
 from taichi_cloth.ground.vectors import Blocks, Vec16
 
-from ..light.shade import DEPTH, EDGE, IMAGE, KEY_DIRECTION, LENS, SURFACE, TRANSLATION, shade
+from ..light.shade import shade
+from ..light.view import DEPTH, EDGE, IMAGE, KEY_DIRECTION, LENS, SURFACE, TRANSLATION
 from ..tiles.compiling import left_to_llvm
-from ..tiles.sort import BINS, CHUNK_STEPS, share
+from ..tiles.sort import BINS, CHUNK_STEPS, DEEPEST_KEY, share
 
-__all__ = ["DEEPEST_KEY", "project"]
-
-DEEPEST_KEY = BINS * BINS - 1
-"""Depth keys have 22 bits: two passes of an 11-bit counting sort."""
+__all__ = ["project"]
 
 BLUR = 0.91
 """Variance [px^2] by which a soft splat is widened, so that its energy does not depend on where it falls
@@ -86,9 +84,9 @@ def project(
     # particles:
     particles: Blocks,
     block_count: Int,
-    # light that reaches the particles, (blocks, shading.rows, 16); view and lights, its rows named in `shade`:
+    # light that reaches the particles, (blocks, shading.rows, 16); the view, see `light.view`:
     light: Blocks,
-    c: F32x2,
+    view: F32x2,
     # out:
     splats_out: F32x2,
     boxes_out: I64x1,
@@ -106,29 +104,29 @@ def project(
         chunk = step // CHUNK_STEPS
         for k in range(BINS):
             histogram_out[chunk, k] = 0
-        focal = c[LENS, 0]
-        width = c[IMAGE, 0]
-        height = c[IMAGE, 1]
-        near = c[IMAGE, 2]
-        lx = c[KEY_DIRECTION, 0]
-        ly = c[KEY_DIRECTION, 1]
-        lz = c[KEY_DIRECTION, 2]
+        focal = view[LENS, 0]
+        width = view[IMAGE, 0]
+        height = view[IMAGE, 1]
+        near = view[IMAGE, 2]
+        lx = view[KEY_DIRECTION, 0]
+        ly = view[KEY_DIRECTION, 1]
+        lz = view[KEY_DIRECTION, 2]
         for b in range(share(block_count, chunk, chunks), share(block_count, chunk + 1, chunks)):
             # Where it is: camera axes [m], then pixels.
             px = particles[POSITION, b]
             py = particles[POSITION + 1, b]
             pz = particles[POSITION + 2, b]
-            z = px * c[2, 0] + py * c[2, 1] + pz * c[2, 2] + c[TRANSLATION, 2]
+            z = px * view[2, 0] + py * view[2, 1] + pz * view[2, 2] + view[TRANSLATION, 2]
             scale = 1.0 / ti.max(z, near)
-            u = (px * c[0, 0] + py * c[0, 1] + pz * c[0, 2] + c[TRANSLATION, 0]) * scale
-            v = (px * c[1, 0] + py * c[1, 1] + pz * c[1, 2] + c[TRANSLATION, 1]) * scale
-            x = u * focal + c[LENS, 1]
-            y = v * focal + c[LENS, 2]
+            u = (px * view[0, 0] + py * view[0, 1] + pz * view[0, 2] + view[TRANSLATION, 0]) * scale
+            v = (px * view[1, 0] + py * view[1, 1] + pz * view[1, 2] + view[TRANSLATION, 1]) * scale
+            x = u * focal + view[LENS, 1]
+            y = v * focal + view[LENS, 2]
             scale *= focal
             size = particles[RADIUS, b]
             radius = ti.min(ti.max(size * scale, 1e-6), LARGEST)
 
-            red, green, blue, vx, vy, vz, sin_v, key_facing = shade(layout, shading, particles, light, c, b)
+            red, green, blue, vx, vy, vz, sin_v, key_facing = shade(layout, shading, particles, light, view, b)
 
             # How far it reaches on the image.
             reach = radius
@@ -138,7 +136,7 @@ def project(
                 reach, alpha, edge = _crisp(radius)
             else:
                 reach, alpha = _soft(radius)
-                edge = Vec16(c[EDGE, 0])
+                edge = Vec16(view[EDGE, 0])
             half_width = reach
             half_height = reach
             s_x = reach
@@ -154,9 +152,9 @@ def project(
                 tx = particles[TANGENT, b]
                 ty = particles[TANGENT + 1, b]
                 tz = particles[TANGENT + 2, b]
-                along_z = tx * c[2, 0] + ty * c[2, 1] + tz * c[2, 2]
-                e_x = tx * c[0, 0] + ty * c[0, 1] + tz * c[0, 2] - u * along_z
-                e_y = tx * c[1, 0] + ty * c[1, 1] + tz * c[1, 2] - v * along_z
+                along_z = tx * view[2, 0] + ty * view[2, 1] + tz * view[2, 2]
+                e_x = tx * view[0, 0] + ty * view[0, 1] + tz * view[0, 2] - u * along_z
+                e_y = tx * view[1, 0] + ty * view[1, 1] + tz * view[1, 2] - v * along_z
                 flat = ti.min(e_x * e_x + e_y * e_y, 1.0)
                 e_x += 1e-6  # a fibre seen end-on is round: any direction will do
                 unit_e = 1.0 / ti.sqrt(e_x * e_x + e_y * e_y)
@@ -184,12 +182,12 @@ def project(
                 t_y = e_y / long
                 # Key light across the fibre: (t x v) . l, of which (-e_y, e_x) is the direction on the image.
                 across = (ty * vz - tz * vy) * lx + (tz * vx - tx * vz) * ly + (tx * vy - ty * vx) * lz
-                slope = across / ti.max(sin_v, 1e-3) * key_facing * c[SURFACE, 2]
+                slope = across / ti.max(sin_v, 1e-3) * key_facing * view[SURFACE, 2]
                 slope = ti.min(ti.max(slope, -1.0), 1.0)
             if ti.static(layout.opacity):
                 alpha *= ti.min(ti.max(particles[layout.opacity_row, b], 0.0), 1.0)
             else:
-                alpha *= c[DEPTH, 2]
+                alpha *= view[DEPTH, 2]
 
             # Pixels whose centre it touches, as float: casting to int truncates.
             left = ti.max(x - half_width + 0.5, 0.0)
@@ -198,7 +196,7 @@ def project(
             bottom = ti.min(y + half_height - 0.5, height - 1.0)
             room = ti.min(ti.min(width - left, height - top), ti.min(z - near, size))
             end = ti.min(right, bottom)
-            depth = (z - c[DEPTH, 0]) * c[DEPTH, 1]
+            depth = (z - view[DEPTH, 0]) * view[DEPTH, 1]
             for lane in ti.static(range(LANES)):
                 i = b * LANES + lane
                 key = -1

@@ -15,30 +15,29 @@ from numpy.typing import NDArray
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.ground.particles import LANES, TILE
 
-from ..data.backdrop import NO_COLOUR, NO_WALL, Backdrop
+from ..data.backdrop import NO_WALL, Backdrop
 from ..data.blocks import Layout, ParticleBlocks, pack
 from ..data.camera import Camera, check_size
 from ..data.finish import Finish
-from ..data.frame import RenderStats, SplatLists
 from ..data.light import Background, Lighting
 from ..data.light_sizes import MAP_SIZE
 from ..data.particles import Particles
 from ..data.sprites import CRISP, Profile, SpriteSheet
 from ..image.tone import WHITE, Tone, tone_table
-from ..light import shade as rows
+from ..light import view as rows
 from ..light.lightpass import LightMaps, LightPass, shading_of
+from ..tiles.lists import TileLists
 from ..tiles.mesh import Mesh
+from ..tiles.picture import Features, RimShape, Turn, new_picture
 from ..tiles.planes import borrow
-from ..tiles.raster import LUT_STEPS, clear, count_opaque, raster, resolve_linear
-from ..tiles.sort import BINS, count_high, count_tiles, fill_tiles, places, scatter_high, scatter_low, usual_chunks
-from . import project as projection
-from .constants import set_constants
+from ..tiles.raster import clear, count_opaque, raster, resolve_linear
+from ..tiles.rows import LUT_STEPS
+from ..tiles.sort import usual_chunks
+from .drawn import RenderStats, SplatLists
 from .neutral import resolve_neutral
+from .project import project
 
 __all__ = ["Splatter"]
-
-MAX_TILE_ENTRIES = 2**31 - 1
-"""Longest list of all tiles together; Taichi counts with 32 bits."""
 
 LIMB_DARKENING = 0.5
 """How much darker the sides of a round thread are than its middle, at roundness 1."""
@@ -73,24 +72,26 @@ class Splatter:
         self.width, self.height, self.chunks = int(width), int(height), int(chunks)
         self.profile, self.sprites, self.opaque = profile, sprites, float(opaque)
         self.stats: RenderStats | None = None
-        self._tiles_x, self._tiles_y = -(-self.width // TILE), -(-self.height // TILE)
-        self._tiles = self._tiles_x * self._tiles_y
-        self._histogram = np.zeros((self.chunks, max(BINS, self._tiles)), np.int32)
-        self._starts = np.zeros(self._tiles + 1, np.int32)
-        self._lists = np.zeros(1, np.int32)
-        self._planes = borrow(self, self._tiles)
-        self._room = np.zeros(self._tiles * TILE * TILE, np.int32)
-        self._canvas = self._room.reshape(self._tiles_y * TILE, self._tiles_x * TILE)
+        across, down = -(-self.width // TILE), -(-self.height // TILE)
+        tiles = across * down
+        self._lists = TileLists(self.chunks, tiles)
+        self._planes = borrow(self, tiles)
+        self._room = np.zeros(tiles * TILE * TILE, np.int32)
         self._tables: dict[Tone, NDArray[np.int32]] = {}
         self.light = LightPass()
-        self._constants = np.zeros((rows.CONSTANT_ROWS, 3), np.float32)
-        if sprites is None:
-            self._sheet, self._levels = np.zeros(1, np.float32), np.zeros(2, np.int32)
-        else:
-            self._sheet, self._levels = sprites.pyramid()
+        self._view = rows.new_view()
+        self._picture = new_picture(shares=self.chunks, opaque=self.opaque)
+        self._sheet = np.zeros(1, np.float32)
+        if sprites is not None:
+            self._sheet = sprites.pyramid()
+            self._picture.sprite_size, self._picture.sprite_texels = sprites.size, len(self._sheet) // len(sprites)
+        self._picture.edge = 1.0 if sprites is not None else float(profile.edge or 0.0)
+        profiles: dict[float, RimShape] = {0.0: "crisp", 1.0: "soft"}
+        self._profile: RimShape = profiles.get(self._picture.edge, "sharp")
+        self._set_size(self.width, self.height)
         self._count = 0
         self._layout = Layout()
-        self._batch = "only"
+        self._turn: Turn = "only"
         self._options: dict[str, Any] = {}
         self._reserve(0)
 
@@ -140,14 +141,10 @@ class Splatter:
         Raises InputError for more tiles than the splatter was made with.
         """
         check_size(width, height)
-        tiles_x, tiles_y = -(-width // TILE), -(-height // TILE)
-        if tiles_x * tiles_y >= len(self._starts):
-            raise InputError(
-                f"resize: {width} x {height} px; allowed: up to {len(self._starts) - 1} tiles of {TILE} px"
-            )
-        self.width, self.height = int(width), int(height)
-        self._tiles_x, self._tiles_y, self._tiles = tiles_x, tiles_y, tiles_x * tiles_y
-        self._canvas = self._room[: self._tiles * TILE * TILE].reshape(tiles_y * TILE, tiles_x * TILE)
+        if -(-width // TILE) * -(-height // TILE) >= len(self._lists.starts):
+            most = len(self._lists.starts) - 1
+            raise InputError(f"resize: {width} x {height} px; allowed: up to {most} tiles of {TILE} px")
+        self._set_size(int(width), int(height))
         return self
 
     def begin(self, camera: Camera, **options: Any) -> "Splatter":
@@ -155,7 +152,7 @@ class Splatter:
 
         The options are those of `render`. Within a batch all is in depth order; batches lie one behind the other.
         """
-        clear(self._tiles, *self._planes)
+        clear(self._picture.tiles, self._planes)
         self._options = {"camera": camera, **options}
         return self
 
@@ -165,28 +162,29 @@ class Splatter:
             raise InputError("add: no picture begun; call begin first")
         if particles is not None:
             self.load(particles)
-        self._batch = "more"
+        self._turn = "more"
         try:
             self.render(**self._options)
         finally:
-            self._batch = "only"
+            self._turn = "only"
         return self
 
     def opaque_everywhere(self) -> bool:
         """Whether the batches so far leave nothing to see behind them."""
-        return bool(self._tiles == count_opaque(self._tiles, self.opaque, self._planes[0]))
+        return bool(self._picture.tiles == count_opaque(self._picture, self._planes))
 
     def finish(self, out: NDArray[np.uint8] | None = None) -> NDArray[np.uint8]:
         """The picture of all batches, as `render` gives it."""
         if not self._options:
             raise InputError("finish: no picture begun; call begin first")
-        options, self._options, self._batch = self._options, {}, "last"
+        options, self._options, self._turn = self._options, {}, "last"
         try:
             self._count, self._blocks = 0, self._blocks[:, :0]
             return self.render(**options, out=out)
         finally:
-            self._batch = "only"
-            self._starts[: self._tiles + 1] = np.arange(self._tiles + 1)  # no tile is known to be empty
+            self._turn = "only"
+            tiles = self._picture.tiles
+            self._lists.starts[: tiles + 1] = np.arange(tiles + 1)  # no tile is known to be empty
 
     def render(
         self,
@@ -209,90 +207,65 @@ class Splatter:
                 f"camera: image of {camera.width} x {camera.height} px; allowed: "
                 f"{self.width} x {self.height}, the splatter's size"
             )
-        lighting, finish, background = lighting or Lighting(), finish or Finish(), background or Background()
-        layout, chunks, blocks = self._layout, self.chunks, self._blocks.shape[1]
-        edge = 1.0 if self.sprites is not None else self.profile.edge or 0.0
-        profile = {0.0: "crisp", 1.0: "soft"}.get(edge, "sharp")
+        lighting, finish = lighting or Lighting(), finish or Finish()
         clock = [time.perf_counter()]
-        set_constants(self._constants, camera, lighting, finish, self._box, opacity=self._opacity, edge=edge)
-        if self._batch != "only" and self.light.held is None:  # a batch knows nothing of what would shadow it
+
+        # What light reaches the particles.
+        self._set_numbers(camera, lighting, finish)
+        if self._turn != "only" and self.light.held is None:  # a batch knows nothing of what would shadow it
             lighting = lighting.without_passes()
         shading = shading_of(lighting, finish)
         maps = self.cast_light(camera, lighting) if shading.rows else None
-        light = self.light.on_particles(shading, layout, self._blocks, maps)
+        light = self.light.on_particles(shading, self._layout, self._blocks, maps)
         clock.append(time.perf_counter())
-        projection.project(
-            layout,
+
+        # Where each lands on the image, how large and how bright.
+        lists, blocks = self._lists, self._blocks.shape[1]
+        project(
+            self._layout,
             shading,
-            profile == "crisp",
-            chunks,
+            self._profile == "crisp",
+            self.chunks,
             self._blocks,
             blocks,
             light,
-            self._constants,
+            self._view,
             self._splats,
-            self._boxes,
-            self._keys,
-            self._histogram,
+            lists.boxes,
+            lists.keys,
+            lists.histogram,
         )
         clock.append(time.perf_counter())
 
-        drawn = places(self._histogram, chunks, BINS)
-        scatter_low(chunks, blocks, LANES, self._keys, self._histogram, self._order, self._high)
-        count_high(chunks, drawn, self._high, self._histogram)
-        places(self._histogram, chunks, BINS)
-        scatter_high(chunks, drawn, self._high, self._order, self._histogram, self._sorted)
+        # The nearest first, and tile by tile.
+        drawn = lists.sort(blocks)
+        clock.append(time.perf_counter())
+        entries = lists.fill(drawn, self._picture.across, self._picture.tiles)
         clock.append(time.perf_counter())
 
-        count_tiles(chunks, drawn, self._tiles_x, self._tiles, self._sorted, self._boxes, self._histogram)
-        entries = places(self._histogram, chunks, self._tiles, self._starts)
-        self._reserve_lists(entries)
-        fill_tiles(chunks, drawn, self._tiles_x, self._sorted, self._boxes, self._histogram, self._lists)
-        clock.append(time.perf_counter())
-
+        # Blended and shown.
+        self._features = Features(
+            self._layout, self._profile, self._turn, "gradient" if backdrop is None else backdrop.kind
+        )
+        colours = (background or Background()).rows(self.height) if backdrop is None else backdrop.colour
+        wall = NO_WALL if backdrop is None or backdrop.wall is None else backdrop.wall
         raster(
-            layout,
-            profile,
-            self._batch,
-            chunks,
-            self._tiles_x,
-            self._tiles,
-            self.height,
-            self._starts,
-            self._lists,
+            self._features,
+            self._picture,
+            lists.starts,
+            lists.entries,
             self._splats,
-            edge,
-            LIMB_DARKENING * finish.roundness,
+            lists.keys,
             self._sheet,
-            self._levels,
-            1 if self.sprites is None else self.sprites.size,
-            background.ends(),
+            colours,
+            wall,
             self._table(lighting.tone),
-            1.0 / WHITE[lighting.tone],
-            self.opaque,
-            "gradient" if backdrop is None else backdrop.kind,
-            NO_COLOUR if backdrop is None else backdrop.colour,
-            NO_WALL if backdrop is None or backdrop.wall is None else backdrop.wall,
-            self._keys,
-            float(self._constants[rows.DEPTH, 0]),
-            1.0 / float(self._constants[rows.DEPTH, 1]),
-            *self._planes,
+            self._planes,
             self._canvas,
         )
-        if lighting.tone == "neutral" and self._batch != "more":
-            resolve_neutral(
-                self._tiles_x,
-                self._tiles,
-                self.height,
-                self._batch == "last",
-                self._starts,
-                *self._planes,
-                background.ends(),
-                self._table("neutral"),
-                backdrop is not None,
-                NO_COLOUR if backdrop is None else backdrop.colour,
-                self._canvas,
-            )
+        if lighting.tone == "neutral" and self._turn != "more":
+            table = self._table("neutral")
+            resolve_neutral(self._features, self._picture, lists.starts, self._planes, colours, table, self._canvas)
         image = self._pixels(out)
         clock.append(time.perf_counter())
         self.stats = RenderStats(self._count, drawn, entries, *(1e3 * np.diff(clock)).tolist())
@@ -314,36 +287,46 @@ class Splatter:
         if self.stats is None:
             raise InputError("linear: nothing rendered yet; call render first")
         rgba = np.empty((self.height, self.width, 4), np.float32)
-        resolve_linear(self._tiles_x, self._tiles, self._starts, *self._planes, self.width, self.height, rgba)
+        resolve_linear(self._picture, self._lists.starts, self._planes, rgba)
         return rgba
 
     def lists(self) -> SplatLists:
         """The splats and tile lists of the last frame. Raises InputError before the first `render`."""
         if self.stats is None:
             raise InputError("passes: nothing rendered yet; call render first")
-        nearest, keys_per_metre = (float(v) for v in self._constants[rows.DEPTH, :2])
-        edge = 1.0 if self.sprites is not None else self.profile.edge or 0.0
+        lists = self._lists
         return SplatLists(
-            self._layout,
-            {0.0: "crisp", 1.0: "soft"}.get(edge, "sharp"),
-            edge,
-            self._tiles_x,
-            self._tiles,
-            self._starts,
-            self._lists,
+            self._features,
+            self._picture,
+            lists.starts,
+            lists.entries,
             self._splats,
             self._blocks,
-            self._keys,
-            nearest,
-            1 / keys_per_metre,
+            lists.keys,
             self._sheet,
-            self._levels,
-            1 if self.sprites is None else self.sprites.size,
         )
+
+    def _set_size(self, width: int, height: int) -> None:
+        """The size of the image [px], in whole tiles where kernels write it."""
+        across, down = -(-width // TILE), -(-height // TILE)
+        self.width, self.height = width, height
+        picture = self._picture
+        picture.width, picture.height, picture.across, picture.tiles = width, height, across, across * down
+        self._canvas = self._room[: across * down * TILE * TILE].reshape(down * TILE, across * TILE)
+
+    def _set_numbers(self, camera: Camera, lighting: Lighting, finish: Finish) -> None:
+        """The numbers of one picture, for `project` and for `raster`."""
+        view, picture = self._view, self._picture
+        rows.set_view(view, camera, lighting)
+        rows.set_finish(view, camera, lighting, finish, self._box, opacity=self._opacity, edge=picture.edge)
+        picture.focal = float(camera.focal)
+        picture.nearest, picture.key_depth = float(view[rows.DEPTH, 0]), 1.0 / float(view[rows.DEPTH, 1])
+        picture.darkening = LIMB_DARKENING * finish.roundness
+        picture.gain = 1.0 / WHITE[lighting.tone]
 
     def _pixels(self, out: NDArray[np.uint8] | None) -> NDArray[np.uint8]:
         """The bytes of the canvas that are red, green and blue."""
-        if self._batch == "more":
+        if self._turn == "more":
             return np.empty((0, 0, 3), np.uint8)
         shape = self.height, self.width, 3
         if out is None:
@@ -372,14 +355,4 @@ class Splatter:
         size = self._layout.splat_size
         if not hasattr(self, "_splats") or self._splats.shape[0] < count or self._splats.shape[1] != size:
             self._splats = np.zeros((count, size), np.float32)
-            self._boxes = np.zeros(count, np.int64)
-            self._keys, self._order, self._high, self._sorted = (np.zeros(count, np.int32) for _ in range(4))
-
-    def _reserve_lists(self, entries: int) -> None:
-        if entries > MAX_TILE_ENTRIES:
-            raise InputError(
-                f"tile lists: {entries} entries; allowed: {MAX_TILE_ENTRIES}; "
-                "draw a smaller image, fewer particles or smaller radii"
-            )
-        if entries > len(self._lists):
-            self._lists = np.zeros(min(int(entries * 1.25), MAX_TILE_ENTRIES), np.int32)
+            self._lists.reserve(count)

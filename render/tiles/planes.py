@@ -13,17 +13,46 @@ import taichi as ti
 from taichi.lang import impl
 
 from taichi_cloth.ground.particles import TILE
+from taichi_cloth.ground.vectors import Vec8
 
-__all__ = ["borrow"]
+__all__ = ["Planes", "borrow"]
 
-Planes = tuple[Any, Any, Any, Any]
+
+@ti.data_oriented
+class Planes:
+    """What is blended so far of each tile: fields (tiles, 32), two halves of 8 pixels a row."""
+
+    def __init__(self, tiles: int) -> None:
+        self.through, self.red, self.green, self.blue = (
+            ti.Vector.field(TILE // 2, ti.f32, (tiles, 2 * TILE)) for _ in range(4)
+        )
+        """Share of light that still passes; linear colours, premultiplied."""
+
+    @ti.func
+    def clear(self, tile):
+        """Nothing in front of this tile."""
+        for y in range(2 * TILE):
+            self.through[tile, y] = Vec8(1.0)
+            self.red[tile, y] = Vec8(0.0)
+            self.green[tile, y] = Vec8(0.0)
+            self.blue[tile, y] = Vec8(0.0)
+
+    @ti.func
+    def most_passing(self, tile):
+        """The largest share of light that passes a pixel of this tile."""
+        most = self.through[tile, 0]
+        for y in range(1, 2 * TILE):
+            row = self.through[tile, y]
+            most = ti.select(most > row, most, row)
+        return most.max()  # pyright: ignore[reportOptionalCall]
+
 
 _free: dict[int, list[Planes]] = {}
 _program: Any = None
 
 
 def borrow(owner: object, tiles: int) -> Planes:
-    """Four fields (T, red, green, blue), each (at least `tiles`, 32) of 8 float32, until `owner` is gone.
+    """Planes of at least so many tiles, until `owner` is gone.
 
     Only while the Taichi program lives that was started when they were made: `ti.init` throws fields away.
     """
@@ -34,14 +63,9 @@ def borrow(owner: object, tiles: int) -> Planes:
         _program = program
     capacity = _rounded(tiles)
     waiting = _free.setdefault(capacity, [])
-    planes = waiting.pop() if waiting else _make(capacity)
+    planes = waiting.pop() if waiting else Planes(capacity)
     weakref.finalize(owner, _give_back, program, capacity, planes).atexit = False
     return planes
-
-
-def _make(capacity: int) -> Planes:
-    one, two, three, four = (ti.Vector.field(TILE // 2, ti.f32, (capacity, 2 * TILE)) for _ in range(4))
-    return one, two, three, four
 
 
 def _rounded(tiles: int) -> int:

@@ -14,7 +14,6 @@ __all__ = [
     "HALF",
     "LUT_STEPS",
     "add",
-    "largest",
     "least",
     "most_of",
     "packed",
@@ -68,21 +67,13 @@ def add(plane: Template, lanes: Template, tile, y, half, weight, colour):
 
 
 @ti.func
-def largest(plane: Template, tile):
-    most = plane[tile, 0]
-    for y in range(1, 2 * TILE):
-        most = most_of(most, plane[tile, y])
-    return most.max()
-
-
-@ti.func
-def span(layout: Template, splats: F32x2, k, x0, y0):
-    """First and last row of the tile at (x0, y0) that splat k may touch, and in which half of it.
+def span(layout: Template, splats: F32x2, k, corner):
+    """First and last row of the tile at that corner [px] that splat k may touch, and in which half of it.
 
     An elliptic splat lies between the lines s = -1 and s = 1 along the fibre, within its box.
     """
-    x = splats[k, 0] - x0
-    middle = splats[k, 1] - y0
+    x = splats[k, 0] - corner[0]
+    middle = splats[k, 1] - corner[1]
     reach = splats[k, 6]
     low = middle - reach
     high = middle + reach
@@ -102,7 +93,8 @@ def span(layout: Template, splats: F32x2, k, x0, y0):
     if x - wide > HALF - 0.5:
         half = 1
     first = ti.max(0, ti.cast(ti.ceil(ti.max(low, -1.0) - 0.5), ti.i32))
-    return first, ti.min(TILE - 1, ti.cast(ti.floor(ti.min(high, TILE + 1.0) - 0.5), ti.i32)), half
+    last = ti.min(TILE - 1, ti.cast(ti.floor(ti.min(high, TILE + 1.0) - 0.5), ti.i32))
+    return ti.Vector([first, last, half])
 
 
 @ti.func
@@ -114,18 +106,17 @@ def packed(srgb: I32x1, red, green, blue):
 
 
 @ti.func
-def row_from_sprite(sheet: F32x1, levels: I32x1, size, sprite, reach, s0, t0, s_y, t_y, dy):
+def row_from_sprite(picture: Template, sheet: F32x1, sprite, reach, s0, t0, s_y, t_y, dy):
     """Alpha of 16 pixels of a row from a sprite, bilinear, from the mip level of about four texels a pixel.
 
-    sheet: all levels of all sprites (see `sprites.SpriteSheet.pyramid`); levels[k]: where level k begins in a
-    sprite. Across the fibre is down the sprite, along it is right.
+    sheet: all levels of all sprites (see `sprites.SpriteSheet.pyramid`). Across the fibre is down the sprite, along
+    it is right.
     """
-    level = 0
-    texels = size
+    base = sprite * picture.sprite_texels
+    texels = picture.sprite_size
     while ti.cast(texels, ti.f32) > 8.0 * reach and texels > 4:
+        base += texels * texels
         texels = texels // 2
-        level += 1
-    base = sprite * levels[levels.shape[0] - 1] + levels[level]
     half = 0.5 * ti.cast(texels, ti.f32)
     alpha = Vec16(0.0)
     # Only between the pixels where s and t are within -1..1.
@@ -157,10 +148,10 @@ def row_from_sprite(sheet: F32x1, levels: I32x1, size, sprite, reach, s0, t0, s_
 
 
 @ti.func
-def shown(c: Template, front, light, background: F32x1, backdrop: F32x3, behind: Template, gain, down, x0, y):
+def shown(features: Template, picture: Template, c: Template, front, light, backdrop: F32x3, corner, y):
     """Channel c of a row in front of what stands behind it, 0..1."""
-    full = front + light * (background[c] + (background[c + 3] - background[c]) * down)
-    if ti.static(behind != "gradient"):
+    full = front + light * backdrop[corner[1] + y, 0, c]
+    if ti.static(features.behind != "gradient"):
         for x in ti.static(range(TILE)):
-            full[x] = front[x] + light[x] * backdrop[y, x0 + x, c]
-    return least(most_of(full * gain, 0.0), 1.0)
+            full[x] = front[x] + light[x] * backdrop[corner[1] + y, corner[0] + x, c]
+    return least(most_of(full * picture.gain, 0.0), 1.0)

@@ -21,6 +21,7 @@ from taichi_cloth.ground.arrays import I32x1, I32x2, I64x1, Int, Long
 __all__ = [
     "BINS",
     "CHUNK_STEPS",
+    "DEEPEST_KEY",
     "count_high",
     "count_tiles",
     "fill_tiles",
@@ -32,7 +33,10 @@ __all__ = [
 ]
 
 BINS = 2048
-"""Bins of one pass: 11 bits."""
+"""Bins of one round: 11 bits."""
+
+DEEPEST_KEY = BINS * BINS - 1
+"""Depth keys have 22 bits: two rounds of an 11-bit counting sort."""
 
 CHUNK_STEPS = 1024
 
@@ -91,7 +95,7 @@ def _scan(chunks: Int, bins: Int, histogram: I32x2, starts_out: I32x1) -> Long:
 def scatter_low(
     chunks: Int, block_count: Int, block_size: Int, keys: I32x1, histogram: I32x2, order_out: I32x1, high_out: I32x1
 ):
-    """First pass: particles that have a key, by its low 11 bits; high_out takes its high bits along."""
+    """First round: particles that have a key, by its low 11 bits; high_out takes its high bits along."""
     for step in range(chunks * CHUNK_STEPS):
         if step % CHUNK_STEPS != 0:
             continue
@@ -109,7 +113,7 @@ def scatter_low(
 
 @ti.kernel
 def count_high(chunks: Int, count: Int, high: I32x1, histogram_out: I32x2):
-    """Histogram of the high bits, in the order of the first pass."""
+    """Histogram of the high bits, in the order of the first round."""
     for step in range(chunks * CHUNK_STEPS):
         if step % CHUNK_STEPS != 0:
             continue
@@ -122,7 +126,7 @@ def count_high(chunks: Int, count: Int, high: I32x1, histogram_out: I32x2):
 
 @ti.kernel
 def scatter_high(chunks: Int, count: Int, high: I32x1, order: I32x1, histogram: I32x2, sorted_out: I32x1):
-    """Second pass: sorted_out has the particles from the nearest to the farthest."""
+    """Second round: sorted_out has the particles from the nearest to the farthest."""
     for step in range(chunks * CHUNK_STEPS):
         if step % CHUNK_STEPS != 0:
             continue

@@ -13,11 +13,11 @@ from ...render.data.backdrop import Backdrop
 from ...render.data.blocks import ParticleBlocks
 from ...render.data.camera import Camera, frame, orbit
 from ...render.data.finish import FINISHES, Finish, finish_for
-from ...render.data.frame import RenderStats
 from ...render.data.light import Background, KeyLight, Lighting
 from ...render.data.sprites import CRISP, SOFT, SpriteSheet, fibre_sprite, round_sprite, sheet_from_png
 from ...render.image.caption import caption, label
 from ...render.image.tone import tone_inverse
+from ...render.splat.drawn import RenderStats
 from ...render.splat.splat import Splatter
 from ...render.stage.paint import paint
 from ...render.stage.stage import Stage, stage_under

@@ -339,7 +339,8 @@ def _scatter(angles: F32x2, sharpness: float, weights: F32x2, out: F32x2):
         s_i = ti.sin(th_i)
         s_r = ti.sin(th_r)
         l_v = s_i * s_r + cos_i * cos_r * ti.cos(angles[i, 2])
-        r, tt, trt = lobes(s_i, s_r, cos_i, cos_r, l_v, sharpness, weights[0, 0], weights[0, 1], weights[0, 2])
+        weight = ti.Vector([weights[0, k] for k in ti.static(range(3))])
+        r, tt, trt = lobes(s_i, s_r, cos_i, cos_r, l_v, sharpness, weight)
         out[i, 0] = r
         out[i, 1] = tt
         out[i, 2] = trt

@@ -1,0 +1,77 @@
+"""The numbers of one view, camera, lights and finish, as kernels read them: rows of three, by name."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..data.camera import Camera
+from ..data.finish import Finish
+from ..data.light import Lighting
+from ..tiles.sort import DEEPEST_KEY
+
+__all__ = ["MOST_OTHERS", "VIEW_ROWS", "new_view", "set_finish", "set_view"]
+
+ROTATION = 0  # world to camera, three rows
+TRANSLATION = 3  # world to camera [m]
+EYE = 4  # of the camera, world [m]
+LENS = 5  # focal [px], cx, cy [px]
+KEY_DIRECTION = 6  # towards the key light, world, unit
+KEY = 7  # radiance of a white surface that faces it
+SKY, GROUND = 8, 9  # radiance from above (at the horizon), from below
+FIBRE = 10  # share of the fibre's diffuse term, specular strength, exponent / 16
+SURFACE = 11  # tint of the highlight, sheen, gain of the slope across the fibre
+IMAGE = 12  # width, height [px], near [m]
+DEPTH = 13  # nearest depth [m], keys per metre, opacity of all
+EDGE = 14  # edge of the splat, 0 for crisp; share of the key light that openness takes; sharpness of lobe R
+LOBES = 15  # weights of R, TT, TRT
+OTHERS = 16  # further lights: direction and radiance, two rows a light
+MOST_OTHERS = 8
+DOME = OTHERS + 2 * MOST_OTHERS  # how much the zenith differs from the horizon
+VIEW_ROWS = DOME + 1
+
+SLOPE_GAIN, KEY_SHADE = 0.6, 0.6
+"""Shading across a round thread at roundness 1 (with `splat.LIMB_DARKENING` its worst case stays above 0), and the
+share of the key light that a particle loses when it sees no sky at all; half that where it casts shadows too."""
+
+
+def new_view() -> NDArray[np.float32]:
+    """Rows of zeros, shape (VIEW_ROWS, 3)."""
+    return np.zeros((VIEW_ROWS, 3), np.float32)
+
+
+def set_view(view: NDArray[np.float32], camera: Camera, lighting: Lighting) -> None:
+    """Fill the rows of the camera and of the lights."""
+    view[ROTATION : ROTATION + 3] = camera.rotation
+    view[TRANSLATION] = camera.translation
+    view[EYE] = camera.eye
+    view[LENS] = camera.focal, camera.cx, camera.cy
+    view[IMAGE] = camera.width, camera.height, camera.near
+    view[KEY_DIRECTION] = lighting.towards_key(camera)
+    view[KEY], view[SKY], view[GROUND] = lighting.radiances()
+    view[DOME] = lighting.rise
+    for k, other in enumerate(lighting.others):
+        view[OTHERS + 2 * k] = other.towards(camera)
+        view[OTHERS + 2 * k + 1] = np.multiply(other.intensity * 2.0**lighting.exposure, other.colour)
+
+
+def set_finish(
+    view: NDArray[np.float32],
+    camera: Camera,
+    lighting: Lighting,
+    finish: Finish,
+    box: NDArray[np.float64],
+    *,
+    opacity: float,
+    edge: float,
+) -> None:
+    """Fill the rows of the fibres and of the particles in a box (2, 3) [m]. edge: of a splat, 0 for crisp."""
+    key, sky, ground = lighting.radiances()
+    corners = np.array([[box[i >> k & 1, k] for k in range(3)] for i in range(8)])
+    depths = corners @ camera.rotation[2] + camera.translation[2]
+    nearest = max(camera.near, float(depths.min()))
+    key_share = float(key.sum() / max(key.sum() + (sky.sum() + ground.sum()) / 2, 1e-12))
+    view[FIBRE] = finish.fibre, finish.specular, finish.exponent / 16
+    view[SURFACE] = finish.tint, finish.sheen, SLOPE_GAIN * finish.roundness * key_share
+    view[DEPTH] = nearest, DEEPEST_KEY / max(float(depths.max()) - nearest, 1e-9), opacity
+    sharpness = 1.0 / (8.0 * np.sin(np.radians(finish.spread)) ** 2)
+    view[EDGE] = edge, KEY_SHADE / (2 if lighting.shadows else 1), sharpness
+    view[LOBES] = finish.reflect, finish.transmit, finish.internal
