@@ -54,4 +54,4 @@ else:
 
 def new_picture(**numbers: float) -> Any:
     """A `Picture` with these numbers, the others 0. It is changed in place: making one takes longer than a call."""
-    return Picture(**numbers)
+    return Picture(**numbers)  # pyright: ignore[reportCallIssue]

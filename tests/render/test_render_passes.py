@@ -6,8 +6,8 @@ import pytest
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.render.data.camera import Camera, look_at
 from taichi_cloth.render.data.particles import Particles
-from taichi_cloth.render.splat import passes as passes_module
-from taichi_cloth.render.splat.passes import Passes, render_passes
+from taichi_cloth.render.splat.pass_raster import raster_passes
+from taichi_cloth.render.splat.passes import PASSES, Passes, render_passes
 from taichi_cloth.render.splat.splat import Splatter
 from taichi_cloth.render.stage.paint import paint, unproject
 from taichi_cloth.render.tiles.mesh import Mesh
@@ -20,7 +20,7 @@ def camera(width: int = 64, height: int = 48) -> Camera:
     return Camera(np.eye(3), np.zeros(3), FOCAL, width / 2, height / 2, width, height, near=0.01)
 
 
-def drawn(particles: Particles, view: Camera, which: tuple[str, ...] = passes_module.PASSES, **options) -> Passes:
+def drawn(particles: Particles, view: Camera, which: tuple[str, ...] = PASSES, **options) -> Passes:
     splatter = Splatter(view.width, view.height).load(particles)
     splatter.render(view)
     return render_passes(splatter, view, particles, which, **options)
@@ -151,13 +151,13 @@ def test_matrices_bring_depths_back_to_the_world() -> None:
 
 def test_what_is_not_asked_for_is_not_held(monkeypatch: pytest.MonkeyPatch) -> None:
     held = {}
-    kernel = passes_module.raster_passes
+    kernel = raster_passes
 
     def spy(*arguments) -> None:
         held.update(planes=len(arguments[-2]), hit=arguments[-1].size)
         kernel(*arguments)
 
-    monkeypatch.setattr(passes_module, "raster_passes", spy)
+    monkeypatch.setattr("taichi_cloth.render.splat.passes.raster_passes", spy)
     cloud = balls([[0, 0, 1.0]], 0.1)
     drawn(cloud, camera(), ("mask",))
     assert held == {"planes": 1, "hit": 1}

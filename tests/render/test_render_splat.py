@@ -11,8 +11,8 @@ from taichi_cloth.render.data.camera import Camera, look_at
 from taichi_cloth.render.data.light import Background, Lighting
 from taichi_cloth.render.data.particles import Particles
 from taichi_cloth.render.data.sprites import CRISP, SOFT, Profile
-from taichi_cloth.render.splat import splat as splat_module
 from taichi_cloth.render.splat.splat import Splatter
+from taichi_cloth.render.tiles import lists as lists_module
 
 FOCAL = 100.0
 
@@ -209,7 +209,7 @@ def test_lists_grow_and_overflow_is_reported(monkeypatch: pytest.MonkeyPatch) ->
     splatter.render(camera())
     assert splatter.stats is not None
     assert splatter.stats.tile_entries == 50 * 12
-    monkeypatch.setattr(splat_module, "MAX_TILE_ENTRIES", 599)
+    monkeypatch.setattr(lists_module, "MAX_TILE_ENTRIES", 599)
     with pytest.raises(InputError, match=r"600 entries; allowed: 599"):
         splatter.render(camera())
 
