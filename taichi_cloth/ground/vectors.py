@@ -7,17 +7,15 @@ import taichi as ti
 from taichi_cloth.ground.arrays import Template
 from taichi_cloth.ground.particles import LANES, OCTET
 
-__all__ = ["Blocks", "Planes", "Vec8", "Vec16", "keep"]
+__all__ = ["Blocks", "Vec8", "Vec16", "keep"]
 
 Vec8: Any = ti.types.vector(OCTET, ti.f32)
 Vec16: Any = ti.types.vector(LANES, ti.f32)
 
 if TYPE_CHECKING:
     Blocks = Any
-    Planes = Any
 else:
     Blocks = ti.types.ndarray(Vec16, 2)  # groups of particles (rows, groups): each element 16 neighbours
-    Planes = ti.template()  # a field of Vec8, (tiles, half rows of a tile): see `planes`
 
 
 @ti.func
