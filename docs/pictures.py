@@ -15,11 +15,11 @@ from taichi_cloth.render.image.caption import caption
 from taichi_cloth.render.image.image import contact_sheet, read_png
 from taichi_cloth.scenes.body.body_fit import draw_fit
 from taichi_cloth.scenes.models.build import build
-from taichi_cloth.scenes.models.cloth import ClothModel
-from taichi_cloth.scenes.models.standing import primitives_of
+from taichi_cloth.scenes.models.cloth_model import ClothModel
 from taichi_cloth.scenes.paper.figures import FIGURES, fitted
 from taichi_cloth.scenes.picture.view import View
 from taichi_cloth.scenes.picture.zoom import zoom
+from taichi_cloth.scenes.prepare.body_setup import primitives_of
 from taichi_cloth.scenes.scene.load import load_scene
 
 HERE = Path(__file__).parent

@@ -52,7 +52,7 @@ def fit_body(
         print(line)
     runtime.start(arch)
     if compare:
-        from ..models.standing import grids_of
+        from ..prepare.body_setup import grids_of
         from .report_body import exact_rows, query_lines
 
         for line in query_lines(exact_rows(body, primitives, grids_of(body))):

@@ -22,12 +22,12 @@ from ...render.image.image import contact_sheet, write_png
 from ...render.image.video import write_mp4
 from ...render.image.webp import write_webp
 from ..models.build import build, shown_frame
-from ..models.kept import KeptRun
-from ..models.prepare import require_picture
+from ..models.moving_model import MovingModel
 from ..picture.view import View
 from ..picture.zoom import zoom
 from ..plan.lines import fact_lines, plan_lines
 from ..plan.plan import plan
+from ..prepare.drawing import require_picture
 from ..scene.load import load_scene
 from .sequence import Sequence, fingerprint
 
@@ -76,7 +76,7 @@ def run(
         print(line)
 
     todo = sequence.missing()
-    if isinstance(model, KeptRun) and command == "animate":
+    if isinstance(model, MovingModel) and command == "animate":
         model.keep(folder, todo[0] if todo else count)
     if command == "turntable":
         model.step(shown_frame(scene, model))

@@ -18,6 +18,7 @@ import taichi_cloth
 from taichi_cloth.ground.errors import InputError
 
 from ...render.image.image import write_bytes, write_png
+from ..scene.scene_files import file_hashes
 from ..scene.schema import Scene
 
 __all__ = ["Sequence", "fingerprint"]
@@ -30,10 +31,8 @@ Image = NDArray[np.uint8]
 
 def fingerprint(scene: Scene, command: str) -> str:
     """A hash of everything that decides the frames of a sequence, with the contents of the files it names."""
-    named = [scene.weave.draft if scene.weave else "", scene.fibre.sprite]
-    named += [scene.body.source, scene.body.motion, scene.body.primitives or ""] if scene.body else []
-    contents = [hashlib.sha256(Path(n).read_bytes()).hexdigest() if os.path.isfile(n) else n for n in named]
-    text = json.dumps([taichi_cloth.__version__, command, scene.model_dump(mode="json"), contents], sort_keys=True)
+    contents = [taichi_cloth.__version__, command, scene.model_dump(mode="json"), file_hashes(scene)]
+    text = json.dumps(contents, sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()
 
 

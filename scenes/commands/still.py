@@ -25,9 +25,9 @@ from ...render.splat.passes import PASSES, Passes, render_passes
 from ...render.splat.stream import stream_passes
 from ..models.build import build, shown_frame
 from ..models.model import Model, Numbers
-from ..models.prepare import require_picture
 from ..picture.view import Shot, View
 from ..plan.plan import plan
+from ..prepare.drawing import require_picture
 from ..scene.load import load_scene
 from ..scene.schema import Scene
 from .run import image_size

@@ -11,9 +11,9 @@ from ...render.data.camera import Camera, frame
 from ...render.data.light import Lighting
 from ...render.image.image import linear_to_srgb
 from ...render.splat.splat import Splatter
-from ..models.fabric import FabricModel
-from ..models.prepare import prepare_fabric
+from ..models.fabric_model import FabricModel
 from ..picture.view import finish_of, lighting_of
+from ..prepare.weave_layout import prepare_fabric
 from ..scene.load import load_scene
 
 __all__ = ["Swatch", "difference", "shown"]

@@ -22,9 +22,9 @@ from ...render.data.particles import Particles
 from ...render.data.sprites import SOFT
 from ...render.splat.splat import Splatter
 from ..models.build import build
-from ..models.fabric import FabricModel
-from ..models.prepare import prepare_fabric
+from ..models.fabric_model import FabricModel
 from ..picture.view import View
+from ..prepare.weave_layout import prepare_fabric
 from ..scene.load import load_scene, make_scene
 from ..scene.schema import Scene
 from .machine import cores, cpu_name

@@ -13,7 +13,7 @@ from ...render.data.camera import Camera, frame
 from ...render.splat.splat import Splatter
 from ...render.stage.paint import paint
 from ...render.tiles.mesh import join
-from ..models.cloth import ClothModel
+from ..models.cloth_model import ClothModel
 from ..picture.view import finish_of, lighting_of
 from ..scene.schema import Scene
 

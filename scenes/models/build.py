@@ -8,13 +8,13 @@ model.facts()             what can be said of it, beside the textbook
 
 from collections.abc import Callable
 
+from ..prepare.weave_layout import Prepared, prepare_fabric
 from ..scene.schema import Scene
-from .fabric import FabricModel
-from .fibre import FibreModel
+from .fabric_model import FabricModel
+from .fibre_model import FibreModel
 from .model import Model
-from .prepare import Prepared, prepare_fabric
-from .twist import TwistModel
-from .yarn import YarnModel
+from .twist_model import TwistModel
+from .yarn_model import YarnModel
 
 __all__ = ["build", "shown_frame"]
 
@@ -23,11 +23,11 @@ def build(scene: Scene, prepared: Prepared | None = None, each: Callable[[str, i
     """Build a scene. `prepared` saves laying a fabric out again when that was done for `plan`. each: told the stage,
     how much of it is done and how much there is at most, where building takes long."""
     if scene.subject == "garment":
-        from .garment import GarmentModel
+        from .garment_model import GarmentModel
 
-        return GarmentModel(scene, prepared, each=each)
+        return GarmentModel.of(scene, prepared, each=each)
     if scene.subject == "cloth":
-        from .cloth import ClothModel
+        from .cloth_model import ClothModel
 
         return ClothModel(scene, prepared)
     if scene.subject == "fabric":

@@ -6,8 +6,8 @@ from numpy.typing import NDArray
 
 from ...render.image.caption import caption, label, legend
 from ..models.build import build
-from ..models.cloth import ClothModel
-from ..models.fabric import FabricModel
+from ..models.cloth_model import ClothModel
+from ..models.fabric_model import FabricModel
 from ..picture.view import View
 from ..scene.load import load_scene
 

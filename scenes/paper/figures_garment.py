@@ -17,10 +17,11 @@ from ...render.tiles.mesh import Mesh
 from ..body.body_fit import GREY
 from ..body.body_picture import HUES, KIND_COLOURS, Shown, draw_panels, part_mesh, primitive_meshes
 from ..models.build import build
-from ..models.garment import GarmentModel, woven_garment
-from ..models.prepare import prepare_fabric
-from ..models.standing import primitives_of
+from ..models.garment_model import GarmentModel
 from ..picture.view import View
+from ..prepare.body_setup import primitives_of
+from ..prepare.garment_setup import woven_garment
+from ..prepare.weave_layout import prepare_fabric
 from ..scene.load import load_scene
 
 __all__ = ["body_parts", "dressed_twice", "magnified", "moving", "primitives", "skirt_and_shirt", "stretched"]
@@ -95,13 +96,13 @@ def _whole(model: GarmentModel, frames: list[int]) -> NDArray[np.float32]:
 
 def dressed_twice(quick: bool) -> Image:
     model = _garment("dress")
-    fibres = _at_rest(model, quick)
-    follower, model.follower = model.follower, None
+    drawn = _at_rest(model, quick)
+    fibres, model.fibres = model.fibres, None
     try:
         mesh = _at_rest(model, quick)
     finally:
-        model.follower = follower
-    return np.concatenate([caption(mesh, "(a) mesh"), caption(fibres, "(b) fibres")], axis=1)
+        model.fibres = fibres
+    return np.concatenate([caption(mesh, "(a) mesh"), caption(drawn, "(b) fibres")], axis=1)
 
 
 def magnified(quick: bool) -> Image:
@@ -134,7 +135,7 @@ def _finer(model: GarmentModel, place: NDArray) -> GarmentModel:
     """The surroundings of a place, their threads of as many fibres as a near picture shows."""
     scene = load_scene("tshirt", [f"yarn.fibres={FINE}", "fabric.steps=8", "light.exposure=-0.2"])
     prepared = prepare_fabric(woven_garment(scene, model.dressed.garment.atlas), streamed=True)
-    return GarmentModel(scene, prepared, model.dressed, near=(place, 0.05))
+    return GarmentModel.of(scene, prepared, model.dressed, near=(place, 0.05))
 
 
 def stretched(quick: bool) -> Image:

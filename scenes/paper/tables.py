@@ -31,11 +31,11 @@ from ...render.splat.splat import Splatter
 from ...render.stage.paint import paint
 from ...render.tiles.mesh import join
 from ..measure.machine import cores, cpu_name
-from ..models.cloth import nothing
-from ..models.dressing import dressed_parts, simulation_of
-from ..models.garment import GarmentModel, woven_garment
-from ..models.prepare import prepare_fabric
+from ..models.garment_model import GarmentFibres, GarmentModel
+from ..models.moving_model import nothing
 from ..picture.view import finish_of, lighting_of
+from ..prepare.garment_setup import dressed_parts, garment_simulation, woven_garment
+from ..prepare.weave_layout import prepare_fabric
 from ..scene.load import built_in_scenes, load_scene
 from ..scene.schema import Scene
 from .table_text import PAPER, Measured, tables_of, write_tables
@@ -157,10 +157,10 @@ def measure(scene: Scene, frames: int) -> Measured:
     Where the motion tears the garment it starts anew from its rest, and the frame is among `restarts`. Raises Unstable
     where it does not even begin.
     """
-    model = GarmentModel(scene)
-    follower, weaving, surface = model.follower, model.weaving, model.surface
-    assert follower is not None
-    simulation, double = model.simulation, simulation_of(scene, model.dressed)
+    model = GarmentModel.of(scene)
+    assert isinstance(model.fibres, GarmentFibres)
+    follower, weaving, surface = model.fibres.follower, model.fibres.weaving, model.surface
+    simulation, double = model.simulation, garment_simulation(scene, model.dressed)
     solver = double.solver
     assert isinstance(solver, Verlet)
     solver.passes = contact_twice(solver.passes, solver.sheet)
@@ -252,7 +252,7 @@ def _drawing(model: GarmentModel) -> dict[str, Callable[[], object]]:
     assert follower is not None
 
     def mesh() -> None:
-        backdrop = paint(camera, mesh=join([model.mesh(model.simulation.positions)]), lighting=lighting)
+        backdrop = paint(camera, mesh=join([model.mesh()]), lighting=lighting)
         splatter.load(nothing())
         splatter.render(camera, lighting=lighting, finish=finish, backdrop=backdrop)
 

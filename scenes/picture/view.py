@@ -23,7 +23,8 @@ from ...render.stage.paint import paint
 from ...render.stage.stage import Stage, stage_under
 from ...render.tiles.mesh import Mesh, join
 from ..models.model import Model, Panel
-from ..models.prepare import fibre_kind, has_floor
+from ..prepare.drawing import has_floor
+from ..prepare.yarns import fibre_kind
 from ..scene.schema import Scene
 from .streamed import Streamed
 

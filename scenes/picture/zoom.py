@@ -20,9 +20,10 @@ from ...render.data.camera import Camera, frame, look_at
 from ...render.data.finish import Finish
 from ...render.data.light import Lighting
 from ...render.splat.splat import Splatter
-from ..models.fabric import FabricModel
+from ..models.fabric_model import FabricModel
 from ..models.model import Model
-from ..models.prepare import LIT, fibre_kind, has_floor
+from ..prepare.drawing import LIT, has_floor
+from ..prepare.yarns import fibre_kind
 from .gains import fit_gains, fit_near, views_of
 from .streamed import Streamed
 from .view import View

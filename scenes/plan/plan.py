@@ -10,7 +10,9 @@ from taichi_cloth.ground.memory import memory_limit
 from taichi_cloth.yarn.yarn import Yarn
 
 from ...render.data.light_sizes import light_bytes
-from ..models.prepare import DRAW_BYTES, LIT, Prepared, fibre_kind, has_floor, picture_bytes, prepare_fabric, yarn_of
+from ..prepare.drawing import LIT, drawn_bytes, has_floor, picture_bytes
+from ..prepare.weave_layout import Prepared, prepare_fabric
+from ..prepare.yarns import fibre_kind, yarn_of
 from ..scene.schema import Scene
 
 __all__ = ["Plan", "Stage", "plan"]
@@ -53,7 +55,7 @@ def plan(scene: Scene) -> Plan:
     prepared = None
     woven = None
     if scene.cloth:
-        from ..models.moving import woven_scene  # loads Taichi, which a plan of what lies still does without
+        from ..prepare.sheet_setup import woven_scene  # loads Taichi, which a plan of what lies still does without
         from .plan_cloth import sheet_stages
 
         woven = woven_scene(scene) if scene.cloth.representation == "fibre" else None
@@ -159,7 +161,7 @@ def plan(scene: Scene) -> Plan:
     stages = tuple(
         Stage(name, name in built, built.get(name) or left[name]) for name in order if name in built or name in left
     )
-    total = prepared.bytes if prepared else particles * (64 + DRAW_BYTES)
+    total = prepared.bytes if prepared else drawn_bytes(particles)
     occlusion = scene.light.occlusion and scene.light.fill_strength > 0
     total += picture_bytes(scene.output.size)
     total += light_bytes(held, shadows=lamps if scene.light.shadows else 0, occlusion=occlusion)

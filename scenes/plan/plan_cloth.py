@@ -10,7 +10,7 @@ from taichi_cloth.motion.forces import Forces
 from taichi_cloth.motion.solver import Solver
 from taichi_cloth.sheet.sheet import Sheet
 
-from ..models.moving import forces_of, sheet_of, solver_of, standing_in
+from ..prepare.sheet_setup import forces_of, sheet_of, solver_of, standing_in
 from ..scene.schema import Scene
 
 __all__ = ["force_stages", "sheet_stages", "thin_limbs"]

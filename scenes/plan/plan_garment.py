@@ -2,9 +2,8 @@
 
 from math import hypot
 
-from ..models.dressing import dressed_parts, motion_of
-from ..models.garment import woven_garment
-from ..models.moving import forces_of
+from ..prepare.garment_setup import dressed_parts, motion_of, woven_garment
+from ..prepare.sheet_setup import forces_of
 from ..scene.schema import Scene
 from .plan_cloth import force_stages, thin_limbs
 

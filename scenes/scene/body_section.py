@@ -4,11 +4,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from taichi_cloth.body.figure.anthropometry import Gender, measures_of
 from taichi_cloth.body.skin.names import Facing, Unit, Up
 from taichi_cloth.ground.errors import InputError
+
+from .section import BODY_FILE, MOTION_FILE, PRIMITIVES_FILE, Section
 
 if TYPE_CHECKING:  # reading a scene need not load what makes bodies
     from taichi_cloth.body.moving.motion import Motion
@@ -25,12 +27,10 @@ OWN_MEASURES = (
 FILE_ONLY = ("unit", "up", "facing")
 
 
-class BodySection(BaseModel):
+class BodySection(Section):
     """A body: the built-in one by its measures, MakeHuman's, or a mesh file."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-    source: str = Field(
+    source: Annotated[str, BODY_FILE] = Field(
         default="built-in", description='"built-in", "anny", or the path of an OBJ, PLY, GLB or STL file'
     )
     gender: Gender = "female"
@@ -55,14 +55,14 @@ class BodySection(BaseModel):
     unit: Unit | None = Field(default=None, description="of a file's lengths; default: seen from its height")
     up: Up | None = Field(default=None, description="a file's vertical axis; default: seen from its shape")
     facing: Facing | None = Field(default=None, description="where a file's body looks; default: seen from its feet")
-    motion: Literal["rest", "idle", "turn", "walk", "arms-raised", "sit"] | str = Field(
+    motion: Annotated[Literal["rest", "idle", "turn", "walk", "arms-raised", "sit"] | str, MOTION_FILE] = Field(
         default="rest", description="a built-in motion, or the path of a .bvh file"
     )
     motion_speed: float = Field(default=1.0, gt=0, le=10, description="2 is twice as fast; built-in motions only")
     blend_in_s: float = Field(default=1.0, gt=0, le=60, description="time from the A pose into the motion [s]")
     loop: bool = Field(default=False, description="begin a .bvh file again at its end")
     start_s: float = Field(default=0.0, ge=0, le=600, description="when the motion begins; at rest before [s]")
-    primitives: str | None = Field(
+    primitives: Annotated[str, PRIMITIVES_FILE] | None = Field(
         default=None, description="a file that `body fit` wrote; default: the body's own, fitted once and kept"
     )
     contact: Literal["primitives", "grid"] = Field(
@@ -105,7 +105,7 @@ def prepare_motion(section: BodySection, body: "Body", folder: Path = Path()) ->
     from taichi_cloth.body.moving.bvh import bvh_motion
     from taichi_cloth.body.moving.motion import motion
 
-    if section.motion.lower().endswith(".bvh"):
+    if MOTION_FILE.fits(section.motion):
         found = bvh_motion(folder / section.motion, body.skeleton, loop=section.loop, blend_in=section.blend_in_s)
     else:
         found = motion(section.motion, body.skeleton, speed=section.motion_speed, blend_in=section.blend_in_s)

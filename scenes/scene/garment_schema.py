@@ -1,13 +1,13 @@
 """The sections of a scene of a garment: its pattern, its cloth, its colours."""
 
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
 from taichi_cloth.fabric.follow_rule import FollowRule
 
 from .cloth_schema import PropertiesSection
-from .section import Positive, Section
+from .section import DRAFT_FILE, PATTERN_FILE, PICTURE_FILE, Positive, Section
 
 __all__ = ["GarmentSection", "PanelColours", "PrintSection"]
 
@@ -22,7 +22,7 @@ class PanelColours(Section):
 class PrintSection(Section):
     """A picture printed on one panel; transparent pixels leave the yarn as it is."""
 
-    file: str = Field(description="a PNG; each piece of yarn takes the colour it lies under")
+    file: Annotated[str, PICTURE_FILE] = Field(description="a PNG; each piece of yarn takes the colour it lies under")
     width_cm: Positive | None = Field(default=None, description="default: as wide as the panel [cm]")
     right_cm: float = Field(default=0.0, description="of its middle from the panel's, seen from the right side [cm]")
     up_cm: float = Field(default=0.0, description="of its middle from the panel's [cm]")
@@ -31,7 +31,9 @@ class PrintSection(Section):
 class GarmentSection(Section):
     """A garment cut from [weave] and worn on [body]."""
 
-    pattern: str = Field(default="tshirt", description="tshirt, skirt, dress, trousers, or a GarmentCode .json file")
+    pattern: Annotated[str, PATTERN_FILE] = Field(
+        default="tshirt", description="tshirt, skirt, dress, trousers, or a GarmentCode .json file"
+    )
     key_points: int = Field(default=6245, ge=200, le=200_000, description="about how many the simulation moves")
     threads_per_key_point: int = Field(
         default=4, ge=1, le=64, description="threads woven for each key point; the crossings between are smooth"
@@ -45,7 +47,9 @@ class GarmentSection(Section):
     friction: float = Field(default=0.3, ge=0, le=5, description="between cloth and skin")
     gap_mm: float = Field(default=4.0, ge=0, le=30, description="kept between the body and the key points [mm]")
     colours: dict[str, PanelColours] = Field(default={}, description="of panels by name, instead of the weave's")
-    weaves: dict[str, str] = Field(default={}, description="drafts of panels by name, instead of weave.draft")
+    weaves: dict[str, Annotated[str, DRAFT_FILE]] = Field(
+        default={}, description="weaves or .wif files by the panel's name, instead of weave.draft"
+    )
     prints: dict[str, PrintSection] = Field(default={}, description="pictures on panels, by name")
     hem_mm: float = Field(default=0.0, ge=0, le=80, description="width of the turned hems, a second layer inside [mm]")
     stitches: str | None = Field(default=None, description="colour of the thread along hems and seams; default: none")

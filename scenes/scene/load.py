@@ -3,7 +3,7 @@
 import os
 import stat
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from importlib.resources import files
 from pathlib import Path
 from types import NoneType, UnionType
@@ -15,7 +15,9 @@ from taichi_cloth.ground.errors import InputError, did_you_mean
 from taichi_cloth.weave.colour_order import colour
 
 from ...render.data.finish import finish_for
+from .scene_files import files_named, places
 from .schema import Scene
+from .section import DRAFT_FILE, PATTERN_FILE, SPRITE_FILE, NamesFile
 
 __all__ = ["built_in_scenes", "load_scene", "make_scene"]
 
@@ -25,18 +27,6 @@ WIF_BRINGS = {
     "yarn": ("count_tex", "count_ne"),
     "weft_yarn": ("count_tex", "count_ne"),
 }
-PATHS: dict[str, str | tuple[str, ...]] = {
-    "weave.draft": ".wif",
-    "weave.patches.*.draft": ".wif",
-    "fibre.sprite": ".png",
-    "garment.pattern": ".json",
-    "garment.weaves.*": ".wif",
-    "garment.prints.*.file": "",
-    "body.source": (".obj", ".ply", ".glb", ".stl"),
-    "body.motion": ".bvh",
-    "body.primitives": ".json",
-}
-"""Keys that may name a file, and how its name ends; * is any key, or any place of a list."""
 PATTERN_PASSES = 5
 """Of the strain limit for a pattern from a file: the built-in scenes' one or two were found for their own garments."""
 LARGEST_SCENE_FILE = 4_000_000
@@ -66,7 +56,7 @@ def load_scene(name: str, overrides: list[str] | None = None) -> Scene:
     """
     data, where, folder = _read(name)
     given = {key.strip(): value.strip() for key, _, value in (text.partition("=") for text in overrides or [])}
-    if _names(given, "weave.draft", ".wif"):
+    if _names(given, "weave.draft", DRAFT_FILE):
         for section, keys in WIF_BRINGS.items():
             _drop(data, section, keys)
     for section in ("yarn", "weft_yarn"):  # a count given in one unit replaces the scene's in the other
@@ -75,37 +65,24 @@ def load_scene(name: str, overrides: list[str] | None = None) -> Scene:
                 _drop(data, section, (other,))
     for text in overrides or []:
         _override(data, text)
-    if _names(given, "garment.pattern", ".json"):
-        for name, limit, key in _places(data, ("forces", "strain_limit", "passes")):
+    if _names(given, "garment.pattern", PATTERN_FILE):
+        for name, limit, key in places(data, ("forces", "strain_limit", "passes")):
             if not _said(given, name):
                 limit[key] = PATTERN_PASSES
-    for pattern, ending in PATHS.items() if folder else ():
-        for name, table, key in _places(data, pattern.split(".")):
-            if isinstance(table[key], str) and table[key].lower().endswith(ending) and not _said(given, name):
-                table[key] = str(folder / table[key])  # a path in a file is meant from where the file lies
+    for name, table, key in files_named(data) if folder else ():
+        if not _said(given, name):
+            table[key] = str(folder / table[key])  # a path in a file is meant from where the file lies
     return make_scene(data, where)
 
 
-def _names(given: Mapping[str, str], key: str, ending: str) -> bool:
+def _names(given: Mapping[str, str], key: str, file: NamesFile) -> bool:
     """Whether an override names a file of this kind."""
-    return given.get(key, "").strip("\"'").lower().endswith(ending)
+    return file.fits(given.get(key, "").strip("\"'"))
 
 
 def _said(given: Mapping[str, str], name: str) -> bool:
     """Whether an override states a key, by itself or with the table it is in."""
     return any(f"{name}.".startswith(f"{other}.") for other in given)
-
-
-def _places(data: Any, keys: Sequence[str], above: str = "") -> Iterator[tuple[str, Any, Any]]:
-    """Where a scene's data state a key, * for any: its whole name, the table or list it is in, and its place there."""
-    places = list(data) if isinstance(data, dict) else list(range(len(data))) if isinstance(data, list) else []
-    for place in places:
-        if keys[0] not in ("*", place):
-            continue
-        if len(keys) == 1:
-            yield f"{above}{place}", data, place
-        else:
-            yield from _places(data[place], keys[1:], f"{above}{place}.")
 
 
 def _drop(data: dict[str, Any], section: str, keys: tuple[str, ...]) -> None:
@@ -148,7 +125,7 @@ def _check_names(scene: Scene) -> None:
             raise InputError(f"light.{error}") from None
     sprite = scene.fibre.sprite
     if sprite not in SPRITES:
-        if not sprite.lower().endswith(".png"):
+        if not SPRITE_FILE.fits(sprite):
             raise InputError(
                 f"fibre.sprite: unknown sprite {sprite!r}; known: {', '.join(SPRITES)}, or the path of a .png file "
                 f"with alpha{did_you_mean(sprite, SPRITES)}"

@@ -5,7 +5,7 @@ A scene builds the last thing it names: `[fibre]` alone gives one fibre, with `[
 built.
 """
 
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
@@ -16,7 +16,7 @@ from ...render.image.tone import Tone
 from .body_section import BodySection
 from .cloth_schema import ClothSection, ForcesSection, SolverSection
 from .garment_schema import GarmentSection
-from .section import Positive, Section, Share
+from .section import DRAFT_FILE, SPRITE_FILE, Positive, Section, Share
 
 __all__ = [
     "Camera",
@@ -47,7 +47,7 @@ class Fibre(Section):
     spacing_um: float = Field(default=0.7, gt=0, description="distance between lattice particles [µm]")
     jitter: float = Field(default=0.3, ge=0, le=1, description="largest perturbation, in fractions of the spacing")
     particle_size: float = Field(default=0.8, gt=0, le=5, description="particle radius, in fractions of the spacing")
-    sprite: Literal["thread", "round", "soft", "fuzzy"] | str = Field(
+    sprite: Annotated[Literal["thread", "round", "soft", "fuzzy"] | str, SPRITE_FILE] = Field(
         default="thread", description="alpha texture of a particle: a name, or a PNG with alpha"
     )
     colour: str | None = Field(default=None, description="instead of the kind's own colour: a name or #rrggbb")
@@ -97,7 +97,7 @@ class YarnSection(Section):
 class WeavePatch(Section):
     """Another draft on a part of a cloth."""
 
-    draft: str = Field(description="as weave.draft")
+    draft: Annotated[str, DRAFT_FILE] = Field(description="a weave or the path of a .wif file")
     end: int = Field(ge=0, description="its first warp end, from the left")
     pick: int = Field(ge=0, description="its first weft pick, from the bottom")
     ends: int = Field(ge=1, description="how many warp ends it takes")
@@ -107,7 +107,9 @@ class WeavePatch(Section):
 class Weave(Section):
     """Which yarn is on top (paper 2.3): a named weave or a WIF file, and the threads' colours."""
 
-    draft: str = Field(default="plain", description="plain, twill-2/2, satin-5, … or the path of a .wif file")
+    draft: Annotated[str, DRAFT_FILE] = Field(
+        default="plain", description="plain, twill-2/2, satin-5, … or the path of a .wif file"
+    )
     ends: int | None = Field(default=None, description="warp ends; default: the file's own, or 40")
     picks: int | None = Field(default=None, description="weft picks; default: the file's own, or 40")
     warp_colours: str | None = Field(default=None, description='thread order, such as "navy*4 white*4"')

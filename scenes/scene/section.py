@@ -1,10 +1,23 @@
-"""What every section of a scene is: keys that are known, values that do not change."""
+"""What every section of a scene is: keys that are known, values that do not change, marks of keys that name files."""
 
+from dataclasses import dataclass
 from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
 
-__all__ = ["Positive", "Section", "Share"]
+__all__ = [
+    "BODY_FILE",
+    "DRAFT_FILE",
+    "MOTION_FILE",
+    "PATTERN_FILE",
+    "PICTURE_FILE",
+    "PRIMITIVES_FILE",
+    "SPRITE_FILE",
+    "NamesFile",
+    "Positive",
+    "Section",
+    "Share",
+]
 
 
 class Section(BaseModel):
@@ -13,3 +26,24 @@ class Section(BaseModel):
 
 Positive = Annotated[float, Field(gt=0)]
 Share = Annotated[float, Field(ge=0, le=1)]
+
+
+@dataclass(frozen=True)
+class NamesFile:
+    """Marks a key whose text is the path of a file, or may be one: then it has one of these endings. What follows of it
+    (`scene_files`) are where the path is taken from, and that --resume sees when the file was changed."""
+
+    endings: tuple[str, ...] = ()
+
+    def fits(self, text: str) -> bool:
+        """Whether the text is the path of a file."""
+        return not self.endings or text.lower().endswith(self.endings)
+
+
+DRAFT_FILE = NamesFile((".wif",))
+SPRITE_FILE = NamesFile((".png",))
+PATTERN_FILE = NamesFile((".json",))
+PICTURE_FILE = NamesFile()
+BODY_FILE = NamesFile((".obj", ".ply", ".glb", ".stl"))
+MOTION_FILE = NamesFile((".bvh",))
+PRIMITIVES_FILE = NamesFile()

@@ -28,7 +28,8 @@ from ...render.data.camera import look_at
 from ...render.splat.splat import Splatter
 from ..measure.picture import Swatch
 from ..models.build import build
-from ..models.prepare import prepare_fabric, require_picture
+from ..prepare.drawing import require_picture
+from ..prepare.weave_layout import prepare_fabric
 from ..scene.load import load_scene
 from .limit import found_limit
 

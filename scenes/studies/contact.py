@@ -18,7 +18,7 @@ from taichi_cloth.body.primitives.primitives import Primitive
 from ..body.body_fit import BONES
 from ..body.report_body import POINTS, exact_distance, garment_points
 from ..measure.study import Axis, Row, Study, cpu_seconds
-from ..models.standing import GRID_SPACING, grids_at, primitives_of
+from ..prepare.body_setup import GRID_SPACING, grids_at, primitives_of
 
 __all__ = ["STUDY", "rows"]
 

@@ -25,8 +25,8 @@ from taichi_cloth.sheet.springs import calibrate
 from taichi_cloth.solvers.verlet import Verlet
 
 from ..measure.study import Axis, Row, Study, cpu_seconds
-from ..models.moving import material_of, woven_scene
-from ..models.prepare import prepare_fabric
+from ..prepare.sheet_setup import material_of, woven_scene
+from ..prepare.weave_layout import prepare_fabric
 from ..scene.load import load_scene
 
 __all__ = ["STUDY", "Cloth", "bent", "bilinear", "draped", "errors", "rows", "wave"]

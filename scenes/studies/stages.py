@@ -14,7 +14,7 @@ from taichi_cloth.ground.errors import InputError
 
 from ..measure.machine import cores
 from ..measure.page import Section, csv_text
-from ..models.dressing import dress
+from ..prepare.garment_setup import dress
 from ..scene.load import built_in_scenes, load_scene
 from ..scene.schema import Scene
 from .stage_probe import Probe

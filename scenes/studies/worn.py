@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..measure.study import Row, microseconds
-from ..models.dressing import Dressed, dress, dressed_parts, simulation_of
+from ..prepare.garment_setup import Dressed, dress, dressed_parts, garment_simulation
 from ..scene.load import load_scene
 from .moved import rms, timed
 
@@ -68,5 +68,5 @@ def _run(dressed: Dressed, share: float, parts: int) -> tuple[NDArray[np.float64
     changes = ["body.motion=walk", f"garment.properties.tensile_share={share}", f"solver.safety={0.9 / parts}"]
     scene = load_scene(SCENE, changes)
     worn = replace(dressed, garment=dressed_parts(scene).garment)
-    simulation, cost = timed(lambda: simulation_of(scene, worn), SECONDS)
+    simulation, cost = timed(lambda: garment_simulation(scene, worn), SECONDS)
     return simulation.positions[simulation.sheet.present].astype(np.float64), cost, simulation.solver.step

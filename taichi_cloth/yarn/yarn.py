@@ -15,6 +15,7 @@ __all__ = [
     "Direction",
     "Hairiness",
     "Yarn",
+    "count_for_diameter",
     "ne_to_tex",
     "resultant_count",
     "turns_per_m",
@@ -30,6 +31,12 @@ def ne_to_tex(count_ne: float) -> float:
     19.68
     """
     return 590.5 / count_ne
+
+
+def count_for_diameter(diameter: float, fibre_density: float, packing: float, plies: int) -> float:
+    """Linear density [tex] of each of `plies` singles that together have the woven diameter [m]: mass of a length of
+    their section, of which the share `packing` is fibre of the density [kg/m³]."""
+    return 1e6 * pi / 4 * diameter**2 * fibre_density * packing / plies
 
 
 def resultant_count(n1: float, n2: float) -> float:

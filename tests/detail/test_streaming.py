@@ -25,7 +25,7 @@ from taichi_cloth.render.stage.paint import paint
 from taichi_cloth.render.tiles.mesh import Mesh
 from taichi_cloth.scenes.commands.sequence import Sequence
 from taichi_cloth.scenes.models.build import build
-from taichi_cloth.scenes.models.fabric import FabricModel
+from taichi_cloth.scenes.models.fabric_model import FabricModel
 from taichi_cloth.scenes.picture import gains as scene_gains
 from taichi_cloth.scenes.picture.gains import colours_at, crossings, fit_gains, fit_near, seen_at, views_of
 from taichi_cloth.scenes.picture.view import View

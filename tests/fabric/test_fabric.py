@@ -253,7 +253,7 @@ def _swept_depth(layout, samples: int = 24, sweeps: int = 5) -> float:
 
 def test_a_draft_that_states_spacing_alone_gets_yarn_that_fills_it():
     from taichi_cloth.fibre.contours import FIBRES
-    from taichi_cloth.scenes.models.prepare import yarn_of
+    from taichi_cloth.scenes.prepare.yarns import yarn_of
     from taichi_cloth.scenes.scene.schema import YarnSection
 
     section = YarnSection(count_tex=None, twist_per_m=700)

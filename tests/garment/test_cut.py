@@ -197,7 +197,7 @@ def test_surface_on_a_cylinder_has_its_normals():
 
 def test_threads_end_at_the_outline():
     from taichi_cloth.fabric.fabric import build_fabric
-    from taichi_cloth.scenes.models.prepare import prepare_fabric
+    from taichi_cloth.scenes.prepare.weave_layout import prepare_fabric
     from taichi_cloth.scenes.scene.load import make_scene
 
     atlas = cut(Pattern("p", (disc(),), ()), (0.02, 0.02))

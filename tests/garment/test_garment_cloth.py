@@ -1,7 +1,6 @@
 """The cloth of the built-in garments hides what is behind it, and their pictures hold all of it."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,9 +11,9 @@ from taichi_cloth.garment.pattern.drafts import DRAFTS
 from taichi_cloth.render.data.camera import frame
 from taichi_cloth.render.data.particles import Particles
 from taichi_cloth.render.splat.splat import Splatter
-from taichi_cloth.scenes.models.garment import GarmentModel
+from taichi_cloth.scenes.models.garment_model import box_round
 from taichi_cloth.scenes.models.model import OPACITY
-from taichi_cloth.scenes.models.prepare import prepare_fabric
+from taichi_cloth.scenes.prepare.weave_layout import prepare_fabric
 from taichi_cloth.scenes.scene.load import load_scene
 
 SIZE = 320
@@ -48,12 +47,8 @@ def test_the_cloth_of_a_garment_hides_what_is_behind(name: str) -> None:
 @pytest.mark.parametrize("azimuth", [0.0, 20.0, 65.0, 110.0])
 def test_a_picture_of_a_garment_holds_all_of_it(azimuth: float) -> None:
     """Also where its box is seen across a corner: the box is eight corners, not the two ends of a diagonal."""
-    model = GarmentModel.__new__(GarmentModel)
-    model.scene = load_scene("dress")
-    points = np.random.Generator(np.random.Philox(key=3)).uniform(-1, 1, (20, 30, 3)) * [0.4, 0.7, 0.3]
-    sheet = SimpleNamespace(present=np.ones((20, 30), bool))
-    model.simulation = SimpleNamespace(positions=points, sheet=sheet)  # pyright: ignore[reportAttributeAccessIssue]
-    camera = frame(model._bounds(), width=300, height=640, azimuth=azimuth, elevation=6.0, fov=24.0)
-    x, y, _ = camera.project(points.reshape(-1, 3)).T
+    points = np.random.Generator(np.random.Philox(key=3)).uniform(-1, 1, (600, 3)) * [0.4, 0.7, 0.3]
+    camera = frame(box_round(points), width=300, height=640, azimuth=azimuth, elevation=6.0, fov=24.0)
+    x, y, _ = camera.project(points).T
     assert 0 <= x.min() < x.max() <= 300
     assert 0 <= y.min() < y.max() <= 640

@@ -6,16 +6,23 @@ import numpy as np
 import pytest
 
 from taichi_cloth.ground.errors import InputError
-from taichi_cloth.scenes.models.dressing import dressed_parts
-from taichi_cloth.scenes.models.garment import colours_of, woven_garment
-from taichi_cloth.scenes.models.prepare import draft_of, prepare_fabric
+from taichi_cloth.scenes.prepare.garment_setup import dressed_parts, woven_garment
+from taichi_cloth.scenes.prepare.thread_colours import panel_colours
+from taichi_cloth.scenes.prepare.weave_layout import prepare_fabric
+from taichi_cloth.scenes.prepare.yarns import draft_of
 from taichi_cloth.scenes.scene.load import load_scene
-from taichi_cloth.scenes.scene.schema import Weave, WeavePatch
+from taichi_cloth.scenes.scene.schema import Scene, Weave, WeavePatch
 from taichi_cloth.weave.colour_order import thread_repeat
 from taichi_cloth.weave.draft import named_weave
 from taichi_cloth.weave.wif import read_wif
 
 WIF = Path(__file__).parents[1] / "data" / "wif" / "schort.wif"
+
+
+def panel_names(scene: Scene) -> list[str]:
+    return [piece.panel.name for piece in dressed_parts(scene).garment.atlas.panels]
+
+
 COARSE = ["garment.key_points=500", "garment.threads_per_key_point=2"]
 
 
@@ -66,7 +73,7 @@ def test_a_wif_on_a_garment_brings_its_colours() -> None:
         (panel, "front", brought.warp_colour, brought.weft_colour),
         (panel, "back", thread_repeat(str(panel.weave.warp_colours)), thread_repeat(str(panel.weave.weft_colours))),
     ):
-        colours = colours_of(scene, dressed_parts(scene))[name]
+        colours = panel_colours(scene, panel_names(scene))[name]
         assert (colours.warp == warp).all()
         assert (colours.weft == weft).all()
 
@@ -77,7 +84,7 @@ def test_a_garment_without_orders_has_its_yarns_colours() -> None:
     assert scene.weave is not None
     plain = scene.model_copy(update={"weave": scene.weave.model_copy(update={"warp_colours": None})})
     stated = thread_repeat(str(scene.weave.weft_colours))
-    for colours in colours_of(plain, dressed_parts(plain)).values():
+    for colours in panel_colours(plain, panel_names(plain)).values():
         assert colours.warp.tolist() == [[1.0, 0.0, 0.0]]
         assert (colours.weft == stated).all()
 

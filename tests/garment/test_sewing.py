@@ -25,8 +25,8 @@ from taichi_cloth.garment.sewn.limbs import spared
 from taichi_cloth.garment.sewn.sew import Garment, Worn, misfit, sew
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.motion.forces import Forces, StrainLimit
-from taichi_cloth.scenes.models.dressing import dress
-from taichi_cloth.scenes.models.standing import grids_of, primitives_of
+from taichi_cloth.scenes.prepare.body_setup import grids_of, primitives_of
+from taichi_cloth.scenes.prepare.garment_setup import dress
 from taichi_cloth.scenes.scene.body_section import BodySection, prepare_body, prepare_motion
 from taichi_cloth.scenes.scene.load import load_scene
 from taichi_cloth.sheet.materials import MATERIALS

@@ -12,8 +12,8 @@ from taichi_cloth.garment.pattern.prints import Print
 from taichi_cloth.garment.sewn.stitches import FROM_INNER, FROM_SEAM, PIECES, STRANDS, Stitches, inset
 from taichi_cloth.garment.sewn.weaving import Weaving, crossings_shape
 from taichi_cloth.ground.errors import InputError
-from taichi_cloth.scenes.models.prepare import prepare_fabric
-from taichi_cloth.scenes.models.prints import print_of
+from taichi_cloth.scenes.prepare.print_images import print_of
+from taichi_cloth.scenes.prepare.weave_layout import prepare_fabric
 from taichi_cloth.scenes.scene.garment_schema import PrintSection
 from taichi_cloth.scenes.scene.load import make_scene
 

@@ -22,10 +22,10 @@ from taichi_cloth.body.primitives.samples import mesh_distance
 from taichi_cloth.constraints import contact_response
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.scenes.body.report_body import garment_points
-from taichi_cloth.scenes.models import standing
-from taichi_cloth.scenes.models.cloth import ClothModel
-from taichi_cloth.scenes.models.moving import simulation_of, standing_in
+from taichi_cloth.scenes.models.cloth_model import ClothModel
 from taichi_cloth.scenes.plan.plan import plan
+from taichi_cloth.scenes.prepare import body_setup
+from taichi_cloth.scenes.prepare.sheet_setup import sheet_simulation, standing_in
 from taichi_cloth.scenes.scene.load import built_in_scenes, load_scene
 
 SMALL = ["cloth.representation=mesh", "cloth.columns=31", "cloth.rows=21"]
@@ -112,13 +112,13 @@ def test_pins_that_overlap_or_hold_nothing_are_refused() -> None:
         ("[{bone='head', columns=[0.501, 0.502]}]", "no key point there"),
     ):
         with pytest.raises(InputError, match=says):
-            simulation_of(load_scene("drape-body", [*SMALL, f"cloth.pins.body={pins}"]))
+            sheet_simulation(load_scene("drape-body", [*SMALL, f"cloth.pins.body={pins}"]))
 
 
 def test_pinned_regions_go_where_their_bones_go() -> None:
     scene = load_scene("drape-body", [*SMALL, "body.motion=turn", "body.blend_in_s=0.1"])
     body = standing_in(scene)
-    simulation = simulation_of(scene, body)
+    simulation = sheet_simulation(scene, body)
     assert body is not None
     assert body.bones is not None
     held = simulation.sheet.pinned
@@ -195,7 +195,7 @@ def test_primitives_of_a_file_are_touched(tmp_path: Path) -> None:
 def test_grids_of_a_body_know_its_skin(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """With nodes 40 mm apart the nearest of all grids is within half of that of the exact distance to the skin."""
     monkeypatch.setenv("TAICHI_CLOTH_CACHE", str(tmp_path))
-    monkeypatch.setattr(standing, "GRID_SPACING", 0.04)
+    monkeypatch.setattr(body_setup, "GRID_SPACING", 0.04)
     scene = load_scene("drape-body", [*SMALL, "body.contact=grid"])
     met = standing_in(scene)
     assert met is not None

@@ -14,11 +14,11 @@ from taichi_cloth.motion.forces import SelfContact, StrainLimit
 from taichi_cloth.motion.simulation import Simulation
 from taichi_cloth.render.data.blocks import ParticleBlocks
 from taichi_cloth.scenes import __main__ as command_line
-from taichi_cloth.scenes.models.cloth import ClothModel
-from taichi_cloth.scenes.models.kept import STATE
-from taichi_cloth.scenes.models.moving import forces_of, material_of, simulation_of, start_of
+from taichi_cloth.scenes.models.cloth_model import ClothModel
+from taichi_cloth.scenes.models.moving_model import STATE
 from taichi_cloth.scenes.picture.view import View
 from taichi_cloth.scenes.plan.plan import plan
+from taichi_cloth.scenes.prepare.sheet_setup import forces_of, material_of, sheet_simulation, start_of
 from taichi_cloth.scenes.scene.load import load_scene
 from taichi_cloth.sheet.materials import named_material
 
@@ -238,7 +238,7 @@ def test_pleats_keep_the_length_of_the_sheet() -> None:
 
 def test_pulled_edges_part_by_what_the_scene_says() -> None:
     square = ["cloth.pins.pull_s=0.1", "cloth.pins.pull_mm=50", "cloth.length_m=0.25"]
-    simulation = simulation_of(load_scene("stretch", [*SMALL, *square]))
+    simulation = sheet_simulation(load_scene("stretch", [*SMALL, *square]))
     start = simulation.positions
     for _ in range(4):
         simulation.step()

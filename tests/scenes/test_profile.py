@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from taichi_cloth.scenes.measure import profile
-from taichi_cloth.scenes.models.prepare import prepare_fabric
+from taichi_cloth.scenes.prepare.weave_layout import prepare_fabric
 
 
 def test_the_fabric_it_builds_has_at_least_the_particles_asked_and_few_more() -> None:

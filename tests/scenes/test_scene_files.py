@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from taichi_cloth.scenes import __main__ as command_line
-from taichi_cloth.scenes.models.prepare import picture_bytes
 from taichi_cloth.scenes.plan.plan import plan
+from taichi_cloth.scenes.prepare.drawing import picture_bytes
 from taichi_cloth.scenes.scene.load import built_in_scenes, load_scene
 
 MALFORMED = Path(__file__).parents[1] / "malformed_scenes"

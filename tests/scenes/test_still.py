@@ -19,8 +19,8 @@ from taichi_cloth.render.image.webp import write_webp
 from taichi_cloth.render.light import lightpass
 from taichi_cloth.scenes.__main__ import main
 from taichi_cloth.scenes.commands import still as still_module
-from taichi_cloth.scenes.models import prepare
 from taichi_cloth.scenes.plan.plan import plan
+from taichi_cloth.scenes.prepare import weave_layout
 from taichi_cloth.scenes.scene.load import load_scene
 
 SMALL = ["--set", "weave.ends=8", "--set", "weave.picks=6", "--size", "120x90"]
@@ -99,7 +99,7 @@ def test_in_batches_it_is_the_same_picture(tmp_path: Path, pictures: Path, monke
     # Light of a fabric that is held is found for every eighth particle along its fibres; a sample has no such order.
     monkeypatch.setattr(lightpass, "chained", lambda *a: False)
     assert still(tmp_path / "whole", "--format", "png16") == 0
-    monkeypatch.setattr(prepare, "HELD", 0)
+    monkeypatch.setattr(weave_layout, "HELD", 0)
     assert still(tmp_path, "--passes", "colour,depth,normal,mask,id", "--format", "png16") == 0
     about, whole = (json.loads((folder / "still.json").read_text()) for folder in (tmp_path, pictures))
     assert about["yarns"] == whole["yarns"]
@@ -127,7 +127,7 @@ def test_ten_million_particles_take_less_than_four_gigabytes(tmp_path: Path) -> 
 def test_in_batches_there_are_no_textures(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(prepare, "HELD", 0)
+    monkeypatch.setattr(weave_layout, "HELD", 0)
     assert still(tmp_path, "--set", "fibre.sprite=fuzzy") == 2
     assert 'take "thread" or "soft"' in capfd.readouterr().err
     assert "in batches" in next(s.why for s in plan(load_scene("swatch", SMALL[1:4:2])).stages if s.name == "splatter")

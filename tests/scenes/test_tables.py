@@ -16,9 +16,9 @@ from taichi_cloth.constraints.contact import Contact
 from taichi_cloth.fabric.fabric import build_fabric
 from taichi_cloth.fabric.follow import FibreFollower
 from taichi_cloth.motion.forces import Forces
-from taichi_cloth.scenes.models.prepare import prepare_fabric
 from taichi_cloth.scenes.paper.table_text import PAPER, Measured, tables_of, write_tables
 from taichi_cloth.scenes.paper.tables import _count, contact_twice, scene_of
+from taichi_cloth.scenes.prepare.weave_layout import prepare_fabric
 from taichi_cloth.scenes.scene.load import load_scene
 from taichi_cloth.solvers.verlet import Verlet
 
@@ -109,7 +109,7 @@ def test_particles_are_counted_as_they_are_made() -> None:
     ],
 )
 def test_garments_have_the_papers_counts(name: str) -> None:
-    from taichi_cloth.scenes.models.dressing import dressed_parts
+    from taichi_cloth.scenes.prepare.garment_setup import dressed_parts
 
     scene = scene_of(name)
     assert abs(dressed_parts(scene).garment.atlas.key_points / PAPER[name].key_points - 1) < 0.01

@@ -15,8 +15,8 @@ from strips import NOTHING, PLAIN, ROWS, strip
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.motion.forces import Forces, Plane, Sphere, Wind
 from taichi_cloth.motion.simulation import Simulation
-from taichi_cloth.scenes.models.moving import simulation_of
 from taichi_cloth.scenes.plan.plan import plan
+from taichi_cloth.scenes.prepare.sheet_setup import sheet_simulation
 from taichi_cloth.scenes.scene.load import load_scene
 from taichi_cloth.scenes.studies.reference import reference
 from taichi_cloth.sheet.energy import elastic_energy, elastic_forces, kinetic_energy
@@ -310,7 +310,7 @@ def test_a_scene_names_it() -> None:
     stiff = ["cloth.properties.tensile_warp_n_per_m=1e11", "cloth.properties.tensile_weft_n_per_m=1e11"]
     scene = load_scene("drape", [*small, *stiff])
     assert any("implicit, " in stage.why for stage in plan(scene).stages if stage.name == "solver")
-    simulation = simulation_of(scene)
+    simulation = sheet_simulation(scene)
     start = simulation.positions[..., 1].mean()
     for _ in range(4):
         simulation.step()

@@ -12,7 +12,7 @@ from taichi_cloth.body.colliders.grid import DistanceGrid
 from taichi_cloth.body.moving.motion import Motion
 from taichi_cloth.body.primitives.primitives import Primitive
 from taichi_cloth.body.skin.skinning import Body
-from taichi_cloth.garment.pattern.cut import cut, spacing_for
+from taichi_cloth.garment.pattern.cut import Atlas, cut, spacing_for
 from taichi_cloth.garment.pattern.drafts import DRAFTS, Cut, draft
 from taichi_cloth.garment.pattern.fitting import fitted
 from taichi_cloth.garment.pattern.garmentcode import read_garmentcode
@@ -20,6 +20,7 @@ from taichi_cloth.garment.pattern.measure import figure_of
 from taichi_cloth.garment.pattern.pattern import Pattern
 from taichi_cloth.garment.sewn.limbs import spared
 from taichi_cloth.garment.sewn.sew import Garment, Worn, sew
+from taichi_cloth.garment.sewn.weaving import crossings_shape
 from taichi_cloth.ground.cache import digest, kept
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.motion.forces import Forces
@@ -27,11 +28,21 @@ from taichi_cloth.motion.simulation import Simulation
 
 from ..scene.body_section import BodySection, prepare_body, prepare_motion
 from ..scene.garment_schema import GarmentSection
-from ..scene.schema import Scene
-from .moving import forces_of, material_of
-from .standing import grids_of, primitives_of
+from ..scene.schema import FabricSection, Scene, WeavePatch
+from ..scene.section import PATTERN_FILE
+from .body_setup import grids_of, primitives_of
+from .sheet_setup import forces_of, material_of
 
-__all__ = ["Dressed", "Parts", "dress", "dressed_parts", "garment_of", "motion_of", "simulation_of"]
+__all__ = [
+    "Dressed",
+    "Parts",
+    "dress",
+    "dressed_parts",
+    "garment_of",
+    "garment_simulation",
+    "motion_of",
+    "woven_garment",
+]
 
 VERSION = 5
 """Of what is kept on disk: raised whenever the same scene would come to another rest."""
@@ -94,7 +105,7 @@ def garment_of(section: GarmentSection, body: Body) -> Garment:
     """A pattern, fitted to the body and cut. Raises InputError."""
     figure = figure_of(body)
     pattern: Pattern
-    if section.pattern.lower().endswith(".json"):
+    if PATTERN_FILE.fits(section.pattern):
         pattern = fitted(read_garmentcode(Path(section.pattern)), figure)
     elif section.pattern in DRAFTS:
         metres = {name: None if cm is None else 0.01 * cm for name, cm in
@@ -112,12 +123,35 @@ def garment_of(section: GarmentSection, body: Body) -> Garment:
     return Garment(pattern, cut(pattern, spacing_for(pattern, section.key_points)), material_of(section))
 
 
+def woven_garment(scene: Scene, atlas: Atlas) -> Scene:
+    """The cloth that a garment is cut from as a scene of its own; panels with a draft of their own are patches of it,
+    which begin in the corner of the panel's rectangle."""
+    assert scene.garment is not None
+    assert scene.weave is not None
+    k, own = scene.garment.threads_per_key_point, scene.garment.weaves
+    patches = []
+    for piece in atlas.panels:
+        if piece.panel.name in own:
+            picks, ends = crossings_shape(piece, k)
+            at = {"end": piece.col * k, "pick": piece.row * k, "ends": ends, "picks": picks}
+            patches.append(WeavePatch(draft=own[piece.panel.name], **at))
+    picks, ends = crossings_shape(atlas, k)
+    a, b = atlas.spacing
+    per_cm = {"ends_per_cm": 0.01 * k / a, "picks_per_cm": 0.01 * k / b, "fringe": 0.0}
+    return scene.model_copy(
+        update={
+            "weave": scene.weave.model_copy(update={"ends": ends, "picks": picks, "patches": patches}),
+            "fabric": (scene.fabric or FabricSection()).model_copy(update=per_cm),
+        }
+    )
+
+
 def motion_of(scene: Scene, body: Body) -> Motion:
     """How the body of a scene moves."""
     return prepare_motion(scene.body or BodySection(), body)
 
 
-def simulation_of(scene: Scene, dressed: Dressed) -> Simulation:
+def garment_simulation(scene: Scene, dressed: Dressed) -> Simulation:
     """The worn garment, ready to move with its body by one frame of the video at a time."""
     moves = motion_of(scene, dressed.body)
     still = moves.name == "rest"

@@ -8,10 +8,11 @@ from taichi_cloth.fabric.layout import pose_points
 
 from ...render.data.blocks import ParticleBlocks
 from ...render.data.particles import Particles
+from ..prepare.drawing import LIT
+from ..prepare.weave_layout import Prepared
 from ..scene.schema import FabricSection, Scene
 from .facts import Fact, fabric_facts, yarn_facts
 from .model import Numbers, Panel, particles_of
-from .prepare import LIT, Prepared
 
 __all__ = ["FabricModel"]
 

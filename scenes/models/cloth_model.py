@@ -1,4 +1,4 @@
-"""A woven cloth that moves: the same sheet drawn as a mesh, or as the fibres that follow it (paper, Figure 9)."""
+"""A woven sheet that moves."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,42 +12,53 @@ from taichi_cloth.weave.colour_order import colour
 
 from ...render.data.blocks import ParticleBlocks
 from ...render.data.camera import box_corners
-from ...render.data.particles import Particles
 from ...render.tiles.mesh import Mesh
-from ..scene.schema import Scene
-from .facts import Fact, fabric_facts, yarn_facts
-from .kept import KeptRun
-from .model import Numbers, Panel
-from .moving import simulation_of, standing_in, start_of, woven_scene
-from .prepare import Prepared, draft_of, fibre_kind, prepare_fabric
+from ..prepare.sheet_setup import sheet_simulation, standing_in, start_of, woven_scene
+from ..prepare.thread_colours import thread_colours
+from ..prepare.weave_layout import Prepared, prepare_fabric
+from ..prepare.yarns import draft_of
+from ..scene.schema import Scene, Weave
+from .facts import Fact
+from .model import Numbers
+from .moving_model import ALBEDO, MovingModel
 
-__all__ = ["ALBEDO", "ClothModel", "ball_mesh", "nothing"]
+__all__ = ["ClothFibres", "ClothModel", "ball_mesh"]
 
 F32 = NDArray[np.float32]
-ALBEDO = 0.35
-"""Brightness of a mesh over that of its fibres: between fibres light is lost that a smooth surface would return.
-With it drape and T-shirt are drawn as bright as their fibres to about 10 %."""
 
 
-class ClothModel(KeptRun):
+class ClothFibres:
+    """The fibres of a scene's sheet."""
+
+    def __init__(self, scene: Scene, prepared: Prepared | None = None) -> None:
+        assert scene.cloth is not None
+        self.prepared = prepared or prepare_fabric(woven_scene(scene))
+        self.threads_per_key_point = scene.cloth.threads_per_key_point
+        fabric = build_fabric(self.prepared.layout)
+        rest = None
+        if scene.cloth.follow == "paper":
+            flat = scene.cloth.model_copy(update={"pleats": 0, "roughness_mm": 0.0})
+            rest = self.crossings(start_of(flat, seed=scene.seed))
+        self.follower = FibreFollower(fabric, rule=scene.cloth.follow, rest=rest)
+
+    def crossings(self, positions: NDArray) -> F32:
+        """Where the threads cross, (picks, ends, 3) [m]."""
+        return refine_points(positions, None, self.threads_per_key_point)
+
+    def follow(self, positions: F32) -> ParticleBlocks:
+        return ParticleBlocks(self.follower.follow(self.crossings(positions)))
+
+
+class ClothModel(MovingModel):
     """A sheet in motion, drawn as its scene says."""
 
     def __init__(self, scene: Scene, prepared: Prepared | None = None) -> None:
         assert scene.cloth is not None
-        self.scene, self.cloth, self.frames = scene, scene.cloth, scene.output.frames
+        self.scene, self.frames = scene, scene.output.frames
         self.body = standing_in(scene)
         self.simulation = self.at_start()
-        self.prepared: Prepared | None = None
-        self.follower: FibreFollower | None = None
-        if scene.cloth.representation == "fibre":
-            self.prepared = prepared or prepare_fabric(woven_scene(scene))
-            fabric = build_fabric(self.prepared.layout)
-            rest = None
-            if scene.cloth.follow == "paper":
-                flat = scene.cloth.model_copy(update={"pleats": 0, "roughness_mm": 0.0})
-                rest = refine_points(start_of(flat, seed=scene.seed), None, scene.cloth.threads_per_key_point)
-            self.follower = FibreFollower(fabric, rule=scene.cloth.follow, rest=rest)
-        else:
+        self.fibres = ClothFibres(scene, prepared) if scene.cloth.representation == "fibre" else None
+        if self.fibres is None:
             self.faces = grid_faces(np.ones(self.simulation.sheet.shape, bool))
             self.colours = key_colours(scene)
         ball = scene.forces.sphere if scene.forces else None
@@ -56,7 +67,7 @@ class ClothModel(KeptRun):
         self.bounds = np.asarray(self._extent() if box is None else box_corners(*box), np.float32)
 
     def at_start(self) -> Simulation:
-        return simulation_of(self.scene, self.body)
+        return sheet_simulation(self.scene, self.body)
 
     def _extent(self) -> NDArray:
         """Points that a picture frames: the sheet at its start, and the body."""
@@ -65,17 +76,11 @@ class ClothModel(KeptRun):
 
     def crossings(self) -> F32:
         """Where the threads cross now, (picks, ends, 3) [m]."""
-        return refine_points(self.simulation.positions, None, self.cloth.threads_per_key_point)
-
-    def panels(self) -> list[Panel]:
-        solids = self.solids()
-        if self.follower is not None:
-            drawn = ParticleBlocks(self.follower.follow(self.crossings()))
-            return [Panel(drawn, self.bounds, numbers=self.numbers, meshes=solids)]
-        return [Panel(nothing(), self.bounds, meshes=(self.mesh(), *solids))]
+        assert isinstance(self.fibres, ClothFibres)
+        return self.fibres.crossings(self.simulation.positions)
 
     def solids(self) -> tuple[Mesh, ...]:
-        """What the sheet meets, as it is drawn now: the ball, the skin."""
+        """The ball, the skin."""
         balls = (self.ball,) if self.ball is not None else ()
         if self.body is None:
             return balls
@@ -83,16 +88,15 @@ class ClothModel(KeptRun):
         return (*balls, self.body.mesh(self.simulation.time, cloth))
 
     def mesh(self) -> Mesh:
-        """The sheet as triangles with smooth normals."""
+        """With smooth normals."""
         points = self.simulation.positions
         return Mesh(points.reshape(-1, 3), self.faces, self.colours, vertex_normals(points))
 
     def numbers(self) -> Numbers:
-        """Yarn: the warp ends, then the weft picks. Part: 0 warp, 1 weft. -1 for places that are not drawn."""
+        """Yarn: the warp ends, then the weft picks. Part: 0 warp, 1 weft."""
         assert self.follower is not None
         ends = self.follower.shape[1]
-        yarn = np.full(self.follower.slots, -1, np.int32)
-        yarn[self.follower.particle_slots] = self.follower.threads
+        yarn = self.yarn_of_places()
         yarns: dict[int, dict[str, str | int]] = {
             k: {"system": "warp", "index": k} if k < ends else {"system": "weft", "index": k - ends}
             for k in range(sum(self.follower.shape))
@@ -100,22 +104,19 @@ class ClothModel(KeptRun):
         part = np.where(yarn < 0, -1, yarn >= ends).astype(np.int32)
         return Numbers(yarn, part, yarns, {0: "warp", 1: "weft"})
 
-    def facts(self) -> list[Fact]:
-        sheet, solver = self.simulation.sheet, self.simulation.solver
+    def cloth_facts(self) -> list[Fact]:
+        sheet = self.simulation.sheet
         m = sheet.material
         facts = [
             Fact("key points", f"{sheet.shape[0]} × {sheet.shape[1]}"),
             Fact("mass of the sheet", f"{1e3 * float(sheet.mass.sum()):.1f} g", f"{1e3 * m.density:.0f} g/m²"),
             Fact("stiffness, warp and weft", f"{m.tensile_warp:g} and {m.tensile_weft:g} N/m"),
             Fact("bending, warp and weft", f"{1e6 * m.bending_warp:.2f} and {1e6 * m.bending_weft:.2f} µN·m"),
-            Fact("substeps a frame", f"{solver.substeps} of {1e6 * solver.step:.1f} µs"),
+            self.substeps_fact(),
         ]
         if self.body is not None:
             person = self.body.body
             facts.append(Fact("body", f"{person.name}, {100 * person.stature:.0f} cm", self.body.touched))
-        if self.prepared is not None:
-            layout = self.prepared.layout
-            facts += yarn_facts(layout.warp.yarn, "warp yarn") + fabric_facts(layout)
         return facts
 
 
@@ -123,19 +124,14 @@ def key_colours(scene: Scene) -> F32:
     """Colour of a mesh at each key point, (rows · columns, 3): the mean of the threads that it stands for."""
     cloth = scene.cloth
     assert cloth is not None
-    own = np.asarray(fibre_kind(scene).colour, np.float32)
     k = cloth.threads_per_key_point
+    ends, picks = ((n - 1) * k + 1 for n in (cloth.columns, cloth.rows))
+    draft = draft_of(woven_scene(scene).weave or Weave()) if scene.weave else None
     families = []
-    draft = draft_of(woven_scene(scene).weave) if scene.weave else None  # pyright: ignore[reportArgumentType]
-    for n, stated, section in (
-        (cloth.rows, draft.weft_colour if draft else None, scene.weft_yarn or scene.yarn),
-        (cloth.columns, draft.warp_colour if draft else None, scene.yarn),
-    ):
-        plain = own if section is None or section.colour is None else np.asarray(colour(section.colour), np.float32)
-        shades = np.tile(plain, ((n - 1) * k + 1, 1)) if stated is None else stated
+    for shades in thread_colours(scene, draft, ends=ends, picks=picks):
         nearest = (np.arange(len(shades)) + k // 2) // k
         families.append(np.stack([np.bincount(nearest, c) / np.bincount(nearest) for c in shades.T], axis=-1))
-    weft, warp = families
+    warp, weft = families
     return (ALBEDO * (weft[:, None] + warp[None, :]) / 2).reshape(-1, 3).astype(np.float32)
 
 
@@ -147,8 +143,3 @@ def ball_mesh(centre: tuple[float, float, float], radius: float, albedo: NDArray
     ).reshape(-1, 3)
     faces = grid_faces(np.ones((rings + 1, 2 * rings + 1), bool))
     return Mesh(np.asarray(centre) + radius * normal, faces, albedo, normal, part=1)
-
-
-def nothing() -> Particles:
-    none = np.zeros((0, 3), np.float32)
-    return Particles(position=none, radius=none[:, 0], colour=none, tangent=none, normal=none)

@@ -4,14 +4,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_cloth.ground.particles import FibreCloud
-from taichi_cloth.weave.colour_order import colour
 from taichi_cloth.yarn.spin import Period, Strands, hairs, spin
 
+from ..prepare.thread_colours import yarn_colours
+from ..prepare.yarns import fibre_kind, yarn_of
 from ..scene.schema import Scene
 from .facts import Fact, yarn_facts
-from .fibre import upright
+from .fibre_model import upright
 from .model import Numbers, Panel, particles_of
-from .prepare import fibre_kind, yarn_of
 
 __all__ = ["YarnModel"]
 
@@ -33,7 +33,7 @@ class YarnModel:
         if self.yarn.hairiness.ends_per_m or self.yarn.hairiness.loops_per_m:
             step = period.block_length / 10
             parts.append(hairs(self.yarn, length=length, step=step, seed=scene.seed + 1))
-        albedo = colour(section.colour) if section.colour else np.asarray(kind.colour, np.float32)
+        albedo = yarn_colours(scene)[0]
         self.strands = parts
         clouds = [_strand_cloud(part, albedo) for part in parts]
         self.cloud = FibreCloud.joined(clouds)

@@ -6,10 +6,10 @@ from taichi_cloth.ground.particles import FibreCloud
 from taichi_cloth.weave.colour_order import colour
 from taichi_cloth.yarn.twisting import TwistingYarn
 
+from ..prepare.yarns import fibre_kind, yarn_of
 from ..scene.schema import Scene
 from .facts import Fact, yarn_facts
 from .model import Numbers, Panel, particles_of
-from .prepare import fibre_kind, yarn_of
 
 __all__ = ["TwistModel"]
 

@@ -11,12 +11,12 @@ from taichi_cloth.fibre.fibre import FibreParticles, particles_in
 from taichi_cloth.fibre.sphere_set import sphere_set_from_rows
 from taichi_cloth.fibre.sphere_surface import sphere_surface_points
 from taichi_cloth.ground.particles import FibreCloud
-from taichi_cloth.weave.colour_order import colour
 
+from ..prepare.thread_colours import fibre_colour
+from ..prepare.yarns import fibre_kind
 from ..scene.schema import Scene
 from .facts import Fact
 from .model import Numbers, Panel, particles_of
-from .prepare import fibre_kind
 
 __all__ = ["FibreModel", "upright"]
 
@@ -38,7 +38,7 @@ class FibreModel:
         self.filled: FibreParticles = particles_in(
             self.spheres, spacing_m=section.spacing_um * 1e-6, jitter=section.jitter, seed=scene.seed
         )
-        self.albedo = colour(section.colour) if section.colour else np.asarray(self.kind.colour, np.float32)
+        self.albedo = fibre_colour(scene)
 
     def step(self, frame: int) -> None:
         """A fibre at rest does not move."""

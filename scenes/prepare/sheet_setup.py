@@ -25,13 +25,13 @@ from ..scene.garment_schema import GarmentSection
 from ..scene.schema import FabricSection, Scene
 
 if TYPE_CHECKING:  # only a scene with a body loads it
-    from .standing import Standing
+    from .body_setup import Standing
 
 __all__ = [
     "forces_of",
     "material_of",
     "sheet_of",
-    "simulation_of",
+    "sheet_simulation",
     "solver_of",
     "standing_in",
     "start_of",
@@ -124,12 +124,12 @@ def standing_in(scene: Scene) -> "Standing | None":
     assert cloth is not None
     if scene.body is None:
         return None
-    from .standing import standing
+    from .body_setup import standing
 
     return standing(scene.body, friction=cloth.friction, gap=1e-3 * cloth.gap_mm)
 
 
-def simulation_of(scene: Scene, body: "Standing | None" = None) -> Simulation:
+def sheet_simulation(scene: Scene, body: "Standing | None" = None) -> Simulation:
     """The scene's sheet, ready to move by one frame of the video at a time. body: `standing_in` of the same scene."""
     cloth = scene.cloth
     assert cloth is not None

@@ -1,0 +1,181 @@
+"""A garment worn by a body (paper 4): sewn once, then moved with it."""
+
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_cloth.fabric.fabric import build_fabric
+from taichi_cloth.fabric.follow import FibreFollower
+from taichi_cloth.garment.sewn.limbs import spared
+from taichi_cloth.garment.sewn.sew import misfit
+from taichi_cloth.garment.sewn.stitches import Stitches
+from taichi_cloth.garment.sewn.surface import Surface
+from taichi_cloth.garment.sewn.weaving import Colours, Weaving
+from taichi_cloth.motion.simulation import Simulation
+from taichi_cloth.weave.colour_order import colour
+
+from ...render.data.blocks import ParticleBlocks
+from ...render.data.camera import box_corners
+from ...render.tiles.mesh import Mesh
+from ..prepare.body_setup import skin_mesh
+from ..prepare.garment_setup import Dressed, Progress, dress, garment_simulation, motion_of, woven_garment
+from ..prepare.print_images import print_of
+from ..prepare.thread_colours import panel_colours
+from ..prepare.weave_layout import Prepared, prepare_fabric
+from ..scene.body_section import BodySection
+from ..scene.schema import Scene
+from .facts import Fact
+from .model import Numbers
+from .moving_model import ALBEDO, MovingModel
+
+__all__ = ["GarmentFibres", "GarmentModel", "box_round"]
+
+F32 = NDArray[np.float32]
+Near = tuple[NDArray, float]
+"""A place [m] and a distance [m]."""
+
+
+class GarmentFibres:
+    """The fibres of a garment, and the stitches along its hems and seams.
+
+    near: only what is woven within it of the garment at rest is drawn.
+    """
+
+    def __init__(
+        self, scene: Scene, dressed: Dressed, prepared: Prepared | None = None, near: Near | None = None
+    ) -> None:
+        assert scene.garment is not None
+        section, atlas, pattern = scene.garment, dressed.garment.atlas, dressed.garment.pattern
+        self.prepared = prepared or prepare_fabric(woven_garment(scene, atlas))
+        hem, k = 1e-3 * section.hem_mm, section.threads_per_key_point
+        prints = {p.name: print_of(section.prints[p.name], p) for p in pattern.panels if p.name in section.prints}
+        colours = colours_of(scene, dressed)
+        self.weaving = Weaving(atlas, build_fabric(self.prepared.layout), k, colours, hem=hem, prints=prints)
+        if near is not None:
+            self._leave_out(dressed.worn.positions.astype(np.float32), near)
+        self.stitches: Stitches | None = None
+        if section.stitches is not None:
+            pitch, thread = 1e-3 * section.stitch_mm, 1e-3 * section.thread_mm
+            self.stitches = Stitches(pattern, self.weaving, hem=hem, pitch=pitch, diameter=thread)
+        rest = None
+        if section.follow == "paper":
+            rest = self.weaving.crossings(atlas.start().astype(np.float32))
+        self.follower = FibreFollower(
+            self.weaving.fabric,
+            present=self.weaving.present,
+            spans=self.weaving.spans,
+            rule=section.follow,
+            rest=rest,
+            shades=self.weaving.shades,
+            others=len(self.stitches or ()),
+        )
+        if self.stitches is not None:
+            self.stitches.dress(self.follower.others, colour(str(section.stitches)))
+
+    def _leave_out(self, positions: F32, near: Near) -> None:
+        """Draw nothing of what lies farther off."""
+        crossings = self.weaving.crossings(positions).reshape(-1, 3)
+        away = np.linalg.norm(crossings[self.weaving.fabric.layout.blocks.key0] - near[0], axis=1)
+        self.weaving.spans[~(away < near[1])] = 1.0, 0.0
+
+    def follow(self, positions: F32) -> ParticleBlocks:
+        crossings = self.weaving.crossings(positions)
+        drawn = ParticleBlocks(self.follower.follow(crossings))
+        if self.stitches is not None:
+            self.stitches.follow(crossings, self.follower.others)
+        return drawn
+
+
+class GarmentModel(MovingModel):
+    """A garment in motion on its body. Make it with `GarmentModel.of`."""
+
+    def __init__(self, scene: Scene, dressed: Dressed, fibres: GarmentFibres | None) -> None:
+        self.scene, self.dressed, self.fibres, self.frames = scene, dressed, fibres, scene.output.frames
+        self.motion = motion_of(scene, dressed.body)
+        self.simulation = self.at_start()
+        self.surface = Surface(dressed.garment.atlas)
+        box = scene.camera.box_m
+        at_rest = self.simulation.positions[self.simulation.sheet.present]
+        self.bounds = box_round(at_rest) if box is None else box_corners(*box).astype(np.float32)
+
+    @staticmethod
+    def of(
+        scene: Scene,
+        prepared: Prepared | None = None,
+        dressed: Dressed | None = None,
+        each: Progress | None = None,
+        near: Near | None = None,
+    ) -> "GarmentModel":
+        """The scene's garment, sewn unless it was before, with its fibres where it shows them."""
+        assert scene.garment is not None
+        worn = dressed or dress(scene, each)
+        fibres = GarmentFibres(scene, worn, prepared, near) if scene.garment.representation == "fibre" else None
+        return GarmentModel(scene, worn, fibres)
+
+    def at_start(self) -> Simulation:
+        """The garment at rest."""
+        return garment_simulation(self.scene, self.dressed)
+
+    def solids(self) -> tuple[Mesh, ...]:
+        """The body now, its skin let in a little where cloth lies on it: primitives are not quite the skin."""
+        body = self.dressed.body
+        skin = body.posed(self.motion.pose(self.simulation.time))
+        points, _ = self.surface.points(self.simulation.positions)
+        return (skin_mesh(self.scene.body or BodySection(), body, skin, points, self._spared),)
+
+    def mesh(self) -> Mesh:
+        """With smooth normals, cut along its outlines."""
+        points, normals = self.surface.points(self.simulation.positions)
+        return Mesh(points, self.surface.faces, self.mesh_colours, normals)
+
+    @cached_property
+    def _spared(self) -> NDArray[np.int32]:
+        """At each point of the surface, the bones that the garment does not lie on (`limbs.spared`)."""
+        worn = self.dressed
+        return self.surface.nearest(spared(worn.garment.atlas, worn.worn.positions, worn.primitives, moving=False))
+
+    @cached_property
+    def mesh_colours(self) -> F32:
+        """At each point of the surface, (n, 3): the mean of its panel's threads."""
+        repeats = colours_of(self.scene, self.dressed).values()
+        shades = [(repeat.warp.mean(axis=0) + repeat.weft.mean(axis=0)) / 2 for repeat in repeats]
+        return (ALBEDO * np.stack(shades)[self.surface.panel]).astype(np.float32)
+
+    def numbers(self) -> Numbers:
+        """Yarn: by panel, its warp ends, then its weft picks. Part: number of the panel."""
+        assert isinstance(self.fibres, GarmentFibres)
+        yarn, panel = self.yarn_of_places(), self.fibres.weaving.panel
+        part = np.where(yarn < 0, -1, panel[yarn]).astype(np.int32)
+        names = [p.panel.name for p in self.dressed.garment.atlas.panels]
+        yarns: dict[int, dict[str, str | int]] = {k: {"panel": names[p]} for k, p in enumerate(panel.tolist())}
+        return Numbers(yarn, part, yarns, dict(enumerate(names)))
+
+    def cloth_facts(self) -> list[Fact]:
+        worn, garment = self.dressed.worn, self.dressed.garment
+        sheet = self.simulation.sheet
+        facts = [
+            Fact("garment", f"{garment.pattern.name}: {len(garment.pattern.panels)} panels"),
+            Fact("key points", f"{garment.atlas.key_points:,}"),
+            Fact("mass", f"{1e3 * float(sheet.mass.sum()):.0f} g", f"{1e3 * sheet.material.density:.0f} g/m²"),
+            Fact("widest seam", f"{1e3 * worn.gap:.2f} mm"),
+            Fact("deepest in the body", f"{1e3 * worn.depth:.2f} mm"),
+            Fact("largest stretch", f"{100 * worn.stretch:.1f} %"),
+            self.substeps_fact(),
+        ]
+        wrong = misfit(garment, worn)
+        if wrong is not None:
+            facts.append(Fact("does not fit", wrong))
+        return facts
+
+
+def box_round(points: NDArray) -> F32:
+    """The corners, (8, 3) [m], of a box round points (n, 3) with some room, which every picture of a garment frames."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    room = 0.12 * (high - low).max()
+    return box_corners(low - room, high + room).astype(np.float32)
+
+
+def colours_of(scene: Scene, dressed: Dressed) -> dict[str, Colours]:
+    """Thread orders of the garment's panels, by name, in its atlas's order."""
+    return panel_colours(scene, [piece.panel.name for piece in dressed.garment.atlas.panels])

@@ -1,0 +1,132 @@
+"""What sheets and garments share: they move by a simulation, whose state can be kept on disk, and are drawn as a mesh
+or as the fibres that follow it (paper, Figure 9)."""
+
+from abc import ABC, abstractmethod
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_cloth.fabric.follow import FibreFollower
+from taichi_cloth.motion.simulation import Simulation
+
+from ...render.data.blocks import ParticleBlocks
+from ...render.data.particles import Particles
+from ...render.tiles.mesh import Mesh
+from ..prepare.weave_layout import Prepared
+from ..scene.schema import Scene
+from .facts import Fact, fabric_facts, yarn_facts
+from .model import Numbers, Panel
+
+__all__ = ["ALBEDO", "STATE", "Fibres", "MovingModel", "nothing"]
+
+F32 = NDArray[np.float32]
+STATE = "state.npz"
+"""Where a sequence keeps the state of its last frame."""
+ALBEDO = 0.35
+"""Brightness of a mesh over that of its fibres: between fibres light is lost that a smooth surface would return.
+With it drape and T-shirt are drawn as bright as their fibres to about 10 %."""
+
+
+class Fibres(Protocol):
+    """The fibres of a moving cloth."""
+
+    prepared: Prepared
+    follower: FibreFollower
+
+    def follow(self, positions: F32) -> ParticleBlocks:
+        """As they lie on key points (rows, columns, 3) [m], to be drawn."""
+        ...
+
+
+class MovingModel(ABC):
+    """A cloth in motion.
+
+    simulation: moves the key points. fibres: what is drawn of it; None where that is a mesh. bounds: points that every
+    picture frames, (n, 3) [m].
+    """
+
+    scene: Scene
+    frames: int
+    simulation: Simulation
+    fibres: Fibres | None
+    bounds: F32
+    _kept: Path | None = None
+
+    @abstractmethod
+    def at_start(self) -> Simulation:
+        """The simulation at frame 0, made anew."""
+
+    @abstractmethod
+    def mesh(self) -> Mesh:
+        """The cloth as triangles, as it is now."""
+
+    @abstractmethod
+    def solids(self) -> tuple[Mesh, ...]:
+        """What the cloth meets, as it is drawn now."""
+
+    @abstractmethod
+    def numbers(self) -> Numbers:
+        """Yarn and part of every place of a particle; -1 for places that are not drawn."""
+
+    @abstractmethod
+    def cloth_facts(self) -> list[Fact]:
+        """What can be said of it beside its yarns and its weave."""
+
+    @property
+    def follower(self) -> FibreFollower | None:
+        return None if self.fibres is None else self.fibres.follower
+
+    def panels(self) -> list[Panel]:
+        solids = self.solids()
+        if self.fibres is None:
+            return [Panel(nothing(), self.bounds, meshes=(self.mesh(), *solids))]
+        return [Panel(self.fibres.follow(self.simulation.positions), self.bounds, numbers=self.numbers, meshes=solids)]
+
+    def facts(self) -> list[Fact]:
+        facts = self.cloth_facts()
+        if self.fibres is not None:
+            layout = self.fibres.prepared.layout
+            facts += yarn_facts(layout.warp.yarn, "warp yarn") + fabric_facts(layout)
+        return facts
+
+    def substeps_fact(self) -> Fact:
+        solver = self.simulation.solver
+        return Fact("substeps a frame", f"{solver.substeps} of {1e6 * solver.step:.1f} µs")
+
+    def yarn_of_places(self) -> NDArray[np.int32]:
+        """Thread of every place of a particle, -1 for those that are not drawn."""
+        assert self.follower is not None
+        yarn = np.full(self.follower.slots, -1, np.int32)
+        yarn[self.follower.particle_slots] = self.follower.threads
+        return yarn
+
+    def keep(self, folder: Path, first: int) -> None:
+        """Keep the state of every frame in a folder, and go on from the one there unless it is beyond frame `first`.
+
+        Raises InputError when what is there is not of this scene.
+        """
+        self._kept = folder / STATE
+        if self._kept.exists():
+            self.simulation.restore(self._kept)
+            if self.simulation.frame > first:
+                self.simulation = self.at_start()
+        self._save()
+
+    def step(self, frame: int) -> None:
+        """On to a frame of the video; frame 0 is the start. Raises Unstable."""
+        if frame < self.simulation.frame:
+            self.simulation = self.at_start()
+        while self.simulation.frame < frame:
+            self.simulation.step()
+            self._save()
+
+    def _save(self) -> None:
+        if self._kept is not None:
+            self.simulation.save(self._kept)
+
+
+def nothing() -> Particles:
+    none = np.zeros((0, 3), np.float32)
+    return Particles(position=none, radius=none[:, 0], colour=none, tangent=none, normal=none)

@@ -1,0 +1,53 @@
+"""What drawing takes: the memory of a particle and of a picture, and whether there is a floor to draw."""
+
+from taichi_cloth.fabric.layout import PARTICLE_BYTES
+from taichi_cloth.ground.memory import require_memory
+
+from ..scene.schema import Scene
+
+__all__ = [
+    "DRAW_BYTES",
+    "HELD",
+    "LIT",
+    "STREAM_BYTES",
+    "drawn_bytes",
+    "has_floor",
+    "picture_bytes",
+    "require_picture",
+]
+
+DRAW_BYTES = 130  # what the splatter keeps for a particle while it draws
+PIXEL_BYTES = 210
+"""What a picture takes for a pixel of its canvas, with what stands behind and the conversion to a file: 190 to 202 were
+measured at 512² and 3072²."""
+
+HELD = 4_000_000
+"""Particles of a fabric beyond which it is drawn in batches."""
+LIT = 1_000_000
+"""Particles of the sample of it that then casts light."""
+STREAM_BYTES = 400_000_000  # a batch of a million particles, a sample of as many, what the splatter keeps of them
+
+
+def drawn_bytes(particles: int) -> int:
+    """Memory of particles that are held and drawn at once."""
+    return particles * (PARTICLE_BYTES + DRAW_BYTES)
+
+
+def has_floor(scene: Scene) -> bool:
+    """Whether the subject lies on a floor that shows its shadow: fabrics do unless the scene says otherwise, a moving
+    cloth where there is one to fall on."""
+    if scene.stage.ground is not None:
+        return scene.stage.ground
+    return scene.subject == "fabric" or (scene.forces is not None and scene.forces.plane is not None)
+
+
+def picture_bytes(size: tuple[int, int], supersample: int = 1) -> int:
+    """Memory of drawing one picture of (width, height) [px] with so many samples a pixel each way."""
+    return PIXEL_BYTES * size[0] * size[1] * supersample**2
+
+
+def require_picture(size: tuple[int, int], supersample: int = 1) -> None:
+    """Refuses, with InputError, a picture that this machine has no memory for."""
+    finer = f", {supersample} × {supersample} samples a pixel" if supersample > 1 else ""
+    remedy = "take a smaller output.size" + (" or fewer samples" if supersample > 1 else "")
+    require_memory(f"a picture of {size[0]} × {size[1]} px{finer}", picture_bytes(size, supersample), remedy)

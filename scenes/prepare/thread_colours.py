@@ -1,0 +1,78 @@
+"""Who says which colour a thread has. The first that says anything:
+
+- of a garment's panel: its stated order (garment.colours), then the WIF file it names (garment.weaves);
+- of the cloth: its stated orders (weave.warp_colours, weave.weft_colours), then the WIF file it names (weave.draft);
+- of the yarn: its colour (yarn.colour, weft_yarn.colour), then that of its fibre's kind.
+
+A print (garment.prints) colours what lies under it, whatever the thread.
+"""
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_cloth.weave.colour_order import colour, thread_repeat
+from taichi_cloth.weave.draft import Draft
+
+from ..scene.garment_schema import PanelColours
+from ..scene.schema import Scene, Weave, YarnSection
+from .yarns import draft_of, fibre_kind
+
+if TYPE_CHECKING:  # loads Taichi, which a plan of what lies still does without
+    from taichi_cloth.garment.sewn.weaving import Colours
+
+__all__ = ["fibre_colour", "panel_colours", "thread_colours", "yarn_colours"]
+
+F32 = NDArray[np.float32]
+
+
+def fibre_colour(scene: Scene) -> F32:
+    """Of a fibre that is shown alone, linear (3,): as stated, or its kind's own."""
+    stated = scene.fibre.colour
+    return np.asarray(fibre_kind(scene).colour, np.float32) if stated is None else colour(stated)
+
+
+def yarn_colours(scene: Scene) -> tuple[F32, F32]:
+    """Of the warp's yarn and the weft's, linear, each (3,)."""
+    plain = np.asarray(fibre_kind(scene).colour, np.float32)
+    yarn = scene.yarn or YarnSection()
+    warp, weft = (
+        plain if family.colour is None else colour(family.colour) for family in (yarn, scene.weft_yarn or yarn)
+    )
+    return warp, weft
+
+
+def thread_colours(scene: Scene, draft: Draft | None, *, ends: int, picks: int) -> tuple[NDArray, NDArray]:
+    """Of every warp end (ends, 3) and weft pick (picks, 3) of a cloth, linear. draft: `draft_of` its weave, if any."""
+    brought = (draft.warp_colour, draft.weft_colour) if draft else (None, None)
+    warp, weft = (
+        np.tile(own, (count, 1)) if order is None else order
+        for order, own, count in zip(brought, yarn_colours(scene), (ends, picks), strict=True)
+    )
+    return warp, weft
+
+
+def panel_colours(scene: Scene, panels: Iterable[str]) -> "dict[str, Colours]":
+    """Thread orders of a garment's panels, by name."""
+    from taichi_cloth.garment.sewn.weaving import Colours
+
+    assert scene.garment is not None
+    weave = scene.weave or Weave()
+    plain = [own[None] for own in yarn_colours(scene)]
+    common = _orders(weave.draft, weave.warp_colours, weave.weft_colours)
+    out = {}
+    for name in panels:
+        stated = scene.garment.colours.get(name) or PanelColours()
+        own = _orders(scene.garment.weaves.get(name), stated.warp, stated.weft)
+        warp, weft = (next(o for o in orders if o is not None) for orders in zip(own, common, plain, strict=True))
+        out[name] = Colours(warp, weft)
+    return out
+
+
+def _orders(draft: str | None, *stated: str | None) -> list[F32 | None]:
+    """Of the warp and of the weft: as stated, or as a WIF file has them, (n, 3), or None."""
+    brought = draft_of(Weave(draft=draft)) if draft is not None else None
+    found = (None, None) if brought is None else (brought.warp_colour, brought.weft_colour)
+    return [one if order is None else thread_repeat(order) for order, one in zip(stated, found, strict=True)]

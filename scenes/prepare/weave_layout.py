@@ -1,0 +1,150 @@
+"""From a scene's words to the layout of its fabric.
+
+All of it on the host and without a particle, so that `plan` can say what a scene needs and a limit can refuse it.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_cloth.fabric.layout import Detail, FabricLayout, Threads, lay_out, required_bytes
+from taichi_cloth.fabric.templates import particle_count, particles_per_body_block
+from taichi_cloth.ground.errors import InputError
+from taichi_cloth.ground.memory import memory_limit, require_memory
+from taichi_cloth.weave.cloth_set import fit_set, opening_spacing, square_set_diameter
+from taichi_cloth.weave.crimp import Interlacing
+from taichi_cloth.weave.draft import Draft
+from taichi_cloth.yarn.yarn import Yarn
+
+from ..scene.schema import FabricSection, Scene
+from .drawing import DRAW_BYTES, HELD, STREAM_BYTES, drawn_bytes
+from .thread_colours import thread_colours
+from .yarns import draft_of, fibre_kind, yarn_of
+
+__all__ = ["Prepared", "prepare_fabric"]
+
+F64 = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A fabric counted but not built. particles: exact. bytes: of the build and of drawing it. in_batches: as its
+    particles are too many to hold."""
+
+    draft: Draft
+    layout: FabricLayout
+    particles: int
+    bytes: int
+    notes: tuple[str, ...]
+    in_batches: bool = False
+
+
+def prepare_fabric(scene: Scene, *, streamed: bool = False) -> Prepared:
+    """Lay out a scene's fabric. Raises InputError where it cannot be woven, or is too large for this machine.
+
+    streamed: it can be drawn a batch of particles at a time, so that only its blocks must fit in memory.
+    """
+    assert scene.weave is not None
+    assert scene.yarn is not None
+    section = scene.fabric or FabricSection()
+    draft = draft_of(scene.weave)
+    yarns = _yarns(scene, draft, section)
+    fibres = max(scene.yarn.fibres, (scene.weft_yarn or scene.yarn).fibres)
+    per_block = max(particles_per_body_block(y, fibres, section.steps) for y in yarns)
+    needed = required_bytes(draft.ends, draft.picks, per_block) + DRAW_BYTES * per_block * 2 * draft.warp_up.size
+    remedy = "take fewer weave.ends and weave.picks, or lower yarn.fibres or fabric.steps"
+    if streamed:
+        needed = min(needed, required_bytes(draft.ends, draft.picks, 0) + STREAM_BYTES)
+        remedy = "take fewer weave.ends and weave.picks"
+    require_memory(f"weave of {draft.ends:,} ends × {draft.picks:,} picks", needed, remedy)
+
+    cloth, spacing, note = _woven(draft, section, yarns)
+    colours = thread_colours(scene, draft, ends=draft.ends, picks=draft.picks)
+    families = []
+    for room, thick, flat, shades, yarn in (
+        (spacing[0], cloth.warp_diameter_m, cloth.warp_flat_m, colours[0], yarns[0]),
+        (spacing[1], cloth.weft_diameter_m, cloth.weft_flat_m, colours[1], yarns[1]),
+    ):
+        position = np.concatenate([[0.0], np.cumsum((room[1:] + room[:-1]) / 2)])
+        families.append(Threads(position, thick, thick + flat, np.asarray(shades, np.float32), yarn))
+    layout = lay_out(
+        cloth,
+        *families,
+        detail=Detail(
+            fibres=fibres,
+            steps=section.steps,
+            variants=section.variants,
+            fringe=section.fringe,
+            irregularity=section.irregularity,
+            seed=scene.seed,
+        ),
+    )
+    particles = particle_count(layout)
+    fixed, total = required_bytes(draft.ends, draft.picks, 0), drawn_bytes(particles)
+    in_batches = streamed and (particles > HELD or (total > STREAM_BYTES and fixed + total > memory_limit()))
+    total = fixed + (STREAM_BYTES if in_batches else total)
+    require_memory(f"a fabric of {particles:,} particles", total, remedy)
+    return Prepared(draft, layout, particles, total, (*draft.notes, *note), in_batches)
+
+
+def _yarns(scene: Scene, draft: Draft, section: FabricSection) -> tuple[Yarn, Yarn]:
+    """Of the warp and of the weft: where a scene states no count, as thick as the draft says, or as fills a square
+    cloth of its spacing."""
+    assert scene.yarn is not None
+    out = []
+    for family, thickness, per_cm, spacing in (
+        (scene.yarn, draft.warp_thickness_m, section.ends_per_cm, draft.warp_spacing_m),
+        (scene.weft_yarn or scene.yarn, draft.weft_thickness_m, section.picks_per_cm, draft.weft_spacing_m),
+    ):
+        room = 0.01 / per_cm if per_cm is not None else None if spacing is None else float(spacing.mean())
+        diameter = None if room is None else square_set_diameter(room, section.flattening)
+        if thickness is not None:
+            diameter = float(thickness.mean())
+        out.append(yarn_of(family, fibre_kind(scene), diameter=diameter))
+    return out[0], out[1]
+
+
+def _woven(
+    draft: Draft, section: FabricSection, yarns: tuple[Yarn, Yarn]
+) -> tuple[Interlacing, tuple[F64, F64], tuple[str, ...]]:
+    """The weave with its sizes, the room of each thread [m] of the warp and the weft, and a note of what it took to
+    make the threads fit; or the refusal, as asked."""
+    thick = (draft.warp_thickness_m, draft.weft_thickness_m)
+    diameter = [
+        np.full(n, yarn.woven_diameter) if stated is None else stated
+        for n, yarn, stated in zip((draft.ends, draft.picks), yarns, thick, strict=True)
+    ]
+    spacing = []  # the scene's threads/cm, else the draft's, else what just fits
+    for own, other, per_cm, stated in (
+        (diameter[0], diameter[1], section.ends_per_cm, draft.warp_spacing_m),
+        (diameter[1], diameter[0], section.picks_per_cm, draft.weft_spacing_m),
+    ):
+        if per_cm is not None:
+            spacing.append(np.full(len(own), 0.01 / per_cm))
+        elif stated is not None:
+            spacing.append(np.asarray(stated, np.float64))
+        else:
+            spacing.append(opening_spacing(own, other, section.flattening))
+    rooms = (spacing[0], spacing[1])
+    fitted = fit_set(
+        draft.warp_up,
+        rooms,
+        (diameter[0], diameter[1]),
+        flattening=section.flattening,
+        balance=section.balance,
+    )
+    if fitted.thinned == 1.0 and fitted.balance == section.balance:
+        return fitted.cloth, rooms, ()
+    per_cm = f"{0.01 / spacing[0].min():.1f} ends/cm and {0.01 / spacing[1].min():.1f} picks/cm"
+    if fitted.thinned == 1.0:
+        note = f"{per_cm} can only be woven with the warp taking {100 * fitted.balance:.0f} % of the crimp"
+        return fitted.cloth, rooms, (note,)
+    warp_mm, weft_mm = (1e3 * float(d.max()) for d in diameter)
+    line = f"threads of {warp_mm:.3f} mm (warp) and {weft_mm:.3f} mm (weft) jam at {per_cm}"
+    if section.when_jammed == "refuse":
+        raise InputError(
+            f"fabric.ends_per_cm, fabric.picks_per_cm: {line}; they fit at {fitted.thinned:.2f} of that thickness: "
+            'space them wider, take a finer yarn, or set fabric.when_jammed = "scale"'
+        )
+    return fitted.cloth, rooms, (f"{line}: thinned to {100 * fitted.thinned:.0f} %",)

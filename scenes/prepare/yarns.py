@@ -1,0 +1,90 @@
+"""From a scene's words to its fibre, its yarns and its draft."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from taichi_cloth.fibre.contours import FIBRES, FibreKind
+from taichi_cloth.ground.errors import InputError, did_you_mean
+from taichi_cloth.weave.colour_order import coloured
+from taichi_cloth.weave.draft import Draft, named_weave, tile
+from taichi_cloth.weave.wif import read_wif
+from taichi_cloth.yarn.yarn import Hairiness, Yarn, count_for_diameter, ne_to_tex
+
+from ..scene.schema import Scene, Weave, YarnSection
+from ..scene.section import DRAFT_FILE
+
+__all__ = ["draft_of", "fibre_kind", "yarn_of"]
+
+DEFAULT_THREADS = 40
+DEFAULT_COUNT_TEX = 20.0
+LARGEST_COUNT_TEX = 10_000.0
+
+
+def fibre_kind(scene: Scene) -> FibreKind:
+    """The scene's fibre. Raises InputError for a kind that is not known."""
+    kind = scene.fibre.kind
+    if kind not in FIBRES:
+        raise InputError(f"fibre.kind: unknown fibre {kind!r}; known: {', '.join(FIBRES)}{did_you_mean(kind, FIBRES)}")
+    return FIBRES[kind]
+
+
+def yarn_of(section: YarnSection, fibre: FibreKind, *, diameter: float | None = None) -> Yarn:
+    """A yarn as stated in a scene, of the scene's fibre.
+
+    diameter: woven diameter [m] of a yarn whose count is not stated; it is twisted by the same twist multiplier as a
+    yarn of the default count, turns ∝ 1/√tex.
+    """
+    stated = section.count_tex or (ne_to_tex(section.count_ne) if section.count_ne else None)
+    count = stated or DEFAULT_COUNT_TEX
+    tighter = 1.0
+    if stated is None and diameter is not None:
+        count = count_for_diameter(diameter, fibre.density_kg_m3, section.packing, section.plies)
+        count = float(np.clip(count, fibre.fineness_dtex, LARGEST_COUNT_TEX))
+        tighter = float(np.sqrt(DEFAULT_COUNT_TEX / count))
+    return Yarn(
+        count_tex=count,
+        plies=section.plies,
+        twist_per_m=section.twist_per_m * tighter,
+        twist=section.twist,
+        singles_twist_per_m=section.singles_twist_per_m * tighter,
+        singles_twist=section.singles_twist,
+        fibre_density=fibre.density_kg_m3,
+        fineness_dtex=fibre.fineness_dtex,
+        packing=section.packing,
+        flattening=section.flattening,
+        migration=section.migration,
+        migration_period_mm=section.migration_period_mm,
+        hairiness=Hairiness(**section.hairiness.model_dump()),
+    )
+
+
+def draft_of(weave: Weave) -> Draft:
+    """The draft of a scene: a named weave or a WIF file, at the stated number of ends and picks, patched, coloured."""
+    draft = _draft(weave.draft, weave.ends, weave.picks)
+    for number, patch in enumerate(weave.patches):
+        last_end, last_pick = patch.end + patch.ends, patch.pick + patch.picks
+        if last_end > draft.ends or last_pick > draft.picks:
+            raise InputError(
+                f"weave.patches[{number}]: reaches to end {last_end} and pick {last_pick}; allowed: up to {draft.ends} "
+                f"and {draft.picks}, the cloth's own"
+            )
+        up = draft.warp_up.copy()
+        up[patch.pick : last_pick, patch.end : last_end] = _draft(patch.draft, patch.ends, patch.picks).warp_up
+        draft = replace(draft, warp_up=up)
+    try:
+        return coloured(draft, warp=weave.warp_colours, weft=weave.weft_colours)
+    except InputError as error:
+        raise InputError(f"weave.warp_colours, weave.weft_colours: {error}") from None
+
+
+def _draft(name: str, ends: int | None, picks: int | None) -> Draft:
+    """A named weave or a WIF file, at its own size where none is stated."""
+    if DRAFT_FILE.fits(name):
+        draft = read_wif(name)
+        return tile(draft, ends=draft.ends if ends is None else ends, picks=draft.picks if picks is None else picks)
+    return named_weave(
+        name,
+        ends=DEFAULT_THREADS if ends is None else ends,
+        picks=DEFAULT_THREADS if picks is None else picks,
+    )

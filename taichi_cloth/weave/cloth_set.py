@@ -1,0 +1,84 @@
+"""The set of a cloth: how far apart threads of a thickness lie, and what it takes to weave a close set (Peirce 1937).
+
+A yarn of diameter d lies in cloth flattened by f at equal area: d·√f wide and d/√f thick.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_cloth.weave.crimp import Interlacing
+from taichi_cloth.weave.jamming import fit_balance, fit_diameters
+
+__all__ = ["OPENING", "Fitted", "fit_set", "opening_spacing", "square_set_diameter"]
+
+F64 = NDArray[np.float64]
+
+OPENING = 1.02
+"""Spacing of threads over the closest possible, where nothing states one."""
+
+
+def square_set_diameter(spacing: float, flattening: float) -> float:
+    """Diameter [m] of the yarn that fills a spacing [m] in a square cloth up to OPENING: at Peirce's limit of one,
+    threads lie √3 thicknesses apart, and flats add to that."""
+    root = float(np.sqrt(flattening))
+    return spacing / (OPENING * (np.sqrt(3.0) / root + root - 1.0 / root))
+
+
+def opening_spacing(own: F64, other: F64, flattening: float) -> F64:
+    """Spacing [m] of threads of the diameters `own` (n,) [m] that cross threads of the diameters `other` [m]: OPENING
+    times the closest of a square cloth (Peirce's limit, of the mean of both)."""
+    root = float(np.sqrt(flattening))
+    passing = 0.5 * np.sqrt(3.0) * (float(own.max()) + float(other.max())) / root
+    return np.full(len(own), OPENING * (passing + float(own.max()) * (root - 1.0 / root)))
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A weave that can be woven. balance: the warp's part of the crimp height it took. thinned: the factor of all
+    diameters it took, 1 for none."""
+
+    cloth: Interlacing
+    balance: float
+    thinned: float
+
+
+def fit_set(
+    warp_up: NDArray[np.bool_],
+    spacing: tuple[F64, F64],
+    diameter: tuple[F64, F64],
+    *,
+    flattening: float,
+    balance: float,
+) -> Fitted:
+    """The weave with its sizes, fitted as a loom fits a close set: first the crimp is shared otherwise, and only then
+    is yarn thinned.
+
+    warp_up: (picks, ends). spacing, diameter: of the warp ends and of the weft picks [m]. balance: the warp's part of
+    the crimp height, kept where it can be.
+    """
+    root = float(np.sqrt(flattening))
+
+    def sized(factor: float, share: float) -> Interlacing:
+        return Interlacing(
+            warp_up=warp_up,
+            warp_spacing_m=spacing[0],
+            weft_spacing_m=spacing[1],
+            warp_diameter_m=factor * diameter[0] / root,
+            weft_diameter_m=factor * diameter[1] / root,
+            warp_flat_m=factor * diameter[0] * (root - 1.0 / root),
+            weft_flat_m=factor * diameter[1] * (root - 1.0 / root),
+            balance=share,
+            periodic=False,
+        )
+
+    cloth = sized(1.0, balance)
+    if fit_diameters(cloth) >= 1.0:
+        return Fitted(cloth, balance, 1.0)
+    shared = fit_balance(cloth)
+    cloth = sized(1.0, shared)
+    factor = fit_diameters(cloth)
+    if factor >= 1.0:
+        return Fitted(cloth, shared, 1.0)
+    return Fitted(sized(factor * (1.0 - 1e-9), shared), shared, factor)
