@@ -1,10 +1,14 @@
 """Strips of cloth that the dynamics tests share: one grid shape, so that one kernel serves most of them."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_cloth.constraints.constraints_for import constraints_for
+from taichi_cloth.constraints.ties import Ties
+from taichi_cloth.motion.constraint import Constraint
 from taichi_cloth.motion.forces import Forces
 from taichi_cloth.motion.simulation import Simulation
 from taichi_cloth.sheet.materials import Material
@@ -53,11 +57,13 @@ def simulate(
     positions: NDArray | None = None,
     velocities: NDArray | float = 0.0,
     pins: tuple[Pins, ...] = (),
+    ties: tuple[Ties, ...] = (),
+    choose: Callable[..., tuple[Constraint, ...]] = constraints_for,
     **solver,
 ) -> Simulation:
     return Simulation(
         sheet,
-        Verlet(sheet, forces, **solver),
+        Verlet(sheet, forces, constraints=choose(sheet, forces, ties=ties), **solver),
         forces=forces,
         positions=sheet.flat() if positions is None else positions,
         velocities=velocities,

@@ -13,6 +13,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
+from taichi_cloth.constraints.constraints_for import constraints_for
 from taichi_cloth.constraints.contact import Contact
 from taichi_cloth.constraints.contact_middles import MiddleContact
 from taichi_cloth.fabric.fabric import build_fabric
@@ -20,10 +21,10 @@ from taichi_cloth.fabric.follow import FibreFollower
 from taichi_cloth.garment.sewn.weaving import Weaving
 from taichi_cloth.ground import runtime
 from taichi_cloth.ground.errors import InputError, Unstable
-from taichi_cloth.motion.passes import Pass
+from taichi_cloth.motion.constraint import Constraint
+from taichi_cloth.motion.forces import Forces
 from taichi_cloth.motion.simulation import Simulation
 from taichi_cloth.sheet.sheet import Sheet, SheetState
-from taichi_cloth.solvers.verlet import Verlet
 
 from ...render.data.blocks import ParticleBlocks
 from ...render.data.camera import frame as framed
@@ -160,10 +161,7 @@ def measure(scene: Scene, frames: int) -> Measured:
     model = GarmentModel.of(scene)
     assert isinstance(model.fibres, GarmentFibres)
     follower, weaving, surface = model.fibres.follower, model.fibres.weaving, model.surface
-    simulation, double = model.simulation, garment_simulation(scene, model.dressed)
-    solver = double.solver
-    assert isinstance(solver, Verlet)
-    solver.passes = contact_twice(solver.passes, solver.sheet)
+    simulation, double = model.simulation, garment_simulation(scene, model.dressed, contact_twice)
     times: dict[str, list[float]] = {}
     draw = _drawing(model)
 
@@ -213,14 +211,14 @@ def measure(scene: Scene, frames: int) -> Measured:
             timed(f"draw, {form}", work)
         number += ROW
     points = model.dressed.garment.atlas.key_points
-    return Measured(points, follower.particles, solver.substeps, times, tuple(restarts))
+    return Measured(points, follower.particles, simulation.solver.substeps, times, tuple(restarts))
 
 
-def contact_twice(passes: tuple[Pass, ...], sheet: Sheet) -> tuple[Pass, ...]:
-    """A solver's passes, each of contact with a body followed by one that does the same once more."""
-    out: list[Pass] = []
+def contact_twice(sheet: Sheet, forces: Forces, **chosen: Any) -> tuple[Constraint, ...]:
+    """`constraints_for` with each contact with a body followed by one that does the same once more."""
+    out: list[Constraint] = []
     twin = None
-    for one in passes:
+    for one in constraints_for(sheet, forces, **chosen):
         out.append(one)
         if isinstance(one, Contact):
             twin = one.twin()

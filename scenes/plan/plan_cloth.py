@@ -1,14 +1,10 @@
 """What a moving cloth will build, in words."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 from taichi_cloth.body.colliders.colliders import Solid
-from taichi_cloth.constraints.self_contact import require_thickness
 from taichi_cloth.constraints.thin_limbs import let_through, thinnest_held
 from taichi_cloth.motion.forces import Forces
-from taichi_cloth.motion.solver import Solver
-from taichi_cloth.sheet.sheet import Sheet
 
 from ..prepare.sheet_setup import forces_of, sheet_of, solver_of, standing_in
 from ..scene.schema import Scene
@@ -49,7 +45,7 @@ def sheet_stages(scene: Scene) -> tuple[dict[str, str], dict[str, str]]:
     cloth = scene.cloth
     assert cloth is not None
     sheet, forces = sheet_of(cloth), forces_of(scene.forces)
-    solver = _solver(scene, sheet, forces)
+    solver = solver_of(sheet, forces, scene.solver, frame_rate=float(scene.output.fps))
     s, material = sheet.springs, sheet.material
     law = "hinges" if s.law == "hinge" else "springs to second neighbours"
     built = {
@@ -94,12 +90,3 @@ def sheet_stages(scene: Scene) -> tuple[dict[str, str], dict[str, str]]:
     if meshes:
         built["meshes"] = " and ".join(meshes)
     return built, left
-
-
-def _solver(scene: Scene, sheet: Sheet, forces: Forces) -> Solver:
-    """The scene's, but without those passes of Verlet that hold fields: Taichi may not have been started."""
-    if not (scene.solver and scene.solver.name == "implicit"):  # that refuses them
-        if forces.self_contact:
-            require_thickness(sheet, forces.self_contact)
-        forces = replace(forces, strain_limit=None, self_contact=None)
-    return solver_of(sheet, forces, scene.solver, frame_rate=float(scene.output.fps))

@@ -12,6 +12,7 @@ from taichi_cloth.body.colliders.grid import DistanceGrid
 from taichi_cloth.body.moving.motion import Motion
 from taichi_cloth.body.primitives.primitives import Primitive
 from taichi_cloth.body.skin.skinning import Body
+from taichi_cloth.constraints.constraints_for import constraints_for
 from taichi_cloth.garment.pattern.cut import Atlas, cut, spacing_for
 from taichi_cloth.garment.pattern.drafts import DRAFTS, Cut, draft
 from taichi_cloth.garment.pattern.fitting import fitted
@@ -23,6 +24,7 @@ from taichi_cloth.garment.sewn.sew import Garment, Worn, sew
 from taichi_cloth.garment.sewn.weaving import crossings_shape
 from taichi_cloth.ground.cache import digest, kept
 from taichi_cloth.ground.errors import InputError
+from taichi_cloth.motion.constraint import Constraint
 from taichi_cloth.motion.forces import Forces
 from taichi_cloth.motion.simulation import Simulation
 
@@ -151,8 +153,11 @@ def motion_of(scene: Scene, body: Body) -> Motion:
     return prepare_motion(scene.body or BodySection(), body)
 
 
-def garment_simulation(scene: Scene, dressed: Dressed) -> Simulation:
-    """The worn garment, ready to move with its body by one frame of the video at a time."""
+def garment_simulation(
+    scene: Scene, dressed: Dressed, choose: Callable[..., tuple[Constraint, ...]] = constraints_for
+) -> Simulation:
+    """The worn garment, ready to move with its body by one frame of the video at a time. choose: see
+    `Garment.simulation`."""
     moves = motion_of(scene, dressed.body)
     still = moves.name == "rest"
     colliders = _colliders(scene, dressed)
@@ -178,6 +183,7 @@ def garment_simulation(scene: Scene, dressed: Dressed) -> Simulation:
         bones=bones,
         frame_rate=float(scene.output.fps),
         safety=scene.solver.safety if scene.solver else 0.9,
+        choose=choose,
     )
 
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.special import j0
 
+from taichi_cloth.constraints.constraints_for import constraints_for
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.motion.forces import Forces, Plane, SelfContact, Sphere, StrainLimit, Wind
 from taichi_cloth.motion.simulation import Simulation
@@ -110,12 +111,14 @@ def forces_of(section: ForcesSection | None) -> Forces:
 
 
 def solver_of(sheet: Sheet, forces: Forces, section: SolverSection | None, *, frame_rate: float) -> Solver:
-    """The solver that the scene names. Raises InputError on a step that is too long."""
+    """The solver that the scene names. It needs no Taichi before its first frame. Raises InputError on a step that is
+    too long, and on forces that the solver or the sheet cannot have."""
     section = section or SolverSection()
     step = None if section.step_ms is None else 1e-3 * section.step_ms
     if section.name == "implicit":
         return Implicit(sheet, forces, frame_rate=frame_rate, step=step)
-    return Verlet(sheet, forces, frame_rate=frame_rate, step=step, safety=section.safety)
+    constraints = constraints_for(sheet, forces)
+    return Verlet(sheet, forces, frame_rate=frame_rate, step=step, safety=section.safety, constraints=constraints)
 
 
 def standing_in(scene: Scene) -> "Standing | None":

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from taichi_cloth.body.colliders.colliders import Colliders
 from taichi_cloth.body.primitives.primitives import Primitive
+from taichi_cloth.constraints.constraints_for import constraints_for
 from taichi_cloth.ground.errors import InputError, Unstable
 from taichi_cloth.motion.forces import Forces, Plane, Sphere, StrainLimit, Wind
 from taichi_cloth.motion.simulation import Simulation
@@ -206,7 +207,7 @@ def ran(cell: Cell, seconds: float = SECONDS) -> Outcome:
         x, velocity, forces = _start(cell, sheet)
         rate = 1 / cell.frame
         solver = (
-            Verlet(sheet, forces, frame_rate=rate)
+            Verlet(sheet, forces, frame_rate=rate, constraints=constraints_for(sheet, forces))
             if cell.solver == "verlet"
             else Implicit(sheet, forces, frame_rate=rate, step=cell.frame)
         )

@@ -27,13 +27,12 @@ from taichi_cloth.body.colliders.colliders import BoneFrame, Colliders, Solid
 from taichi_cloth.body.colliders.grid import DistanceGrid
 from taichi_cloth.body.colliders.hierarchy import build, corners
 from taichi_cloth.body.primitives.distance import newton_steps
-from taichi_cloth.constraints.contact_response import Response, response
+from taichi_cloth.constraints.contact_response import Response
 from taichi_cloth.constraints.contact_surface import BONE, CONE, ELLIPTIC, GRID, MOTION, ROW, SHAPE
-from taichi_cloth.ground import runtime
 from taichi_cloth.ground.arrays import Template
+from taichi_cloth.motion.constraint import SharedConstraint
 from taichi_cloth.motion.forces import FrameForces
-from taichi_cloth.motion.passes import Pass
-from taichi_cloth.sheet.sheet import SheetState
+from taichi_cloth.sheet.sheet import Sheet, SheetState
 
 __all__ = ["Contact"]
 
@@ -49,26 +48,20 @@ TURN = 0.05  # [rad] that a plane may turn from its look on, to second order: 2 
 FASTEST = 20.0  # [m/s] past the body, for which a step is called short
 
 
-class Contact(Pass):
-    """The pass for one body and one sheet's solver.
+class Contact(SharedConstraint):
+    """The contact of one sheet with a body."""
 
-    size: elements of the padded grid. substeps: a frame. step: of each [s].
-    """
-
+    fields_of = Response
+    answers = "body"
     parts = True
+    _long_steps: bool | None = None
 
-    def __init__(self, body: Colliders, *, size: int, substeps: int, step: float) -> None:
+    def __init__(self, body: Colliders, sheet: Sheet) -> None:
         self.body = body
+        self._size = int(np.prod(sheet.padded_shape))
         solids = body.solids
         self._constant = _shapes(body)
-        kinds = tuple(sorted({int(k) for k in self._constant[:, 0]}))
-        thinnest = min(_thickness(row) for row in self._constant)
-        nodes = sum(g.values.size for g in body.grids)
-        capacity = -(-len(solids) // 16) * 16
-        self._thinnest, self._long_steps = thinnest, bool(step * FASTEST > thinnest / 2)
-        self._made_of = size, capacity, kinds, self._long_steps, nodes, body.spared is not None
-        self.memory = response(runtime.generation(), *self._made_of)
-        self.join(substeps, step)
+        self._thinnest = min(_thickness(row) for row in self._constant)
         self._points, self._radii = corners(solids)
         self._tree = build(self._points.mean(axis=1))
         self._bones = np.array([p.bone for p in solids])
@@ -80,7 +73,18 @@ class Contact(Pass):
             axis=1
         )
 
+    @property
+    def kind(self) -> tuple[int, int, tuple[int, ...], bool, int, bool]:
+        assert self._long_steps is not None, "a solver takes it first"
+        body = self.body
+        kinds = tuple(sorted({int(k) for k in self._constant[:, 0]}))
+        capacity = -(-len(body.solids) // 16) * 16
+        nodes = sum(g.values.size for g in body.grids)
+        return self._size, capacity, kinds, self._long_steps, nodes, body.spared is not None
+
     def join(self, substeps: int, step: float) -> None:
+        if self._long_steps is None:  # it is compiled for these; later steps are shorter, and may be taken for long
+            self._long_steps = bool(step * FASTEST > self._thinnest / 2)
         wait = max(2, int(LONGEST_WAIT / step))
         wait = wait // RAREST * RAREST if wait >= RAREST else 1 << (wait.bit_length() - 1)
         every = 1 if self._long_steps else min(wait, RAREST)
@@ -93,35 +97,30 @@ class Contact(Pass):
              TURN]
         )  # fmt: skip
 
-    # Two passes that share their memory are one to the solver: it needs no second kernel for them.
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Contact) and self.memory is other.memory
-
-    def __hash__(self) -> int:
-        return id(self.memory)
-
     def twin(self) -> "Contact":
-        """The same with memory of its own: a solver that is given both does all of this work twice, to time it."""
+        """The same with fields of its own: a solver that is given both does all of this work twice, to time it."""
         other = copy(self)
-        other.memory = Response(*self._made_of)
+        other.number = self.number + 1
+        other.__dict__.pop("fields", None)
         return other
 
+    def fill(self, state: SheetState) -> None:
+        if self.body.grids:
+            self.fields.nodes.from_numpy(np.concatenate([g.values.ravel() for g in self.body.grids]))
+        if self.body.spared is not None:
+            self.fields.spare(self.body.spared, state.values.shape[1:])
+
     def begin(self, state: SheetState, forces: FrameForces) -> None:
+        super().begin(state, forces)
         frame = forces.body or self.body.during(0.0, 0.0)
-        rows = np.zeros((self.memory.capacity * 3 + 1, ROW), np.float32)
+        rows = np.zeros((self.fields.capacity * 3 + 1, ROW), np.float32)
         rows[: len(self._constant)] = self._rows(frame)
         nodes = len(self._tree.skip)
-        rows[self.memory.capacity : self.memory.capacity + nodes, 0] = self._tree.skip
-        rows[self.memory.capacity : self.memory.capacity + nodes, 1] = self._tree.leaf
+        rows[self.fields.capacity : self.fields.capacity + nodes, 0] = self._tree.skip
+        rows[self.fields.capacity : self.fields.capacity + nodes, 1] = self._tree.leaf
         rows[-1, : len(self._settings)] = self._settings
         rows[-1, 10] = nodes
-        if self.memory.holder is not self.body:
-            if self.body.grids:
-                self.memory.nodes.from_numpy(np.concatenate([g.values.ravel() for g in self.body.grids]))
-            if self.body.spared is not None:
-                self.memory.spare(self.body.spared, state.values.shape[1:])
-            self.memory.holder = self.body
-        self.memory.take(rows)
+        self.fields.take(rows)
 
     def _rows(self, frame: BoneFrame) -> F64:
         """(primitives, ROW): shape; then anchor, axis and across at the start of the frame, the anchor's shift [m] and
@@ -145,13 +144,13 @@ class Contact(Pass):
         return out
 
     @ti.func
-    def before(self, work: Template, done, n: Template):
-        if done % int(self.memory.setting[6]) == 0:
-            self.memory.follow(done)
+    def before(self, points: Template, done, n: Template):
+        if done % int(self.fields.setting[6]) == 0:
+            self.fields.follow(done)
 
     @ti.func
-    def after(self, work: Template, part, first, last, done, n: Template):
-        self.memory.touch(work, part, first, last, done)
+    def correct_part(self, points: Template, part, first, last, done, n: Template):
+        self.fields.touch(points, part, first, last, done)
 
 
 def _anchor(p: Solid) -> F64:

@@ -16,8 +16,6 @@ from one side of a limb to the other within one step is not seen.
 # pyright: reportOptionalCall=false, reportOperatorIssue=false, reportGeneralTypeIssues=false
 # pyright: reportArgumentType=false, reportCallIssue=false
 
-from functools import lru_cache
-
 import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
@@ -25,11 +23,10 @@ from numpy.typing import NDArray
 from taichi_cloth.constraints.contact import Contact
 from taichi_cloth.constraints.contact_response import GROWTH, TURNING, Response
 from taichi_cloth.constraints.contact_surface import BONE, ROW, SHAPE
-from taichi_cloth.ground import runtime
 from taichi_cloth.ground.arrays import Template
+from taichi_cloth.motion.constraint import SharedConstraint
 from taichi_cloth.motion.crew import PARTS
 from taichi_cloth.motion.forces import FrameForces
-from taichi_cloth.motion.passes import Pass
 from taichi_cloth.motion.stencil import load, store
 from taichi_cloth.sheet.sheet import LANES, Sheet, SheetState
 
@@ -41,53 +38,12 @@ ROOM, LEAST = 8, 1 << 15
 PLANE = 4  # normal, offset from the anchor
 
 
-class MiddleContact(Pass):
-    """The pass of one sheet, after that of its key points. solids: numbers (n,) of those that the middles meet."""
-
-    whole = True
-
-    def __init__(self, contact: Contact, sheet: Sheet, solids: NDArray[np.int32]) -> None:
-        self.solids = solids
-        self.memory = _memory(runtime.generation(), contact.memory, sheet.padded_shape)
-
-    # Two passes that share their memory are one to the solver: it needs no second kernel for them.
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, MiddleContact) and self.memory is other.memory
-
-    def __hash__(self) -> int:
-        return id(self.memory)
-
-    def begin(self, state: SheetState, forces: FrameForces) -> None:
-        if self.memory.holder is not self:
-            self.memory.solid.from_numpy(np.resize(self.solids, self.memory.solid.shape[0]))
-            self.memory.solids[None] = len(self.solids)
-            self.memory.holder = self
-        self.memory.most[None] = 0
-
-    def end(self, state: SheetState) -> None:
-        """Raises RuntimeError where there was no room for all springs near thin solids."""
-        found, room = self.memory.most[None], self.memory.room
-        if found > room:
-            raise RuntimeError(
-                f"contact: {found} springs near thin parts of the body, room for {room}; use key points closer together"
-            )
-
-    @ti.func
-    def after_all(self, work: Template, done, n: Template):
-        self.memory.touch(work, done, n)
-
-
-@lru_cache(maxsize=8)
-def _memory(generation: int, surface: Response, padded_shape: tuple[int, int]) -> "_Middles":
-    """Fields and functions for grids of that shape. generation: of the Taichi runtime."""
-    return _Middles(surface, *padded_shape)
-
-
 @ti.data_oriented
-class _Middles:
+class MiddleFields:
     """Springs near thin solids, in groups of LANES that are near the same one, and the planes that they may touch."""
 
-    def __init__(self, surface: Response, rows: int, width: int) -> None:
+    def __init__(self, surface: Response, padded_shape: tuple[int, int]) -> None:
+        rows, width = padded_shape
         self.surface, self.width = surface, width
         self.room = max(ROOM * rows * width, LEAST)
         self.holder: object = None
@@ -99,28 +55,28 @@ class _Middles:
         self.entry, self.plane = ti.field(ti.i32, self.room), ti.field(ti.f32, PLANE * self.room)
 
     @ti.func
-    def touch(self, work: Template, done, n: Template):
+    def touch(self, points: Template, done, n: Template):
         """Response of the middles at the end of substep `done`, to poses that `Contact` has just brought up to date."""
         since = done % int(self.surface.setting[6])
         if since == 0:
             if done % int(self.surface.setting[1]) == 0:
-                self.seek(work, done, n)
+                self.seek(points, done, n)
             self.entries[None] = 0
             for g in range(self.groups[None]):
                 if self.due[g] <= done:
-                    self.look(work, g, done)
+                    self.look(points, g, done)
         for e in range(self.entries[None]):
-            self.respond(work, e, float(since))
+            self.respond(points, e, float(since))
 
     @ti.func
-    def seek(self, work: Template, done, n: Template):
+    def seek(self, points: Template, done, n: Template):
         """Lists the springs whose middles could reach a thin solid before the next time."""
         found = 0
         for s in range(self.solids[None]):
             i, begun = self.solid[s], found // LANES
-            for e in range(work.cut[0], work.cut[PARTS]):
-                if self.near(work, work.block[e], i, n.diagonal_length):
-                    found = self.enlist(work, work.block[e], i, found)
+            for e in range(points.cut[0], points.cut[PARTS]):
+                if self.near(points, points.packet[e], i, n.diagonal_length):
+                    found = self.enlist(points, points.packet[e], i, found)
             while found % LANES != 0:  # a group is of one solid; the rest of the last is empty
                 if found < self.room:
                     self.one[found] = -1
@@ -131,13 +87,21 @@ class _Middles:
         self.groups[None] = ti.min(found, self.room) // LANES
 
     @ti.func
-    def near(self, work: Template, b, i, reach):
+    def near(self, points: Template, b, i, reach):
         """Whether a middle not farther than `reach` [m] from a key point of block b could touch solid i before the next
         time: by the capsule around it."""
-        a, row = work.lanes(b * LANES), i * ROW + SHAPE
+        a, row = points.lanes(b * LANES), i * ROW + SHAPE
         c, axis, shift = self.surface.posed(i, 0), self.surface.posed(i, 3), self.surface.vector(i, SHAPE + 9)
-        x, y, z = load(work.position[0], a) - c[0], load(work.position[1], a) - c[1], load(work.position[2], a) - c[2]
-        u, v, w = load(work.step[0], a) - shift[0], load(work.step[1], a) - shift[1], load(work.step[2], a) - shift[2]
+        x, y, z = (
+            load(points.position[0], a) - c[0],
+            load(points.position[1], a) - c[1],
+            load(points.position[2], a) - c[2],
+        )
+        u, v, w = (
+            load(points.step[0], a) - shift[0],
+            load(points.step[1], a) - shift[1],
+            load(points.step[2], a) - shift[2],
+        )
         turning = self.surface.vector(i, SHAPE + 12).norm() * (ti.sqrt(x * x + y * y + z * z) + reach)
         along = x * axis[0] + y * axis[1] + z * axis[2]
         along = ti.min(ti.max(along, self.surface.row[row + 16]), self.surface.row[row + 17])
@@ -151,17 +115,17 @@ class _Middles:
         return least < 0.0
 
     @ti.func
-    def enlist(self, work: Template, b, i, found):
+    def enlist(self, points: Template, b, i, found):
         """Appends the springs that begin in block b. Returns how many there are then."""
         for k in range(b * LANES, (b + 1) * LANES):
             for family in range(FAMILIES):
-                p, q, weight = k, k + 1, work.east[k]
+                p, q, weight = k, k + 1, points.east[k]
                 if family == 1:
-                    q, weight = k + self.width, work.north[k]
+                    q, weight = k + self.width, points.north[k]
                 elif family >= 2:
-                    weight = work.cell[k]
+                    weight = points.cell[k]
                     p, q = k + family - 2, k + self.width + 3 - family
-                met = weight > 0.0 and work.inverse_mass[p] + work.inverse_mass[q] > 0.0
+                met = weight > 0.0 and points.inverse_mass[p] + points.inverse_mass[q] > 0.0
                 if ti.static(self.surface.sparing):
                     spared = self.surface.spared[p] | self.surface.spared[q]
                     met = met and (spared >> int(self.surface.row[i * ROW + BONE])) & 1 == 0
@@ -172,7 +136,7 @@ class _Middles:
         return found
 
     @ti.func
-    def look(self, work: Template, g, done):
+    def look(self, points: Template, g, done):
         """Distances of a group from its solid, and when to look again; planes for those that could touch before."""
         i, every = self.owner[g], int(self.surface.setting[6])
         c, q = self.surface.posed(i, 0), self.surface.scratch_of(0)
@@ -181,8 +145,8 @@ class _Middles:
             for axis in ti.static(range(3)):
                 x, u = 1e6, 0.0
                 if p1 >= 0:
-                    x = 0.5 * (work.position[axis][p1] + work.position[axis][p2]) - c[axis]
-                    u = 0.5 * (work.step[axis][p1] + work.step[axis][p2])
+                    x = 0.5 * (points.position[axis][p1] + points.position[axis][p2]) - c[axis]
+                    u = 0.5 * (points.step[axis][p1] + points.step[axis][p2])
                 self.place[axis * LANES + k], self.place[(axis + 3) * LANES + k] = x, u
         x, y, z = load(self.place, 0), load(self.place, LANES), load(self.place, 2 * LANES)
         self.surface.measure(i, q, x, y, z)
@@ -208,15 +172,15 @@ class _Middles:
         self.due[g] = done + ti.max(int(soonest) // every, 1) * every
 
     @ti.func
-    def respond(self, work: Template, e, since):
+    def respond(self, points: Template, e, since):
         """As `Response.respond`, of one middle. since: substeps since the poses were worked out."""
         k = self.entry[e]
         i, p, q = self.owner[k // LANES], self.one[k], self.two[k]
         shift, turn = self.surface.vector(i, SHAPE + 9), self.surface.vector(i, SHAPE + 12)
         x, u, normal = ti.Vector([0.0, 0.0, 0.0]), ti.Vector([0.0, 0.0, 0.0]), ti.Vector([0.0, 0.0, 0.0])
         for axis in ti.static(range(3)):
-            x[axis] = 0.5 * (work.position[axis][p] + work.position[axis][q])
-            u[axis] = 0.5 * (work.step[axis][p] + work.step[axis][q])
+            x[axis] = 0.5 * (points.position[axis][p] + points.position[axis][q])
+            u[axis] = 0.5 * (points.step[axis][p] + points.step[axis][q])
             normal[axis] = self.plane[e * PLANE + axis]
         normal += since * turn.cross(normal)
         x -= self.surface.posed(i, 0) + since * shift
@@ -229,9 +193,43 @@ class _Middles:
             pressed = ti.min(push, approach)
             move = self.surface.change(u[0], u[1], u[2], normal[0], normal[1], normal[2], push, pressed)
             out = (push - pressed) * normal
-            here = 2.0 * work.inverse_mass[p] / (work.inverse_mass[p] + work.inverse_mass[q])
+            here = 2.0 * points.inverse_mass[p] / (points.inverse_mass[p] + points.inverse_mass[q])
             for axis in ti.static(range(3)):
-                work.position[axis][p] = work.position[axis][p] + here * move[axis]
-                work.position[axis][q] = work.position[axis][q] + (2.0 - here) * move[axis]
-                work.step[axis][p] = work.step[axis][p] + here * (move[axis] - out[axis])
-                work.step[axis][q] = work.step[axis][q] + (2.0 - here) * (move[axis] - out[axis])
+                points.position[axis][p] = points.position[axis][p] + here * move[axis]
+                points.position[axis][q] = points.position[axis][q] + (2.0 - here) * move[axis]
+                points.step[axis][p] = points.step[axis][p] + here * (move[axis] - out[axis])
+                points.step[axis][q] = points.step[axis][q] + (2.0 - here) * (move[axis] - out[axis])
+
+
+class MiddleContact(SharedConstraint):
+    """Of one sheet, after the contact of its key points. solids: numbers (n,) of those that the middles meet."""
+
+    fields_of = MiddleFields
+    whole = True
+
+    def __init__(self, contact: Contact, sheet: Sheet, solids: NDArray[np.int32]) -> None:
+        self.contact, self.solids, self._shape = contact, solids, sheet.padded_shape
+
+    @property
+    def kind(self) -> tuple[Response, tuple[int, int]]:
+        return self.contact.fields, self._shape
+
+    def fill(self, state: SheetState) -> None:
+        self.fields.solid.from_numpy(np.resize(self.solids, self.fields.solid.shape[0]))
+        self.fields.solids[None] = len(self.solids)
+
+    def begin(self, state: SheetState, forces: FrameForces) -> None:
+        super().begin(state, forces)
+        self.fields.most[None] = 0
+
+    def end(self, state: SheetState) -> None:
+        """Raises RuntimeError where there was no room for all springs near thin solids."""
+        found, room = self.fields.most[None], self.fields.room
+        if found > room:
+            raise RuntimeError(
+                f"contact: {found} springs near thin parts of the body, room for {room}; use key points closer together"
+            )
+
+    @ti.func
+    def correct_whole(self, points: Template, done, n: Template):
+        self.fields.touch(points, done, n)

@@ -16,9 +16,6 @@ A block's lists and planes are its own, so parts of the sheet on several threads
 # pyright: reportArgumentType=false, reportOptionalSubscript=false, reportIndexIssue=false
 # pyright: reportOptionalCall=false, reportOperatorIssue=false, reportGeneralTypeIssues=false, reportCallIssue=false
 
-from functools import lru_cache
-from typing import Any
-
 import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
@@ -29,7 +26,7 @@ from taichi_cloth.motion.crew import LINE, PARTS
 from taichi_cloth.motion.stencil import load, store
 from taichi_cloth.sheet.sheet import LANES, PAD
 
-__all__ = ["Response", "response"]
+__all__ = ["Response"]
 
 KEPT = 4
 """Planes a block may have for each key point and keep. Of more than that the nearest are merged into one, which lasts
@@ -40,12 +37,6 @@ SOON = 6
 """Substeps. What may touch within them gets its planes now: a response to them costs a fifth of a look."""
 GROWTH = 1.25  # of the approach to a surface until the next look at it
 TURNING = 0.25  # share of the slip that may become approach meanwhile
-
-
-@lru_cache(maxsize=16)
-def response(generation: int, *made_of: Any) -> "Response":
-    """Fields and functions for grids and bodies: a `Response` of these. generation: of the Taichi runtime."""
-    return Response(*made_of)
 
 
 @ti.data_oriented
@@ -82,16 +73,16 @@ class Response(BodySurface):
         self.spared.from_numpy(padded.ravel())
 
     @ti.func
-    def walk(self, work: Template, part, b, done):
+    def walk(self, points: Template, part, b, done):
         """The list of block b: what it can reach until the next walk, by boxes and then by capsules, and when."""
         low, high = ti.Vector([1e30, 1e30, 1e30]), ti.Vector([-1e30, -1e30, -1e30])
         fastest, slow, fast = 0.0, ti.Vector([1e30, 1e30, 1e30]), ti.Vector([-1e30, -1e30, -1e30])
         spared = -1  # by every key point of the block
         for k in range(b * LANES, (b + 1) * LANES):
-            if work.inverse_mass[k] > 0.0:
+            if points.inverse_mass[k] > 0.0:
                 here, step = ti.Vector([0.0, 0.0, 0.0]), ti.Vector([0.0, 0.0, 0.0])
                 for c in ti.static(range(3)):
-                    here[c], step[c] = work.position[c][k], work.step[c][k]
+                    here[c], step[c] = points.position[c][k], points.step[c][k]
                 low, high = ti.min(low, here), ti.max(high, here)
                 slow, fast = ti.min(slow, step), ti.max(fast, step)
                 fastest = ti.max(fastest, step.norm_sqr())
@@ -120,7 +111,7 @@ class Response(BodySurface):
                         u, v, w = self.slip(i, here[0], here[1], here[2], step[0], step[1], step[2])
                         slip = ti.sqrt(u * u + v * v + w * w) + spread + radius * self.vector(i, SHAPE + 12).norm()
                         rate = self.setting[2] + GROWTH * slip
-                        free = (self.apart(work, part, b, i) - self.setting[3]) / rate
+                        free = (self.apart(points, part, b, i) - self.setting[3]) / rate
                         if free < wait:
                             due = done + ti.max(int(free), 0)
                             self.list[b * self.capacity + count] = i
@@ -131,17 +122,21 @@ class Response(BodySurface):
         self.count[b], self.next[b], self.used[b] = count, soonest, 0
 
     @ti.func
-    def apart(self, work: Template, part, b, i):
+    def apart(self, points: Template, part, b, i):
         """Least distance [m] of the block's free key points from the capsule around primitive i."""
-        a = work.lanes(b * LANES)
+        a = points.lanes(b * LANES)
         q = self.scratch_of(part)
         row = i * ROW + SHAPE
         c, axis = self.posed(i, 0), self.posed(i, 3)
-        x, y, z = load(work.position[0], a) - c[0], load(work.position[1], a) - c[1], load(work.position[2], a) - c[2]
+        x, y, z = (
+            load(points.position[0], a) - c[0],
+            load(points.position[1], a) - c[1],
+            load(points.position[2], a) - c[2],
+        )
         along = x * axis[0] + y * axis[1] + z * axis[2]
         along = ti.min(ti.max(along, self.row[row + 16]), self.row[row + 17])
         x, y, z = x - along * axis[0], y - along * axis[1], z - along * axis[2]
-        free = ti.min(load(work.inverse_mass, a) * 1e30, 1.0)
+        free = ti.min(load(points.inverse_mass, a) * 1e30, 1.0)
         store(self.scratch, q, x * x + y * y + z * z + (1.0 - free) * 1e12)
         least = self.scratch[q]
         for k in range(q + 1, q + LANES):
@@ -157,12 +152,16 @@ class Response(BodySurface):
         return push * nx - held * u, push * ny - held * v, push * nz - held * w
 
     @ti.func
-    def cross(self, work: Template, a, i, q, free):
+    def cross(self, points: Template, a, i, q, free):
         """Where a long step of the lanes at a meets the primitive on its way it is pushed back to the first such place:
         so far that it stays outside."""
         gap, c = self.setting[3], self.posed(i, 0)
-        x, y, z = load(work.position[0], a) - c[0], load(work.position[1], a) - c[1], load(work.position[2], a) - c[2]
-        dx, dy, dz = load(work.step[0], a), load(work.step[1], a), load(work.step[2], a)
+        x, y, z = (
+            load(points.position[0], a) - c[0],
+            load(points.position[1], a) - c[1],
+            load(points.position[2], a) - c[2],
+        )
+        dx, dy, dz = load(points.step[0], a), load(points.step[1], a), load(points.step[2], a)
         u, v, w = self.slip(i, x, y, z, dx, dy, dz)
         longest = ti.sqrt((free * (u * u + v * v + w * w)).max())
         pieces = ti.min(int(longest / (0.25 * self.setting[5])), 64)
@@ -178,27 +177,31 @@ class Response(BodySurface):
             push += hit * (depth + left * ti.max(-(u * ax + v * ay + w * az), 0.0))
         u, v, w = self.change(u, v, w, nx, ny, nz, push, push)
         for axis, more in ti.static(((0, u), (1, v), (2, w))):
-            store(work.position[axis], a, load(work.position[axis], a) + more)
-            store(work.step[axis], a, load(work.step[axis], a) + more)
+            store(points.position[axis], a, load(points.position[axis], a) + more)
+            store(points.step[axis], a, load(points.step[axis], a) + more)
 
     @ti.func
-    def look(self, work: Template, part, b, i, slot):
+    def look(self, points: Template, part, b, i, slot):
         """Planes of block b on primitive i, into a slot. Returns the substeps until one of them could be touched."""
-        a = work.lanes(b * LANES)
+        a = points.lanes(b * LANES)
         q = self.scratch_of(part)
         o = ti.min(ti.max(slot, 0), 1 << 22) * PLANE * LANES
         c = self.posed(i, 0)
-        free = ti.min(load(work.inverse_mass, a) * 1e30, 1.0)
+        free = ti.min(load(points.inverse_mass, a) * 1e30, 1.0)
         if ti.static(self.sparing):
             met = 1 - ((load(self.spared, a) >> int(self.row[i * ROW + BONE])) & 1)
             free *= ti.cast(met, ti.f32)
         if ti.static(self.long_steps):
-            self.cross(work, a, i, q, free)
-        x, y, z = load(work.position[0], a) - c[0], load(work.position[1], a) - c[1], load(work.position[2], a) - c[2]
+            self.cross(points, a, i, q, free)
+        x, y, z = (
+            load(points.position[0], a) - c[0],
+            load(points.position[1], a) - c[1],
+            load(points.position[2], a) - c[2],
+        )
         self.measure(i, q, x, y, z)
         d, nx = load(self.scratch, q), load(self.scratch, q + LANES)
         ny, nz = load(self.scratch, q + 2 * LANES), load(self.scratch, q + 3 * LANES)
-        dx, dy, dz = load(work.step[0], a), load(work.step[1], a), load(work.step[2], a)
+        dx, dy, dz = load(points.step[0], a), load(points.step[1], a), load(points.step[2], a)
         u, v, w = self.slip(i, x, y, z, dx, dy, dz)
         store(self.plane, o, nx)
         store(self.plane, o + LANES, ny)
@@ -220,14 +223,18 @@ class Response(BodySurface):
         return arrives
 
     @ti.func
-    def moved(self, work: Template, part, slot, done):
+    def moved(self, points: Template, part, slot, done):
         """Whether a key point has slid further over the primitive from where it was looked at than its plane lasts."""
-        a = work.lanes(slot // SLOTS * LANES)
+        a = points.lanes(slot // SLOTS * LANES)
         o = ti.min(ti.max(slot, 0), 1 << 22) * PLANE * LANES
         q = self.scratch_of(part)
         i = self.owner[slot]
         c, m = self.posed(i, 0), self.turned(i, float(done - self.looked[slot]))
-        x, y, z = load(work.position[0], a) - c[0], load(work.position[1], a) - c[1], load(work.position[2], a) - c[2]
+        x, y, z = (
+            load(points.position[0], a) - c[0],
+            load(points.position[1], a) - c[1],
+            load(points.position[2], a) - c[2],
+        )
         u = m[0, 0] * x + m[1, 0] * y + m[2, 0] * z - load(self.plane, o + 4 * LANES)
         v = m[0, 1] * x + m[1, 1] * y + m[2, 1] * z - load(self.plane, o + 5 * LANES)
         w = m[0, 2] * x + m[1, 2] * y + m[2, 2] * z - load(self.plane, o + 6 * LANES)
@@ -240,7 +247,7 @@ class Response(BodySurface):
         return most >= 0.0
 
     @ti.func
-    def merge(self, work: Template, b, kept, new):
+    def merge(self, points: Template, b, kept, new):
         """Slot `kept` takes, for each key point of the block, the plane of slot `new` where nearer. It moves on as the
         primitive that has the slot, until the next look."""
         other = self.posed(self.owner[kept], 0)
@@ -249,7 +256,7 @@ class Response(BodySurface):
             j, k = kept * PLANE * LANES + lane, new * PLANE * LANES + lane
             one, two, shift = -self.plane[j + 3 * LANES], -self.plane[k + 3 * LANES], 0.0
             for c in ti.static(range(3)):
-                x = work.position[c][b * LANES + lane]
+                x = points.position[c][b * LANES + lane]
                 one += self.plane[j + c * LANES] * (x - other[c])
                 two += self.plane[k + c * LANES] * (x - mine[c])
                 shift += self.plane[k + c * LANES] * (mine[c] - other[c])
@@ -259,7 +266,7 @@ class Response(BodySurface):
                     self.plane[j + c * LANES] = self.plane[k + c * LANES]
 
     @ti.func
-    def refresh(self, work: Template, part, b, done):
+    def refresh(self, points: Template, part, b, done):
         """Looks at those of the block's list whose time has come."""
         base, pairs = b * SLOTS, b * self.capacity
         used = self.used[b] & ((1 << KEPT) - 1)
@@ -273,7 +280,7 @@ class Response(BodySurface):
                 while k < KEPT + 1 and (used >> k) & 1 == 1:
                     k += 1
                 slot = base + k
-                arrives = self.look(work, part, b, i, slot)
+                arrives = self.look(points, part, b, i, slot)
                 due = done + ti.max(int(arrives) // every, 1) * every
                 if arrives < ti.max(SOON, every):
                     self.owner[slot], self.pair[slot], self.looked[slot] = i, c, done
@@ -284,32 +291,32 @@ class Response(BodySurface):
                     if k <= KEPT:
                         used |= 1 << k
                     else:
-                        self.merge(work, b, slot - 1, slot)
+                        self.merge(points, b, slot - 1, slot)
                 self.due[pairs + c] = due
             soonest = ti.min(soonest, self.due[pairs + c])
         self.used[b], self.next[b] = used, soonest
 
     @ti.func
-    def touch(self, work: Template, part, first, last, done):
+    def touch(self, points: Template, part, first, last, done):
         """Response of a part, blocks number `first` to `last`, to the body at the end of substep `done`."""
         base = first * SLOTS
         since = done % int(self.setting[6])
         if since == 0:
             if done % int(self.setting[1]) == 0:
                 for m in range(first, last):
-                    self.walk(work, part, work.block[m], done)
+                    self.walk(points, part, points.packet[m], done)
             e = base
             for m in range(first, last):
-                b = work.block[m]
+                b = points.packet[m]
                 used = self.used[b]
                 if used != 0:
                     for k in range(KEPT):
                         slot = b * SLOTS + k
-                        if (used >> k) & 1 == 1 and self.moved(work, part, slot, done):
+                        if (used >> k) & 1 == 1 and self.moved(points, part, slot, done):
                             self.due[b * self.capacity + self.pair[slot]] = done
                             self.next[b] = done
                 if self.next[b] <= done:
-                    self.refresh(work, part, b, done)
+                    self.refresh(points, part, b, done)
                 used = self.used[b]
                 if used != 0:
                     for k in range(KEPT + 1):
@@ -318,7 +325,7 @@ class Response(BodySurface):
                             e += 1
             self.entries[part * LINE] = e
         for e in range(base, self.entries[part * LINE]):
-            self.respond(work, e, float(since))
+            self.respond(points, e, float(since))
 
     @ti.func
     def enter(self, slot, e, b, done):
@@ -334,16 +341,16 @@ class Response(BodySurface):
         store(self.entry, q + 3 * LANES, load(self.plane, o + 3 * LANES))
 
     @ti.func
-    def respond(self, work: Template, e, since):
+    def respond(self, points: Template, e, since):
         """Straight-line code that ends in stores: that is what makes it vector code. since: substeps since the poses
         were worked out; anchors go on straight, normals turn to first order."""
-        a = work.lanes(self.entry_block[e] * LANES)
+        a = points.lanes(self.entry_block[e] * LANES)
         o = ti.min(ti.max(e, 0), 1 << 22) * 4 * LANES
         i = self.entry_of[e]
         shift, turn = self.vector(i, SHAPE + 9), self.vector(i, SHAPE + 12)
         c, t = self.posed(i, 0) + since * shift, since * turn
-        px, py, pz = load(work.position[0], a), load(work.position[1], a), load(work.position[2], a)
-        dx, dy, dz = load(work.step[0], a), load(work.step[1], a), load(work.step[2], a)
+        px, py, pz = load(points.position[0], a), load(points.position[1], a), load(points.position[2], a)
+        dx, dy, dz = load(points.step[0], a), load(points.step[1], a), load(points.step[2], a)
         ax, ay, az = load(self.entry, o), load(self.entry, o + LANES), load(self.entry, o + 2 * LANES)
         nx, ny, nz = ax + t[1] * az - t[2] * ay, ay + t[2] * ax - t[0] * az, az + t[0] * ay - t[1] * ax
         x, y, z = px - c[0], py - c[1], pz - c[2]
@@ -361,9 +368,9 @@ class Response(BodySurface):
         pressed = ti.min(push, approach)
         out = push - pressed  # of what was deep before, and is no speed
         x, y, z = self.change(u, v, w, nx, ny, nz, push, pressed)
-        store(work.position[0], a, px + x)
-        store(work.position[1], a, py + y)
-        store(work.position[2], a, pz + z)
-        store(work.step[0], a, dx + x - out * nx)
-        store(work.step[1], a, dy + y - out * ny)
-        store(work.step[2], a, dz + z - out * nz)
+        store(points.position[0], a, px + x)
+        store(points.position[1], a, py + y)
+        store(points.position[2], a, pz + z)
+        store(points.step[0], a, dx + x - out * nx)
+        store(points.step[1], a, dy + y - out * ny)
+        store(points.step[2], a, dz + z - out * nz)

@@ -31,11 +31,11 @@ from scipy import ndimage
 
 from taichi_cloth.ground.arrays import Template
 from taichi_cloth.ground.errors import InputError
-from taichi_cloth.motion.forces import SelfContact
-from taichi_cloth.motion.passes import Pass
+from taichi_cloth.motion.constraint import SharedConstraint
+from taichi_cloth.motion.forces import FrameForces, SelfContact
 from taichi_cloth.sheet.sheet import Sheet, SheetState
 
-__all__ = ["ClothContact", "require_thickness"]
+__all__ = ["ClothContact"]
 
 BAND = 0.5
 """Contacts are kept up to the thickness and this share of the spacing."""
@@ -57,81 +57,47 @@ MEND = 0.25
 """Share of the depth beyond the approach that is mended at a time."""
 
 
-def require_thickness(sheet: Sheet, options: SelfContact) -> None:
-    """Raises InputError on a thickness that the key points of a flat sheet would already violate."""
-    spacing = min(sheet.springs.spacing_x, sheet.springs.spacing_y)
-    if options.thickness > 4 * spacing:
-        raise InputError(
-            f"self_contact.thickness: {options.thickness:g} m; allowed: up to 4 times the spacing ({4 * spacing:g} m)"
-        )
-
-
 @ti.data_oriented
-class ClothContact(Pass):
-    """The contact of one sheet. thickness, friction: see `SelfContact`.
+class LayerFields:
+    """The spatial grid, pairs and contacts of key points and faces, for sheets of one shape.
 
-    Key points of the same panel within `reach` cells of a face do not touch it: they are its own neighbourhood. So
-    are those on both sides of a seam. seams: bool (rows, cols), key points that are sewn to others; they and all within
-    `reach` of them touch no other cloth.
-    Raises InputError as `require_thickness`.
+    thickness, spacings [m] (least, greatest), friction, reach: see `ClothContact`. count: of key points, which there is
+    room for.
     """
 
-    whole = True
-    paired = True
-
-    def __init__(self, sheet: Sheet, options: SelfContact, seams: NDArray[np.bool_] | None = None) -> None:
-        s = sheet.springs
-        spacing = min(s.spacing_x, s.spacing_y)
-        self.thickness, self.friction = options.thickness, options.friction
-        require_thickness(sheet, options)
-        self.reach = 1 + ceil(pi / 2 * self.thickness / spacing)  # half a circle of that diameter is a tight fold
+    def __init__(
+        self,
+        padded_shape: tuple[int, int],
+        thickness: float,
+        friction: float,
+        spacings: tuple[float, float],
+        reach: int,
+        count: int,
+    ) -> None:
+        spacing, widest = spacings
+        self.thickness, self.friction, self.reach = thickness, friction, reach
         self.band, self.least, self.most = BAND * spacing, LEAST * spacing, MOST * spacing
-        self.cell = max(s.spacing_x, s.spacing_y) + self.thickness + spacing
-        rows, self.width = sheet.padded_shape
+        self.cell = widest + thickness + spacing
+        rows, self.width = padded_shape
         self.size = rows * self.width
-        labels = np.asarray(ndimage.label(sheet.cells, np.ones((3, 3)))[0])  # pyright: ignore[reportIndexIssue]
-        corners = [np.pad(labels, ((i, 1 - i), (j, 1 - j))) for i in (0, 1) for j in (0, 1)]
-        panels, faces = np.maximum.reduce(corners), corners[0]
-        if seams is not None and seams.any():
-            apart = ~ndimage.binary_dilation(seams, np.ones((3, 3)), iterations=self.reach)
-            panels = panels * apart
-            faces = faces * np.pad(apart[:-1, :-1] & apart[1:, :-1] & apart[:-1, 1:] & apart[1:, 1:], ((0, 1), (0, 1)))
-        count = int(sheet.present.sum())
-        self.pair_room, self.contact_room = _PAIRS * count, _CONTACTS * count
+        self.holder: object = None
+        # The spatial grid: panel of each key point and each face (0: none), and key points in the order of their cells.
         self.panel, self.patch, self.order, self.bucket = (ti.field(ti.i32, self.size) for _ in range(4))
         self.start = ti.field(ti.i32, 2 ** (3 * _BITS) + 1)
         self.cursor = ti.field(ti.i32, 2 ** (3 * _BITS))
+        # Where key points were when pairs were sought [m], and the margin then, beyond the band [m].
         self.reference = [ti.field(ti.f32, self.size) for _ in range(3)]
+        self.margin = ti.field(ti.f32, ())
+        # Pairs, and contacts with their normal and place on the face.
+        self.pair_room, self.contact_room = _PAIRS * count, _CONTACTS * count
         self.pair_point, self.pair_face = (ti.field(ti.i32, self.pair_room) for _ in range(2))
         self.point, self.face = (ti.field(ti.i32, self.contact_room) for _ in range(2))
         self.normal = [ti.field(ti.f32, self.contact_room) for _ in range(3)]
         self.u, self.v = (ti.field(ti.f32, self.contact_room) for _ in range(2))
+        # Substep up to which contacts are held, and how many of each there are or were in this frame.
         self.until, self.searches, self.pairs, self.contacts, self.most_contacts = (
             ti.field(ti.i32, ()) for _ in range(5)
         )
-        self.margin = ti.field(ti.f32, ())  # of the last search, beyond the band [m]
-        self._labels = [sheet.padded(labels).astype(np.int32).ravel() for labels in (panels, faces)]
-        self._loaded = False
-
-    def begin(self, state: SheetState, forces) -> None:
-        if not self._loaded:
-            self.panel.from_numpy(self._labels[0])
-            self.patch.from_numpy(self._labels[1])
-            self._loaded = True
-        self.searches[None] = 0
-        self.most_contacts[None] = 0
-
-    def end(self, state: SheetState) -> None:
-        """Raises RuntimeError where there was no room for all pairs or contacts."""
-        for name, found, room in (
-            ("pairs", self.pairs[None], self.pair_room),
-            ("contacts", self.most_contacts[None], self.contact_room),
-        ):
-            if found > room:
-                raise RuntimeError(
-                    f"self contact: {found} {name}, room for {room}; the sheet lies in too many layers: "
-                    "use a smaller thickness or wider spacing"
-                )
 
     @ti.func
     def at(self, field: Template, p):
@@ -147,18 +113,9 @@ class ClothContact(Pass):
         return ((i & mask) << (2 * _BITS)) | ((j & mask) << _BITS) | (k & mask)
 
     @ti.func
-    def before(self, work: Template, done, n: Template):
-        if done == 0 or done >= self.until[None]:
-            self.refresh(work, done)
-
-    @ti.func
-    def after_all(self, work: Template, done, n: Template):
-        self.solve(work, done)
-
-    @ti.func
-    def refresh(self, work: Template, done):
+    def refresh(self, points: Template, done):
         """Contacts anew, and pairs where they may not be complete before the next time."""
-        x, d = ti.static(work.position, work.step)
+        x, d = ti.static(points.position, points.step)
         step, shift, count = ti.Vector([0.0, 0.0, 0.0]), ti.Vector([0.0, 0.0, 0.0]), 0
         for p in range(self.size):
             if self.panel[p] > 0:
@@ -176,14 +133,14 @@ class ClothContact(Pass):
         held = 2 * ti.cast(ti.min(ti.max(self.band / (4.0 * fastest), 1.0), LONGEST_HOLD / 2), ti.i32)
         if done == 0 or 2.0 * (farthest + held * fastest) > self.margin[None]:
             self.margin[None] = ti.min(ti.max(2.0 * FORESIGHT * fastest, self.least), self.most)
-            self.search(work)
-        self.meet(work)
+            self.search(points)
+        self.meet(points)
         self.until[None] = done + held
 
     @ti.func
-    def search(self, work: Template):
+    def search(self, points: Template):
         """Pairs of key points and faces, in the order of the faces."""
-        x = ti.static(work.position)
+        x = ti.static(points.position)
         self.searches[None] = self.searches[None] + 1
         for k in range(self.start.shape[0]):
             self.start[k] = 0
@@ -241,10 +198,10 @@ class ClothContact(Pass):
         self.pairs[None] = found
 
     @ti.func
-    def meet(self, work: Template):
+    def meet(self, points: Template):
         """Contacts of the pairs: the nearest point of each face by turns in u and v, and the normal towards the key
         point."""
-        x = ti.static(work.position)
+        x = ti.static(points.position)
         row = ti.static(self.width)
         near = self.thickness + self.band
         found = 0
@@ -277,9 +234,9 @@ class ClothContact(Pass):
         self.most_contacts[None] = ti.max(self.most_contacts[None], found)
 
     @ti.func
-    def solve(self, work: Template, done):
+    def solve(self, points: Template, done):
         """Every contact once, in turns from the first to the last and from the last to the first."""
-        x, s, inverse = ti.static(work.position, work.step, work.inverse_mass)
+        x, s, inverse = ti.static(points.position, points.step, points.inverse_mass)
         row = ti.static(self.width)
         total = self.contacts[None]
         for k in range(total):
@@ -311,3 +268,73 @@ class ClothContact(Pass):
                         for axis in ti.static(range(3)):
                             s[axis][f + offset] = s[axis][f + offset] - share * change[axis]
                             x[axis][f + offset] = x[axis][f + offset] - share * move[axis]
+
+
+class ClothContact(SharedConstraint):
+    """The contact of one sheet. thickness, friction: see `SelfContact`.
+
+    Key points of the same panel within `reach` cells of a face do not touch it: they are its own neighbourhood. So
+    are those on both sides of a seam. seams: bool (rows, cols), key points that are sewn to others; they and all within
+    `reach` of them touch no other cloth.
+    Raises InputError on a thickness that the key points of a flat sheet would already violate.
+    """
+
+    fields_of = LayerFields
+    answers = "self_contact"
+    whole = True
+    paired = True
+
+    def __init__(self, sheet: Sheet, options: SelfContact, seams: NDArray[np.bool_] | None = None) -> None:
+        s = sheet.springs
+        self.options, self._spacings = options, (min(s.spacing_x, s.spacing_y), max(s.spacing_x, s.spacing_y))
+        spacing = self._spacings[0]
+        if options.thickness > 4 * spacing:
+            raise InputError(
+                f"self_contact.thickness: {options.thickness:g} m; allowed: up to 4 times the spacing "
+                f"({4 * spacing:g} m)"
+            )
+        self.reach = 1 + ceil(pi / 2 * options.thickness / spacing)  # half a circle of that diameter is a tight fold
+        self._shape, self._count = sheet.padded_shape, int(sheet.present.sum())
+        labels = np.asarray(ndimage.label(sheet.cells, np.ones((3, 3)))[0])  # pyright: ignore[reportIndexIssue]
+        corners = [np.pad(labels, ((i, 1 - i), (j, 1 - j))) for i in (0, 1) for j in (0, 1)]
+        panels, faces = np.maximum.reduce(corners), corners[0]
+        if seams is not None and seams.any():
+            apart = ~ndimage.binary_dilation(seams, np.ones((3, 3)), iterations=self.reach)
+            panels = panels * apart
+            faces = faces * np.pad(apart[:-1, :-1] & apart[1:, :-1] & apart[:-1, 1:] & apart[1:, 1:], ((0, 1), (0, 1)))
+        self._labels = [sheet.padded(labels).astype(np.int32).ravel() for labels in (panels, faces)]
+
+    @property
+    def kind(self) -> tuple[tuple[int, int], float, float, tuple[float, float], int, int]:
+        return self._shape, self.options.thickness, self.options.friction, self._spacings, self.reach, self._count
+
+    def fill(self, state: SheetState) -> None:
+        self.fields.panel.from_numpy(self._labels[0])
+        self.fields.patch.from_numpy(self._labels[1])
+
+    def begin(self, state: SheetState, forces: FrameForces) -> None:
+        super().begin(state, forces)
+        self.fields.searches[None] = 0
+        self.fields.most_contacts[None] = 0
+
+    def end(self, state: SheetState) -> None:
+        """Raises RuntimeError where there was no room for all pairs or contacts."""
+        fields = self.fields
+        for name, found, room in (
+            ("pairs", fields.pairs[None], fields.pair_room),
+            ("contacts", fields.most_contacts[None], fields.contact_room),
+        ):
+            if found > room:
+                raise RuntimeError(
+                    f"self contact: {found} {name}, room for {room}; the sheet lies in too many layers: "
+                    "use a smaller thickness or wider spacing"
+                )
+
+    @ti.func
+    def before(self, points: Template, done, n: Template):
+        if done == 0 or done >= self.fields.until[None]:
+            self.fields.refresh(points, done)
+
+    @ti.func
+    def correct_whole(self, points: Template, done, n: Template):
+        self.fields.solve(points, done)

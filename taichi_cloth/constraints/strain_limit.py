@@ -16,14 +16,11 @@ enough where five that begin anew left more. Pulls are part of the state: a run 
 # pyright: reportOptionalCall=false, reportOperatorIssue=false, reportGeneralTypeIssues=false
 # pyright: reportArgumentType=false
 
-from functools import lru_cache
-
 import taichi as ti
 
-from taichi_cloth.ground import runtime
 from taichi_cloth.ground.arrays import Template
+from taichi_cloth.motion.constraint import SharedConstraint
 from taichi_cloth.motion.crew import PARTS
-from taichi_cloth.motion.passes import Pass
 from taichi_cloth.motion.stencil import largest, load, store
 from taichi_cloth.sheet.sheet import LANES, Sheet, SheetState
 
@@ -43,59 +40,8 @@ NONE = -1.0
 """Below what any thread can be: there is none [m²]."""
 
 
-class ThreadLimit(Pass):
-    """The limit of one sheet's threads; how far they may grow stands in the solver's `Numbers`."""
-
-    whole = True
-    repeated = True
-    remembers = 2
-
-    def __init__(self, sheet: Sheet) -> None:
-        self.memory = _memory(runtime.generation(), sheet.padded_shape)
-
-    # Limits that share their memory are one pass to the solver: they need no second kernel.
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, ThreadLimit) and self.memory is other.memory
-
-    def __hash__(self) -> int:
-        return id(self.memory)
-
-    def rescale(self, state: SheetState, share: float) -> None:
-        state.values[6:8] *= share**2  # what a force does in a step
-
-    @ti.func
-    def open(self, values: Template, p, i, j):
-        for axis in ti.static(range(2)):
-            for k in range(LANES):
-                self.memory.pull[axis][p + k] = values[6 + axis, i, j + k]
-
-    @ti.func
-    def close(self, values: Template, p, i, j):
-        for axis in ti.static(range(2)):
-            for k in range(LANES):
-                values[6 + axis, i, j + k] = self.memory.pull[axis][p + k]
-
-    @ti.func
-    def ready(self, work: Template, done, n: Template):
-        if done % 2 == 0:  # what comes near within a substep is seen to in the next
-            self.memory.seek(work, n)
-        self.memory.pull_again(work)
-        self.memory.turn[None] = done
-
-    @ti.func
-    def after_all(self, work: Template, done, n: Template):
-        self.memory.shorten(work, self.memory.turn[None] % 2, n)
-        self.memory.turn[None] += 1
-
-
-@lru_cache(maxsize=8)
-def _memory(generation: int, padded_shape: tuple[int, int]) -> "_Memory":
-    """Fields and functions for grids of that shape. generation: of the Taichi runtime."""
-    return _Memory(*padded_shape)
-
-
 @ti.data_oriented
-class _Memory:
+class ThreadFields:
     """How much each thread was drawn together for the limit, by its first key point, along rows and across. And lists
     of the threads near the limit or drawn together: those along rows, in the order of their columns,
     and those across, in the order of their rows. So a sweep goes along every yarn from end to end, but the threads next
@@ -103,6 +49,7 @@ class _Memory:
 
     def __init__(self, rows: int, width: int) -> None:
         self.width = width
+        self.holder: object = None
         self.turn = ti.field(ti.i32, ())
         self.pull = tuple(ti.field(ti.f32, rows * width) for _ in range(2))  # by how much in a substep [m]
         self.count = ti.field(ti.i32, 2)
@@ -112,16 +59,16 @@ class _Memory:
         self.own, self.near = ti.field(ti.f32, 2 * LANES), ti.field(ti.f32, 2 * LANES)
 
     @ti.func
-    def grown(self, work: Template, p, offset: Template, weight: Template, near, pull: Template):
+    def grown(self, points: Template, p, offset: Template, weight: Template, near, pull: Template):
         """By how much the squared length of the threads to p + offset is above `near`² [m²], more where they are drawn
         together; NONE where none is."""
-        x, y, z = work.away(work.position, p, offset)
+        x, y, z = points.away(points.position, p, offset)
         there = ti.min(load(weight, p) * 1e30, 1.0)
         over = x * x + y * y + z * z - near * near + 1e12 * load(pull, p)
         return there * over + (1.0 - there) * NONE
 
     @ti.func
-    def seek(self, work: Template, n: Template):
+    def seek(self, points: Template, n: Template):
         """Lists the threads near the limit or drawn together, and those before and after each in its yarn, which may be
         short because it is long: key points that are drawn back and forth between them."""
         x, y = n.longest_x - NEAR * n.spacing_x, n.longest_y - NEAR * n.spacing_y
@@ -129,12 +76,12 @@ class _Memory:
         along, across = 0, 0
         for c in range(self.width + 1):
             self.column[c] = 0
-        for e in range(work.cut[0], work.cut[PARTS]):
-            p = work.lanes(work.block[e] * LANES)
-            store(over_x, p, self.grown(work, p, 1, work.east, x, self.pull[0]))
-            store(over_y, p, self.grown(work, p, ti.static(self.width), work.north, y, self.pull[1]))
-        for e in range(work.cut[0], work.cut[PARTS]):
-            p = work.lanes(work.block[e] * LANES)
+        for e in range(points.cut[0], points.cut[PARTS]):
+            p = points.lanes(points.packet[e] * LANES)
+            store(over_x, p, self.grown(points, p, 1, points.east, x, self.pull[0]))
+            store(over_y, p, self.grown(points, p, ti.static(self.width), points.north, y, self.pull[1]))
+        for e in range(points.cut[0], points.cut[PARTS]):
+            p = points.lanes(points.packet[e] * LANES)
             own_x, own_y = load(over_x, p), load(over_y, p)
             near_x = ti.max(load(over_x, p - 1), own_x, load(over_x, p + 1))
             near_y = ti.max(load(over_y, p - self.width), own_y, load(over_y, p + self.width))
@@ -161,14 +108,14 @@ class _Memory:
         self.count[0], self.count[1] = along, across
 
     @ti.func
-    def pull_again(self, work: Template):
+    def pull_again(self, points: Template):
         """Draws together the threads of the lists as in the last substep."""
-        self.pull_all(work, self.along, self.count[0], 1, self.pull[0])
-        self.pull_all(work, self.across, self.count[1], self.width, self.pull[1])
+        self.pull_all(points, self.along, self.count[0], 1, self.pull[0])
+        self.pull_all(points, self.across, self.count[1], self.width, self.pull[1])
 
     @ti.func
-    def pull_all(self, work: Template, listed: Template, count, offset: Template, pull: Template):
-        x, y, z = ti.static(*work.position)
+    def pull_all(self, points: Template, listed: Template, count, offset: Template, pull: Template):
+        x, y, z = ti.static(*points.position)
         for k in range(count):
             p = listed[k]
             q = p + offset
@@ -176,19 +123,19 @@ class _Memory:
                 dx, dy, dz = x[q] - x[p], y[q] - y[p], z[q] - z[p]
                 pull[p] *= KEPT
                 share = pull[p] / ti.sqrt(ti.max(dx * dx + dy * dy + dz * dz, 1e-20))
-                self.draw(work, p, q, dx, dy, dz, share, share)
+                self.draw(points, p, q, dx, dy, dz, share, share)
 
     @ti.func
-    def shorten(self, work: Template, back, n: Template):
+    def shorten(self, points: Template, back, n: Template):
         """Every thread of the lists once, from their first to their last or back."""
-        self.shorten_all(work, self.along, self.count[0], 1, n.longest_x, self.pull[0], back)
-        self.shorten_all(work, self.across, self.count[1], self.width, n.longest_y, self.pull[1], back)
+        self.shorten_all(points, self.along, self.count[0], 1, n.longest_x, self.pull[0], back)
+        self.shorten_all(points, self.across, self.count[1], self.width, n.longest_y, self.pull[1], back)
 
     @ti.func
-    def shorten_all(self, work: Template, listed: Template, count, offset: Template, longest, pull: Template, back):
+    def shorten_all(self, points: Template, listed: Template, count, offset: Template, longest, pull: Template, back):
         """To `longest` [m] where a thread is longer, or lets it grow to that where it was pulled too much."""
-        x, y, z = ti.static(*work.position)
-        u, v, w = ti.static(*work.step)
+        x, y, z = ti.static(*points.position)
+        u, v, w = ti.static(*points.step)
         for k in range(count):
             p = listed[count - 1 - k if back else k]
             q = p + offset
@@ -203,16 +150,16 @@ class _Memory:
                 if over < 0.0:
                     over = slow
                 pull[p] = ti.min(ti.max(pull[p] + slow * length, 0.0), MOST * longest)
-                self.draw(work, p, q, dx, dy, dz, over, slow)
+                self.draw(points, p, q, dx, dy, dz, over, slow)
 
     @ti.func
-    def draw(self, work: Template, p, q, dx, dy, dz, over, slow):
+    def draw(self, points: Template, p, q, dx, dy, dz, over, slow):
         """Draws p and q together by a share of their distance (dx, dy, dz) [m], and their steps by another."""
-        x, y, z = ti.static(*work.position)
-        u, v, w = ti.static(*work.step)
-        free = work.inverse_mass[p] + work.inverse_mass[q]
-        here = work.inverse_mass[p] / ti.max(free, 1e-30)
-        there = work.inverse_mass[q] / ti.max(free, 1e-30)
+        x, y, z = ti.static(*points.position)
+        u, v, w = ti.static(*points.step)
+        free = points.inverse_mass[p] + points.inverse_mass[q]
+        here = points.inverse_mass[p] / ti.max(free, 1e-30)
+        there = points.inverse_mass[q] / ti.max(free, 1e-30)
         x[p] += here * over * dx
         y[p] += here * over * dy
         z[p] += here * over * dz
@@ -225,3 +172,47 @@ class _Memory:
         u[q] -= there * slow * dx
         v[q] -= there * slow * dy
         w[q] -= there * slow * dz
+
+
+class ThreadLimit(SharedConstraint):
+    """The limit of one sheet's threads; how far they may grow stands in the solver's `Numbers`."""
+
+    fields_of = ThreadFields
+    answers = "strain_limit"
+    whole = True
+    repeated = True
+    remembers = 2
+
+    def __init__(self, sheet: Sheet) -> None:
+        self._shape = sheet.padded_shape
+
+    @property
+    def kind(self) -> tuple[int, int]:
+        return self._shape
+
+    def rescale(self, state: SheetState, share: float) -> None:
+        state.values[6:8] *= share**2  # what a force does in a step
+
+    @ti.func
+    def open(self, values: Template, p, i, j):
+        for axis in ti.static(range(2)):
+            for k in range(LANES):
+                self.fields.pull[axis][p + k] = values[6 + axis, i, j + k]
+
+    @ti.func
+    def close(self, values: Template, p, i, j):
+        for axis in ti.static(range(2)):
+            for k in range(LANES):
+                values[6 + axis, i, j + k] = self.fields.pull[axis][p + k]
+
+    @ti.func
+    def warm_start(self, points: Template, done, n: Template):
+        if done % 2 == 0:  # what comes near within a substep is seen to in the next
+            self.fields.seek(points, n)
+        self.fields.pull_again(points)
+        self.fields.turn[None] = done
+
+    @ti.func
+    def correct_whole(self, points: Template, done, n: Template):
+        self.fields.shorten(points, self.fields.turn[None] % 2, n)
+        self.fields.turn[None] += 1

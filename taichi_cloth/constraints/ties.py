@@ -21,19 +21,16 @@ and draw at a set speed only beyond that.
 # pyright: reportOptionalCall=false, reportOperatorIssue=false, reportGeneralTypeIssues=false
 # pyright: reportArgumentType=false
 
-from functools import lru_cache
-
 import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from taichi_cloth.ground import runtime
 from taichi_cloth.ground.arrays import F32x2, Template
 from taichi_cloth.ground.cache import digest
 from taichi_cloth.ground.errors import InputError
+from taichi_cloth.motion.constraint import SharedConstraint
 from taichi_cloth.motion.forces import FrameForces
-from taichi_cloth.motion.passes import Pass
 from taichi_cloth.motion.stencil import load, store
 from taichi_cloth.sheet.sheet import LANES, PAD, Sheet, SheetState
 
@@ -62,7 +59,135 @@ SLACK = 1e-4
 """By how much a tie has to be too wide to be seen to more than once in a substep [m]: few are."""
 
 
-class Ties(Pass):
+@ti.data_oriented
+class TieFields:
+    """Room for so many ties, and for what they are to do in a frame."""
+
+    def __init__(self, capacity: int, repeated: bool, at_once: bool) -> None:
+        self.capacity, self.repeated, self.at_once = capacity, repeated, at_once
+        self.row, self.path = ti.field(ti.f32, (capacity, ROW)), ti.field(ti.f32, (capacity + 1, PATH))
+        self.node = ti.field(ti.i32, (capacity, NODES))
+        if at_once:
+            self.answer = ti.field(ti.f32, capacity * capacity)
+            self.apart, self.push = ti.field(ti.f32, 6 * capacity), ti.field(ti.f32, 6 * capacity)
+        self.holder: object = None
+        self.wide, self.listed = ti.field(ti.i32, ()), ti.field(ti.i32, capacity)
+
+    @ti.kernel
+    def take(self, path: F32x2):
+        ti.loop_config(serialize=True)  # less work than to wake threads
+        for i, j in ti.ndrange(path.shape[0], path.shape[1]):
+            self.path[i, j] = path[i, j]
+
+    @ti.func
+    def pull(self, points: Template, done):
+        """Every tie, the first time in a substep; from then on those that were much too wide, one after the other."""
+        share = ti.cast(done + 1, ti.f32) * self.path[self.capacity, 1]
+        if ti.static(self.at_once):
+            if self.wide[None] < 0:
+                self.close_all(points, share)
+            elif ti.static(self.repeated):
+                for m in range(self.wide[None]):
+                    self.close(points, self.listed[m], share)
+        else:
+            first = self.wide[None] < 0
+            count, found = ti.cast(self.path[self.capacity, 0], ti.i32) if first else self.wide[None], 0
+            for m in range(count):
+                k = m if first else self.listed[m]
+                if self.close(points, k, share) and first:
+                    self.listed[found] = k
+                    found += 1
+            if first:
+                self.wide[None] = found
+
+    @ti.func
+    def close_all(self, points: Template, share):
+        """Closes all ties at once, and lists those that were wider than SLACK."""
+        found, count = 0, ti.cast(self.path[self.capacity, 0], ti.i32)
+        for k in range(count):
+            push, wide = self.wanted(points, k, share)
+            for c in ti.static(range(6)):
+                self.apart[c * self.capacity + k] = push[c]
+            if wide:
+                self.listed[found] = k
+                found += 1
+        self.wide[None] = found
+        blocks = (count + LANES - 1) // LANES
+        for c in ti.static(range(6)):
+            for k in range(blocks * LANES):
+                self.push[c * self.capacity + k] = 0.0
+        for b in range(2 * blocks):  # three numbers at a time, which is what registers hold
+            for m in range(blocks):
+                self.answer_to(
+                    points.lanes((b % blocks) * LANES), points.lanes(m * LANES), b // blocks * 3 * self.capacity
+                )
+        for k in range(count):
+            self.move(points, k, ti.Vector([self.push[c * self.capacity + k] for c in ti.static(range(6))]))
+
+    @ti.func
+    def answer_to(self, q, m, at):
+        """Adds the pushes of the ties at q that answer the gaps of those at m: three of their numbers, from `at` on."""
+        n = ti.static(self.capacity)
+        o = at + q
+        a, b, c = load(self.push, o), load(self.push, o + n), load(self.push, o + 2 * n)
+        for j in ti.static(range(LANES)):
+            row = load(self.answer, (m + j) * n + q)
+            a = a + row * self.apart[at + m + j]
+            b = b + row * self.apart[at + n + m + j]
+            c = c + row * self.apart[at + 2 * n + m + j]
+        store(self.push, o, a)
+        store(self.push, o + n, b)
+        store(self.push, o + 2 * n, c)
+
+    @ti.func
+    def measure(self, points: Template, k, share):
+        """How far tie k is apart after this share of the frame, and how that changed in this step [m]."""
+        out, moved = ti.Vector([0.0] * 6), self.path[self.capacity, 1]
+        for c in ti.static(range(3)):
+            out[c] = -self.path[k, c] - share * self.path[k, 3 + c]
+            out[3 + c] = -moved * self.path[k, 3 + c]
+        for j in ti.static(range(NODES)):
+            p, weight = self.node[k, j], self.row[k, j]
+            for c in ti.static(range(3)):
+                out[c] += weight * points.position[c][p]
+                out[3 + c] += weight * points.step[c][p]
+        return out
+
+    @ti.func
+    def move(self, points: Template, k, push):
+        """Brings tie k together by so much, and its steps by so much [m]."""
+        for j in ti.static(range(NODES)):
+            p, f = self.node[k, j], self.row[k, SHARE + j]
+            for c in ti.static(range(3)):
+                points.position[c][p] -= f * push[c]
+                points.step[c][p] -= f * push[3 + c]
+
+    @ti.func
+    def wanted(self, points: Template, k, share):
+        """How much tie k is to come together to the width allowed after this share of the frame, and its steps [m]; and
+        whether it was wider by SLACK."""
+        push = self.measure(points, k, share)
+        gap = ti.sqrt(push[0] ** 2 + push[1] ** 2 + push[2] ** 2)
+        allowed = self.path[k, ALLOWED] + share * self.path[k, ALLOWED + 1]
+        growth = (push[0] * push[3] + push[1] * push[4] + push[2] * push[5]) / ti.max(gap * gap, 1e-24)
+        most = self.path[self.capacity, 2] / ti.max(gap, 1e-12) + ti.max(growth, 0.0)
+        over = ti.min(ti.max(gap - allowed, 0.0) / ti.max(gap, 1e-12), most)
+        if allowed > 0.0:  # still being drawn together: no more of the step than it grows, along the gap
+            for c in ti.static(range(3)):
+                push[3 + c] = ti.min(ti.max(growth, 0.0), over) * push[c]
+        for c in ti.static(range(3)):
+            push[c] *= over
+        return push, gap > allowed + SLACK
+
+    @ti.func
+    def close(self, points: Template, k, share):
+        """Closes tie k to the width allowed after this share of the frame. Returns whether it was wider by SLACK."""
+        push, wide = self.wanted(points, k, share)
+        self.move(points, k, push)
+        return wide
+
+
+class Ties(SharedConstraint):
     """nodes: int (n, m ≤ 8, 2) rows and columns of key points. weights: (n, m); those of a tie sum to 0, or to 1 where
     it has a place. speed: at which gaps are closed [m/s].
     places: (n, 3) [m] at rest for a tie to a place, NaN for one between two points; None: all of the latter.
@@ -72,6 +197,7 @@ class Ties(Pass):
     Raises InputError on shapes that differ or no ties.
     """
 
+    fields_of = TieFields
     whole = True
     substeps: int
     reach: float
@@ -110,14 +236,11 @@ class Ties(Pass):
         self.places = np.full((n, 3), np.nan) if places is None else np.asarray(places, np.float64)
         self.bones = np.full(n, -1) if bones is None else np.asarray(bones)
         self.held = np.asarray(np.isfinite(self.places).all(axis=1))
-        self.memory = _memory(runtime.generation(), -(-n // 256) * 256, repeated, self.answer is not None)
 
-    # Ties that share their memory are one pass to the solver: they need no second kernel.
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Ties) and self.memory is other.memory
-
-    def __hash__(self) -> int:
-        return id(self.memory)
+    @property
+    def kind(self) -> tuple[int, bool, bool]:
+        """Room for ties; a sheet's seams and what it is held by do not share one."""
+        return -(-self.count // 256) * 256, self.repeated, self.answer is not None
 
     def _answer(self, inverse: F64, compliance: F64) -> F64:
         """(n, n): from all gaps to the pushes D λ of all ties, which `share` hands on to their key points."""
@@ -152,163 +275,32 @@ class Ties(Pass):
     def join(self, substeps: int, step: float) -> None:
         self.substeps, self.reach = substeps, self.speed * step * substeps
 
+    def fill(self, state: SheetState) -> None:
+        fields, more = self.fields, ((0, self.fields.capacity - self.count), (0, 0))
+        fields.node.from_numpy(np.pad(self.index, more))
+        fields.row.from_numpy(np.pad(np.concatenate([self.weight, self.share], axis=1).astype(np.float32), more))
+        if self.answer is not None:
+            fields.answer.from_numpy(np.pad(self.answer.T.astype(np.float32), more[0]).ravel())
+
     def begin(self, state: SheetState, forces: FrameForces) -> None:
-        frame, memory = forces.body, self.memory
+        super().begin(state, forces)
+        frame, fields = forces.body, self.fields
         start = self.targets(frame.start if frame else None)
         end = self.targets(frame.end if frame else None)
         now = self._widths(state, start)
-        path = np.zeros((memory.capacity + 1, PATH), np.float32)
+        path = np.zeros((fields.capacity + 1, PATH), np.float32)
         path[: self.count, :3], path[: self.count, 3:ALLOWED] = start, end - start
         allowed = np.where((now > CLOSED) & self.repeated, now, 0.0)
         path[: self.count, ALLOWED] = allowed
         path[: self.count, ALLOWED + 1] = np.maximum(allowed - self.reach, 0.0) - allowed
         most = np.inf if self.repeated else self.reach / self.substeps
         path[-1, :3] = self.count, 1.0 / self.substeps, most
-        if memory.holder is not self:
-            more = ((0, memory.capacity - self.count), (0, 0))
-            memory.node.from_numpy(np.pad(self.index, more))
-            memory.row.from_numpy(np.pad(np.concatenate([self.weight, self.share], axis=1).astype(np.float32), more))
-            if self.answer is not None:
-                answer = np.pad(self.answer.T.astype(np.float32), (0, memory.capacity - self.count))
-                memory.answer.from_numpy(answer.ravel())
-            memory.holder = self
-        memory.take(path)
+        fields.take(path)
 
     @ti.func
-    def before(self, work: Template, done, n: Template):
-        self.memory.wide[None] = -1
+    def before(self, points: Template, done, n: Template):
+        self.fields.wide[None] = -1
 
     @ti.func
-    def after_all(self, work: Template, done, n: Template):
-        self.memory.pull(work, done)
-
-
-@lru_cache(maxsize=8)
-def _memory(generation: int, capacity: int, repeated: bool, at_once: bool) -> "_Memory":
-    """Fields and functions for that many ties. generation: of the Taichi runtime. repeated: a sheet's seams and what
-    it is held by do not share one."""
-    return _Memory(capacity, repeated, at_once)
-
-
-@ti.data_oriented
-class _Memory:
-    def __init__(self, capacity: int, repeated: bool, at_once: bool) -> None:
-        self.capacity, self.repeated, self.at_once = capacity, repeated, at_once
-        self.row, self.path = ti.field(ti.f32, (capacity, ROW)), ti.field(ti.f32, (capacity + 1, PATH))
-        self.node = ti.field(ti.i32, (capacity, NODES))
-        if at_once:
-            self.answer = ti.field(ti.f32, capacity * capacity)
-            self.apart, self.push = ti.field(ti.f32, 6 * capacity), ti.field(ti.f32, 6 * capacity)
-        self.holder: Ties | None = None
-        self.wide, self.listed = ti.field(ti.i32, ()), ti.field(ti.i32, capacity)
-
-    @ti.kernel
-    def take(self, path: F32x2):
-        ti.loop_config(serialize=True)  # less work than to wake threads
-        for i, j in ti.ndrange(path.shape[0], path.shape[1]):
-            self.path[i, j] = path[i, j]
-
-    @ti.func
-    def pull(self, work: Template, done):
-        """Every tie, the first time in a substep; from then on those that were much too wide, one after the other."""
-        share = ti.cast(done + 1, ti.f32) * self.path[self.capacity, 1]
-        if ti.static(self.at_once):
-            if self.wide[None] < 0:
-                self.close_all(work, share)
-            elif ti.static(self.repeated):
-                for m in range(self.wide[None]):
-                    self.close(work, self.listed[m], share)
-        else:
-            first = self.wide[None] < 0
-            count, found = ti.cast(self.path[self.capacity, 0], ti.i32) if first else self.wide[None], 0
-            for m in range(count):
-                k = m if first else self.listed[m]
-                if self.close(work, k, share) and first:
-                    self.listed[found] = k
-                    found += 1
-            if first:
-                self.wide[None] = found
-
-    @ti.func
-    def close_all(self, work: Template, share):
-        """Closes all ties at once, and lists those that were wider than SLACK."""
-        found, count = 0, ti.cast(self.path[self.capacity, 0], ti.i32)
-        for k in range(count):
-            push, wide = self.wanted(work, k, share)
-            for c in ti.static(range(6)):
-                self.apart[c * self.capacity + k] = push[c]
-            if wide:
-                self.listed[found] = k
-                found += 1
-        self.wide[None] = found
-        blocks = (count + LANES - 1) // LANES
-        for c in ti.static(range(6)):
-            for k in range(blocks * LANES):
-                self.push[c * self.capacity + k] = 0.0
-        for b in range(2 * blocks):  # three numbers at a time, which is what registers hold
-            for m in range(blocks):
-                self.answer_to(work.lanes((b % blocks) * LANES), work.lanes(m * LANES), b // blocks * 3 * self.capacity)
-        for k in range(count):
-            self.move(work, k, ti.Vector([self.push[c * self.capacity + k] for c in ti.static(range(6))]))
-
-    @ti.func
-    def answer_to(self, q, m, at):
-        """Adds the pushes of the ties at q that answer the gaps of those at m: three of their numbers, from `at` on."""
-        n = ti.static(self.capacity)
-        o = at + q
-        a, b, c = load(self.push, o), load(self.push, o + n), load(self.push, o + 2 * n)
-        for j in ti.static(range(LANES)):
-            row = load(self.answer, (m + j) * n + q)
-            a = a + row * self.apart[at + m + j]
-            b = b + row * self.apart[at + n + m + j]
-            c = c + row * self.apart[at + 2 * n + m + j]
-        store(self.push, o, a)
-        store(self.push, o + n, b)
-        store(self.push, o + 2 * n, c)
-
-    @ti.func
-    def measure(self, work: Template, k, share):
-        """How far tie k is apart after this share of the frame, and how that changed in this step [m]."""
-        out, moved = ti.Vector([0.0] * 6), self.path[self.capacity, 1]
-        for c in ti.static(range(3)):
-            out[c] = -self.path[k, c] - share * self.path[k, 3 + c]
-            out[3 + c] = -moved * self.path[k, 3 + c]
-        for j in ti.static(range(NODES)):
-            p, weight = self.node[k, j], self.row[k, j]
-            for c in ti.static(range(3)):
-                out[c] += weight * work.position[c][p]
-                out[3 + c] += weight * work.step[c][p]
-        return out
-
-    @ti.func
-    def move(self, work: Template, k, push):
-        """Brings tie k together by so much, and its steps by so much [m]."""
-        for j in ti.static(range(NODES)):
-            p, f = self.node[k, j], self.row[k, SHARE + j]
-            for c in ti.static(range(3)):
-                work.position[c][p] -= f * push[c]
-                work.step[c][p] -= f * push[3 + c]
-
-    @ti.func
-    def wanted(self, work: Template, k, share):
-        """How much tie k is to come together to the width allowed after this share of the frame, and its steps [m]; and
-        whether it was wider by SLACK."""
-        push = self.measure(work, k, share)
-        gap = ti.sqrt(push[0] ** 2 + push[1] ** 2 + push[2] ** 2)
-        allowed = self.path[k, ALLOWED] + share * self.path[k, ALLOWED + 1]
-        growth = (push[0] * push[3] + push[1] * push[4] + push[2] * push[5]) / ti.max(gap * gap, 1e-24)
-        most = self.path[self.capacity, 2] / ti.max(gap, 1e-12) + ti.max(growth, 0.0)
-        over = ti.min(ti.max(gap - allowed, 0.0) / ti.max(gap, 1e-12), most)
-        if allowed > 0.0:  # still being drawn together: no more of the step than it grows, along the gap
-            for c in ti.static(range(3)):
-                push[3 + c] = ti.min(ti.max(growth, 0.0), over) * push[c]
-        for c in ti.static(range(3)):
-            push[c] *= over
-        return push, gap > allowed + SLACK
-
-    @ti.func
-    def close(self, work: Template, k, share):
-        """Closes tie k to the width allowed after this share of the frame. Returns whether it was wider by SLACK."""
-        push, wide = self.wanted(work, k, share)
-        self.move(work, k, push)
-        return wide
+    def correct_whole(self, points: Template, done, n: Template):
+        self.fields.pull(points, done)

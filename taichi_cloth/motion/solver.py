@@ -2,8 +2,8 @@
 
 from abc import ABC, abstractmethod
 
+from taichi_cloth.motion.constraint import Constraint
 from taichi_cloth.motion.forces import FrameForces
-from taichi_cloth.motion.passes import Pass
 from taichi_cloth.sheet.sheet import SheetState
 
 __all__ = ["Solver"]
@@ -21,7 +21,7 @@ class Solver(ABC):
     staggered: bool = True
     """Whether the steps in the state belong to the time half a step before that of the positions."""
 
-    passes: tuple[Pass, ...] = ()
+    constraints: tuple[Constraint, ...] = ()
     """What acts on key points beside springs, after each step."""
 
     @property

@@ -17,14 +17,13 @@ that, positions are what is ahead, and are not kept beside it within a frame.
 # pyright: reportOptionalCall=false, reportOperatorIssue=false, reportGeneralTypeIssues=false
 
 from dataclasses import dataclass
-from typing import Any
 
 import taichi as ti
 
 from taichi_cloth.ground.arrays import Template
 from taichi_cloth.sheet.sheet import LANES
 
-__all__ = ["Features", "Numbers", "Stencil"]
+__all__ = ["Features", "Stencil"]
 
 
 @dataclass(frozen=True)
@@ -36,24 +35,7 @@ class Features:
     sphere: bool
     plane: bool
     leads: bool  # a substep says what is ahead of it: nothing moves key points after it
-    apart: bool  # positions are not what is ahead: by damping, or because passes change them
-
-
-NUMBERS = (
-    *("structural_x", "structural_y", "diagonal", "second_x", "second_y", "hinge_x", "hinge_y"),  # × h² [N s²/m = kg]
-    *("spacing_x", "spacing_y", "diagonal_length"),  # [m]
-    "kept",  # share of a step that viscous damping leaves
-    "lag",  # τ/h of damping along the springs
-    *("gravity_x", "gravity_y", "gravity_z"),  # × h² [m]
-    *("wind_drag", "wind_lift", "rate"),  # ½ ρ C h² [kg s²/m³], the last 1/h [1/s]
-    *("sphere_x", "sphere_y", "sphere_z", "sphere_radius", "sphere_friction"),  # [m], gap included
-    *("plane_x", "plane_y", "plane_z", "plane_height", "plane_friction"),
-    *("longest_x", "longest_y"),  # [m] that a thread between two key points may be, for the strain limit
-    "sweeps",  # how often passes that are repeated are called
-)
-
-Numbers: Any = ti.types.struct(**dict.fromkeys(NUMBERS, ti.f32))
-"""Constants of a step, in a field: changing them compiles nothing."""
+    apart: bool  # positions are not what is ahead: by damping, or because constraints change them
 
 
 @ti.func
@@ -76,7 +58,7 @@ def largest(values):
 
 
 @ti.func
-def contact(features: Template, nx, ny, nz, depth, friction, dx, dy, dz):
+def push_out(nx, ny, nz, depth, friction, dx, dy, dz):
     """The step (dx, dy, dz) [m] after a push out by `depth` along n, and Coulomb friction of at most µ × push."""
     along = dx * nx + dy * ny + dz * nz
     tx, ty, tz = dx - along * nx, dy - along * ny, dz - along * nz
@@ -212,42 +194,16 @@ class Stencil:
         return along * ux + across * nx, along * uy + across * ny, along * uz + across * nz
 
     @ti.func
-    def substep(self, features: Template, at, p, wind, n: Template):
-        """Störmer–Verlet for the lanes at p: dx ← D dx + a h², x ← x + dx. at: which buffer of `ahead` is read, 0 or
-        `size`; all around the lanes must be in it."""
-        a = self.lanes(p + at)
-        here = ti.static(self.position if features.apart else self.ahead)
-        q = p if ti.static(features.apart) else a
-        px, py, pz = load(here[0], q), load(here[1], q), load(here[2], q)
-        sx, sy, sz = load(self.step[0], p), load(self.step[1], p), load(self.step[2], p)
-        fx, fy, fz = self.elastic(features, a, p, n)
-        if ti.static(features.wind):
-            x, y, z = self.air(a, p, sx, sy, sz, wind, n)
-            fx, fy, fz = fx + x, fy + y, fz + z
-        inverse = load(self.inverse_mass, p)
-        free = ti.min(inverse * 1e30, 1.0)  # 1, or 0 for pinned and absent key points, which keep their step
-        dx = sx + free * ((n.kept - 1.0) * sx + inverse * fx + n.gravity_x)
-        dy = sy + free * ((n.kept - 1.0) * sy + inverse * fy + n.gravity_y)
-        dz = sz + free * ((n.kept - 1.0) * sz + inverse * fz + n.gravity_z)
+    def collide(self, features: Template, free, px, py, pz, dx, dy, dz, n: Template):
+        """The step (dx, dy, dz) [m] from (px, py, pz) after the fixed ball and half space. free: 0 for pinned ones."""
         if ti.static(features.sphere):
             x, y, z = px + dx - n.sphere_x, py + dy - n.sphere_y, pz + dz - n.sphere_z
             distance = ti.sqrt(ti.max(x * x + y * y + z * z, 1e-12))
             depth = free * ti.max(n.sphere_radius - distance, 0.0)
             scale = 1.0 / distance
-            dx, dy, dz = contact(features, x * scale, y * scale, z * scale, depth, n.sphere_friction, dx, dy, dz)
+            dx, dy, dz = push_out(x * scale, y * scale, z * scale, depth, n.sphere_friction, dx, dy, dz)
         if ti.static(features.plane):
             x, y, z = px + dx, py + dy, pz + dz
             depth = free * ti.max(n.plane_height - (x * n.plane_x + y * n.plane_y + z * n.plane_z), 0.0)
-            dx, dy, dz = contact(features, n.plane_x, n.plane_y, n.plane_z, depth, n.plane_friction, dx, dy, dz)
-        if ti.static(features.apart):
-            store(self.position[0], p, px + dx)
-            store(self.position[1], p, py + dy)
-            store(self.position[2], p, pz + dz)
-        store(self.step[0], p, dx)
-        store(self.step[1], p, dy)
-        store(self.step[2], p, dz)
-        if ti.static(features.leads):
-            b = self.lanes(p + self.size - at)
-            store(self.ahead[0], b, px + dx + n.lag * dx)
-            store(self.ahead[1], b, py + dy + n.lag * dy)
-            store(self.ahead[2], b, pz + dz + n.lag * dz)
+            dx, dy, dz = push_out(n.plane_x, n.plane_y, n.plane_z, depth, n.plane_friction, dx, dy, dz)
+        return dx, dy, dz

@@ -5,7 +5,7 @@ works on 8 neighbours at once. What is absent has weight 0: no branch, no list. 
 several panels can lie in one grid with PAD empty rows between them.
 
 State is one float32 array (6 and more, padded rows, width): x, y, z [m], the steps dx, dy, dz since the substep before
-[m], and what passes of the solver remember of each key point from frame to frame. The step is stored and not the
+[m], and what constraints remember of each key point from frame to frame. The step is stored and not the
 velocity or the former position because float32 would lose g·h² beside a position.
 """
 
@@ -120,7 +120,7 @@ class Sheet:
         return out
 
     def state(self, positions: ArrayLike, remembered: int = 0) -> "SheetState":
-        """A state at rest at positions (rows, cols, 3) [m]. remembered: numbers of a key point that passes keep.
+        """A state at rest at positions (rows, cols, 3) [m]. remembered: numbers of a key point that constraints keep.
         Raises InputError on wrong shapes or numbers."""
         x = np.asarray(positions, np.float64)
         if x.shape != (*self.shape, 3):

@@ -48,7 +48,7 @@ class StepChoice:
         return self.safety * self.limit
 
     def substeps(self, step: float) -> int:
-        """Of a frame, each of at most `step` [s]: two at a time, for passes that are paired. 1e-9: a frame that is just
+        """Of a frame, each of at most `step` [s]: two at a time, for constraints that are paired. 1e-9: a frame that is just
         so many steps is not one more."""
         return max(2, 2 * ceil(1 / self.frame_rate / step / 2 - 1e-9))
 

@@ -63,7 +63,7 @@ class Stiffest:
         for k in range(LANES):
             self.room[MOST + k] = 0.0
         for e in range(work.cut[0], work.cut[PARTS]):
-            p = work.lanes(work.block[e] * LANES)
+            p = work.lanes(work.packet[e] * LANES)
             for k in range(MOST):
                 self.room[k] = 0.0
             for k in range(self.springs[None]):

@@ -17,7 +17,9 @@ from taichi_cloth.body.primitives.shapes import EVERYWHERE
 from taichi_cloth.constraints import contact
 from taichi_cloth.constraints.contact import Contact
 from taichi_cloth.motion.forces import Forces
-from taichi_cloth.sheet.sheet import LANES
+from taichi_cloth.sheet.materials import MATERIALS
+from taichi_cloth.sheet.sheet import LANES, Sheet
+from taichi_cloth.sheet.springs import calibrate
 
 RNG = np.random.Generator(np.random.Philox(key=11))
 AXIS = np.array([0.36, 0.48, 0.8])
@@ -173,23 +175,26 @@ class Device:
 
     def __init__(self, primitive: Primitive) -> None:
         body = Colliders(primitives=(primitive,))
-        self.contact = Contact(body, size=8, substeps=2, step=1e-4)
+        cotton = MATERIALS["cotton-shirting"]
+        sheet = Sheet.rectangle(2, 2, material=cotton, springs=calibrate(cotton, spacing_x=0.1, spacing_y=0.1))
+        self.contact = Contact(body, sheet)
+        self.contact.join(2, 1e-4)
         self.contact.begin(None, Forces(body=body).during(0.0, 0.0))  # pyright: ignore[reportArgumentType]
 
     @ti.kernel
     def distances(self, points: ti.types.ndarray(ti.f32, 2), out: ti.types.ndarray(ti.f32, 2)):
         ti.loop_config(serialize=True)
         for _ in range(1):
-            self.contact.memory.follow(0)
-            c = self.contact.memory.posed(0, 0)
+            self.contact.fields.follow(0)
+            c = self.contact.fields.posed(0, 0)
             for b in range(points.shape[0] // LANES):
                 x = ti.Vector([points[b * LANES + k, 0] - c[0] for k in ti.static(range(LANES))])
                 y = ti.Vector([points[b * LANES + k, 1] - c[1] for k in ti.static(range(LANES))])
                 z = ti.Vector([points[b * LANES + k, 2] - c[2] for k in ti.static(range(LANES))])
-                self.contact.memory.measure(0, 0, x, y, z)
+                self.contact.fields.measure(0, 0, x, y, z)
                 for k in range(LANES):
                     for m in range(4):
-                        out[b * LANES + k, m] = self.contact.memory.scratch[m * LANES + k]
+                        out[b * LANES + k, m] = self.contact.fields.scratch[m * LANES + k]
 
 
 SLENDER = replace(SHAPES["sharp"], radii=(0.015, 0.12))

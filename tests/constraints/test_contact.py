@@ -240,7 +240,7 @@ def test_one_and_two_threads_touch_alike() -> None:
 
 
 def test_a_scene_without_a_body_has_no_pass() -> None:
-    assert simulate(sheet_of(0.3)).solver.passes == ()  # pyright: ignore[reportAttributeAccessIssue]
+    assert simulate(sheet_of(0.3)).solver.constraints == ()  # pyright: ignore[reportAttributeAccessIssue]
 
 
 def test_bodies_that_cannot_be_are_refused() -> None:

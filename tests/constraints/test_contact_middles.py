@@ -11,10 +11,10 @@ from taichi_cloth.body.colliders.colliders import Colliders
 from taichi_cloth.body.colliders.grid import DistanceGrid
 from taichi_cloth.body.primitives.distance import nearest_distance
 from taichi_cloth.body.primitives.primitives import Primitive
-from taichi_cloth.constraints import contact_middles
 from taichi_cloth.constraints.contact import Contact
 from taichi_cloth.constraints.contact_middles import MiddleContact
 from taichi_cloth.constraints.thin_limbs import DEEP, let_through, thinnest_held
+from taichi_cloth.motion.constraint import shared_fields
 from taichi_cloth.motion.forces import Forces
 from taichi_cloth.motion.simulation import Simulation
 from taichi_cloth.sheet.sheet import Sheet
@@ -68,7 +68,7 @@ def clearance(body: Colliders, points: np.ndarray) -> float:
 
 def by_key_points_alone(simulation: Simulation) -> Simulation:
     """The same kernel, whose middles meet nothing."""
-    (middle,) = (one for one in simulation.solver.passes if isinstance(one, MiddleContact))
+    (middle,) = (one for one in simulation.solver.constraints if isinstance(one, MiddleContact))
     middle.solids = middle.solids[:0]
     return simulation
 
@@ -194,9 +194,9 @@ def test_two_threads_give_the_same_bytes() -> None:
 
 
 def test_where_key_points_are_close_enough_nothing_is_built() -> None:
-    made = contact_middles._memory.cache_info().misses
+    made = shared_fields.cache_info().misses
     sheet = sheet_of(3, 3)
     body = Colliders(primitives=(rod(1.01 * thinnest_held(sheet.springs.diagonal_length, GAP)),), gap=GAP)
-    passes = simulate(sheet, forces=Forces(body=body), positions=level(sheet, 0.2)).solver.passes
+    passes = simulate(sheet, forces=Forces(body=body), positions=level(sheet, 0.2)).solver.constraints
     assert [type(one) for one in passes] == [Contact]
-    assert contact_middles._memory.cache_info().misses == made
+    assert shared_fields.cache_info().misses == made

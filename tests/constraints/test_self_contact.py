@@ -7,6 +7,7 @@ import pytest
 from layers import crossings, nearest
 from numpy.typing import NDArray
 
+from taichi_cloth.constraints.constraints_for import constraints_for
 from taichi_cloth.constraints.self_contact import ClothContact
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.motion.forces import Forces, Plane, SelfContact
@@ -56,7 +57,7 @@ def fallen() -> tuple[Sheet, NDArray, list[NDArray], tuple[bytes, ...]]:
     """Momentum at the start of each of 8 frames, positions at their ends, and the last states of two runs."""
     sheet, x, v = layers(1.0)
     forces = Forces(gravity=(0.0, 0.0, 0.0), self_contact=SelfContact(thickness=THICKNESS))
-    solver = Verlet(sheet, forces, threads=2)
+    solver = Verlet(sheet, forces, threads=2, constraints=constraints_for(sheet, forces))
     states, paths, momenta = [], [], []
     for _ in range(2):
         simulation = Simulation(sheet, solver, forces=forces, positions=x, velocities=v)
@@ -100,7 +101,7 @@ def test_sewn_edges_are_let_lie_on_each_other() -> None:
     seams[18] = True
     contact = ClothContact(sheet, SelfContact(thickness=THICKNESS), seams)
     forces = Forces(gravity=(0.0, 0.0, 0.0))
-    simulation = Simulation(sheet, Verlet(sheet, forces, passes=(contact,)), forces=forces, positions=x)
+    simulation = Simulation(sheet, Verlet(sheet, forces, constraints=(contact,)), forces=forces, positions=x)
     simulation.step()
     rise = simulation.positions[18:35, :, 1] - 0.001  # where the lower panel, of 17 rows, is below
     assert np.abs(rise[0]).max() < 1e-4
@@ -116,7 +117,9 @@ def test_a_strip_that_falls_in_folds_lies_in_layers() -> None:
     x[..., 2] = 0.01 * np.sin(25 * x[..., 1])
     x[..., 1] += 0.005
     forces = Forces(self_contact=SelfContact(thickness=THICKNESS), plane=Plane(friction=0.5))
-    simulation = Simulation(sheet, Verlet(sheet, forces), forces=forces, positions=x)
+    simulation = Simulation(
+        sheet, Verlet(sheet, forces, constraints=constraints_for(sheet, forces)), forces=forces, positions=x
+    )
     for _ in range(60):
         simulation.step()
     x = simulation.positions
@@ -128,8 +131,14 @@ def test_a_strip_that_falls_in_folds_lies_in_layers() -> None:
 
 def test_what_is_not_asked_for_is_not_built() -> None:
     sheet = sheet_of(2)
-    assert Verlet(sheet, Forces()).passes == ()
-    assert Verlet(sheet, Forces(self_contact=SelfContact(thickness=THICKNESS))).passes
+    forces = Forces(self_contact=SelfContact(thickness=THICKNESS))
+    assert constraints_for(sheet, Forces()) == ()
+    assert [type(one) for one in constraints_for(sheet, forces)] == [ClothContact]
+
+
+def test_forces_that_no_constraint_answers_are_refused() -> None:
+    with pytest.raises(InputError, match=r"forces\.self_contact: no constraint"):
+        Verlet(sheet_of(2), Forces(self_contact=SelfContact(thickness=THICKNESS)))
 
 
 def test_contacts_that_cannot_be_are_refused() -> None:
@@ -137,4 +146,4 @@ def test_contacts_that_cannot_be_are_refused() -> None:
         with pytest.raises(InputError, match="self_contact"):
             SelfContact(**options)
     with pytest.raises(InputError, match="thickness"):
-        Verlet(sheet_of(2), Forces(self_contact=SelfContact(thickness=0.1)))
+        constraints_for(sheet_of(2), Forces(self_contact=SelfContact(thickness=0.1)))

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from strips import COLS, NOTHING, ROWS, run, simulate, strip
 
+from taichi_cloth.constraints.constraints_for import constraints_for
 from taichi_cloth.constraints.strain_limit import ThreadLimit
 from taichi_cloth.constraints.ties import Ties
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.motion.forces import Forces, StrainLimit
 from taichi_cloth.motion.simulation import Simulation
 from taichi_cloth.sheet.energy import elastic_energy, kinetic_energy
-from taichi_cloth.solvers.verlet import Verlet
 
 RNG = np.random.Generator(np.random.Philox(key=9))
 LIMIT = StrainLimit(strain=0.1, passes=15)
@@ -86,7 +86,7 @@ def test_a_limit_that_nothing_reaches_changes_no_byte() -> None:
     states = []
     for limit in (None, StrainLimit(strain=0.5, passes=3)):
         simulation = simulate(sheet, forces=Forces(strain_limit=limit))
-        assert [type(one) for one in simulation.solver.passes] == ([ThreadLimit] if limit else [])
+        assert [type(one) for one in simulation.solver.constraints] == ([ThreadLimit] if limit else [])
         run(simulation, 5)
         states.append(simulation.state.values)
     assert states[0].tobytes() == states[1][:6].tobytes()
@@ -139,7 +139,7 @@ def test_seams_and_threads_that_pull_against_each_other_both_hold() -> None:
     places = sheet.flat()[0, [0, COLS - 1]]
     ties = Ties(sheet, nodes, np.ones((2, 1)), places=places)
     forces = Forces(gravity=(0.0, 9.81, 0.0), strain_limit=LIMIT)
-    simulation = simulate(sheet, forces=forces, step=1 / 60 / 20, passes=(ties,))
+    simulation = simulate(sheet, forces=forces, step=1 / 60 / 20, ties=(ties,))
     x = run(simulation, 180)
     assert longest(sheet, x[-1]) < 0.12
     assert ties.gaps(simulation.state).max() < 5e-4
@@ -157,4 +157,4 @@ def test_limits_that_cannot_be_are_refused() -> None:
     for options in ({"strain": -0.1}, {"passes": 102}, {"passes": 0}):
         with pytest.raises(InputError, match="strain_limit"):
             StrainLimit(**options)  # pyright: ignore[reportArgumentType]
-    assert Verlet(strip(), NOTHING).passes == ()
+    assert constraints_for(strip(), NOTHING) == ()

@@ -37,7 +37,7 @@ def test_seams_finer_than_the_cells_close_and_shake_nothing(strips):
     sheet, nodes, weights = strips
     ties = Ties(sheet, nodes, weights)
     velocities = 0.1 * np.random.default_rng(3).standard_normal((*sheet.shape, 3))
-    simulation = simulate(sheet, positions=joined(sheet), velocities=velocities, passes=(ties,))
+    simulation = simulate(sheet, positions=joined(sheet), velocities=velocities, ties=(ties,))
     energy, gaps = [], []
     for _ in range(120):
         simulation.step()

@@ -118,7 +118,7 @@ def tied(pair, **options):
     nodes = np.array([[[0, 1], [1, 1], [0, 3], [1, 3]]])
     weights = np.array([[0.5, 0.5, -0.5, -0.5]])
     ties = Ties(sheet, nodes, weights, **options)
-    return Verlet(sheet, no_forces(), frame_rate=100.0, passes=(ties,)), ties, sheet.state(positions)
+    return Verlet(sheet, no_forces(), frame_rate=100.0, constraints=(ties,)), ties, sheet.state(positions)
 
 
 def test_ties_close_at_their_speed_and_keep_momentum(pair):
@@ -158,7 +158,7 @@ def test_a_key_point_named_twice_counts_once_with_both_weights(pair):
     ):
         ties = Ties(sheet, np.array([nodes]), np.array([weights]))
         state = sheet.state(positions)
-        Verlet(sheet, no_forces(), frame_rate=100.0, passes=(ties,)).advance(state, FrameForces())
+        Verlet(sheet, no_forces(), frame_rate=100.0, constraints=(ties,)).advance(state, FrameForces())
         assert ties.gaps(state)[0] < ties.gaps(sheet.state(positions))[0] - 0.004
         after.append(state.values)
     assert np.array_equal(*after)

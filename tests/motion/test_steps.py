@@ -178,8 +178,8 @@ def test_pulls_of_the_limit_go_with_the_steps() -> None:
     solver = simulation.solver
     assert isinstance(solver, Verlet)
     before = solver.step
-    solver._take(80)
-    solver._rescale(simulation.state, before)
+    solver.take_steps(80)
+    solver.rescale(simulation.state, before)
     share = float(simulation.state.values[7].max() / pulls[1])
     assert pulls[0] / pulls[1] == pytest.approx(4.0, rel=0.1)
     assert share == pytest.approx(1.0, rel=0.1)

@@ -12,6 +12,7 @@ from strips import run, simulate, strip
 
 from taichi_cloth.body.colliders.colliders import Colliders
 from taichi_cloth.body.primitives.primitives import Primitive
+from taichi_cloth.constraints.constraints_for import constraints_for
 from taichi_cloth.constraints.contact import Contact
 from taichi_cloth.fabric.fabric import build_fabric
 from taichi_cloth.fabric.follow import FibreFollower
@@ -20,7 +21,6 @@ from taichi_cloth.scenes.paper.table_text import PAPER, Measured, tables_of, wri
 from taichi_cloth.scenes.paper.tables import _count, contact_twice, scene_of
 from taichi_cloth.scenes.prepare.weave_layout import prepare_fabric
 from taichi_cloth.scenes.scene.load import load_scene
-from taichi_cloth.solvers.verlet import Verlet
 
 
 def given(key_points: int = 6250, particles: int = 377_000) -> Measured:
@@ -63,12 +63,13 @@ def test_contact_that_is_done_twice_moves_cloth_as_once_does() -> None:
     ball = Primitive(kind="sphere", start=np.zeros(3), end=np.zeros(3), radii=(0.1, 0.1))
     sheet = strip(air_damping=4.0)
     x = np.roll(sheet.flat(), 1, axis=-1) + np.array([0.0, 0.102, -0.2])  # level, its middle just above the ball
-    once, twice = (simulate(sheet, forces=Forces(body=Colliders(primitives=(ball,))), positions=x) for _ in range(2))
-    assert isinstance(twice.solver, Verlet)
-    twice.solver.passes = contact_twice(twice.solver.passes, sheet)
+    forces = Forces(body=Colliders(primitives=(ball,)))
+    once, twice = (
+        simulate(sheet, forces=forces, positions=x, choose=choose) for choose in (constraints_for, contact_twice)
+    )
     apart = np.abs(run(once, 15)[-1] - run(twice, 15)[-1])
     assert apart.max() < 1e-4
-    found = [one.memory.used.to_numpy().any() for one in twice.solver.passes if isinstance(one, Contact)]
+    found = [one.fields.used.to_numpy().any() for one in twice.solver.constraints if isinstance(one, Contact)]
     assert found == [True, True]
 
 

@@ -13,13 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_cloth.body.colliders.colliders import Colliders, solid_distance
-from taichi_cloth.constraints.self_contact import ClothContact
+from taichi_cloth.constraints.constraints_for import constraints_for
 from taichi_cloth.constraints.ties import Ties
 from taichi_cloth.garment.pattern.curves import along, length
 from taichi_cloth.garment.pattern.cut import Atlas, turned
 from taichi_cloth.garment.pattern.pattern import Pattern, Seam, Side
 from taichi_cloth.garment.sewn.limbs import spared
 from taichi_cloth.ground.errors import InputError, Unstable
+from taichi_cloth.motion.constraint import Constraint
 from taichi_cloth.motion.forces import Forces, StrainLimit
 from taichi_cloth.motion.simulation import Simulation
 from taichi_cloth.sheet.materials import Material
@@ -119,7 +120,9 @@ class Garment:
         piece = self.atlas.panel(side.panel)
         return piece.embed(turned(points, piece.panel.grain))
 
-    def ties(self, sheet: Sheet, places: F64, held: NDArray[np.bool_], bones: NDArray, speed: float) -> list[Ties]:
+    def ties(
+        self, sheet: Sheet, places: F64, held: NDArray[np.bool_], bones: NDArray, speed: float
+    ) -> tuple[Ties, ...]:
         """Those holds that are `held`, at `places` (n, 3) [m], carried by `bones` (n,), and the seams; where there are
         any."""
         seams, seam_weights = self.seams()
@@ -130,7 +133,7 @@ class Garment:
             out.append(Ties(sheet, nodes[held], weights[held], speed=speed, **carried))
         if len(seams):
             out.append(Ties(sheet, seams, seam_weights, speed=speed))
-        return out
+        return tuple(out)
 
     def simulation(
         self,
@@ -144,16 +147,17 @@ class Garment:
         safety: float = 0.9,
         air_damping: float | None = None,
         speed: float = 0.5,
+        choose: Callable[..., tuple[Constraint, ...]] = constraints_for,
     ) -> Simulation:
-        """The garment in motion from `positions`, seams and holds tied."""
+        """The garment in motion from `positions`, seams and holds tied. choose: of the arguments of `constraints_for`,
+        and in its place."""
         own = self.material
         air = own.air_damping if air_damping is None else air_damping
         material = replace(own, air_damping=air, fibre_damping=max(own.fibre_damping, LAG))
         sheet = self.sheet(material)
         ties = self.ties(sheet, places, held, bones, speed)
-        touching = [ClothContact(sheet, forces.self_contact, self.sewn())] if forces.self_contact else []
-        alone = replace(forces, self_contact=None)
-        solver = Verlet(sheet, alone, frame_rate=frame_rate, safety=safety, passes=(*ties, *touching))
+        constraints = choose(sheet, forces, ties=ties, sewn=self.sewn() if forces.self_contact else None)
+        solver = Verlet(sheet, forces, frame_rate=frame_rate, safety=safety, constraints=constraints)
         return Simulation(sheet, solver, forces=forces, positions=positions)
 
 
@@ -309,9 +313,7 @@ def _reason(garment: Garment, seam: Seam) -> str:
 
 def _gap(simulation: Simulation) -> float:
     """Of the widest seam [m]; holds give way to the body."""
-    solver = simulation.solver
-    assert isinstance(solver, Verlet)
-    seams = [one for one in solver.passes if isinstance(one, Ties) and one.repeated]
+    seams = [one for one in simulation.solver.constraints if isinstance(one, Ties) and one.repeated]
     return max((float(one.gaps(simulation.state).max()) for one in seams), default=0.0)
 
 

@@ -1,0 +1,39 @@
+"""Which constraints a sheet needs (paper 4.1), put together above the solver, which runs what it is given."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_cloth.constraints.contact import Contact
+from taichi_cloth.constraints.contact_middles import MiddleContact
+from taichi_cloth.constraints.self_contact import ClothContact
+from taichi_cloth.constraints.strain_limit import ThreadLimit
+from taichi_cloth.constraints.thin_limbs import let_through
+from taichi_cloth.constraints.ties import Ties
+from taichi_cloth.motion.constraint import Constraint
+from taichi_cloth.motion.forces import Forces
+from taichi_cloth.sheet.sheet import Sheet
+
+__all__ = ["constraints_for"]
+
+
+def constraints_for(
+    sheet: Sheet, forces: Forces, *, ties: tuple[Ties, ...] = (), sewn: NDArray[np.bool_] | None = None
+) -> tuple[Constraint, ...]:
+    """In the order in which a substep goes through them: ties, cloth on cloth, strain limit, the body.
+
+    (Seams and strain limit, which are repeated, come after all others of a substep; see `Frame`.) sewn: bool (rows,
+    cols), key points that seams join. It needs no Taichi: fields are made when a solver first runs.
+    Raises InputError on forces that the sheet cannot have.
+    """
+    out: list[Constraint] = [*ties]
+    if forces.self_contact is not None:
+        out.append(ClothContact(sheet, forces.self_contact, sewn))
+    if forces.strain_limit is not None:
+        out.append(ThreadLimit(sheet))
+    if forces.body is not None:
+        contact = Contact(forces.body, sheet)
+        out.append(contact)
+        thin = let_through(forces.body.solids, sheet.springs.diagonal_length, forces.body.gap)
+        if len(thin):
+            out.append(MiddleContact(contact, sheet, thin))
+    return tuple(out)

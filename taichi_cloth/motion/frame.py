@@ -1,0 +1,223 @@
+"""A frame in one kernel: the stages of a substep as papers 3.2 and 4.1 list them, gone through by threads together.
+
+    read      positions and steps of the state
+    of each substep:
+        prepare   constraints look at where the cloth is; where key points will be a lag later
+        move      springs, gravity, wind, fixed shapes: the solver's own stages
+        warm      what constraints remember acts again
+        correct   ties that hold, cloth on cloth, the body; then, in turns, strain limit and seams
+    write     positions and steps of the state
+
+What is a solver's own is `move`, made of stages like these; all else is the same for every solver whose frame is a
+kernel. As every key point goes through the same arithmetic the bytes do not depend on the number of threads
+(`crew.py`).
+"""
+
+# In kernels a vector is a Taichi expression, which type checkers cannot follow.
+# pyright: reportOptionalCall=false, reportOperatorIssue=false, reportGeneralTypeIssues=false, reportArgumentType=false
+
+import numpy as np
+import taichi as ti
+from numpy.typing import NDArray
+
+from taichi_cloth.ground.arrays import F32x3, Float, Int, Template
+from taichi_cloth.motion.constraint import Constraint
+from taichi_cloth.motion.crew import PARTS, Crew, parts_of
+from taichi_cloth.motion.numbers import Numbers
+from taichi_cloth.motion.stencil import Stencil
+from taichi_cloth.sheet.sheet import LANES, Sheet, SheetState
+
+__all__ = ["Frame"]
+
+_CHUNK = 1024  # iterations a thread: Taichi gives it 512 or more
+
+
+@ti.data_oriented
+class Frame(Stencil):
+    """Fields and kernel of a frame for sheets of one shape: they share them, and compile once.
+
+    numbers: of a step. packet: 8 neighbouring key points each, by the number of their lanes in the padded grid; cut:
+    which of them are whose part. holder: whose constants are in the fields, the host's to use.
+    """
+
+    def __init__(self, padded_shape: tuple[int, int], threads: int, constraints: tuple[Constraint, ...]) -> None:
+        rows, width = padded_shape
+        super().__init__(rows * width, width)
+        self.rows, self.constraints, self.crew = rows, constraints, Crew(threads)
+        self.numbers = Numbers.field(shape=())
+        self.packet, self.cut = ti.field(ti.i32, rows * width // LANES), ti.field(ti.i32, PARTS + 1)
+        self.holder: object = None
+
+    def fill(self, sheet: Sheet, state: SheetState, numbers: dict[str, float]) -> None:
+        """Takes what stays the same from frame to frame."""
+        self._take_model(np.stack([sheet.padded(v) for v in (*sheet.weights, sheet.inverse_mass)]), state.values)
+        self._take_parts(sheet.padded(sheet.present) > 0)
+        self.numbers[None] = Numbers(**numbers)
+
+    @ti.kernel
+    def _take_model(self, model: F32x3, values: F32x3):
+        """Weights, and the state, with what lies around the sheet."""
+        ti.loop_config(serialize=True)
+        for i in range(self.rows):
+            for j in range(self.width):
+                p = i * self.width + j
+                self.east[p] = model[0, i, j]
+                self.north[p] = model[1, i, j]
+                self.cell[p] = model[2, i, j]
+                self.inverse_mass[p] = model[3, i, j]
+                for c in ti.static(range(3)):
+                    self.position[c][p] = values[c, i, j]
+                    self.ahead[c][p] = values[c, i, j]
+                    self.ahead[c][p + self.size] = values[c, i, j]
+                    self.step[c][p] = values[3 + c, i, j]
+
+    def _take_parts(self, present: NDArray[np.bool_]) -> None:
+        """present: (rows, width)."""
+        packets, cuts = parts_of(present)
+        self.packet.from_numpy(np.pad(packets, (0, self.packet.shape[0] - len(packets))))
+        self.cut.from_numpy(cuts)
+
+    @ti.kernel
+    def run(
+        self,
+        # in and out
+        values: F32x3,
+        # in
+        wind_x: Float,
+        wind_y: Float,
+        wind_z: Float,
+        change_x: Float,
+        change_y: Float,
+        change_z: Float,
+        substeps: Int,
+        threads: Int,
+        features: Template,
+    ):
+        """values: of a `SheetState`. wind: at the start [m/s], and its change in a substep. features: `Features`."""
+        ti.loop_config(serialize=True)
+        for _ in range(1):
+            self.crew.assemble(threads)
+        ti.loop_config(serialize=ti.static(self.crew.threads == 1))
+        for k in range(self.crew.threads * _CHUNK):  # of a range that is not constant all would be one thread's
+            if k % _CHUNK == 0 and k // _CHUNK < threads:
+                wind, change = ti.Vector([wind_x, wind_y, wind_z]), ti.Vector([change_x, change_y, change_z])
+                self.stages(k // _CHUNK, values, self.numbers[None], wind, change, substeps, features)
+
+    @ti.func
+    def stages(self, thread, values: Template, n: Template, wind, change, substeps, features: Template):
+        """The frame, as one of its threads goes through it. stage: number of the last one; ended: parts of stages that
+        have ended by then."""
+        at = 0  # which buffer of what is ahead is read
+        stage, ended = self.in_parts(self.read, thread, 0, 0, 0, at, wind, values, n, features)
+        for done in range(substeps):
+            if ti.static(not features.leads):
+                stage, ended = self.in_parts(self.prepare, thread, stage, ended, done, at, wind, values, n, features)
+            air = wind + done * change
+            stage, ended = self.move(thread, stage, ended, done, at, air, values, n, features)
+            if ti.static(features.leads):
+                at = self.size - at
+            for one in ti.static([one for one in self.constraints if one.remembers]):
+                stage, ended = self.warm(one, thread, stage, ended, done, n)
+            for one in ti.static([one for one in self.constraints if not one.repeated]):
+                if not one.paired or done % 2 == 1:
+                    stage, ended = self.correct(one, thread, stage, ended, done, n)
+            for _ in range(ti.cast(n.sweeps, ti.i32)):
+                for one in ti.static([one for one in self.constraints if one.repeated]):
+                    stage, ended = self.correct(one, thread, stage, ended, done, n)
+        self.in_parts(self.write, thread, stage, ended, substeps, at, wind, values, n, features)
+
+    @ti.func
+    def in_parts(
+        self, work: Template, thread, stage, ended, done, at, wind, values: Template, n: Template, features: Template
+    ):
+        """One stage: work(part, done, at, wind, values, n, features) for each part, by whoever takes it. Returns its
+        number, and the parts ended with it."""
+        here, goal = stage + 1, ended + PARTS
+        for turn in range(PARTS):
+            part = self.crew.take(thread, turn, here, PARTS, goal)
+            if part >= 0:
+                work(part, done, at, wind, values, n, features)
+                self.crew.finish()
+        self.crew.meet(goal)
+        return here, goal
+
+    @ti.func
+    def move(self, thread, stage, ended, done, at, wind, values: Template, n: Template, features: Template):
+        """The solver's own stages, by `in_parts`: steps and positions after substep `done` but for constraints; and
+        what is then ahead, into the buffer that is not read, where `features.leads`."""
+        return stage, ended
+
+    @ti.func
+    def read(self, part, done, at, wind, values: Template, n: Template, features: Template):
+        """The state of a part's key points from what the host holds."""
+        for e in range(self.cut[part], self.cut[part + 1]):
+            p = self.lanes(self.packet[e] * LANES)
+            i, j = p // self.width, p % self.width
+            for c in ti.static(range(3)):
+                for k in range(LANES):
+                    self.position[c][p + k] = values[c, i, j + k]
+                    self.step[c][p + k] = values[3 + c, i, j + k]
+            for one in ti.static([one for one in self.constraints if one.remembers]):
+                one.open(values, p, i, j)
+        if ti.static(features.leads):
+            self.lead_part(part, n)
+
+    @ti.func
+    def write(self, part, done, at, wind, values: Template, n: Template, features: Template):
+        """And back."""
+        for e in range(self.cut[part], self.cut[part + 1]):
+            p = self.lanes(self.packet[e] * LANES)
+            if ti.static(not features.apart):
+                self.settle(p, at)
+            i, j = p // self.width, p % self.width
+            for c in ti.static(range(3)):
+                for k in range(LANES):
+                    values[c, i, j + k] = self.position[c][p + k]
+                    values[3 + c, i, j + k] = self.step[c][p + k]
+            for one in ti.static([one for one in self.constraints if one.remembers]):
+                one.close(values, p, i, j)
+
+    @ti.func
+    def prepare(self, part, done, at, wind, values: Template, n: Template, features: Template):
+        """What constraints do before the springs, by whoever has the first part; and what is ahead of a part."""
+        if part == 0:
+            for one in ti.static(self.constraints):
+                if not one.paired or done % 2 == 0:
+                    one.before(self, done, n)
+        self.lead_part(part, n)
+
+    @ti.func
+    def lead_part(self, part, n: Template):
+        """`lead` of a part into the first buffer."""
+        for e in range(self.cut[part], self.cut[part + 1]):
+            self.lead(self.lanes(self.packet[e] * LANES), n)
+
+    @ti.func
+    def warm(self, one: Template, thread, stage, ended, done, n: Template):
+        """One stage, by one thread: what a constraint remembers of the substep before acts again."""
+        here, goal = stage + 1, ended + 1
+        if self.crew.take(thread, 0, here, 1, goal) == 0:
+            one.warm_start(self, done, n)
+            self.crew.finish()
+        self.crew.meet(goal)
+        return here, goal
+
+    @ti.func
+    def correct(self, one: Template, thread, stage, ended, done, n: Template):
+        """One stage or two: a constraint for each part and then for all. Returns as `in_parts`."""
+        here, goal = stage, ended
+        if ti.static(one.parts):
+            here, goal = here + 1, goal + PARTS
+            for turn in range(PARTS):
+                part = self.crew.take(thread, turn, here, PARTS, goal)
+                if part >= 0:
+                    one.correct_part(self, part, self.cut[part], self.cut[part + 1], done, n)
+                    self.crew.finish()
+            self.crew.meet(goal)
+        if ti.static(one.whole):
+            here, goal = here + 1, goal + 1
+            if self.crew.take(thread, 0, here, 1, goal) == 0:
+                one.correct_whole(self, done, n)
+                self.crew.finish()
+            self.crew.meet(goal)
+        return here, goal

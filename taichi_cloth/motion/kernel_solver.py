@@ -1,0 +1,118 @@
+"""What solvers have in common whose frame is one kernel (`frame.py`): its fields, threads, constants, constraints."""
+
+from functools import lru_cache
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from taichi_cloth.ground import runtime
+from taichi_cloth.ground.errors import InputError
+from taichi_cloth.motion.constraint import Constraint
+from taichi_cloth.motion.crew import PARTS, Pace
+from taichi_cloth.motion.forces import Forces, FrameForces
+from taichi_cloth.motion.frame import Frame
+from taichi_cloth.motion.numbers import numbers_of
+from taichi_cloth.motion.solver import Solver
+from taichi_cloth.motion.stencil import Features
+from taichi_cloth.sheet.energy import accelerations
+from taichi_cloth.sheet.sheet import Sheet, SheetState
+
+__all__ = ["KernelSolver"]
+
+WORTH_THREADS = 1_000
+"""Key points from which a second thread pays: a factor of 1.4 at 33², 1.9 at 46², 1.6 to 1.8 at 79², 1.8 at 257²."""
+
+MOST_THREADS = PARTS // 2
+
+
+class KernelSolver(Solver):
+    """A solver of one sheet whose frames a kernel moves.
+
+    frame_of: the `Frame` with the solver's own stages. substeps: of a frame of 1/frame_rate [s], at the start. threads:
+    at most; None takes 1, or those of the runtime where the sheet is large enough. constraints: what corrects key
+    points after the springs of each substep, in that order.
+    Raises InputError on forces that none of the constraints answers.
+    """
+
+    frame_of: type[Frame]
+
+    def __init__(
+        self,
+        sheet: Sheet,
+        forces: Forces,
+        *,
+        frame_rate: float,
+        substeps: int,
+        threads: int | None,
+        constraints: tuple[Constraint, ...],
+    ) -> None:
+        self.sheet, self.forces, self.frame_rate, self.constraints = sheet, forces, frame_rate, constraints
+        for name in ("body", "strain_limit", "self_contact"):
+            if getattr(forces, name) is not None and not any(one.answers == name for one in constraints):
+                raise InputError(f"forces.{name}: no constraint of the solver answers it; see constraints_for")
+        most = threads or (runtime.threads() if sheet.present.sum() >= WORTH_THREADS else 1)
+        self.threads = 1 if any(one.repeated for one in constraints) else min(most, MOST_THREADS)
+        self.features = Features(
+            hinges=sheet.springs.law == "hinge",
+            wind=forces.wind is not None,
+            sphere=forces.sphere is not None,
+            plane=forces.plane is not None,
+            leads=not constraints,
+            apart=bool(constraints) or sheet.material.fibre_damping > 0,
+        )
+        self.take_steps(substeps)
+        self._pace = Pace(self.threads)
+
+    def take_steps(self, substeps: int) -> None:
+        """From now on so many a frame."""
+        self.substeps, self.step = substeps, 1 / self.frame_rate / substeps
+        self.numbers = numbers_of(self.sheet, self.forces, self.step)
+        for one in self.constraints:
+            one.join(substeps, self.step)
+
+    def rescale(self, state: SheetState, before: float) -> None:
+        """Steps of `before` [s] in the state to those of the same motion now: x(t) − x(t − h) = v h − a h²/2."""
+        sheet, share = self.sheet, self.step / before
+        a = accelerations(sheet, sheet.positions(state), self.forces.gravity)
+        steps = share * (sheet.steps(state) + a * (before * (before - self.step) / 2))
+        sheet.set_steps(state, steps)
+        for one in self.constraints:
+            one.rescale(state, share)
+
+    def advance(self, state: SheetState, forces: FrameForces) -> None:
+        generation, shape = runtime.generation(), self.sheet.padded_shape
+        frame = _frame(generation, self.frame_of, shape, self.threads, self.constraints)
+        if frame.holder != (self, self.substeps):
+            self.fill(frame, state)
+            frame.holder = self, self.substeps
+        first, last = np.asarray(forces.wind_start), np.asarray(forces.wind_end)
+        wind, change = first.tolist(), ((last - first) / self.substeps).tolist()
+        for one in self.constraints:
+            one.begin(state, forces)
+        threads, begin = self._pace.threads(), perf_counter()
+        with runtime.plain_code():  # half the time to compile, and as fast a frame
+            frame.run(state.values, *wind, *change, self.substeps, threads, self.features)
+            self._pace.took(perf_counter() - begin)
+            self.look(frame)
+        for one in self.constraints:
+            one.end(state)
+
+    def fill(self, frame: Any, state: SheetState) -> None:
+        """What stays the same from frame to frame, into fields that hold that of another solver, or of other steps."""
+        frame.fill(self.sheet, state, self.numbers)
+
+    def look(self, frame: Any) -> None:
+        """At the fields after a frame."""
+
+
+@lru_cache(maxsize=16)
+def _frame(
+    generation: int,
+    frame_of: type[Frame],
+    padded_shape: tuple[int, int],
+    threads: int,
+    constraints: tuple[Constraint, ...],
+) -> Frame:
+    """Sheets of one shape share it. generation: of the Taichi runtime; a new start throws all fields away."""
+    return frame_of(padded_shape, threads, constraints)
