@@ -27,7 +27,7 @@ from taichi_cloth.ground.arrays import Template
 from taichi_cloth.motion.constraint import SharedConstraint
 from taichi_cloth.motion.crew import PARTS
 from taichi_cloth.motion.forces import FrameForces
-from taichi_cloth.motion.stencil import load, store
+from taichi_cloth.motion.stencil import load, relative, store
 from taichi_cloth.sheet.sheet import LANES, Sheet, SheetState
 
 __all__ = ["MiddleContact"]
@@ -92,16 +92,8 @@ class MiddleFields:
         time: by the capsule around it."""
         a, row = points.lanes(b * LANES), i * ROW + SHAPE
         c, axis, shift = self.surface.posed(i, 0), self.surface.posed(i, 3), self.surface.vector(i, SHAPE + 9)
-        x, y, z = (
-            load(points.position[0], a) - c[0],
-            load(points.position[1], a) - c[1],
-            load(points.position[2], a) - c[2],
-        )
-        u, v, w = (
-            load(points.step[0], a) - shift[0],
-            load(points.step[1], a) - shift[1],
-            load(points.step[2], a) - shift[2],
-        )
+        x, y, z = relative(points.position, a, c)
+        u, v, w = relative(points.step, a, shift)
         turning = self.surface.vector(i, SHAPE + 12).norm() * (ti.sqrt(x * x + y * y + z * z) + reach)
         along = x * axis[0] + y * axis[1] + z * axis[2]
         along = ti.min(ti.max(along, self.surface.row[row + 16]), self.surface.row[row + 17])

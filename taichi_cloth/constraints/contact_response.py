@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from taichi_cloth.constraints.contact_surface import BONE, BOX, ROW, SHAPE, BodySurface
 from taichi_cloth.ground.arrays import Template
 from taichi_cloth.motion.crew import LINE, PARTS
-from taichi_cloth.motion.stencil import load, store
+from taichi_cloth.motion.stencil import load, load_xyz, relative, store
 from taichi_cloth.sheet.sheet import LANES, PAD
 
 __all__ = ["Response"]
@@ -128,11 +128,7 @@ class Response(BodySurface):
         q = self.scratch_of(part)
         row = i * ROW + SHAPE
         c, axis = self.posed(i, 0), self.posed(i, 3)
-        x, y, z = (
-            load(points.position[0], a) - c[0],
-            load(points.position[1], a) - c[1],
-            load(points.position[2], a) - c[2],
-        )
+        x, y, z = relative(points.position, a, c)
         along = x * axis[0] + y * axis[1] + z * axis[2]
         along = ti.min(ti.max(along, self.row[row + 16]), self.row[row + 17])
         x, y, z = x - along * axis[0], y - along * axis[1], z - along * axis[2]
@@ -156,12 +152,8 @@ class Response(BodySurface):
         """Where a long step of the lanes at a meets the primitive on its way it is pushed back to the first such place:
         so far that it stays outside."""
         gap, c = self.setting[3], self.posed(i, 0)
-        x, y, z = (
-            load(points.position[0], a) - c[0],
-            load(points.position[1], a) - c[1],
-            load(points.position[2], a) - c[2],
-        )
-        dx, dy, dz = load(points.step[0], a), load(points.step[1], a), load(points.step[2], a)
+        x, y, z = relative(points.position, a, c)
+        dx, dy, dz = load_xyz(points.step, a)
         u, v, w = self.slip(i, x, y, z, dx, dy, dz)
         longest = ti.sqrt((free * (u * u + v * v + w * w)).max())
         pieces = ti.min(int(longest / (0.25 * self.setting[5])), 64)
@@ -193,15 +185,11 @@ class Response(BodySurface):
             free *= ti.cast(met, ti.f32)
         if ti.static(self.long_steps):
             self.cross(points, a, i, q, free)
-        x, y, z = (
-            load(points.position[0], a) - c[0],
-            load(points.position[1], a) - c[1],
-            load(points.position[2], a) - c[2],
-        )
+        x, y, z = relative(points.position, a, c)
         self.measure(i, q, x, y, z)
         d, nx = load(self.scratch, q), load(self.scratch, q + LANES)
         ny, nz = load(self.scratch, q + 2 * LANES), load(self.scratch, q + 3 * LANES)
-        dx, dy, dz = load(points.step[0], a), load(points.step[1], a), load(points.step[2], a)
+        dx, dy, dz = load_xyz(points.step, a)
         u, v, w = self.slip(i, x, y, z, dx, dy, dz)
         store(self.plane, o, nx)
         store(self.plane, o + LANES, ny)
@@ -230,11 +218,7 @@ class Response(BodySurface):
         q = self.scratch_of(part)
         i = self.owner[slot]
         c, m = self.posed(i, 0), self.turned(i, float(done - self.looked[slot]))
-        x, y, z = (
-            load(points.position[0], a) - c[0],
-            load(points.position[1], a) - c[1],
-            load(points.position[2], a) - c[2],
-        )
+        x, y, z = relative(points.position, a, c)
         u = m[0, 0] * x + m[1, 0] * y + m[2, 0] * z - load(self.plane, o + 4 * LANES)
         v = m[0, 1] * x + m[1, 1] * y + m[2, 1] * z - load(self.plane, o + 5 * LANES)
         w = m[0, 2] * x + m[1, 2] * y + m[2, 2] * z - load(self.plane, o + 6 * LANES)
@@ -349,8 +333,8 @@ class Response(BodySurface):
         i = self.entry_of[e]
         shift, turn = self.vector(i, SHAPE + 9), self.vector(i, SHAPE + 12)
         c, t = self.posed(i, 0) + since * shift, since * turn
-        px, py, pz = load(points.position[0], a), load(points.position[1], a), load(points.position[2], a)
-        dx, dy, dz = load(points.step[0], a), load(points.step[1], a), load(points.step[2], a)
+        px, py, pz = load_xyz(points.position, a)
+        dx, dy, dz = load_xyz(points.step, a)
         ax, ay, az = load(self.entry, o), load(self.entry, o + LANES), load(self.entry, o + 2 * LANES)
         nx, ny, nz = ax + t[1] * az - t[2] * ay, ay + t[2] * ax - t[0] * az, az + t[0] * ay - t[1] * ax
         x, y, z = px - c[0], py - c[1], pz - c[2]

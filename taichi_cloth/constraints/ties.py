@@ -117,10 +117,9 @@ class TieFields:
             for k in range(blocks * LANES):
                 self.push[c * self.capacity + k] = 0.0
         for b in range(2 * blocks):  # three numbers at a time, which is what registers hold
+            q, at = points.lanes((b % blocks) * LANES), b // blocks * 3 * self.capacity
             for m in range(blocks):
-                self.answer_to(
-                    points.lanes((b % blocks) * LANES), points.lanes(m * LANES), b // blocks * 3 * self.capacity
-                )
+                self.answer_to(q, points.lanes(m * LANES), at)
         for k in range(count):
             self.move(points, k, ti.Vector([self.push[c * self.capacity + k] for c in ti.static(range(6))]))
 

@@ -92,7 +92,7 @@ class KernelSolver(Solver):
             one.begin(state, forces)
         threads, begin = self._pace.threads(), perf_counter()
         with runtime.plain_code():  # half the time to compile, and as fast a frame
-            frame.run(state.values, *wind, *change, self.substeps, threads, self.features)
+            frame.run(state.values, *wind, *change, self.substeps, threads, self.features)  # pyright: ignore[reportCallIssue]
             self._pace.took(perf_counter() - begin)
             self.look(frame)
         for one in self.constraints:

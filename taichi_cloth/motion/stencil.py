@@ -50,6 +50,18 @@ def store(field: Template, p, values):
 
 
 @ti.func
+def load_xyz(place: Template, p):
+    """The lanes at p of a vector's three fields."""
+    return load(place[0], p), load(place[1], p), load(place[2], p)
+
+
+@ti.func
+def relative(place: Template, p, origin):
+    """The same less one vector."""
+    return load(place[0], p) - origin[0], load(place[1], p) - origin[1], load(place[2], p) - origin[2]
+
+
+@ti.func
 def largest(values):
     """Of the lanes; in halves, as vector instructions have it."""
     four = ti.Vector([ti.max(values[k], values[k + 4]) for k in ti.static(range(4))])

@@ -48,8 +48,8 @@ class StepChoice:
         return self.safety * self.limit
 
     def substeps(self, step: float) -> int:
-        """Of a frame, each of at most `step` [s]: two at a time, for constraints that are paired. 1e-9: a frame that is just
-        so many steps is not one more."""
+        """Of a frame, each of at most `step` [s]: two at a time, for paired constraints. 1e-9: a frame that is
+        just so many steps is not one more."""
         return max(2, 2 * ceil(1 / self.frame_rate / step / 2 - 1e-9))
 
     def crossed(self, step: float, bound: float) -> bool:

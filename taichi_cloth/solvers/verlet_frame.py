@@ -1,7 +1,7 @@
-"""The stages of a frame that are Verlet's own: springs, gravity, wind and fixed shapes in one; and the look after it."""
+"""What of a frame is Verlet's own: one stage for springs, gravity, wind and fixed shapes; and the look after it."""
 
 # In kernels a vector is a Taichi expression, which type checkers cannot follow.
-# pyright: reportOptionalCall=false, reportOperatorIssue=false, reportGeneralTypeIssues=false
+# pyright: reportOptionalCall=false, reportOperatorIssue=false, reportGeneralTypeIssues=false, reportArgumentType=false
 
 import taichi as ti
 

@@ -19,8 +19,8 @@ from taichi_cloth.body.primitives.primitive_file import primitives_json
 from taichi_cloth.body.primitives.primitives import Primitive
 from taichi_cloth.body.primitives.ready import SEEDS, fit_body, ready_primitives
 from taichi_cloth.body.primitives.samples import mesh_distance
-from taichi_cloth.constraints import contact_response
 from taichi_cloth.ground.errors import InputError
+from taichi_cloth.motion.constraint import shared_fields
 from taichi_cloth.scenes.body.report_body import garment_points
 from taichi_cloth.scenes.models.cloth_model import ClothModel
 from taichi_cloth.scenes.plan.plan import plan
@@ -54,13 +54,13 @@ def test_a_scene_without_a_body_builds_none_of_it(monkeypatch: pytest.MonkeyPatc
         raise AssertionError("a body was made")
 
     monkeypatch.setattr(build, "built_in_body", refuse)
-    made = contact_response.response.cache_info().misses
+    made = shared_fields.cache_info().misses
     scene = load_scene("drape", [*SMALL, "forces.sphere.radius_m=0.2"])
     model = ClothModel(scene)
     assert model.body is None
     assert model.simulation.forces.body is None
     model.step(1)
-    assert contact_response.response.cache_info().misses == made
+    assert shared_fields.cache_info().misses == made
     assert model.panels()[0].meshes[-1] is model.ball
     stages = {stage.name: stage for stage in plan(scene).stages}
     assert not stages["body"].built
