@@ -2,6 +2,7 @@
 
 import os
 import tempfile
+import zlib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -16,6 +17,7 @@ __all__ = [
     "Pixels",
     "contact_sheet",
     "linear_to_srgb",
+    "png_is_whole",
     "read_png",
     "srgb_table",
     "srgb_to_linear",
@@ -88,6 +90,22 @@ def read_png(path: str | Path) -> Pixels:
     if image is None or image.dtype not in (np.uint8, np.uint16):
         raise InputError(f"{path}: not an image that can be read; give a PNG")
     return _swapped(image)
+
+
+def png_is_whole(path: str | Path) -> bool:
+    """Whether a file is a PNG with all its chunks, each as it was written (PNG specification, 5: lengths and CRCs)."""
+    try:
+        data = Path(path).read_bytes()
+    except OSError:
+        return False
+    at, kind = 8, b""
+    while kind != b"IEND" and at + 12 <= len(data):
+        end = at + 8 + int.from_bytes(data[at : at + 4], "big")
+        kind = data[at + 4 : at + 8]
+        if zlib.crc32(data[at + 4 : end]) != int.from_bytes(data[end : end + 4], "big") or end + 4 > len(data):
+            return False
+        at = end + 4
+    return data[:8] == b"\x89PNG\r\n\x1a\n" and kind == b"IEND"
 
 
 def write_bytes(path: str | Path, data: bytes) -> None:

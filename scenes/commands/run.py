@@ -1,19 +1,9 @@
 """Turntables, animations and zooms: frames to disk, then the video and the contact sheet."""
 
-import sys
 from pathlib import Path
 from typing import Any, Literal
 
-from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TaskID,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
+from rich.progress import TaskID
 
 from taichi_cloth.ground import runtime
 from taichi_cloth.ground.errors import InputError
@@ -22,16 +12,21 @@ from ...render.image.image import contact_sheet, write_png
 from ...render.image.video import write_mp4
 from ...render.image.webp import write_webp
 from ..models.build import build, shown_frame
-from ..models.moving_model import MovingModel
+from ..models.model import Model
+from ..models.moving_model import STATE, MovingModel
 from ..picture.view import View
 from ..picture.zoom import zoom
 from ..plan.lines import fact_lines, plan_lines
 from ..plan.plan import plan
 from ..prepare.drawing import require_picture
+from ..prepare.weave_layout import Prepared
 from ..scene.load import load_scene
+from ..scene.schema import Scene
+from .output_folder import OutputFolder
+from .progress import progress
 from .sequence import Sequence, fingerprint
 
-__all__ = ["image_size", "progress", "run"]
+__all__ = ["image_size", "run"]
 
 Command = Literal["turntable", "animate", "zoom"]
 
@@ -59,8 +54,46 @@ def run(
     planned = plan(scene)
     count = scene.output.views if command == "turntable" else scene.output.frames
     folder = out or Path("out") / (Path(name).stem + ("-zoom" if command == "zoom" else ""))
-    sequence = Sequence.open(folder, fingerprint(scene, command), count, resume=resume)
-    runtime.start(arch, threads=threads)
+    video, sheet, moving = f"{command}.mp4", "sheet.png", command == "animate" and scene.subject != "twist"
+    products = [video, sheet, *([f"{command}.webp"] if scene.output.webp else []), *([STATE] if moving else [])]
+    mark = fingerprint(scene, command)
+    with OutputFolder(folder) as held:
+        sequence = Sequence.open(held, mark, count, products, resume=resume)
+        runtime.start(arch, threads=threads)
+        model = _built(scene, planned.prepared)
+        view = View(model, scene.output.size)
+        if not held.path.exists():
+            held.make()
+            sequence = Sequence.open(held, mark, count, products, resume=resume)  # what came there meanwhile
+        sequence.begin()
+        for line in (*plan_lines(planned), *fact_lines(model.facts())):
+            print(line)
+        todo = sequence.missing()
+        if isinstance(model, MovingModel) and command == "animate":
+            model.keep(folder, todo[0] if todo else count)
+        if command == "turntable":
+            model.step(shown_frame(scene, model))
+            frames = view.turntable(count, todo)
+        elif command == "zoom":
+            frames = zoom(view, count, todo)
+        else:
+            frames = view.animation(todo)
+        with progress() as bar:
+            task = bar.add_task("frames", total=count, completed=count - len(todo))
+            for _ in sequence.write(frames):
+                bar.advance(task)
+            closing = bar.add_task("video and sheet", total=2)
+            codec = write_mp4(folder / video, sequence.paths, fps=scene.output.fps)
+            bar.advance(closing)
+            write_png(folder / sheet, contact_sheet(sequence.paths, thumbnail=max(64, 1920 // 6)))
+            bar.advance(closing)
+            if scene.output.webp:
+                write_webp(folder / f"{command}.webp", sequence.paths, fps=scene.output.fps)
+    print(f"{count} frames, {video} ({codec}) and {sheet} in {folder}")
+
+
+def _built(scene: Scene, prepared: Prepared | None) -> Model:
+    """The scene's model, with a bar where building takes long."""
     with progress() as bar:
         stages: dict[str, TaskID] = {}
 
@@ -69,34 +102,7 @@ def run(
                 stages[stage] = bar.add_task(stage, total=most)
             bar.update(stages[stage], completed=done)
 
-        model = build(scene, planned.prepared, each)
-    view = View(model, scene.output.size)
-    sequence.begin()
-    for line in (*plan_lines(planned), *fact_lines(model.facts())):
-        print(line)
-
-    todo = sequence.missing()
-    if isinstance(model, MovingModel) and command == "animate":
-        model.keep(folder, todo[0] if todo else count)
-    if command == "turntable":
-        model.step(shown_frame(scene, model))
-        frames = view.turntable(count, todo)
-    elif command == "zoom":
-        frames = zoom(view, count, todo)
-    else:
-        frames = view.animation(todo)
-    with progress() as bar:
-        task = bar.add_task("frames", total=count, completed=count - len(todo))
-        for _ in sequence.write(frames):
-            bar.advance(task)
-        closing = bar.add_task("video and sheet", total=2)
-        codec = write_mp4(folder / f"{command}.mp4", sequence.paths, fps=scene.output.fps)
-        bar.advance(closing)
-        write_png(folder / "sheet.png", contact_sheet(sequence.paths, thumbnail=max(64, 1920 // 6)))
-        bar.advance(closing)
-        if scene.output.webp:
-            write_webp(folder / f"{command}.webp", sequence.paths, fps=scene.output.fps)
-    print(f"{count} frames, {command}.mp4 ({codec}) and sheet.png in {folder}")
+        return build(scene, prepared, each)
 
 
 def image_size(text: str) -> tuple[int, int]:
@@ -105,17 +111,3 @@ def image_size(text: str) -> tuple[int, int]:
     if len(parts) == 2 and all(p.isdecimal() and p.isascii() and len(p) < 6 and 1 <= int(p) <= 16384 for p in parts):
         return int(parts[0]), int(parts[1])
     raise InputError(f"--size: {text[:40]!r}; allowed: WIDTHxHEIGHT with 1 to 16384 pixels each, such as 1280x720")
-
-
-def progress() -> Progress:
-    """A bar on standard error, if that is a terminal."""
-    return Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TextColumn("left"),
-        TimeRemainingColumn(),
-        console=Console(stderr=True),
-        disable=not sys.stderr.isatty(),
-    )

@@ -3,10 +3,8 @@
 The folder holds `frame_0000.png` …, `sequence.json` (what made them), and at the end a video and a contact sheet.
 """
 
-import errno
 import hashlib
 import json
-import os
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,9 +15,10 @@ from numpy.typing import NDArray
 import taichi_cloth
 from taichi_cloth.ground.errors import InputError
 
-from ...render.image.image import write_bytes, write_png
+from ...render.image.image import png_is_whole, write_bytes, write_png
 from ..scene.scene_files import file_hashes
 from ..scene.schema import Scene
+from .output_folder import OutputFolder
 
 __all__ = ["Sequence", "fingerprint"]
 
@@ -38,11 +37,15 @@ def fingerprint(scene: Scene, command: str) -> str:
 
 @dataclass(frozen=True)
 class Sequence:
-    """The frames of one command in one folder. Make it with `Sequence.open`, then `begin`, then `write`."""
+    """The frames of one command in one folder. Make it with `Sequence.open`, then `begin`, then `write`.
 
-    folder: Path
+    products: what is made of the frames besides. outdated: what an older command of ours left.
+    """
+
+    within: OutputFolder
     count: int
     mark: str
+    products: tuple[str, ...]
     outdated: tuple[str, ...]
 
     @staticmethod
@@ -50,41 +53,56 @@ class Sequence:
         return f"frame_{number:04d}.png"
 
     @staticmethod
-    def open(folder: Path, mark: str, count: int, *, resume: bool) -> "Sequence":
+    def open(within: OutputFolder, mark: str, count: int, products: Iterable[str] = (), *, resume: bool) -> "Sequence":
         """Look at a folder for a sequence of `count` frames marked `mark` (see `fingerprint`). Touches nothing.
 
-        Raises InputError when the folder cannot be written, holds frames that no run of ours left, or, with
-        `resume`, was left by a different command.
+        Raises InputError when the folder holds frames or products that no run of ours left, or, with `resume`, was left
+        by a different command or holds a damaged frame.
         """
-        _refuse_unwritable(folder)
+        folder, wanted = within.path, tuple(products)
         ours = _read_manifest(folder)
-        outdated: list[str] = []
-        if ours is None:
-            taken = [n for n in map(Sequence.name, range(count)) if (folder / n).exists()]
-            if taken:
-                raise InputError(f"--out {folder}: holds {taken[0]} from elsewhere; choose another folder")
-        elif not resume:
-            outdated = [*map(Sequence.name, range(ours["frames"])), *PRODUCTS]
-        elif ours["fingerprint"] != mark:
+        left = 0 if ours is None else ours["frames"]
+        for name in map(Sequence.name, range(left, count)):
+            if (folder / name).exists():
+                raise InputError(f"--out {folder}: holds {name} from elsewhere; choose another folder")
+        if ours is not None and resume and ours["fingerprint"] != mark:
             raise InputError(
-                f"--resume: {folder} was left by another scene, size or number of frames; "
-                "leave --resume out to begin anew, or choose another --out"
+                f"--resume: {folder} was left by another scene, size or number of frames, or a file that the scene "
+                "names was edited; leave --resume out to begin anew, or choose another --out"
             )
-        return Sequence(folder, count, mark, tuple(outdated))
+        within.refuse_foreign(wanted)
+        outdated: list[str] = []
+        if ours is not None and not resume:
+            outdated = [*map(Sequence.name, range(left)), *within.made().intersection(PRODUCTS)]
+        sequence = Sequence(within, count, mark, wanted, tuple(outdated))
+        if resume:
+            sequence._refuse_damaged()
+        return sequence
 
     def begin(self) -> None:
         """Make the folder ours: what an older command of ours left goes, then the manifest is written.
 
         In this order, so that a later `resume` can never take an old frame for a new one. Raises InputError.
         """
+        self.within.make()
         try:
-            self.folder.mkdir(parents=True, exist_ok=True)
+            self.within.clean((*(path.name for path in self.paths), *self.outdated, *PRODUCTS, MANIFEST))
             for name in self.outdated:
                 (self.folder / name).unlink(missing_ok=True)
             text = json.dumps({"fingerprint": self.mark, "frames": self.count}, indent=1) + "\n"
             write_bytes(self.folder / MANIFEST, text.encode())
         except OSError as error:
-            raise _unwritable(self.folder, error.strerror) from None
+            raise self.within.unwritable(error.strerror) from None
+        self.within.claim(self.products)
+
+    def _refuse_damaged(self) -> None:
+        for path in self.paths:
+            if path.exists() and not png_is_whole(path):
+                raise InputError(f"--resume: {path} is damaged; delete it, and it is made again")
+
+    @property
+    def folder(self) -> Path:
+        return self.within.path
 
     @property
     def paths(self) -> list[Path]:
@@ -99,24 +117,6 @@ class Sequence:
         for number, image in frames:
             write_png(self.folder / self.name(number), image)
             yield number
-
-
-def _refuse_unwritable(folder: Path) -> None:
-    try:
-        if folder.exists() and not folder.is_dir():
-            raise InputError(f"--out {folder}: is a file; give a folder")
-        nearest = next(p for p in (folder, *folder.absolute().parents) if p.exists())
-    except OSError as error:
-        raise _unwritable(folder, error.strerror) from None
-    if not nearest.is_dir():
-        raise _unwritable(folder, f"{nearest} is a file")
-    if not os.access(nearest, os.W_OK | os.X_OK):
-        raise _unwritable(folder, os.strerror(errno.EACCES))
-
-
-def _unwritable(folder: Path, reason: str | None) -> InputError:
-    shown = str(folder) if len(str(folder)) < 200 else f"{str(folder)[:80]}…"
-    return InputError(f"--out {shown}: cannot be written ({reason}); choose another folder")
 
 
 def _read_manifest(folder: Path) -> dict | None:

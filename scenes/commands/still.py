@@ -9,7 +9,7 @@ import json
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,12 +30,12 @@ from ..plan.plan import plan
 from ..prepare.drawing import require_picture
 from ..scene.load import load_scene
 from ..scene.schema import Scene
+from .output_folder import OutputFolder
 from .run import image_size
 
 __all__ = ["FORMATS", "still"]
 
 FORMATS = ("png", "png16", "exr")
-Format = Literal["png", "png16", "exr"]
 MOST = 65535
 
 
@@ -64,18 +64,20 @@ def still(
     if form == "exr":
         require_exr()
     folder = out or Path("out") / Path(name).stem
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"--out {folder}: cannot be written ({error.strerror}); choose another folder") from None
     require_picture(width_height, supersample)
     planned = plan(scene)
-    runtime.start(arch, threads=threads)
-    model = build(scene, planned.prepared)
-    model.step(shown_frame(scene, model))
-    files = shoot(model, scene, width_height, wanted, form, supersample)  # everything is made before any is written
-    for file, (_, write) in files.items():
-        write(folder / file)
+    ending = "exr" if form == "exr" else "png"
+    with OutputFolder(folder) as held:
+        held.refuse_foreign([*(f"{one}.{ending}" for one in wanted), "still.json"])
+        runtime.start(arch, threads=threads)
+        model = build(scene, planned.prepared)
+        model.step(shown_frame(scene, model))
+        files = shoot(model, scene, width_height, wanted, form, supersample)  # all is made before any is written
+        held.make()
+        held.clean(files)
+        held.claim(files)
+        for file, (_, write) in files.items():
+            write(folder / file)
     print(f"{', '.join(files)} in {folder}")
 
 

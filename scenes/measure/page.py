@@ -80,8 +80,13 @@ def section_of(study: Study, rows: Sequence[Row], image: bytes) -> Section:
 
 def check_folder(out: Path) -> None:
     """Raises InputError where a report would overwrite something that is none."""
-    if out.exists() and not (out.is_dir() and (not any(out.iterdir()) or (out / "report.md").is_file())):
+    told = out / "report.md"
+    if out.exists() and not (out.is_dir() and (not any(out.iterdir()) or told.is_file())):
         raise InputError(f"--out {out}: holds something else than a report; name a new folder, or empty this one")
+    text = told.read_text("utf-8", errors="replace") if told.is_file() else ""
+    for name in sorted(path.name for path in out.iterdir()) if text else ():
+        if name not in (told.name, "index.html") and f"({name})" not in text:
+            raise InputError(f"--out {out}: holds {name} beside a report; move it away, or name a new folder")
 
 
 def write_report(sections: Sequence[Section], out: Path, *, title: str, facts: Sequence[str]) -> None:

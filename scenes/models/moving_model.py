@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_cloth.fabric.follow import FibreFollower
+from taichi_cloth.ground.errors import InputError
 from taichi_cloth.motion.simulation import Simulation
 
 from ...render.data.blocks import ParticleBlocks
@@ -109,7 +110,10 @@ class MovingModel(ABC):
         """
         self._kept = folder / STATE
         if self._kept.exists():
-            self.simulation.restore(self._kept)
+            try:
+                self.simulation.restore(self._kept)
+            except InputError as error:
+                raise InputError(f"--resume: {error}; delete {self._kept} and the motion is computed again") from None
             if self.simulation.frame > first:
                 self.simulation = self.at_start()
         self._save()

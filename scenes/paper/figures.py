@@ -19,14 +19,15 @@ from ...render.image.image import write_bytes, write_png
 from .figures_cloth import drape, fibre, springs, textured, twist, weaves
 from .figures_garment import body_parts, dressed_twice, magnified, moving, primitives, skirt_and_shirt, stretched
 
-__all__ = ["FIGURES", "Figure", "make_figures", "numbers_of", "page"]
+__all__ = ["FIGURES", "PaperFigure", "make_figures", "numbers_of", "page"]
 
 Image = NDArray[np.uint8]
 WIDTH = 1200
+INDEX = "index.html"
 
 
 @dataclass(frozen=True)
-class Figure:
+class PaperFigure:
     """first, last: the paper's numbers that one picture stands for. command: makes the like of it by itself.
     make: the picture; its argument asks for a quick one."""
 
@@ -47,14 +48,14 @@ class Figure:
 
 
 FIGURES = (
-    Figure(
+    PaperFigure(
         1,
         2,
         "A fibre as a set of spheres (left) and filled with particles (right): cotton, wool and silk.",
         "taichi-cloth turntable fibre --set fibre.kind=wool --views 1",
         fibre,
     ),
-    Figure(
+    PaperFigure(
         3,
         4,
         "Two singles being twisted: (a) at the start, (b, c) as the twist of zone a (A–B) rises while zone b (B–C) is "
@@ -62,21 +63,21 @@ FIGURES = (
         "taichi-cloth animate twist",
         twist,
     ),
-    Figure(
+    PaperFigure(
         5,
         5,
         "Weaves: plain, twill, satin and herringbone, near enough to see the threads.",
         "taichi-cloth turntable satin --views 1 --set camera.zoom=3",
         weaves,
     ),
-    Figure(
+    PaperFigure(
         6,
         6,
         "Fabric with a texture of coloured yarns, in soft folds: tartan and houndstooth.",
         "taichi-cloth turntable tartan --views 1",
         textured,
     ),
-    Figure(
+    PaperFigure(
         7,
         8,
         "Key points where the yarns cross (left), and the springs between them (right): structural along the yarns "
@@ -84,48 +85,50 @@ FIGURES = (
         "taichi-cloth figures --only 7",
         springs,
     ),
-    Figure(
+    PaperFigure(
         9,
         9,
         "One sheet over a ball, as a mesh (left) and as fibre particles (right).",
         "taichi-cloth still drape --set cloth.representation=mesh",
         drape,
     ),
-    Figure(10, 10, "A body divided into its parts.", "taichi-cloth body fit built-in:female", body_parts),
-    Figure(
+    PaperFigure(10, 10, "A body divided into its parts.", "taichi-cloth body fit built-in:female", body_parts),
+    PaperFigure(
         11,
         11,
         "Primitives that stand for the body in contact: cylinders red, spheres blue, elliptic cylinders green.",
         "taichi-cloth body fit built-in:female",
         primitives,
     ),
-    Figure(
+    PaperFigure(
         12,
         12,
         "A whole dress (a) as a mesh and (b) as fibre particles: the same key points.",
         "taichi-cloth turntable dress --views 1 --set garment.representation=mesh",
         dressed_twice,
     ),
-    Figure(
+    PaperFigure(
         13,
         13,
         "The T-shirt magnified: whole, 4, 16 and 60 times.",
         "taichi-cloth still tshirt --set camera.zoom=4",
         magnified,
     ),
-    Figure(
+    PaperFigure(
         14,
         14,
         "A sheet held left and right: (a) at rest and (b) wrinkled along the pull.",
         "taichi-cloth animate stretch",
         stretched,
     ),
-    Figure(15, 15, "A short skirt and a T-shirt at rest.", "taichi-cloth turntable skirt", skirt_and_shirt),
-    Figure(16, 16, "A dress in motion: four moments of a walk.", "taichi-cloth animate dress --motion walk", moving),
+    PaperFigure(15, 15, "A short skirt and a T-shirt at rest.", "taichi-cloth turntable skirt", skirt_and_shirt),
+    PaperFigure(
+        16, 16, "A dress in motion: four moments of a walk.", "taichi-cloth animate dress --motion walk", moving
+    ),
 )
 
 
-def numbers_of(only: str | None) -> list[Figure]:
+def numbers_of(only: str | None) -> list[PaperFigure]:
     """The figures that "5,9-11" asks for, all for None. Raises InputError."""
     if only is None:
         return list(FIGURES)
@@ -145,11 +148,22 @@ def make_figures(
 
     The exit status: 1 when any failed. Raises InputError for bad input. Starts Taichi.
     """
-    from ..commands.run import progress
+    from ..commands.output_folder import OutputFolder
 
     chosen = numbers_of(only)
-    runtime.start(arch, threads=threads)
-    out.mkdir(parents=True, exist_ok=True)
+    with OutputFolder(out) as held:
+        held.refuse_foreign([*(figure.file for figure in chosen), INDEX])
+        runtime.start(arch, threads=threads)
+        held.make()
+        held.claim([*(figure.file for figure in chosen), INDEX])
+        failed = _draw(chosen, out, quick)
+    return 1 if failed else 0
+
+
+def _draw(chosen: Sequence[PaperFigure], out: Path, quick: bool) -> int:
+    """Draws figures into a folder; how many failed."""
+    from ..commands.progress import progress
+
     failed = 0
     with progress() as bar:
         task = bar.add_task("figures", total=len(chosen))
@@ -163,9 +177,9 @@ def make_figures(
                 print(f"figure {figure.number}: {' '.join(str(error).split()) or 'out of memory'}", file=sys.stderr)
             else:
                 bar.console.print(f"figure {figure.number}: {out / figure.file}, {perf_counter() - begin:.0f} s")
-                write_bytes(out / "index.html", page(out, FIGURES).encode())
+                write_bytes(out / INDEX, page(out, FIGURES).encode())
             bar.advance(task)
-    return 1 if failed else 0
+    return failed
 
 
 def fitted(image: Image) -> Image:
@@ -176,7 +190,7 @@ def fitted(image: Image) -> Image:
     return np.asarray(cv2.resize(image, (WIDTH, round(height * WIDTH / width)), interpolation=cv2.INTER_AREA), np.uint8)
 
 
-def page(folder: Path, figures: Sequence[Figure]) -> str:
+def page(folder: Path, figures: Sequence[PaperFigure]) -> str:
     """HTML with the figures that are in the folder."""
     blocks = [
         f'<figure><img src="{f.file}" alt="{escape(f.caption)}"><figcaption><b>Figure {f.number}.</b> '

@@ -8,7 +8,7 @@ from taichi_cloth.ground import runtime
 from taichi_cloth.ground.errors import InputError
 
 from ...render.image.image import write_bytes
-from ..commands.run import progress
+from ..commands.progress import progress
 from ..measure.page import csv_text
 from .outcome import HEAD, NEITHER, Outcome, tried
 from .program import program_cases

@@ -12,7 +12,7 @@ import taichi_cloth
 from taichi_cloth.ground import runtime
 from taichi_cloth.ground.errors import InputError, did_you_mean
 
-from ..commands.run import progress
+from ..commands.progress import progress
 from ..measure.diagram import draw, require_matplotlib
 from ..measure.machine import cores, cpu_name
 from ..measure.page import Section, check_folder, section_of, write_report

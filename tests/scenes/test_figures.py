@@ -44,7 +44,7 @@ def test_a_failed_figure_is_named_and_the_rest_go_on(
     monkeypatch.setattr(figures.runtime, "start", lambda *a, **k: None)  # started for the whole run
     assert figures.make_figures(out=tmp_path) == 1
     assert "figure 1–2: no such <cloth>" in capsys.readouterr().err
-    assert sorted(p.name for p in tmp_path.iterdir()) == [second.file, "index.html"]
+    assert sorted(p.name for p in tmp_path.iterdir()) == [second.file, "index.html", "made.json"]
     assert read_png(tmp_path / second.file).shape == (15, 1200, 3)  # no wider than the page
     text = (tmp_path / "index.html").read_text(encoding="utf-8")
     assert re.findall('src="(.*?)"', text) == [second.file]

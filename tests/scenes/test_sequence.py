@@ -15,6 +15,7 @@ import pytest
 
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.render.image.image import read_png
+from taichi_cloth.scenes.commands.output_folder import OutputFolder
 from taichi_cloth.scenes.commands.sequence import Sequence, fingerprint
 from taichi_cloth.scenes.scene.load import load_scene
 
@@ -27,6 +28,7 @@ TURNTABLE_FILES = {
     "frame_0000.png",
     "frame_0001.png",
     "frame_0002.png",
+    "made.json",
     "sequence.json",
     "sheet.png",
     "turntable.mp4",
@@ -44,9 +46,15 @@ def contents(folder: Path) -> dict[str, bytes]:
 
 def made(folder: Path, mark: str, count: int = COUNT, *, resume: bool = False, shade: int = 0) -> list[int]:
     """A whole run. Gives the numbers of the frames that were drawn."""
-    sequence = Sequence.open(folder, mark, count, resume=resume)
-    sequence.begin()
-    return list(sequence.write(frames(sequence.missing(), shade)))
+    with OutputFolder(folder) as held:
+        sequence = Sequence.open(held, mark, count, resume=resume)
+        sequence.begin()
+        return list(sequence.write(frames(sequence.missing(), shade)))
+
+
+def looked_at(folder: Path, mark: str, count: int = COUNT, *products: str, resume: bool = False) -> Sequence:
+    with OutputFolder(folder) as held:
+        return Sequence.open(held, mark, count, products, resume=resume)
 
 
 def cut_off(folder: Path, mark: str, count: int, after: int) -> None:
@@ -56,10 +64,11 @@ def cut_off(folder: Path, mark: str, count: int, after: int) -> None:
         yield from frames(list(range(after)))
         raise KeyboardInterrupt
 
-    sequence = Sequence.open(folder, mark, count, resume=False)
-    sequence.begin()
-    with pytest.raises(KeyboardInterrupt):
-        list(sequence.write(failing()))
+    with OutputFolder(folder) as held:
+        sequence = Sequence.open(held, mark, count, resume=False)
+        sequence.begin()
+        with pytest.raises(KeyboardInterrupt):
+            list(sequence.write(failing()))
 
 
 def test_a_run_that_was_cut_off_goes_on_to_the_same_bytes(tmp_path: Path) -> None:
@@ -80,7 +89,7 @@ def test_another_command_cannot_resume_a_folder(tmp_path: Path) -> None:
     made(tmp_path, "a")
     before = contents(tmp_path)
     with pytest.raises(InputError, match="left by another scene, size or number of frames"):
-        Sequence.open(tmp_path, "b", COUNT, resume=True)
+        looked_at(tmp_path, "b", COUNT, resume=True)
     assert contents(tmp_path) == before
 
 
@@ -92,17 +101,25 @@ def test_an_old_frame_is_never_resumed_as_a_new_one(tmp_path: Path) -> None:
 
 def test_frames_of_a_longer_run_disappear_even_when_the_new_one_was_cut_off(tmp_path: Path) -> None:
     made(tmp_path, "a", count=9)
+    with OutputFolder(tmp_path) as held:
+        held.claim(["turntable.mp4"])
     (tmp_path / "turntable.mp4").write_bytes(b"of nine frames")
     cut_off(tmp_path, "b", 3, after=1)
     made(tmp_path, "b", count=3, resume=True)
-    assert set(contents(tmp_path)) == {"frame_0000.png", "frame_0001.png", "frame_0002.png", "sequence.json"}
+    assert set(contents(tmp_path)) == {
+        "frame_0000.png",
+        "frame_0001.png",
+        "frame_0002.png",
+        "made.json",
+        "sequence.json",
+    }
 
 
 def test_looking_at_a_folder_touches_nothing(tmp_path: Path) -> None:
     made(tmp_path, "a")
     before = contents(tmp_path)
-    Sequence.open(tmp_path, "b", 2, resume=False)
-    Sequence.open(tmp_path / "not" / "there", "b", 2, resume=False)
+    looked_at(tmp_path, "b", 2, resume=False)
+    looked_at(tmp_path / "not" / "there", "b", 2, resume=False)
     assert contents(tmp_path) == before
 
 
@@ -117,7 +134,7 @@ def test_frames_beside_a_broken_manifest_count_as_foreign(manifest: bytes, tmp_p
     before = contents(tmp_path)
     for resume in (False, True):
         with pytest.raises(InputError, match=r"holds frame_0000\.png from elsewhere"):
-            Sequence.open(tmp_path, "a", COUNT, resume=resume)
+            looked_at(tmp_path, "a", COUNT, resume=resume)
     assert contents(tmp_path) == before
 
 
@@ -128,7 +145,7 @@ def test_the_manifest_is_replaced_whole(tmp_path: Path, monkeypatch: pytest.Monk
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    sequence = Sequence.open(tmp_path, "b", COUNT, resume=False)
+    sequence = looked_at(tmp_path, "b", COUNT, resume=False)
     with monkeypatch.context() as patch:
         patch.setattr(os, "replace", full)
         with pytest.raises(InputError, match="No space left on device"):
@@ -208,6 +225,6 @@ def test_a_signal_leaves_whole_frames_and_resume_goes_on(number: signal.Signals,
     assert run.returncode == status
     assert err == "taichi-cloth: stopped; frames already written are whole: go on with --resume\n"
     left = set(contents(folder))
-    assert left == {"sequence.json"} | {Sequence.name(k) for k in range(len(left) - 1)}
-    for name in left - {"sequence.json"}:
+    assert left == {"made.json", "sequence.json"} | {Sequence.name(k) for k in range(len(left) - 2)}
+    for name in left - {"made.json", "sequence.json"}:
         assert read_png(folder / name).shape == (48, 64, 3)
