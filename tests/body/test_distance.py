@@ -1,14 +1,11 @@
 """Signed distances against surfaces sampled by brute force, against finite differences, and on the device."""
 
-# Tests hand over words and mixed rows that the types of options do not take.
-# pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
-
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import taichi as ti
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from taichi_cloth.body.colliders.colliders import Colliders
 from taichi_cloth.body.primitives.distance import nearest_distance, signed_distance
@@ -16,6 +13,7 @@ from taichi_cloth.body.primitives.primitives import Primitive
 from taichi_cloth.body.primitives.shapes import EVERYWHERE
 from taichi_cloth.constraints import contact
 from taichi_cloth.constraints.contact import Contact
+from taichi_cloth.ground.arrays import F32x2
 from taichi_cloth.motion.forces import Forces
 from taichi_cloth.sheet.materials import MATERIALS
 from taichi_cloth.sheet.sheet import LANES, Sheet
@@ -114,7 +112,7 @@ def test_the_distance_is_that_to_a_sampled_surface(name: str) -> None:
     primitive = SHAPES[name]
     p = places(primitive, 100_000)
     surface = profile(primitive)
-    tree = cKDTree(surface)
+    tree = KDTree(surface)
     d, _ = signed_distance(primitive, p)
     nearest, _ = tree.query(p, workers=2)
     s = SPACING
@@ -182,7 +180,7 @@ class Device:
         self.contact.begin(None, Forces(body=body).during(0.0, 0.0))  # pyright: ignore[reportArgumentType]
 
     @ti.kernel
-    def distances(self, points: ti.types.ndarray(ti.f32, 2), out: ti.types.ndarray(ti.f32, 2)):
+    def distances(self, points: F32x2, out: F32x2):
         ti.loop_config(serialize=True)
         for _ in range(1):
             self.contact.fields.follow(0)

@@ -1,8 +1,5 @@
 """Primitives fitted to a skin: solids are found again, a person is wrapped within the bounds, the report is true."""
 
-# Tests hand over words and mixed rows that the types of options do not take.
-# pyright: reportArgumentType=false
-
 import json
 
 import numpy as np
@@ -187,6 +184,7 @@ def test_farthest_points_are_on_the_surface_and_nothing_is_beyond():
     slab = Solid("elliptic", np.array([0, 0, 0, 0, 0.3, 0, np.log(0.2), np.log(0.1), 0.4, 0.0]), np.array([1.0, 0, 0]))
     for one in (cone, slab):
         primitive = one.primitive
+        assert primitive is not None
         far = one.farthest(up)
         assert np.abs(signed_distance(primitive, far)[0]).max() < 1e-9
         points = chance.uniform(-0.5, 0.5, (20_000, 3))

@@ -1,13 +1,10 @@
 """Parts of a body: against a figure whose parts are known, and against itself turned, scaled, remeshed and bent."""
 
-# Tests hand over words and mixed rows that the types of options do not take.
-# pyright: reportArgumentType=false, reportAssignmentType=false, reportAttributeAccessIssue=false
-
 import numpy as np
 import pytest
 import trimesh
 from figure_mesh import figure, meshed, standing, true_parts
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
 from taichi_cloth.body.figure.build import built_in_body
@@ -73,7 +70,7 @@ def test_meshed_anew(standing):
     solids, vertices, faces, found = standing
     other, other_faces = meshed(solids, 0.0245)
     anew = segment(other, other_faces)
-    near = cKDTree(vertices[faces].mean(axis=1)).query(other[other_faces].mean(axis=1))[1]
+    near = KDTree(vertices[faces].mean(axis=1)).query(other[other_faces].mean(axis=1))[1]
     # faces are 2 cm wide, and only those at a cut may differ
     assert agreement(anew.labels, found.labels[near], areas(other, other_faces)) > 0.95
 
@@ -179,12 +176,12 @@ def test_a_body_meshed_anew_has_the_same_parts(other):
     body = built_in_body(gender="female")
     vertices, faces = body.vertices, body.faces.astype(np.int64)
     if other == "finer":
-        anew, anew_faces = trimesh.remesh.subdivide(vertices, faces)
+        anew, anew_faces, *_ = trimesh.remesh.subdivide(vertices, faces)
     else:
         anew, anew_faces = clustered(vertices, faces, 0.015)
         assert len(anew) < 0.6 * len(vertices)
     before, after = segment(vertices, faces), segment(anew, anew_faces)
-    near = cKDTree(vertices[faces].mean(axis=1)).query(anew[anew_faces].mean(axis=1))[1]
+    near = KDTree(vertices[faces].mean(axis=1)).query(anew[anew_faces].mean(axis=1))[1]
     area = areas(anew, anew_faces)
     share = agreement(after.labels, before.labels[near], area)
     assert share > 0.98
@@ -211,6 +208,6 @@ def test_what_is_no_person_is_refused(standing):
     with pytest.raises(InputError, match="2 pieces"):
         segment(np.concatenate([vertices, vertices + 5]), np.concatenate([faces, faces + len(vertices)]))
     with pytest.raises(InputError, match='did you mean "spectral"'):
-        segment(vertices, faces, method="spectrul")
+        segment(vertices, faces, method="spectrul")  # pyright: ignore[reportArgumentType]
     with pytest.raises(InputError, match="parts"):
         segment(vertices, faces, method="spectral", parts=1)

@@ -1,8 +1,5 @@
 """Streaming: batches and windows against one picture, culling, level of detail against full detail, refinement."""
 
-# Tests hand over words and mixed rows that the types of options do not take.
-# pyright: reportArgumentType=false, reportCallIssue=false, reportReturnType=false
-
 from dataclasses import replace
 from pathlib import Path
 
@@ -46,7 +43,9 @@ def model() -> FabricModel:
 
 @pytest.fixture(scope="module")
 def particles(model: FabricModel) -> Particles:
-    return model.panels()[0].particles
+    found = model.panels()[0].particles
+    assert isinstance(found, Particles)
+    return found
 
 
 @pytest.fixture(scope="module")
@@ -108,6 +107,7 @@ def test_passes_of_windows_and_batches_are_those_of_one_picture(model: FabricMod
         assert whole.depth is not None
         assert passes.depth is not None
         assert passes.mask is not None
+        assert whole.mask is not None
         seen = whole.depth > 0
         assert (seen == (passes.depth > 0)).mean() > 0.995
         np.testing.assert_allclose(passes.mask, whole.mask, atol=0.1)
@@ -267,7 +267,7 @@ def test_gains_are_measured_where_a_zoom_goes(model: FabricModel) -> None:
             assert views.elevations == scene_gains.ELEVATIONS[:elevations]
             assert views.levels == scene_gains.MEASURED[:levels]
         tilts = [
-            stream_.survey(seen_at(model.fabric, model.points, pixels, elevation=elevation)).tilt
+            stream_.survey(seen_at(model.fabric, model.points, pixels, elevation=elevation)).tilt  # pyright: ignore[reportArgumentType]
             for pixels in (1.0, 1 / 16)
         ]
         assert tilts[0] == pytest.approx(tilts[1], rel=1e-6)

@@ -1,8 +1,5 @@
 """Sewing on the built-in bodies: where panels start; slow: every pattern closed, clear of the body, not stretched."""
 
-# Tests hand over words and mixed rows that the types of options do not take.
-# pyright: reportPrivateImportUsage=false
-
 import re
 from dataclasses import replace
 from functools import cache

@@ -1,8 +1,5 @@
 """Shadows, the sky between yarns, the lobes of a fibre and tone: against closed forms."""
 
-# Tests hand over words and mixed rows that the types of options do not take.
-# pyright: reportArgumentType=false
-
 from dataclasses import replace
 from math import pi, radians, sin
 
@@ -286,7 +283,7 @@ def test_batches_make_no_light_pass() -> None:
 def test_batches_are_lit_by_maps_of_the_whole() -> None:
     """Two halves drawn one behind the other, in the light maps of both, give the picture of both."""
     near, far = cloth(), cloth(4)
-    near = replace(near, position=near.position + np.float32([0, 0.15, 0.15]))
+    near = replace(near, position=near.position + np.array([0, 0.15, 0.15], np.float32))
     splatter = Splatter(96, 96, opaque=0.0).load(concatenate([near, far]))
     whole = splatter.render(camera(), lighting=FULL).astype(int)
     bare = splatter.render(camera(), lighting=FULL.without_passes()).astype(int)
@@ -306,7 +303,7 @@ def test_texels_stay_where_they_are_while_things_move(moved: float) -> None:
     layout, blocks, box = pack(still, textured=False)
     before = cast(layout, blocks, box, (0.3, 1, 0.2), size_deg=8)
     place = still.position.copy()
-    place[-1] += np.float32([moved, 0.2 * moved, moved]) * before.texel
+    place[-1] += np.array([moved, 0.2 * moved, moved], np.float32) * before.texel
     layout, blocks, box = pack(replace(still, position=place), textured=False)
     after = cast(layout, blocks, box, (0.3, 1, 0.2), size_deg=8)
     assert after.texel == before.texel

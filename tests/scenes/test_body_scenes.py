@@ -1,8 +1,5 @@
 """Sheets that meet a body: built where the scene has one, pinned to it, and never far inside it."""
 
-# Tests hand over words and mixed rows that the types of options do not take.
-# pyright: reportArgumentType=false
-
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,6 +9,7 @@ import pytest
 from taichi_cloth.body.colliders.grid import _inside
 from taichi_cloth.body.colliders.query import PrimitiveQuery
 from taichi_cloth.body.figure import build
+from taichi_cloth.body.figure.anthropometry import Gender
 from taichi_cloth.body.figure.build import built_in_body
 from taichi_cloth.body.primitives import primitives
 from taichi_cloth.body.primitives.distance import nearest_distance
@@ -215,7 +213,7 @@ def test_grids_of_a_body_know_its_skin(monkeypatch: pytest.MonkeyPatch, tmp_path
 
 @pytest.mark.slow
 @pytest.mark.parametrize("gender", ["female", "male"])
-def test_ready_primitives_are_those_that_a_fit_gives(gender: str) -> None:
+def test_ready_primitives_are_those_that_a_fit_gives(gender: Gender) -> None:
     """To 1 mm: rounding of the machine's linear algebra may end the fit elsewhere by less."""
     body = built_in_body(gender=gender)
     found = ready_primitives(body)

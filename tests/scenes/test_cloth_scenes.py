@@ -1,8 +1,5 @@
 """Scenes whose cloth moves: what they refuse, mesh and fibres on one sheet, and a run that was killed goes on."""
 
-# Tests hand over words and mixed rows that the types of options do not take.
-# pyright: reportOptionalMemberAccess=false
-
 from pathlib import Path
 
 import numpy as np
@@ -183,7 +180,9 @@ def test_a_settled_drape_stays_out_of_the_ball_and_hardly_stretches(n: int) -> N
     model = ClothModel(
         load_scene("drape", [f"cloth.rows={n}", f"cloth.columns={n}", "cloth.representation=mesh", "output.fps=60"])
     )
-    ball = model.scene.forces.sphere  # pyright: ignore[reportOptionalMemberAccess]
+    assert model.scene.forces is not None
+    ball = model.scene.forces.sphere
+    assert ball is not None
     deepest = 0.0
     for frame in range(1, 241 if n == 79 else 121):
         model.step(frame)

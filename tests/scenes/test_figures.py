@@ -1,8 +1,5 @@
 """`taichi-cloth figures`: the page, and what becomes of a figure that fails."""
 
-# Tests hand over words and mixed rows that the types of options do not take.
-# pyright: reportPrivateImportUsage=false
-
 import re
 from dataclasses import replace
 from html import unescape
@@ -11,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from taichi_cloth.ground import runtime
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.render.image.image import read_png
 from taichi_cloth.scenes.paper import figures
@@ -41,7 +39,7 @@ def test_a_failed_figure_is_named_and_the_rest_go_on(
     first = replace(figures.FIGURES[0], make=fails)
     second = replace(figures.FIGURES[1], make=lambda quick: grey, caption="a < b & c")
     monkeypatch.setattr(figures, "FIGURES", (first, second))
-    monkeypatch.setattr(figures.runtime, "start", lambda *a, **k: None)  # started for the whole run
+    monkeypatch.setattr(runtime, "start", lambda *a, **k: None)  # started for the whole run
     assert figures.make_figures(out=tmp_path) == 1
     assert "figure 1–2: no such <cloth>" in capsys.readouterr().err
     assert sorted(p.name for p in tmp_path.iterdir()) == [second.file, "index.html", "made.json"]

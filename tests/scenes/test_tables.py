@@ -1,8 +1,5 @@
 """The paper's tables beside ours: the counts, and how numbers are set out. No time is tested."""
 
-# Tests hand over words and mixed rows that the types of options do not take.
-# pyright: reportArgumentType=false
-
 import csv
 import io
 
@@ -97,7 +94,7 @@ def test_particles_are_counted_as_they_are_made() -> None:
     spans[::3, 1] = 0.4
     spans[::7] = 1.0, 0.0
     for chosen in ({}, {"present": present}, {"spans": spans}, {"present": present, "spans": spans}):
-        made = FibreFollower(fabric, **chosen)
+        made = FibreFollower(fabric, **chosen)  # pyright: ignore[reportArgumentType]
         assert FibreFollower.count(fabric, **chosen) == made.particles
 
 

@@ -1,12 +1,10 @@
 """The implicit solver: order, motion, statics, and starts that no one would wish for."""
 
-# Tests hand over words and mixed rows that the types of options do not take.
-# pyright: reportArgumentType=false
-
 import os
 import subprocess
 import sys
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,7 +20,7 @@ from taichi_cloth.scenes.studies.reference import reference
 from taichi_cloth.sheet.energy import elastic_energy, elastic_forces, kinetic_energy
 from taichi_cloth.sheet.pins import Pins
 from taichi_cloth.sheet.sheet import Sheet, SheetState
-from taichi_cloth.sheet.springs import calibrate
+from taichi_cloth.sheet.springs import BendingLaw, calibrate
 from taichi_cloth.solvers.implicit import Implicit
 
 RNG = np.random.Generator(np.random.Philox(key=9))
@@ -50,7 +48,7 @@ def square(stiffness: float = 1.0, *, side: float = 0.3, top: bool = False, poin
     return Sheet.rectangle(points, points, material=material, springs=springs, pinned=pinned)
 
 
-def moved(sheet: Sheet, forces: Forces, x, seconds: float, *, velocity=0.0, kind=Implicit, **options):
+def moved(sheet: Sheet, forces: Forces, x, seconds: float, *, velocity: Any = 0.0, kind=Implicit, **options):
     """Positions and velocities after some time, without the check of `Simulation` on stretch."""
     solver = kind(sheet, forces, **options)
     state = Simulation(sheet, solver, forces=forces, positions=x, velocities=velocity).state
@@ -259,7 +257,8 @@ def test_settings_that_cannot_be_are_refused() -> None:
 
 def test_a_step_of_the_paper_s_springs_and_of_damped_ones_is_stable_too() -> None:
     """bending = "spring" has chains of second neighbours; damping along the springs only takes energy away."""
-    for bending, tau in (("spring", 0.0), ("hinge", 1e-2)):
+    laws: list[tuple[BendingLaw, float]] = [("spring", 0.0), ("hinge", 1e-2)]
+    for bending, tau in laws:
         sheet = strip(bending=bending, pinned=(0,), fibre_damping=tau, length=0.8)
         state: SheetState = sheet.state(sheet.flat() + 1e-3 * RNG.standard_normal((ROWS, 3, 3)))
         solver = Implicit(sheet, NOTHING)
