@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_cloth.fabric.layout import pose_points
+from taichi_cloth.fabric.pose import pose_points
 
 from ...render.data.camera import Camera, frame
 from ...render.data.light import Lighting

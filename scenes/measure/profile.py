@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_cloth.fabric.fabric import build_fabric
-from taichi_cloth.fabric.layout import pose_points
+from taichi_cloth.fabric.pose import pose_points
 from taichi_cloth.ground import runtime
 from taichi_cloth.ground.errors import InputError
 

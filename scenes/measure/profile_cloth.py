@@ -7,7 +7,7 @@ from time import perf_counter
 import numpy as np
 
 from taichi_cloth.fabric.crossings import refine_points
-from taichi_cloth.fabric.normals import vertex_normals
+from taichi_cloth.fabric.frames import vertex_normals
 
 from ...render.data.camera import Camera, frame
 from ...render.splat.splat import Splatter

@@ -10,7 +10,8 @@ import numpy as np
 
 from taichi_cloth.detail.streaming import FabricStream
 from taichi_cloth.fabric.fabric import build_fabric
-from taichi_cloth.fabric.layout import Detail, Threads, lay_out, pose_points
+from taichi_cloth.fabric.layout import Detail, Threads, lay_out
+from taichi_cloth.fabric.pose import pose_points
 from taichi_cloth.ground import runtime
 from taichi_cloth.weave.crimp import Interlacing
 from taichi_cloth.yarn.yarn import Yarn
@@ -148,7 +149,7 @@ def _empty(width: int, height: int, repeats: int) -> float:
 def _streamed(source: FabricStream, width: int, height: int, repeats: int) -> tuple[float, float, float, StreamStats]:
     """Median milliseconds of a picture that the cloth fills, by the clock and of all threads, the mean radius of a
     particle [px], and what it took."""
-    points = source.points
+    points = source.arrays.point
     camera = frame(
         box_corners(points.min(axis=0), points.max(axis=0)), width=width, height=height, elevation=60, margin=0.0
     )

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from taichi_cloth.fabric.crossings import refine_points
 from taichi_cloth.fabric.fabric import build_fabric
 from taichi_cloth.fabric.follow import FibreFollower
-from taichi_cloth.fabric.normals import grid_faces, vertex_normals
+from taichi_cloth.fabric.frames import grid_faces, vertex_normals
 from taichi_cloth.motion.simulation import Simulation
 from taichi_cloth.weave.colour_order import colour
 

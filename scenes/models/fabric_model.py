@@ -4,7 +4,7 @@ import numpy as np
 
 from taichi_cloth.detail.streaming import FabricStream
 from taichi_cloth.fabric.fabric import Fabric, build_fabric
-from taichi_cloth.fabric.layout import pose_points
+from taichi_cloth.fabric.pose import pose_points
 
 from ...render.data.blocks import ParticleBlocks
 from ...render.data.particles import Particles

@@ -11,7 +11,8 @@ from taichi_cloth.detail.refine import RefiningStream
 from taichi_cloth.detail.streaming import FabricStream
 from taichi_cloth.detail.thinning import UNCHANGED, Gains, thinned_to
 from taichi_cloth.fabric.fabric import Fabric
-from taichi_cloth.fabric.layout import Blocks, frames
+from taichi_cloth.fabric.frames import frames
+from taichi_cloth.fabric.layout import Blocks
 
 from ...render.data.camera import Camera, frame
 from ...render.data.finish import Finish

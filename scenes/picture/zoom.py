@@ -97,7 +97,7 @@ def path(view: View, source: RefiningStream, count: int) -> list[Camera]:
     """`count` cameras: the distance falls by the same factor from each to the next, and what is looked at moves
     from the middle of the cloth to a fibre in proportion to the distance left, so that it drifts to the middle of
     the picture evenly."""
-    camera, points, first = view.scene.camera, source.base.points, _first(view)
+    camera, points, first = view.scene.camera, source.base.arrays.point, _first(view)
     lens = {"width": first.width, "height": first.height, "fov": camera.fov_deg}
     end, normal = target_of(source)
     centre = (points.min(axis=0) + points.max(axis=0)).astype(np.float64) / 2
@@ -140,9 +140,9 @@ def target_of(source: RefiningStream) -> tuple[F64, F64]:
     picks, ends = layout.cloth.warp_up.shape
     body = np.flatnonzero(layout.kinds.section[layout.blocks.kind] == BODY)
     middle = (picks // 2) * ends + ends // 2
-    centre = base.points[middle].astype(np.float64)
-    normal = base.frames[2][middle].astype(np.float64)
-    about = (base.points[layout.blocks.key0[body]] + base.points[layout.blocks.key1[body]]) / 2
+    centre = base.arrays.point[middle].astype(np.float64)
+    normal = base.arrays.normal[middle].astype(np.float64)
+    about = (base.arrays.point[layout.blocks.key0[body]] + base.arrays.point[layout.blocks.key1[body]]) / 2
     nearest = body[np.argsort(np.linalg.norm(about - centre, axis=1), kind="stable")[:24]]
     starts, sizes = (
         base.fabric.bank.start[base.fabric.bank.template[nearest]],
@@ -154,8 +154,8 @@ def target_of(source: RefiningStream) -> tuple[F64, F64]:
         usable = bank.openness[mine] < 1.0  # hairs stand open on all sides
         height = np.where(usable, bank.offset[mine, 2] + bank.radius[mine], -np.inf)
         top = int(np.argmax(height))
-        p0, p1 = (base.points[k[block]].astype(np.float64) for k in (layout.blocks.key0, layout.blocks.key1))
-        up = base.frames[2][layout.blocks.key0[block]].astype(np.float64)
+        p0, p1 = (base.arrays.point[k[block]].astype(np.float64) for k in (layout.blocks.key0, layout.blocks.key1))
+        up = base.arrays.normal[layout.blocks.key0[block]].astype(np.float64)
         along = (p1 - p0) / np.linalg.norm(p1 - p0)
         u, offset = float(bank.u[mine][top]), bank.offset[mine][top].astype(np.float64)
         spot = p0 + u * (p1 - p0) + offset[0] * along + offset[1] * np.cross(up, along) + height[top] * up

@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from taichi_cloth.fabric.layout import Pose
+from taichi_cloth.fabric.pose import Pose
 from taichi_cloth.yarn.yarn import Direction
 
 from ...render.image.tone import Tone

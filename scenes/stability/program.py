@@ -11,7 +11,7 @@ from taichi_cloth.body.colliders.grid import part_grids
 from taichi_cloth.body.figure.build import built_in_body
 from taichi_cloth.body.files.meshfile import body_from_mesh
 from taichi_cloth.fabric.fabric import build_fabric
-from taichi_cloth.fabric.layout import pose_points
+from taichi_cloth.fabric.pose import pose_points
 from taichi_cloth.garment.pattern.cut import cut
 from taichi_cloth.garment.pattern.pattern import Flat, Panel, Pattern, Seam, Side
 from taichi_cloth.garment.sewn.sew import Garment

@@ -11,9 +11,10 @@ from math import pi
 
 import taichi as ti
 
-from taichi_cloth.fabric.laying import block_ends, laid, row
+from taichi_cloth.detail.view import View, seen_at, tiles_of
+from taichi_cloth.fabric.laying import FabricPack, block_ends, lay_particle, row
 from taichi_cloth.fabric.templates import COLUMN
-from taichi_cloth.ground.arrays import F32x1, F32x2, F32x3, Float, I16x2, I32x1, I32x2, I64x1, Int
+from taichi_cloth.ground.arrays import F32x1, F32x2, F32x3, Float, I16x2, I32x1, I32x2, Int
 from taichi_cloth.ground.particles import (
     COLOUR,
     HALF_LENGTH,
@@ -24,7 +25,6 @@ from taichi_cloth.ground.particles import (
     RADIUS,
     ROWS,
     TANGENT,
-    TILE,
 )
 
 __all__ = ["THREAD", "WIDTH", "place", "split", "surface"]
@@ -35,10 +35,12 @@ SPACING = 2.0
 """Distance between points on a fibre's surface [px]."""
 GROWN = 30.0
 """The real fibres beside the first have their full radius when they have parted this many times less than wholly."""
-WIDTH, THREAD = 23, 22
-"""Numbers of a piece: position, radius, colour, tangent, normal, half length, openness (as `streaming.ROWS`), its
-place along the skin's period, the period [m], its turn [rad], whether it has a skin, how far it has parted, and how
-far before and after it its neighbours on the fibre stand in the list, 0 at a block's end; at THREAD its thread."""
+PLACE, PERIOD, TURN, SKINNED, PARTED, BEFORE, AFTER, THREAD = range(ROWS, ROWS + 8)
+"""Numbers of a piece after those of a particle's record: its place along its skin's period, the period [m], the skin's
+turn [rad], whether it has one, how far it has parted, how far before and after it its neighbours on the fibre stand in
+the list, 0 at a block's end, and its thread."""
+WIDTH = ROWS + 8
+"""Numbers of a piece."""
 ARC = 220.0 / 180.0 * pi
 """How much of a fibre's circumference gets points: the side towards the camera, and a little more."""
 
@@ -55,92 +57,82 @@ def _hash(a, b):
 @ti.kernel
 def split(
     chunks: Int,
-    ids: I32x1,
+    chosen: I32x1,
     starts: I32x1,
     parted: F32x1,
     gain: F32x1,
-    # key points
-    point: F32x2,
-    along_weft: F32x2,
-    along_warp: F32x2,
-    upward: F32x2,
-    # blocks
-    key0: I32x1,
-    key1: I32x1,
-    family: I32x1,
-    pitch: F32x1,
-    thread: I32x1,
-    template: I32x1,
-    template_start: I64x1,
+    fabric: FabricPack,
     core: I32x1,
     steps: I32x1,
     each: I32x1,
-    thread_colour: F32x2,
-    # templates
-    particle: F32x2,
     usual: Float,
     # out
     pieces_out: F32x2,
 ):
-    """Lay blocks as `blocks` does, each drawn fibre as `each` real ones: an even spiral in its section (Vogel).
+    """Lay chosen blocks, each drawn fibre as `each` real ones: an even spiral in its section (Vogel).
 
-    gain: factors for the colour of those that have parted, of warp and of weft.
+    starts: (chosen + 1,) where each one's pieces stand. parted: how far its fibres have parted, 0 to 1. gain: factors
+    for the colour of those that have, of warp and of weft. Of each block of the fabric, core: particles of its template
+    that are fibres, not hairs; steps: those of one fibre; each: real fibres for a drawn one. usual: a skin's period is
+    near this [m].
     """
     for step in range(chunks * 1024):
         if step % 1024 != 0:
             continue
         chunk = step // 1024
-        for i in range(ids.shape[0] * chunk // chunks, ids.shape[0] * (chunk + 1) // chunks):
-            b = ids[i]
-            k0, k1, yarn = key0[b], key1[b], thread[b]
-            p0, p1, a0, a1, n0, n1 = block_ends(point, along_weft, along_warp, upward, k0, k1, family[b], pitch[b])
-            periods = ti.max(1.0, ti.round(pitch[b] / usual))
-            t0 = ti.cast(template_start[template[b]], ti.i32)
+        for i in range(chosen.shape[0] * chunk // chunks, chosen.shape[0] * (chunk + 1) // chunks):
+            b = chosen[i]
+            yarn, length = fabric.thread[b], fabric.pitch[b]
+            p0, p1, a0, a1, n0, n1 = block_ends(fabric, b)
+            periods = ti.max(1.0, ti.round(length / usual))
+            t0 = ti.cast(fabric.start[fabric.template[b]], ti.i32)
             q = starts[i]
             m = 0
             while q < starts[i + 1]:
+                # The drawn fibre's particle, and how many real ones it stands for.
                 t = t0 + m
-                x, d, normal = laid(particle, t, p0, p1, a0, a1, n0, n1)
-                u = particle[t, COLUMN.u]
-                side = d.cross(normal)
+                u, radius = fabric.particle[t, COLUMN.u], fabric.particle[t, COLUMN.radius]
+                x, d, up = lay_particle(fabric.particle, t, p0, p1, a0, a1, n0, n1)
+                side = d.cross(up)
                 is_core = m < core[b]
                 line = m // steps[b] if is_core else 100000 + m
                 count = each[b] if is_core else 1
                 many = ti.cast(count, ti.f32)
-                radius = particle[t, COLUMN.radius]
                 for j in range(count):
-                    here, r, outward, tone = x, radius, normal, particle[t, COLUMN.tone]
+                    here, r, outward, tone = x, radius, up, fabric.particle[t, COLUMN.tone]
                     far = 0.0
                     if count > 1:
+                        # Its place in the section; between the block's ends it strays a little.
                         rho = ti.sqrt((j + 0.5) / many)
                         fine = radius / ti.sqrt(many)
                         angle = 2.399963 * j + 6.2831853 * _hash(line, yarn)
                         bulge = ti.sin(3.14159265 * ti.math.clamp(u, 0.0, 1.0)) ** 2 * radius
                         y = ti.cos(angle) * rho * (radius - fine) + (_hash(line * 64 + j, b) - 0.5) * 0.7 * bulge
                         z = ti.sin(angle) * rho * (radius - fine) + (_hash(line * 64 + j, b + 7919) - 0.5) * 0.7 * bulge
-                        here += parted[i] * (y * normal + z * side)
+                        # As far on the way there as the fibres have parted.
+                        here += parted[i] * (y * up + z * side)
                         r = radius + parted[i] * (fine - radius)
                         if j > 0:  # where all still lie on one another, one is enough
                             r *= ti.min(GROWN * parted[i], 1.0)
-                        outward = (normal + parted[i] * 0.6 * (y * normal + z * side) / radius).normalized()
-                        tone *= 1.0 + parted[i] * (gain[family[b]] - 1.0)
+                        outward = (up + parted[i] * 0.6 * (y * up + z * side) / radius).normalized()
+                        tone *= 1.0 + parted[i] * (gain[fabric.family[b]] - 1.0)
                         tone *= 1.0 + parted[i] * 0.12 * (_hash(line * 64 + j, yarn + 31) - 0.5)
                         far = parted[i]
                     for c in ti.static(range(3)):
-                        pieces_out[q, c] = here[c]
-                        pieces_out[q, 4 + c] = thread_colour[yarn, c] * tone
-                        pieces_out[q, 7 + c] = d[c]
-                        pieces_out[q, 10 + c] = outward[c]
-                    pieces_out[q, 3] = r
-                    pieces_out[q, 13] = particle[t, COLUMN.half_length]
-                    pieces_out[q, 14] = particle[t, COLUMN.openness]
-                    pieces_out[q, 15] = u * periods + _hash(line * 64 + j, yarn + 101)
-                    pieces_out[q, 16] = pitch[b] / periods
-                    pieces_out[q, 17] = 6.2831853 * _hash(line * 64 + j, yarn + 57)
-                    pieces_out[q, 18] = 1.0 if is_core else 0.0
-                    pieces_out[q, 19] = far
-                    pieces_out[q, 20] = count if is_core and m % steps[b] > 0 else 0
-                    pieces_out[q, 21] = count if is_core and m % steps[b] < steps[b] - 1 else 0
+                        pieces_out[q, POSITION + c] = here[c]
+                        pieces_out[q, COLOUR + c] = fabric.colour[yarn, c] * tone
+                        pieces_out[q, TANGENT + c] = d[c]
+                        pieces_out[q, NORMAL + c] = outward[c]
+                    pieces_out[q, RADIUS] = r
+                    pieces_out[q, HALF_LENGTH] = fabric.particle[t, COLUMN.half_length]
+                    pieces_out[q, OPENNESS] = fabric.particle[t, COLUMN.openness]
+                    pieces_out[q, PLACE] = u * periods + _hash(line * 64 + j, yarn + 101)
+                    pieces_out[q, PERIOD] = length / periods
+                    pieces_out[q, TURN] = 6.2831853 * _hash(line * 64 + j, yarn + 57)
+                    pieces_out[q, SKINNED] = 1.0 if is_core else 0.0
+                    pieces_out[q, PARTED] = far
+                    pieces_out[q, BEFORE] = count if is_core and m % steps[b] > 0 else 0
+                    pieces_out[q, AFTER] = count if is_core and m % steps[b] < steps[b] - 1 else 0
                     pieces_out[q, THREAD] = yarn
                     q += 1
                 m += 1
@@ -149,7 +141,7 @@ def split(
 @ti.kernel
 def place(
     pieces: F32x2,
-    view: F32x2,
+    view: View,
     # out
     boxes_out: I16x2,
     counts_out: I32x1,
@@ -158,33 +150,22 @@ def place(
 ):
     """As `streaming.survey`, for pieces; grid_out: points along a piece and around it, 0 for one splat."""
     for q in range(pieces.shape[0]):
-        at = row(pieces, q)
-        x = row(view, 0).dot(at) + view[3, 0]
-        y = row(view, 1).dot(at) + view[3, 1]
-        z = row(view, 2).dot(at) + view[3, 2]
-        r = ti.max(pieces[q, 13], 2.2 * pieces[q, 3])
+        at = seen_at(view, row(pieces, q))
+        z = at[2]
+        r = ti.max(pieces[q, HALF_LENGTH], 2.2 * pieces[q, RADIUS])
         left, right, top, bottom = 1, 0, 1, 0
         along, around, count = 0, 0, 0
-        if z > view[5, 2] + r:
-            scale = view[4, 0] / z
-            u, v = x / z, y / z
-            grown = view[4, 0] * r / (z - r)
-            wide = grown * ti.sqrt(1.0 + u * u) + 2.0
-            high = grown * ti.sqrt(1.0 + v * v) + 2.0
-            cx = u * view[4, 0] + view[4, 1]
-            cy = v * view[4, 0] + view[4, 2]
-            left = ti.cast(ti.floor(ti.max(cx - wide, 0.0) / TILE), ti.i32)
-            top = ti.cast(ti.floor(ti.max(cy - high, 0.0) / TILE), ti.i32)
-            right = ti.cast(ti.floor(ti.min(cx + wide, view[5, 0] - 1) / TILE), ti.i32)
-            bottom = ti.cast(ti.floor(ti.min(cy + high, view[5, 1] - 1) / TILE), ti.i32)
+        if z > view.near + r:
+            left, right, top, bottom = tiles_of(view, at, r, 2.0)
             if left <= right and top <= bottom:
                 count = 1
-                radius = pieces[q, 3] * scale
-                if pieces[q, 18] > 0 and radius > SURFACE[0] and pieces[q, 19] > 0.5:
+                scale = view.focal / z
+                radius = pieces[q, RADIUS] * scale
+                if pieces[q, SKINNED] > 0 and radius > SURFACE[0] and pieces[q, PARTED] > 0.5:
                     # What is much nearer than the rest gets fewer points, not a multitude.
-                    scale = ti.min(scale, view[4, 0] / (2.0 * view[5, 2]))
-                    radius = pieces[q, 3] * scale
-                    along = ti.cast(ti.ceil(pieces[q, 13] * scale * 2.0 / 3.0 / SPACING), ti.i32) + 1
+                    scale = ti.min(scale, view.focal / (2.0 * view.near))
+                    radius = pieces[q, RADIUS] * scale
+                    along = ti.cast(ti.ceil(pieces[q, HALF_LENGTH] * scale * 2.0 / 3.0 / SPACING), ti.i32) + 1
                     around = ti.cast(ti.ceil(ARC * radius / SPACING), ti.i32) + 1
                     along, around = ti.min(along, 256), ti.min(around, 1024)
                     count = along * around
@@ -201,8 +182,8 @@ def place(
 
 
 @ti.func
-def _side(pieces: F32x2, i):
-    return ti.Vector([pieces[i, 10], pieces[i, 11], pieces[i, 12]])
+def _normal(pieces: F32x2, i):
+    return ti.Vector([pieces[i, NORMAL], pieces[i, NORMAL + 1], pieces[i, NORMAL + 2]])
 
 
 @ti.func
@@ -222,52 +203,55 @@ def _height(skin: F32x2, s, angle):
 @ti.kernel
 def surface(
     chunks: Int,
-    ids: I32x1,
+    chosen: I32x1,
     starts: I32x1,
     pieces: F32x2,
     grid: I32x2,
-    view: F32x2,
+    view: View,
     skin: F32x2,
     ends: Int,
     gain: F32x1,
     # out
-    blocks_out: F32x3,
+    groups_out: F32x3,
 ):
     """A piece as one splat, or as points on its skin: with ρ(s, θ) the height map over the mean radius r and e the
     unit vector from the axis, points a + r ρ e with normals e − ρ_θ/ρ e_θ − r ρ_s t.
 
-    gain: factors for the points' colour, of warp and of weft; threads from `ends` on are weft.
+    chosen: numbers of pieces. starts: where each one's particles stand in groups_out. grid: of `place`. skin: ρ, rows
+    along a period and columns around. gain: factors for the points' colour, of warp and of weft; threads from `ends` on
+    are weft.
     """
     for step in range(chunks * 1024):
         if step % 1024 != 0:
             continue
         chunk = step // 1024
-        total = ti.cast(ids.shape[0], ti.i64)
+        total = ti.cast(chosen.shape[0], ti.i64)
         for i in range(ti.cast(total * chunk // chunks, ti.i32), ti.cast(total * (chunk + 1) // chunks, ti.i32)):
-            p = ids[i]
+            p = chosen[i]
             q = starts[i]
             if grid[p, 0] == 0:
                 for c in ti.static(range(ROWS)):
-                    blocks_out[c, q // LANES, q % LANES] = pieces[p, c]
+                    groups_out[c, q // LANES, q % LANES] = pieces[p, c]
             else:
+                # The course of the fibre through its neighbours.
                 at = row(pieces, p)
-                before = p - ti.cast(pieces[p, 20], ti.i32)
-                after = p + ti.cast(pieces[p, 21], ti.i32)
+                before = p - ti.cast(pieces[p, BEFORE], ti.i32)
+                after = p + ti.cast(pieces[p, AFTER], ti.i32)
                 x0, x2 = row(pieces, before), row(pieces, after)
-                n0, n1, n2 = _side(pieces, before), _side(pieces, p), _side(pieces, after)
-                s0, s1, s2 = pieces[before, 15], pieces[p, 15], pieces[after, 15]
+                n0, n1, n2 = _normal(pieces, before), _normal(pieces, p), _normal(pieces, after)
+                s0, s1, s2 = pieces[before, PLACE], pieces[p, PLACE], pieces[after, PLACE]
                 if before == p:  # the fibre goes straight on into the next block
                     x0, s0 = 2.0 * at - x2, 2.0 * s1 - s2
                 if after == p:
                     x2, s2 = 2.0 * at - x0, 2.0 * s1 - s0
-                radius = pieces[p, 3]
-                toward = row(view, 6) - at
-                z = row(view, 2).dot(at) + view[3, 2]
-                scale = view[4, 0] / z
+                # How much of its skin shows, and how it is cut into points.
+                radius = pieces[p, RADIUS]
+                toward = view.eye - at
+                scale = view.focal / seen_at(view, at)[2]
                 shown = ti.math.clamp((radius * scale - SURFACE[0]) / (SURFACE[1] - SURFACE[0]), 0.0, 1.0)
                 shown = shown * shown * (3.0 - 2.0 * shown)
                 along, around = grid[p, 0], grid[p, 1]
-                period = pieces[p, 16]
+                period = pieces[p, PERIOD]
                 gap = 0.5 * (x2 - x0).norm() / along
                 tint = gain[ti.cast(pieces[p, THREAD] >= ends, ti.i32)]
                 for a in range(along):
@@ -283,9 +267,10 @@ def surface(
                     s = w0 * s0 + w1 * s1 + w2 * s2
                     for k in range(around):
                         angle = front + ((k + 0.5) / around - 0.5) * ARC
+                        # A point on the skin, and its normal: more of the yarn's where little of the skin shows.
                         e = ti.cos(angle) * outward + ti.sin(angle) * side
                         f = ti.cos(angle) * side - ti.sin(angle) * outward
-                        turn = angle + pieces[p, 17]
+                        turn = angle + pieces[p, TURN]
                         rho = 1.0 + shown * (_height(skin, s, turn) - 1.0)
                         by_angle = shown * (_height(skin, s, turn + 0.06) - _height(skin, s, turn - 0.06)) / 0.12
                         step_s = 0.008
@@ -294,14 +279,14 @@ def surface(
                         n = (e - by_angle / rho * f - by_length * d).normalized()
                         n = (n * (0.6 + 0.9 * shown) + outward * (1.0 - 0.55 * shown)).normalized()
                         x = middle + radius * rho * e
-                        block, lane = q // LANES, q % LANES
+                        group, lane = q // LANES, q % LANES
                         for c in ti.static(range(3)):
-                            blocks_out[POSITION + c, block, lane] = x[c]
-                            blocks_out[COLOUR + c, block, lane] = pieces[p, 4 + c] * tint
-                            blocks_out[TANGENT + c, block, lane] = d[c]
-                            blocks_out[NORMAL + c, block, lane] = n[c]
+                            groups_out[POSITION + c, group, lane] = x[c]
+                            groups_out[COLOUR + c, group, lane] = pieces[p, COLOUR + c] * tint
+                            groups_out[TANGENT + c, group, lane] = d[c]
+                            groups_out[NORMAL + c, group, lane] = n[c]
                         width = ti.sqrt(rho * rho + by_angle * by_angle) * radius * ARC / around
-                        blocks_out[RADIUS, block, lane] = 0.8 * width
-                        blocks_out[HALF_LENGTH, block, lane] = ti.max(1.5 * gap, 0.8 * width)
-                        blocks_out[OPENNESS, block, lane] = pieces[p, 14]
+                        groups_out[RADIUS, group, lane] = 0.8 * width
+                        groups_out[HALF_LENGTH, group, lane] = ti.max(1.5 * gap, 0.8 * width)
+                        groups_out[OPENNESS, group, lane] = pieces[p, OPENNESS]
                         q += 1

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from taichi_cloth.detail.pieces import THREAD, WIDTH, place, split, surface
-from taichi_cloth.detail.streaming import FabricStream, Pinhole, Survey
+from taichi_cloth.detail.streaming import FabricStream, Survey
+from taichi_cloth.detail.view import Pinhole, View, view_of
 from taichi_cloth.fabric.fabric import Fabric
 from taichi_cloth.fabric.layout import BODY, Blocks
 from taichi_cloth.fabric.templates import build_templates
@@ -40,7 +41,7 @@ class Refined:
     blocks: Survey
     pieces: F32
     grid: NDArray[np.int32]
-    view: F32
+    view: View
 
 
 class RefiningStream:
@@ -71,7 +72,7 @@ class RefiningStream:
         self._near: FabricStream | None = None
         self._batch = np.zeros(0, np.float32)
         bank, base = fabric.bank, self.base
-        beyond = np.maximum(np.abs(bank.u - 0.5) - 0.5, 0.0) * float(base.pitch.max())
+        beyond = np.maximum(np.abs(bank.u - 0.5) - 0.5, 0.0) * float(base.arrays.pitch.max())
         reach = beyond + np.linalg.norm(bank.offset, axis=1) + bank.half_length
         filled = base.size > 0
         self._reach = np.zeros(len(base.size))  # of each template without its hairs, which stand open on all sides
@@ -87,11 +88,7 @@ class RefiningStream:
         near = near[self._in_view(near, camera)]
         if len(near) > MOST_BLOCKS:
             near = np.sort(near[np.argsort(seen.depth[near], kind="stable")[:MOST_BLOCKS]])
-        view = np.zeros((7, 3), np.float32)
-        view[:3], view[3] = camera.rotation, camera.translation
-        view[4] = camera.focal, camera.cx, camera.cy
-        view[5] = camera.width, camera.height, camera.near
-        view[6] = -np.asarray(camera.rotation).T @ np.asarray(camera.translation)
+        view = view_of(camera)
         pieces = self._part(near, pixels[near]) if len(near) else np.zeros((0, WIDTH), np.float32)
         n = len(pieces)
         boxes, counts = np.empty((n, 4), np.int16), np.zeros(n, np.int32)
@@ -167,9 +164,9 @@ class RefiningStream:
 
     def _in_view(self, blocks: NDArray[np.int64], camera: Pinhole) -> NDArray[np.bool_]:
         """Whether the spheres round the blocks' own fibres, without hairs, touch the frustum."""
-        records, points = self.base.fabric.layout.blocks, self.base.points
-        p0, p1 = points[records.key0[blocks]], points[records.key1[blocks]]
-        r = np.linalg.norm(p1 - p0, axis=1) / 2 + self._reach[self.base.fabric.bank.template[blocks]]
+        base = self.base.arrays
+        p0, p1 = base.point[base.key0[blocks]], base.point[base.key1[blocks]]
+        r = np.linalg.norm(p1 - p0, axis=1) / 2 + self._reach[base.template[blocks]]
         x, y, z = ((p0 + p1) / 2 @ np.asarray(camera.rotation).T + np.asarray(camera.translation)).T
         inside = z + r > camera.near
         for across, edge in (
@@ -191,11 +188,10 @@ class RefiningStream:
             finer = replace(layout, blocks=fewer, detail=replace(layout.detail, steps=self.steps))
             bank = build_templates(finer)
             fabric = Fabric(finer, bank, self.base.fabric.thread_colour, bank.particle_start)
-            self._fine = (fabric, bank.packed())
-        fabric, particles = self._fine
-        layout, bank = fabric.layout, fabric.bank
+            self._fine = (fabric, fabric.arrays(self.base.arrays.point, self.base.frame))
+        fabric, arrays = self._fine
+        layout, bank, family = fabric.layout, fabric.bank, arrays.family
         where = np.searchsorted(self._known, near).astype(np.int32)
-        family = layout.kinds.family[layout.blocks.kind]
         yarns = (layout.warp.yarn, layout.weft.yarn)
         drawn = np.array([min(layout.detail.fibres, y.fibres_in_section) for y in yarns])
         each = np.maximum(1, np.rint(np.array([y.fibres_in_section for y in yarns]) / drawn)).astype(np.int32)
@@ -208,8 +204,6 @@ class RefiningStream:
         starts = np.concatenate([[0], np.cumsum(counts, dtype=np.int64)])
         out = np.empty((int(starts[-1]), WIDTH), np.float32)
         usual = float(np.mean([y.fibre_diameter for y in yarns])) * 20.0  # a skin's period is near this [m]
-        base = self.base
-        weft, warp, upward = base.frames
         parted = np.clip((pixels - PART[0]) / (PART[1] - PART[0]), 0, 1)
         parted = (parted * parted * (3 - 2 * parted)).astype(np.float32)
         split(
@@ -218,22 +212,10 @@ class RefiningStream:
             starts.astype(np.int32),
             parted,
             self.parted_gain,
-            base.points,
-            weft,
-            warp,
-            upward,
-            layout.blocks.key0,
-            layout.blocks.key1,
-            family.astype(np.int32),
-            layout.kinds.pitch[layout.blocks.kind].astype(np.float32),
-            layout.blocks.thread,
-            bank.template,
-            bank.start,
+            arrays.pack(),
             core,
             length.astype(np.int32),
             each[family].astype(np.int32),
-            fabric.thread_colour,
-            particles,
             usual,
             out,
         )

@@ -11,20 +11,20 @@ each block begins elsewhere on it, so that what one block leaves out another sho
 # In kernels a name stands for a Taichi expression, which type checkers cannot follow.
 # pyright: reportIndexIssue=false, reportArgumentType=false, reportOptionalCall=false, reportReturnType=false
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import log, prod
-from typing import Any, Protocol
 
 import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
 
 from taichi_cloth.detail.thinning import FADE, FULL, UNCHANGED, Gains, gain, thinned_to
+from taichi_cloth.detail.view import Pinhole, View, seen_at, tiles_of, view_of
 from taichi_cloth.fabric.fabric import Fabric
-from taichi_cloth.fabric.laying import block_ends, laid, row
-from taichi_cloth.fabric.layout import frames
+from taichi_cloth.fabric.frames import frames
+from taichi_cloth.fabric.laying import FabricPack, block_ends, lay_particle, row, template_size
 from taichi_cloth.fabric.templates import COLUMN
-from taichi_cloth.ground.arrays import F32x1, F32x2, F32x3, Float, I16x2, I32x1, I64x1, Int
+from taichi_cloth.ground.arrays import F32x1, F32x2, F32x3, Float, I16x2, I32x1, Int
 from taichi_cloth.ground.particles import (
     COLOUR,
     HALF_LENGTH,
@@ -39,7 +39,7 @@ from taichi_cloth.ground.particles import (
     fill_up,
 )
 
-__all__ = ["FabricStream", "Pinhole", "Survey"]
+__all__ = ["FabricStream", "Survey"]
 
 F32 = NDArray[np.float32]
 I32 = NDArray[np.int32]
@@ -48,19 +48,6 @@ ROOT_2 = 1779033703
 """The fraction of √2 in 32 bits: a block's multiple of it is where it begins on its template's ring."""
 LOG2 = log(2.0)
 CHUNK_STEPS = 1024  # Taichi on a CPU gives a thread at least 512 iterations (see render/sort.py)
-
-
-class Pinhole(Protocol):
-    """A camera in OpenCV's convention: world to camera rotation (3, 3) and translation (3,), lens and size [px]."""
-
-    rotation: Any
-    translation: Any
-    focal: float
-    cx: float
-    cy: float
-    width: int
-    height: int
-    near: float
 
 
 @dataclass(frozen=True)
@@ -94,23 +81,20 @@ class FabricStream:
         gains: Gains | None = None,
         chunks: int = 2,
     ) -> None:
-        layout, bank = fabric.layout, fabric.bank
+        bank = fabric.bank
         self.fabric, self.chunks = fabric, int(chunks)
         self.target = thinned_to(fabric.particles) if target is None else float(target)
         self.gains = gains or Gains(np.ones(1), np.tile(UNCHANGED, (1, 2, 1)))
-        self.points = np.ascontiguousarray(points, np.float32).reshape(-1, 3)
-        frame = frames(points)
-        self.frames = frame.weft.reshape(-1, 3), frame.warp.reshape(-1, 3), frame.normal.reshape(-1, 3)
-        self.family = layout.kinds.family[layout.blocks.kind].astype(np.int32)
-        self.pitch = layout.kinds.pitch[layout.blocks.kind].astype(np.float32)
+        self.frame = frames(points)
+        self.arrays = fabric.arrays(points, self.frame)
         size = np.diff(bank.start)
         template = np.repeat(np.arange(len(size)), size)
         place = np.arange(len(template)) - bank.start[template]
         order = np.lexsort(((place * GOLDEN + template * (1 - GOLDEN)) % 1.0, template))
-        self.particles = bank.packed()[order]
+        self.arrays = replace(self.arrays, particle=self.arrays.particle[order])
         self.size = size.astype(np.int32)
         used = np.zeros(len(size))  # the longest pitch each template is laid on
-        np.maximum.at(used, bank.template, self.pitch)
+        np.maximum.at(used, bank.template, self.arrays.pitch)
         beyond = np.maximum(np.abs(bank.u - 0.5) - 0.5, 0.0) * used[template]
         reach = beyond + np.linalg.norm(bank.offset, axis=1) + np.maximum(bank.radius, bank.half_length)
         starts = bank.start[:-1]
@@ -118,7 +102,7 @@ class FabricStream:
         self.reach, self.radius = np.zeros(len(size), np.float32), np.zeros(len(size), np.float32)
         self.reach[filled] = np.maximum.reduceat(reach, starts[filled])
         self.radius[filled] = np.add.reduceat(bank.radius.astype(np.float64), starts[filled]) / size[filled]
-        self._every = max(1, len(self.points) // 4096)  # key points that tell how the cloth is tilted
+        self._every = max(1, len(self.arrays.point) // 4096)  # key points that tell how the cloth is tilted
         self.turn = 0  # another number is another sample of the same thinned cloth
         self._batch = np.zeros(0, np.float32)
 
@@ -129,34 +113,13 @@ class FabricStream:
 
     def survey(self, camera: Pinhole) -> Survey:
         """Where every block is for a camera, and how much of it is worth drawing."""
-        blocks = self.fabric.layout.blocks
-        n = len(blocks.kind)
+        n = len(self.arrays.key0)
         boxes, counts = np.empty((n, 4), np.int16), np.empty(n, np.int32)
         depth, share = np.empty(n, np.float32), np.empty(n, np.float32)
-        view = np.zeros((6, 3), np.float32)
-        view[:3], view[3] = camera.rotation, camera.translation
-        view[4] = camera.focal, camera.cx, camera.cy
-        view[5] = camera.width, camera.height, camera.near
-        _survey(
-            self.points,
-            *self.frames[:2],
-            blocks.key0,
-            blocks.key1,
-            self.family,
-            self.pitch,
-            self.fabric.bank.template,
-            self.size,
-            self.reach,
-            self.radius,
-            view,
-            self.target,
-            boxes,
-            counts,
-            depth,
-            share,
-        )
+        pack, view = self.arrays.pack(), view_of(camera)
+        _survey(pack, self.reach, self.radius, view, self.target, boxes, counts, depth, share)
         # To the camera's axis, not to its place: then a cloth's tilt is the same from near and from far.
-        cosine = self.frames[2][:: self._every] @ np.asarray(camera.rotation)[2]
+        cosine = self.arrays.normal[:: self._every] @ np.asarray(camera.rotation)[2]
         return Survey(boxes, counts, depth, share, float(np.abs(cosine).mean()))
 
     def lay(self, survey: Survey, blocks: I32) -> tuple[F32, int]:
@@ -164,7 +127,6 @@ class FabricStream:
 
         The array is valid until the next call.
         """
-        b = self.fabric.layout.blocks
         counts = survey.counts[blocks]
         starts = np.concatenate([[0], np.cumsum(counts, dtype=np.int64)])
         total = int(starts[-1])
@@ -180,18 +142,7 @@ class FabricStream:
             blocks.astype(np.int32, copy=False),
             starts.astype(np.int32),
             survey.share,
-            self.points,
-            *self.frames,
-            b.key0,
-            b.key1,
-            self.family,
-            self.pitch,
-            b.thread,
-            self.fabric.bank.template,
-            self.fabric.bank.start,
-            self.size,
-            self.fabric.thread_colour,
-            self.particles,
+            self.arrays.pack(),
             self.gains.at(survey.tilt),
             out,
         )
@@ -212,26 +163,15 @@ class FabricStream:
         """The thread of each particle that `lay` makes of these blocks, and its family: 0 warp, 1 weft."""
         counts = survey.counts[blocks]
         thread = self.fabric.layout.blocks.thread[blocks]
-        return np.repeat(thread, counts).astype(np.int32), np.repeat(self.family[blocks], counts).astype(np.int32)
+        return np.repeat(thread, counts).astype(np.int32), np.repeat(self.arrays.family[blocks], counts)
 
 
 @ti.kernel
 def _survey(
-    # key points
-    point: F32x2,
-    along_weft: F32x2,
-    along_warp: F32x2,
-    # blocks
-    key0: I32x1,
-    key1: I32x1,
-    family: I32x1,
-    pitch: F32x1,
-    template: I32x1,
-    size: I32x1,
+    fabric: FabricPack,
     reach: F32x1,
     radius: F32x1,
-    # camera
-    view: F32x2,
+    view: View,
     target: Float,
     # out
     boxes_out: I16x2,
@@ -239,57 +179,46 @@ def _survey(
     depth_out: F32x1,
     share_out: F32x1,
 ):
-    """The bounding sphere of centre (X, Y, Z) and radius r lies within f r √(1 + (X/Z)²)/(Z − r) of its centre's
-    pixel, likewise down."""
-    for b in range(key0.shape[0]):
-        k0, k1, t = key0[b], key1[b], template[b]
-        p0 = row(point, k0)
-        p1 = row(point, k1)
+    """What `Survey` says of each block. reach, radius: of each template [m], round its middle and of its particles."""
+    for b in range(fabric.key0.shape[0]):
+        # The sphere round the block, in the camera's axes.
+        k0, k1, t = fabric.key0[b], fabric.key1[b], fabric.template[b]
+        p0 = row(fabric.point, k0)
+        p1 = row(fabric.point, k1)
         if k0 == k1:
-            p1 = p0 + pitch[b] * (row(along_warp, k0) if family[b] == 0 else row(along_weft, k0))
-        middle = 0.5 * (p0 + p1)
+            p1 = p0 + fabric.pitch[b] * (row(fabric.warp, k0) if fabric.family[b] == 0 else row(fabric.weft, k0))
         r = 0.5 * (p1 - p0).norm() + reach[t]
-        x = row(view, 0).dot(middle) + view[3, 0]
-        y = row(view, 1).dot(middle) + view[3, 1]
-        z = row(view, 2).dot(middle) + view[3, 2]
-        near = view[5, 2]
+        at = seen_at(view, 0.5 * (p0 + p1))
+        x, y, z = at[0], at[1], at[2]
+        size = template_size(fabric, t)
         count, share = 0, 0.0
         left, right, top, bottom = 1, 0, 1, 0
-        if z + r > near and size[t] > 0:
+        if z + r > view.near and size > 0:
+            # As many particles as make them `target` pixels large.
             share = FULL
-            drawn = radius[t] * view[4, 0] / ti.max(z, near)
+            drawn = radius[t] * view.focal / ti.max(z, view.near)
             if target > 0:
                 share = ti.min((drawn / target) ** 2, FULL)
             # Outside a side of the frustum, whose plane has the normal (focal, edge) in (x, z): out of view.
-            f, slack = view[4, 0], 4.0 + 3.0 * target
+            f, slack = view.focal, 4.0 + 3.0 * target
             for side in ti.static(range(4)):
-                edge, across = view[4, 1], -x
+                edge, across = view.cx, -x
                 if ti.static(side == 1):
-                    edge, across = view[5, 0] - view[4, 1], x
+                    edge, across = view.width - view.cx, x
                 if ti.static(side == 2):
-                    edge, across = view[4, 2], -y
+                    edge, across = view.cy, -y
                 if ti.static(side == 3):
-                    edge, across = view[5, 1] - view[4, 2], y
+                    edge, across = view.height - view.cy, y
                 edge += slack
                 if f * across - edge * z > r * ti.sqrt(f * f + edge * edge):
                     share = 0.0
-            last_x = ti.cast(view[5, 0] - 1, ti.i32) // TILE
-            last_y = ti.cast(view[5, 1] - 1, ti.i32) // TILE
-            left, right, top, bottom = 0, last_x, 0, last_y
-            if z - r > near:
-                u, v = x / z, y / z
-                grown = view[4, 0] * r / (z - r)
-                margin = 2.0 + 3.0 * target
-                wide = grown * ti.sqrt(1.0 + u * u) + margin
-                high = grown * ti.sqrt(1.0 + v * v) + margin
-                cx = u * view[4, 0] + view[4, 1]
-                cy = v * view[4, 0] + view[4, 2]
-                left = ti.cast(ti.floor(ti.max(cx - wide, 0.0) / TILE), ti.i32)
-                top = ti.cast(ti.floor(ti.max(cy - high, 0.0) / TILE), ti.i32)
-                right = ti.cast(ti.floor(ti.min(cx + wide, view[5, 0] - 1) / TILE), ti.i32)
-                bottom = ti.cast(ti.floor(ti.min(cy + high, view[5, 1] - 1) / TILE), ti.i32)
+            # The tiles that it may touch: all of them where the camera stands within the sphere.
+            left, right = 0, ti.cast(view.width - 1, ti.i32) // TILE
+            top, bottom = 0, ti.cast(view.height - 1, ti.i32) // TILE
+            if z - r > view.near:
+                left, right, top, bottom = tiles_of(view, at, r, 2.0 + 3.0 * target)
             if share > 0.0 and left <= right and top <= bottom:
-                count = ti.min(size[t], ti.max(1, ti.cast(ti.ceil(share * size[t]), ti.i32)))
+                count = ti.min(size, ti.max(1, ti.cast(ti.ceil(share * size), ti.i32)))
             else:
                 left, right, top, bottom = 1, 0, 1, 0
         boxes_out[b, 0] = ti.cast(left, ti.i16)
@@ -305,78 +234,64 @@ def _survey(
 def _lay(
     chunks: Int,
     sample: Int,
-    ids: I32x1,
+    chosen: I32x1,
     starts: I32x1,
     shares: F32x1,
-    # key points
-    point: F32x2,
-    along_weft: F32x2,
-    along_warp: F32x2,
-    upward: F32x2,
-    # blocks
-    key0: I32x1,
-    key1: I32x1,
-    family: I32x1,
-    pitch: F32x1,
-    thread: I32x1,
-    template: I32x1,
-    template_start: I64x1,
-    size: I32x1,
-    thread_colour: F32x2,
-    # templates, columns in the order of COLUMNS
-    particle: F32x2,
+    fabric: FabricPack,
     gains: F32x2,
     # out
-    blocks_out: F32x3,
+    groups_out: F32x3,
 ):
-    """As `blocks.lay`, for some blocks, some particles of each, in rows of 16."""
+    """Particles of chosen blocks, in groups. starts: (chosen + 1,) where each one's stand, and so how many they are.
+    shares: λ of every block. sample: which of the templates' samples. gains: `Gains.at` of the view."""
     for step in range(chunks * CHUNK_STEPS):
         if step % CHUNK_STEPS != 0:
             continue
         chunk = step // CHUNK_STEPS
-        total = ti.cast(ids.shape[0], ti.i64)
+        total = ti.cast(chosen.shape[0], ti.i64)
         for i in range(ti.cast(total * chunk // chunks, ti.i32), ti.cast(total * (chunk + 1) // chunks, ti.i32)):
-            b = ids[i]
-            k0, k1, yarn, kind = key0[b], key1[b], thread[b], template[b]
-            p0, p1, a0, a1, n0, n1 = block_ends(point, along_weft, along_warp, upward, k0, k1, family[b], pitch[b])
+            b = chosen[i]
+            yarn, kind = fabric.thread[b], fabric.template[b]
+            p0, p1, a0, a1, n0, n1 = block_ends(fabric, b)
             # How much larger the particles of a share are: as many times as their areas are fewer.
-            share = shares[b]
-            n = ti.cast(size[kind], ti.f32)
+            share, size = shares[b], template_size(fabric, kind)
+            n = ti.cast(size, ti.f32)
             drawn = share * n
             count = starts[i + 1] - starts[i]
             whole = ti.min(count, ti.cast((1.0 - FADE) * drawn, ti.i32) + 1)
             fading = ti.cast(count - whole, ti.f32)
             area = whole + fading * (drawn - 0.5 * (whole + count - 1)) / (FADE * drawn)
-            level = ti.max(-ti.log(share) / LOG2, 0.0)
             larger = n / ti.max(area, 1e-6)
+            # What puts right how a sample hides and answers light.
+            level = ti.max(-ti.log(share) / LOG2, 0.0)
             wider = gain(gains, level, 0)
-            brighter = gain(gains, level, 1 + family[b])
+            brighter = gain(gains, level, 1 + fabric.family[b])
             opened = gain(gains, level, 3)
             most = 1.0 if opened > 0.0 else 0.0
             opened = ti.abs(opened)
-            red = thread_colour[yarn, 0] * brighter
-            green = thread_colour[yarn, 1] * brighter
-            blue = thread_colour[yarn, 2] * brighter
+            red = fabric.colour[yarn, 0] * brighter
+            green = fabric.colour[yarn, 1] * brighter
+            blue = fabric.colour[yarn, 2] * brighter
+            # Where on its template's ring the block begins.
             q0 = starts[i]
-            t0 = ti.cast(template_start[kind], ti.i32)
+            t0 = ti.cast(fabric.start[kind], ti.i32)
             turn = ti.cast(b + 7919 * sample, ti.u32) * ti.cast(ROOT_2, ti.u32)
             first = ti.cast(ti.cast(turn >> 8, ti.f32) * (n / 16777216.0), ti.i32)
             for m in range(count):
                 t, q = first + m, q0 + m
-                t = t0 + (t if t < size[kind] else t - size[kind])
-                x, d, normal = laid(particle, t, p0, p1, a0, a1, n0, n1)
+                t = t0 + (t if t < size else t - size)
+                x, d, outward = lay_particle(fabric.particle, t, p0, p1, a0, a1, n0, n1)
                 faded = ti.math.clamp((drawn - m) / (FADE * drawn), 0.0, 1.0)
                 grown = ti.sqrt(larger * faded) * wider if share < FULL else 1.0
-                block, lane = q // LANES, q % LANES
+                tone, openness = fabric.particle[t, COLUMN.tone], fabric.particle[t, COLUMN.openness]
+                group, lane = q // LANES, q % LANES
                 for c in ti.static(range(3)):
-                    blocks_out[POSITION + c, block, lane] = x[c]
-                    blocks_out[TANGENT + c, block, lane] = d[c]
-                    blocks_out[NORMAL + c, block, lane] = normal[c]
-                tone = particle[t, COLUMN.tone]
-                blocks_out[RADIUS, block, lane] = particle[t, COLUMN.radius] * grown
-                blocks_out[COLOUR, block, lane] = red * tone
-                blocks_out[COLOUR + 1, block, lane] = green * tone
-                blocks_out[COLOUR + 2, block, lane] = blue * tone
-                blocks_out[HALF_LENGTH, block, lane] = particle[t, COLUMN.half_length] * grown
-                openness = particle[t, COLUMN.openness]
-                blocks_out[OPENNESS, block, lane] = openness + opened * (most - openness)
+                    groups_out[POSITION + c, group, lane] = x[c]
+                    groups_out[TANGENT + c, group, lane] = d[c]
+                    groups_out[NORMAL + c, group, lane] = outward[c]
+                groups_out[RADIUS, group, lane] = fabric.particle[t, COLUMN.radius] * grown
+                groups_out[COLOUR, group, lane] = red * tone
+                groups_out[COLOUR + 1, group, lane] = green * tone
+                groups_out[COLOUR + 2, group, lane] = blue * tone
+                groups_out[HALF_LENGTH, group, lane] = fabric.particle[t, COLUMN.half_length] * grown
+                groups_out[OPENNESS, group, lane] = openness + opened * (most - openness)

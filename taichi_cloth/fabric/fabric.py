@@ -16,10 +16,11 @@ import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
 
-from taichi_cloth.fabric.laying import block_ends, laid
-from taichi_cloth.fabric.layout import FabricLayout, frames
+from taichi_cloth.fabric.frames import Frames, frames
+from taichi_cloth.fabric.laying import FabricArrays, FabricPack, block_ends, lay_particle, template_size
+from taichi_cloth.fabric.layout import FabricLayout
 from taichi_cloth.fabric.templates import COLUMN, TemplateBank, build_templates
-from taichi_cloth.ground.arrays import F32x1, F32x2, I32x1, I64x1
+from taichi_cloth.ground.arrays import F32x1, I64x1
 from taichi_cloth.ground.particles import (
     COLOUR,
     HALF_LENGTH,
@@ -62,27 +63,28 @@ class Fabric:
         picks, ends = self.layout.cloth.warp_up.shape
         if points.shape != (picks, ends, 3):
             raise ValueError(f"points: shape {points.shape}; this fabric needs {(picks, ends, 3)}")
-        kinds, blocks, bank = self.layout.kinds, self.layout.blocks, self.bank
-        frame = frames(points)
         numbers = np.empty(ROWS * self.particles, np.float32)
-        _lay(
-            np.ascontiguousarray(points, np.float32).reshape(-1, 3),
-            frame.weft.reshape(-1, 3),
-            frame.warp.reshape(-1, 3),
-            frame.normal.reshape(-1, 3),
-            blocks.key0,
-            blocks.key1,
-            kinds.family[blocks.kind],
-            kinds.pitch[blocks.kind].astype(np.float32),
-            blocks.thread,
-            bank.template,
-            bank.start,
-            self.particle_start,
-            self.thread_colour,
-            bank.packed(),
-            numbers,
-        )
+        _lay(self.arrays(points, frames(points)).pack(), self.particle_start, numbers)
         return FibreCloud.over(numbers)
+
+    def arrays(self, points: NDArray, frame: Frames) -> FabricArrays:
+        """The fabric on key points (picks, ends, 3) [m], where `frame` is that of the cloth, as kernels take it."""
+        kinds, blocks, bank = self.layout.kinds, self.layout.blocks, self.bank
+        return FabricArrays(
+            point=np.ascontiguousarray(points, np.float32).reshape(-1, 3),
+            weft=frame.weft.reshape(-1, 3),
+            warp=frame.warp.reshape(-1, 3),
+            normal=frame.normal.reshape(-1, 3),
+            key0=blocks.key0,
+            key1=blocks.key1,
+            family=kinds.family[blocks.kind].astype(np.int32, copy=False),
+            pitch=kinds.pitch[blocks.kind].astype(np.float32),
+            thread=blocks.thread,
+            template=bank.template,
+            start=bank.start,
+            particle=bank.packed(),
+            colour=self.thread_colour,
+        )
 
 
 def build_fabric(layout: FabricLayout) -> Fabric:
@@ -95,39 +97,20 @@ def build_fabric(layout: FabricLayout) -> Fabric:
 
 
 @ti.kernel
-def _lay(
-    # key points
-    point: F32x2,
-    along_weft: F32x2,
-    along_warp: F32x2,
-    upward: F32x2,
-    # blocks
-    key0: I32x1,
-    key1: I32x1,
-    family: I32x1,
-    pitch: F32x1,
-    thread: I32x1,
-    template: I32x1,
-    template_start: I64x1,
-    particle_start: I64x1,
-    thread_colour: F32x2,
-    particle: F32x2,
-    # out
-    numbers_out: F32x1,
-):
+def _lay(fabric: FabricPack, first: I64x1, numbers_out: F32x1):
+    """All particles of all blocks. first: (blocks + 1,) where each block's begin. numbers_out: of `FibreCloud.over`."""
     n = numbers_out.shape[0] // ROWS
-    for b in range(key0.shape[0]):
-        k0, k1, yarn = key0[b], key1[b], thread[b]
-        p0, p1, a0, a1, n0, n1 = block_ends(point, along_weft, along_warp, upward, k0, k1, family[b], pitch[b])
-        q0, t0 = particle_start[b], template_start[template[b]]
-        for m in range(ti.i32(particle_start[b + 1] - q0)):
-            t, q = t0 + m, q0 + m
-            x, d, normal = laid(particle, t, p0, p1, a0, a1, n0, n1)
+    for b in range(fabric.key0.shape[0]):
+        p0, p1, a0, a1, n0, n1 = block_ends(fabric, b)
+        yarn, kind = fabric.thread[b], fabric.template[b]
+        for m in range(template_size(fabric, kind)):  # pyright: ignore[reportArgumentType]
+            t, q = fabric.start[kind] + m, first[b] + m
+            x, d, outward = lay_particle(fabric.particle, t, p0, p1, a0, a1, n0, n1)
             for c in ti.static(range(3)):
                 numbers_out[POSITION * n + 3 * q + c] = x[c]
                 numbers_out[TANGENT * n + 3 * q + c] = d[c]
-                numbers_out[NORMAL * n + 3 * q + c] = normal[c]
-                numbers_out[COLOUR * n + 3 * q + c] = thread_colour[yarn, c] * particle[t, COLUMN.tone]
-            numbers_out[RADIUS * n + q] = particle[t, COLUMN.radius]
-            numbers_out[HALF_LENGTH * n + q] = particle[t, COLUMN.half_length]
-            numbers_out[OPENNESS * n + q] = particle[t, COLUMN.openness]
+                numbers_out[NORMAL * n + 3 * q + c] = outward[c]
+                numbers_out[COLOUR * n + 3 * q + c] = fabric.colour[yarn, c] * fabric.particle[t, COLUMN.tone]
+            numbers_out[RADIUS * n + q] = fabric.particle[t, COLUMN.radius]
+            numbers_out[HALF_LENGTH * n + q] = fabric.particle[t, COLUMN.half_length]
+            numbers_out[OPENNESS * n + q] = fabric.particle[t, COLUMN.openness]

@@ -33,7 +33,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from taichi_cloth.fabric.fabric import Fabric
 from taichi_cloth.fabric.follow_rule import FollowRule
-from taichi_cloth.fabric.normals import frame_of_point
+from taichi_cloth.fabric.frames import frame_of_point
 from taichi_cloth.fabric.octets import octets_of
 from taichi_cloth.ground import runtime
 from taichi_cloth.ground.arrays import Address, F32x3, Int, Template

@@ -2,18 +2,91 @@
 
     x = s·P + (1 − s)·P' + t
 
-with the offset t, and directions, in the cloth's frame there: along the yarn, across it, up (see `blocks`).
+with the offset t, and directions, in the cloth's frame there: along the yarn, across it, up (see `fabric`).
+
+Key points, fibre blocks and templates travel to these kernels as one argument, a named pack of NumPy arrays. Taichi
+fields, in which `follow` keeps what it moves in place frame by frame, would cost here: a kernel is compiled for the
+fields it was first given. A swatch of other size then took 0.95 to 1.25 s to compile and fill its fields (0.3 to 0.5 s
+from the cache) where the pack takes 0.02 to 0.1 s, and laid its million particles no faster (83 ms, pack 86, 2 cores).
 """
 
 # In kernels a vector is a Taichi expression, which type checkers cannot follow.
 # pyright: reportOptionalCall=false
 
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 import taichi as ti
+from numpy.typing import NDArray
 
 from taichi_cloth.fabric.templates import COLUMN
-from taichi_cloth.ground.arrays import F32x2
+from taichi_cloth.ground.arrays import F32x1, F32x2, I32x1, I64x1, Template
 
-__all__ = ["block_ends", "laid", "row"]
+__all__ = ["FabricArrays", "FabricPack", "block_ends", "lay_particle", "row", "template_size"]
+
+F32 = NDArray[np.float32]
+I32 = NDArray[np.int32]
+
+_TYPES = {
+    "point": F32x2,
+    "weft": F32x2,
+    "warp": F32x2,
+    "normal": F32x2,
+    "key0": I32x1,
+    "key1": I32x1,
+    "family": I32x1,
+    "pitch": F32x1,
+    "thread": I32x1,
+    "template": I32x1,
+    "start": I64x1,
+    "particle": F32x2,
+    "colour": F32x2,
+}
+
+_PACK: Any = ti.types.argpack(**_TYPES)
+
+if TYPE_CHECKING:
+    FabricPack = Any
+else:
+    FabricPack = _PACK
+
+
+@dataclass(frozen=True, eq=False)
+class FabricArrays:
+    """A fabric on key points, as kernels take it."""
+
+    point: F32
+    """Key points [m], row by row, (keys, 3)."""
+    weft: F32
+    """Unit direction of the weft at each, (keys, 3)."""
+    warp: F32
+    """Unit direction of the warp, (keys, 3)."""
+    normal: F32
+    """Unit normal, (keys, 3)."""
+    key0: I32
+    """Number of the key point at the beginning of each fibre block, (blocks,)."""
+    key1: I32
+    """And at its end; the same for the free end of a yarn."""
+    family: I32
+    """0 warp, 1 weft, (blocks,)."""
+    pitch: F32
+    """Length between the crossings at rest [m], (blocks,)."""
+    thread: I32
+    """Warp ends first, then weft picks, (blocks,)."""
+    template: I32
+    """Whose fibres it has, (blocks,)."""
+    start: NDArray[np.int64]
+    """Where each template's particles begin, (templates + 1,)."""
+    particle: F32
+    """What the templates say of each particle, (n, 14): see `COLUMN`."""
+    colour: F32
+    """Of each thread, linear, (threads, 3)."""
+
+    def pack(self) -> Any:
+        """The argument of a kernel, where no variable may have a member's name. To be made for each call: it must not
+        outlive a start of Taichi."""
+        return _PACK(**{name: getattr(self, name) for name in _TYPES})
 
 
 @ti.func
@@ -23,15 +96,22 @@ def row(a: F32x2, i):
 
 
 @ti.func
-def block_ends(point: F32x2, along_weft: F32x2, along_warp: F32x2, upward: F32x2, k0, k1, family, pitch):
-    """Both ends of a block: key points p0, p1, directions of the yarn a0, a1 (family 0 is warp), normals n0, n1."""
-    p0 = row(point, k0)
-    p1 = row(point, k1)
-    a0 = row(along_warp, k0) if family == 0 else row(along_weft, k0)
-    a1 = row(along_warp, k1) if family == 0 else row(along_weft, k1)
+def template_size(fabric: Template, t):
+    """Particles of template t."""
+    return ti.cast(fabric.start[t + 1] - fabric.start[t], ti.i32)
+
+
+@ti.func
+def block_ends(fabric: Template, b):
+    """Both ends of fibre block b: key points p0, p1, directions of the yarn a0, a1, normals n0, n1."""
+    k0, k1 = fabric.key0[b], fabric.key1[b]
+    p0 = row(fabric.point, k0)
+    p1 = row(fabric.point, k1)
+    a0 = row(fabric.warp, k0) if fabric.family[b] == 0 else row(fabric.weft, k0)
+    a1 = row(fabric.warp, k1) if fabric.family[b] == 0 else row(fabric.weft, k1)
     if k0 == k1:  # a free end runs on straight from its last crossing
-        p1 = p0 + a0 * pitch
-    return p0, p1, a0, a1, row(upward, k0), row(upward, k1)
+        p1 = p0 + a0 * fabric.pitch[b]
+    return p0, p1, a0, a1, row(fabric.normal, k0), row(fabric.normal, k1)
 
 
 @ti.func
@@ -45,8 +125,8 @@ def frame_at(a0, a1, n0, n1, u):
 
 
 @ti.func
-def laid(particle: F32x2, t, p0, p1, a0, a1, n0, n1):
-    """Where particle t of the templates (`TemplateBank.packed`) is in a block, its tangent and its normal."""
+def lay_particle(particle: F32x2, t, p0, p1, a0, a1, n0, n1):
+    """Where particle t of the templates is in a block with those ends, its tangent and its normal."""
     u = particle[t, COLUMN.u]
     along, across, up = frame_at(a0, a1, n0, n1, u)
     x, y, z = particle[t, COLUMN.offset], particle[t, COLUMN.offset + 1], particle[t, COLUMN.offset + 2]

@@ -1,4 +1,4 @@
-"""Fabric (paper 2.3 and 3.3): key points at every crossing, and the fibre blocks between them.
+"""What a fabric is laid out of (paper 2.3 and 3.3): key points at every crossing, and the fibre blocks between them.
 
 P[i, j] is the crossing of weft pick i and warp end j, as in the paper (with the textile use of the words: warp ends
 run along the cloth, weft picks across). A weft yarn runs along j, a warp yarn along i. A *block* is the piece of a
@@ -8,13 +8,10 @@ yarn between two neighbouring key points; blocks of one kind share a template (`
 """
 
 from dataclasses import dataclass
-from math import pi
-from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_cloth.ground.errors import InputError, did_you_mean
 from taichi_cloth.ground.particles import ROWS
 from taichi_cloth.weave.crimp import Interlacing, PathKinds, crossing_heights, path_kinds
 from taichi_cloth.yarn.spin import Period
@@ -29,19 +26,14 @@ __all__ = [
     "Blocks",
     "Detail",
     "FabricLayout",
-    "Frames",
-    "Pose",
     "Threads",
-    "frames",
     "lay_out",
-    "pose_points",
     "required_bytes",
 ]
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
-Pose = Literal["flat", "wave", "roll"]
 
 BODY, START, END = 0, 1, 2  # a block between two crossings; the free end before the first; after the last
 BLOCK_BYTES = 40  # the records of a block, and what laying them out takes besides
@@ -253,89 +245,3 @@ def _family(
 def _classes(values: F64) -> NDArray[np.int64]:
     """Class numbers of values that are equal to a nanometre."""
     return np.unique(np.rint(values * 1e9), return_inverse=True)[1].ravel().astype(np.int64)
-
-
-@dataclass(frozen=True)
-class Frames:
-    """Unit vectors at each key point, each (picks, ends, 3) float32: along the weft, along the warp, the normal."""
-
-    weft: F32
-    warp: F32
-    normal: F32
-
-
-def frames(points: NDArray) -> Frames:
-    """Local frames of a grid of key points (picks, ends, 3) [m] by central differences.
-
-    The normal is weft × warp, so that a warp that lies on top is on its side. Where a direction has one thread
-    only, it is taken square to the other.
-    """
-    p = np.asarray(points, np.float64)
-    picks, ends = p.shape[:2]
-    weft = np.gradient(p, axis=1) if ends > 1 else None
-    warp = np.gradient(p, axis=0) if picks > 1 else None
-    if weft is None:
-        weft = np.cross(warp, [0.0, 1.0, 0.0]) if warp is not None else np.broadcast_to([1.0, 0.0, 0.0], p.shape)
-    if warp is None:
-        warp = np.cross([0.0, 1.0, 0.0], weft)
-    normal = np.cross(weft, warp)
-    out = [v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-30) for v in (weft, warp, normal)]
-    return Frames(*(np.ascontiguousarray(v, np.float32) for v in out))
-
-
-def pose_points(layout: FabricLayout, pose: Pose = "flat", *, amount: float = 1.0) -> F32:
-    """Key points (picks, ends, 3) float32 [m] of the resting fabric, centred, lying in the x–z plane, y up.
-
-    flat: a plane. wave: soft folds along the weft, rising `amount` × 5 % of the width. roll: bent about the warp's
-    direction to an arc of `amount` × 90°. Both keep lengths along the yarns.
-    """
-    poses = get_args(Pose)
-    if pose not in poses:
-        raise InputError(f"pose: unknown pose {pose!r}; known: {', '.join(poses)}{did_you_mean(pose, poses)}")
-    x = layout.warp.position - layout.warp.position.mean()
-    z = layout.weft.position - layout.weft.position.mean()
-    x, z = _stray(layout, x, z)
-    width = max(float(np.ptp(x)), 1e-9)
-    if pose == "wave":
-        bend = 2.0 * pi * 1.25 / width
-        tilt = 0.05 * amount * width * bend  # slope of the fold at its steepest
-        slope = tilt * np.cos(bend * x + 0.6)
-    elif pose == "roll":
-        slope = amount * (pi / 2) * x / width
-    else:
-        slope = np.zeros_like(x)
-    angle = slope if pose == "roll" else np.arctan(slope)
-    # Walk along the weft: each step keeps its length and takes the direction of the fold there.
-    # The straying of picks is left out of the walk: it moves threads in the plane only.
-    y = _walk(x, np.sin(angle))
-    across = _walk(x, np.cos(angle))
-    points = np.empty((*z.shape, 3), np.float32)
-    points[..., 0] = across
-    points[..., 1] = y - 0.5 * (float(y.min()) + float(y.max()))
-    points[..., 2] = -z
-    return points
-
-
-def _walk(x: F64, rate: F64) -> F64:
-    """∫ rate dx along the last axis by the trapezoidal rule, centred."""
-    steps = np.diff(x, axis=-1) * (rate[..., 1:] + rate[..., :-1]) / 2
-    total = np.concatenate([np.zeros((*x.shape[:-1], 1)), np.cumsum(steps, axis=-1)], axis=-1)
-    return total - total[..., -1:] / 2
-
-
-def _stray(layout: FabricLayout, x: F64, z: F64) -> tuple[F64, F64]:
-    """Threads that stray: a constant shift a thread and a slow wander along it, both bounded; (picks, ends) each."""
-    picks, ends = layout.cloth.warp_up.shape
-    amount = layout.detail.irregularity
-    rng = np.random.Generator(np.random.Philox(key=[layout.detail.seed, 1]))
-
-    def one(own: F64, other: F64, pitch: float) -> F64:
-        n = len(own)
-        shift = rng.uniform(-1.0, 1.0, (n, 1)) * 0.5
-        wave = rng.uniform(0.5, 1.5, (n, 1)) * 2.0 * pi / max(float(np.ptp(other)), pitch)
-        wander = 0.5 * np.sin(wave * other[None, :] + rng.uniform(0.0, 2.0 * pi, (n, 1)))
-        return own[:, None] + amount * pitch * (shift + wander)
-
-    xs = one(x, z, layout.warp.pitch).T
-    zs = one(z, x, layout.weft.pitch)
-    return np.broadcast_to(xs, (picks, ends)), np.broadcast_to(zs, (picks, ends))

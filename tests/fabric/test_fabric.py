@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from taichi_cloth.fabric.fabric import build_fabric
-from taichi_cloth.fabric.layout import BODY, END, START, Detail, Threads, frames, lay_out, pose_points, required_bytes
+from taichi_cloth.fabric.frames import frames
+from taichi_cloth.fabric.layout import BODY, END, START, Detail, Threads, lay_out, required_bytes
+from taichi_cloth.fabric.pose import pose_points
 from taichi_cloth.fabric.templates import build_templates, covered, particle_count
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.weave.crimp import Interlacing, centreline

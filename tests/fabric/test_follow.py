@@ -12,7 +12,7 @@ from test_fabric import woven
 from taichi_cloth.fabric.crossings import refine_points, refined_mask
 from taichi_cloth.fabric.fabric import Fabric, build_fabric
 from taichi_cloth.fabric.follow import FibreFollower
-from taichi_cloth.fabric.layout import pose_points
+from taichi_cloth.fabric.pose import pose_points
 from taichi_cloth.ground.errors import InputError
 
 NAMES = ("position", "tangent", "normal", "colour", "radius", "half_length", "openness")
@@ -210,7 +210,7 @@ sys.path.insert(0, sys.argv[2])
 from test_fabric import woven
 from taichi_cloth.fabric.fabric import build_fabric
 from taichi_cloth.fabric.crossings import refine_points
-from taichi_cloth.fabric.layout import pose_points
+from taichi_cloth.fabric.pose import pose_points
 from taichi_cloth.fabric.follow import FibreFollower
 fabric = build_fabric(woven(ends=41, picks=41, fibres=2, steps=4, fringe=1.0))
 coarse = np.random.default_rng(5).normal(size=(11, 11, 3))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from taichi_cloth.fabric.fabric import build_fabric
-from taichi_cloth.fabric.layout import pose_points
+from taichi_cloth.fabric.pose import pose_points
 from taichi_cloth.garment.pattern.drafts import DRAFTS
 from taichi_cloth.render.data.camera import frame
 from taichi_cloth.render.data.particles import Particles

@@ -7,7 +7,7 @@ import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
 
-from taichi_cloth.fabric.normals import frame_of_point
+from taichi_cloth.fabric.frames import frame_of_point
 from taichi_cloth.garment.pattern.cut import Atlas, CutPanel, intervals
 from taichi_cloth.ground.arrays import F32x2, F32x3, I32x1, I32x2
 

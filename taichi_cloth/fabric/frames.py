@@ -3,16 +3,48 @@
 # In kernels a vector is a Taichi expression, which type checkers cannot follow.
 # pyright: reportOptionalCall=false, reportIndexIssue=false, reportOperatorIssue=false
 
+from dataclasses import dataclass
+
 import numpy as np
 import taichi as ti
 from numpy.typing import ArrayLike, NDArray
 
 from taichi_cloth.ground.arrays import F32x2, F32x3, I32x1, Template
 
-__all__ = ["frame_of_point", "grid_faces", "vertex_normals"]
+__all__ = ["Frames", "frame_of_point", "frames", "grid_faces", "vertex_normals"]
+
+F32 = NDArray[np.float32]
 
 
-def vertex_normals(points: NDArray, present: ArrayLike | None = None) -> NDArray[np.float32]:
+@dataclass(frozen=True)
+class Frames:
+    """Unit vectors at each key point, each (picks, ends, 3) float32: along the weft, along the warp, the normal."""
+
+    weft: F32
+    warp: F32
+    normal: F32
+
+
+def frames(points: NDArray) -> Frames:
+    """Local frames of a grid of key points (picks, ends, 3) [m] by central differences.
+
+    The normal is weft × warp, so that a warp that lies on top is on its side. Where a direction has one thread
+    only, it is taken square to the other.
+    """
+    p = np.asarray(points, np.float64)
+    picks, ends = p.shape[:2]
+    weft = np.gradient(p, axis=1) if ends > 1 else None
+    warp = np.gradient(p, axis=0) if picks > 1 else None
+    if weft is None:
+        weft = np.cross(warp, [0.0, 1.0, 0.0]) if warp is not None else np.broadcast_to([1.0, 0.0, 0.0], p.shape)
+    if warp is None:
+        warp = np.cross([0.0, 1.0, 0.0], weft)
+    normal = np.cross(weft, warp)
+    out = [v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-30) for v in (weft, warp, normal)]
+    return Frames(*(np.ascontiguousarray(v, np.float32) for v in out))
+
+
+def vertex_normals(points: NDArray, present: ArrayLike | None = None) -> F32:
     """Unit normals (rows·cols, 3) of a grid of key points (rows, cols, 3) [m], weft × warp by central differences."""
     x = np.ascontiguousarray(points, np.float32)
     mask = np.ones(x.shape[:2], np.int32) if present is None else np.ascontiguousarray(present, np.int32)
