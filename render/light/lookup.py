@@ -5,12 +5,13 @@
 
 import taichi as ti
 
-from taichi_cloth.ground.arrays import F32x1, F32x2, Float, I32x2, Int, Template
+from taichi_cloth.ground.arrays import F32x1, F32x2, I32x2, Int, Template
 from taichi_cloth.ground.particles import LANES, NORMAL, POSITION, RADIUS
 from taichi_cloth.ground.vectors import Blocks, Vec16, keep
 
 from ..data.light_sizes import LAYERS
-from .transmittance import AWAY, ORIGIN, RIGHT, SCALE, UP, layer_of
+from .deep_map import AWAY, ORIGIN, RIGHT, SCALE, UP, DeepMap
+from .transmittance import layer_of
 
 __all__ = ["gather", "look_up"]
 
@@ -37,10 +38,10 @@ def _nearest(levels: I32x2, level, u, v, nearest: F32x1):
 
 
 @ti.func
-def _bilinear(levels: I32x2, level, u, v, depth, span, root, nearest: F32x1, through: F32x2):
+def _bilinear(deep: Template, levels: I32x2, level, u, v, depth, nearest: F32x1, through: F32x2):
     """Transmittance at u, v [texels of the finest level] and a depth [m]: four texels at once, without branches."""
     near, cell, f, g = _nearest(levels, level, u, v, nearest)
-    at = ti.max(layer_of(ti.max(depth - near, 0.0), span, root) - 1.0, 0.0)
+    at = ti.max(layer_of(ti.max(depth - near, 0.0), deep) - 1.0, 0.0)
     low = ti.min(ti.cast(at, ti.i32), ti.static(LAYERS - 2))
     part = ti.min(at - low, 1.0)
     value = ti.Vector([1.0, 1.0, 1.0, 1.0])
@@ -53,8 +54,8 @@ def _bilinear(levels: I32x2, level, u, v, depth, span, root, nearest: F32x1, thr
 
 
 @ti.func
-def _through(soft: Template, levels: I32x2, u, v, depth, softness, span, root, nearest: F32x1, through: F32x2):
-    """Transmittance at a place of the map. softness: width of the penumbra [texels] per metre behind the blocker.
+def _through(soft: Template, deep: Template, levels: I32x2, u, v, depth, nearest: F32x1, through: F32x2):
+    """Transmittance at a place of the map.
 
     levels: rows (first texel, width, height). Between two levels the two are mixed, as in a mip map.
     """
@@ -64,14 +65,14 @@ def _through(soft: Template, levels: I32x2, u, v, depth, softness, span, root, n
         top = levels.shape[0] - 1
         near, _, _, _ = _nearest(levels, top, u, v, nearest)
         # The mean of a texel read bilinearly blurs an edge over one to two texels, by where it falls in them.
-        wide = ti.max((depth - near.min()) * (softness / 1.5), 1.0)
+        wide = ti.max((depth - near.min()) * (deep.softness / 1.5), 1.0)
         bits = ti.bit_cast(wide, ti.i32)
         low = ti.min((bits >> 23) - 127, top - 1)  # a power of two, and how far on to the next
         part = ti.min(wide / ti.cast(1 << low, ti.f32) - 1.0, 1.0)
-        value = _bilinear(levels, low, u, v, depth, span, root, nearest, through)
-        value += part * (_bilinear(levels, low + 1, u, v, depth, span, root, nearest, through) - value)
+        value = _bilinear(deep, levels, low, u, v, depth, nearest, through)
+        value += part * (_bilinear(deep, levels, low + 1, u, v, depth, nearest, through) - value)
     else:
-        value = _bilinear(levels, 0, u, v, depth, span, root, nearest, through)
+        value = _bilinear(deep, levels, 0, u, v, depth, nearest, through)
     return value
 
 
@@ -84,30 +85,28 @@ def _slope(cosine):
 @ti.kernel
 def gather(
     soft: Template,
-    particles: Blocks,
+    deep: DeepMap,
+    # map:
     axes: F32x2,
-    offset: Float,
-    lag: Float,
     levels: I32x2,
-    softness: Float,
-    span: Float,
-    root: Float,
     nearest: F32x1,
     through: F32x2,
+    # in:
+    particles: Blocks,
     row: Int,
     # out:
     light_out: Blocks,
 ):
     """light_out[block, row, lane]: the light that reaches each particle, 0..1.
 
-    A particle reads at its centre moved `offset` [m] and half its radius out along its normal, and half its
-    radius and `lag` [m], more where the surface slopes, towards the light: the places where its own neighbours
+    A particle reads at its centre moved the map's offset and half its radius out along its normal, and half its
+    radius and its lag, more where the surface slopes, towards the light: the places where its own neighbours
     on the surface do not yet shadow it.
     """
     keep(light_out, (0, 0), row)
     for b in range(particles.shape[1]):
         size = particles[RADIUS, b]
-        out = offset + 0.5 * size
+        out = deep.offset + 0.5 * size
         nx = particles[NORMAL, b]
         ny = particles[NORMAL + 1, b]
         nz = particles[NORMAL + 2, b]
@@ -118,37 +117,34 @@ def gather(
         v = (px * axes[UP, 0] + py * axes[UP, 1] + pz * axes[UP, 2] - axes[ORIGIN, 1]) * axes[SCALE, 0]
         depth = px * axes[AWAY, 0] + py * axes[AWAY, 1] + pz * axes[AWAY, 2] - axes[ORIGIN, 2]
         cosine = -(axes[AWAY, 0] * nx + axes[AWAY, 1] * ny + axes[AWAY, 2] * nz)
-        depth -= lag * _slope(cosine) + 0.5 * size
+        depth -= deep.lag * _slope(cosine) + 0.5 * size
         light = Vec16(1.0)
         for lane in range(LANES):
             if size[lane] > 0.0:
-                light[lane] = _through(
-                    soft, levels, u[lane], v[lane], depth[lane], softness, span, root, nearest, through
-                )
+                light[lane] = _through(soft, deep, levels, u[lane], v[lane], depth[lane], nearest, through)
         light_out[b, row] = light
 
 
 @ti.kernel
 def look_up(
     soft: Template,
-    points: F32x2,
+    deep: DeepMap,
+    # map:
     axes: F32x2,
-    lag: Float,
     levels: I32x2,
-    softness: Float,
-    span: Float,
-    root: Float,
     nearest: F32x1,
     through: F32x2,
+    # in:
+    points: F32x2,
     # out:
     light_out: F32x1,
 ):
-    """light_out[i]: the light that reaches points (n, 3) [m], 0..1, read `lag` [m] towards the light."""
+    """light_out[i]: the light that reaches points (n, 3) [m], 0..1, read the map's lag towards the light."""
     for i in range(points.shape[0]):
         px = points[i, 0]
         py = points[i, 1]
         pz = points[i, 2]
         u = (px * axes[RIGHT, 0] + py * axes[RIGHT, 1] + pz * axes[RIGHT, 2] - axes[ORIGIN, 0]) * axes[SCALE, 0]
         v = (px * axes[UP, 0] + py * axes[UP, 1] + pz * axes[UP, 2] - axes[ORIGIN, 1]) * axes[SCALE, 0]
-        depth = px * axes[AWAY, 0] + py * axes[AWAY, 1] + pz * axes[AWAY, 2] - axes[ORIGIN, 2] - lag
-        light_out[i] = _through(soft, levels, u, v, depth, softness, span, root, nearest, through)
+        depth = px * axes[AWAY, 0] + py * axes[AWAY, 1] + pz * axes[AWAY, 2] - axes[ORIGIN, 2] - deep.lag
+        light_out[i] = _through(soft, deep, levels, u, v, depth, nearest, through)

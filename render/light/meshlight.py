@@ -15,15 +15,13 @@ from taichi_cloth.ground.arrays import F32x1, F32x2, F32x3, I32x2, Int
 
 from ..tiles.mesh import Mesh
 from ..tiles.sort import CHUNK_STEPS, share
-from .transmittance import AWAY, EMPTY, ORIGIN, RIGHT, SCALE, UP
+from .deep_map import AWAY, EMPTY, ORIGIN, RIGHT, SCALE, UP
 
 __all__ = ["walls"]
 
 
-def walls(
-    mesh: Mesh, axes: NDArray[np.float32], maps: NDArray[np.int32], *, chunks: int
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """First and last depth [m] of a mesh in the texels of all maps, EMPTY and -EMPTY where it is not, (texels,) each.
+def walls(mesh: Mesh, axes: NDArray[np.float32], maps: NDArray[np.int32], *, chunks: int) -> NDArray[np.float32]:
+    """First and last depth [m] of a mesh in the texels of all maps, EMPTY and -EMPTY where it is not, (2, texels).
 
     axes: (maps, 5, 3), see `transmittance`. maps: (maps, 3), first texel, width and height of each.
     """
@@ -31,10 +29,11 @@ def walls(
     vertices = np.ascontiguousarray(np.where(finite[:, None], mesh.vertices, 0.0), np.float32)
     faces = np.ascontiguousarray(mesh.faces[finite[mesh.faces].all(axis=1)], np.int32)
     texels = int((maps[:, 1] * maps[:, 2]).sum())
-    first, last = np.full(texels, EMPTY, np.float32), np.full(texels, -EMPTY, np.float32)
+    ends = np.empty((2, texels), np.float32)
+    ends[0], ends[1] = EMPTY, -EMPTY
     if len(faces):
-        _walls(chunks, vertices, faces, axes, maps, first, last)
-    return first, last
+        _walls(chunks, vertices, faces, axes, maps, *ends)
+    return ends
 
 
 @ti.func

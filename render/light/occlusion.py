@@ -8,6 +8,7 @@ kept, so that other particles of the same scene, a mesh or the ground can be loo
 
 from dataclasses import dataclass
 from math import pi, sqrt
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,7 +20,7 @@ from ..data.blocks import Layout
 from ..data.light_sizes import LAYERS, SCRATCH_ROWS, SKY_DIRECTIONS, SKY_SIZE
 from ..tiles.mesh import Mesh
 from . import sky
-from .fit import fit, typical_radius
+from .map_place import place_map, typical_radius
 from .meshlight import walls
 
 __all__ = ["SkyMaps", "half_sphere", "occlude"]
@@ -31,7 +32,7 @@ FINE = 6.0
 """Depth [texels] in which the layers near either side of a texel are fine."""
 
 
-NO_WALLS = np.zeros(1, np.float32), np.zeros(1, np.float32)
+NO_WALLS = np.zeros((2, 1), np.float32)
 
 
 def half_sphere(count: int) -> NDArray[np.float64]:
@@ -63,23 +64,19 @@ class SkyMaps:
     """(maps, 5, 3), see `transmittance`."""
     maps: NDArray[np.int32]
     """First texel, width and height of each, shape (maps, 3)."""
-    first: NDArray[np.float32]
-    last: NDArray[np.float32]
-    """Depths [m] between which something stands, shape (texels,); 1e30 and -1e30 where nothing does."""
+    ends: NDArray[np.float32]
+    """First and last depth [m] at which something stands, shape (2, texels); 1e30 and -1e30 where nothing does."""
     depth: NDArray[np.float32]
     """Optical depth up to the end of each layer, shape (texels, 16); undefined where nothing stands."""
-    walls: tuple[NDArray[np.float32], NDArray[np.float32]] | None
-    """First and last depth [m] of a mesh, shape (texels,) each; None without a mesh."""
+    walls: NDArray[np.float32] | None
+    """First and last depth [m] of a mesh, shape (2, texels); None without a mesh."""
     texel: float
     """Width of the coarsest map's texel [m]."""
 
     def on_particles(self, blocks: NDArray[np.float32], light_out: NDArray[np.float32], row: int) -> None:
         """Write the share of the sky that packed particles see, 0..1, to light_out (blocks, rows, 16), at `row`."""
         if blocks.shape[1]:
-            sky.look(
-                self.walls is not None, blocks, self.axes, self.maps, 0.5 * self.texel, FINE * self.texel,
-                self.first, self.last, self.depth, *(self.walls or NO_WALLS), row, light_out,
-            )  # fmt: skip
+            sky.look(self.walls is not None, *self._map, blocks, row, light_out)
 
     def seen_from(self, points: ArrayLike, normals: ArrayLike) -> NDArray[np.float32]:
         """The share of the sky, 0..1, that world points (n, 3) [m] with unit normals (n, 3) see, shape (n,)."""
@@ -88,15 +85,18 @@ class SkyMaps:
             raise InputError(f"seen_from: points {points.shape}, normals {normals.shape}; allowed: (n, 3) both")
         light = np.ones(len(points), np.float32)
         if len(points):
-            sky.look_at(
-                self.walls is not None, points, normals, self.axes, self.maps, 0.5 * self.texel, FINE * self.texel,
-                self.first, self.last, self.depth, *(self.walls or NO_WALLS), light,
-            )  # fmt: skip
+            sky.look_at(self.walls is not None, *self._map, points, normals, light)
         return light
 
     @property
+    def _map(self) -> tuple[Any, ...]:
+        """As the kernels that look up in it take it."""
+        walls = NO_WALLS if self.walls is None else self.walls
+        return self.axes, self.maps, 0.5 * self.texel, FINE * self.texel, self.ends, self.depth, walls
+
+    @property
     def nbytes(self) -> int:
-        return sum(a.nbytes for a in (self.first, self.last, self.depth, *(self.walls or ())))
+        return self.ends.nbytes + self.depth.nbytes + (0 if self.walls is None else self.walls.nbytes)
 
 
 def occlude(
@@ -115,19 +115,20 @@ def occlude(
     """The maps of packed particles in a box (2, 3) [m], of which each stands for `stretch` along its fibre, and of an
     opaque mesh among them."""
     radius = typical_radius(blocks)
-    fits = [fit(d, box, radius, resolution=resolution, texel_radii=texel_radii)[0] for d in half_sphere(directions)]
+    fits = [
+        place_map(d, box, radius, resolution=resolution, texel_radii=texel_radii)[0] for d in half_sphere(directions)
+    ]
     sizes = np.array([f.width * f.height for f in fits])
     table = np.array([(n, f.width, f.height) for n, f in zip(np.cumsum(sizes) - sizes, fits, strict=True)], np.int32)
     axes = np.stack([f.axes(opacity) for f in fits])
     texels, texel = int(sizes.sum()), max(f.texel for f in fits)
-    first, last = np.empty(texels, np.float32), np.empty(texels, np.float32)
+    ends = np.empty((2, texels), np.float32)
     depth = np.empty((texels, LAYERS), np.float32)
     chunks = min(chunks, directions)
     count = blocks.shape[1]
     scratch = np.empty((max(1, chunks * count), SCRATCH_ROWS, LANES), np.float32)
     sky.fill(
-        layout, chunks, stretch, blocks, count, axes, table, FINE * texel, scratch, first, last,
-        depth.reshape(-1, 1, LAYERS),
+        layout, chunks, stretch, blocks, count, axes, table, FINE * texel, scratch, ends, depth.reshape(-1, 1, LAYERS),
     )  # fmt: skip
     solid = None if mesh is None else walls(mesh, axes, table, chunks=chunks)
-    return SkyMaps(axes, table, first, last, depth, solid, texel)
+    return SkyMaps(axes, table, ends, depth, solid, texel)

@@ -8,6 +8,7 @@ map_.shadow_at(points)                             transmittance anywhere
 from dataclasses import dataclass
 from itertools import pairwise
 from math import radians, tan
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,9 +20,10 @@ from ..data.blocks import Layout
 from ..data.light_sizes import LAYERS, MAP_SIZE, STAMP_ROWS
 from ..tiles.mesh import Mesh
 from . import lookup, transmittance
-from .fit import fit, typical_radius
+from .deep_map import EMPTY, SCALE, new_deep_map
+from .map_place import place_map, typical_radius
 from .meshlight import walls
-from .transmittance import EMPTY
+from .stamps import stamp
 
 __all__ = ["ShadowMap", "cast"]
 
@@ -51,10 +53,21 @@ class ShadowMap:
     """Transmittance at the boundaries of the layers, shape (texels, 16); undefined where empty."""
     span: float
     root: float
+    """Of the layers, see `DeepMap`."""
     softness: float
     """Width of a penumbra [texels] per metre behind what casts it; 0 is a light without size."""
     radius: float
     """Radius of a typical particle [m]."""
+
+    @property
+    def _arrays(self) -> tuple[NDArray[Any], ...]:
+        """As kernels take them."""
+        return self.axes, self.levels, self.nearest, self.through
+
+    def _numbers(self, **place: float) -> Any:
+        """For kernels that look a place up, moved by so much."""
+        places = {name: float(value) for name, value in place.items()}
+        return new_deep_map(span=self.span, root=self.root, softness=self.softness, **places)
 
     @property
     def nbytes(self) -> int:
@@ -63,15 +76,13 @@ class ShadowMap:
     @property
     def texel(self) -> float:
         """Width of a texel of the finest map [m]."""
-        return 1.0 / float(self.axes[transmittance.SCALE, 0])
+        return 1.0 / float(self.axes[SCALE, 0])
 
     def on_particles(self, blocks: NDArray[np.float32], light_out: NDArray[np.float32], row: int) -> None:
         """Write the light 0..1 that reaches packed particles to light_out (blocks, rows, 16), at `row`."""
         if blocks.shape[1]:
-            lookup.gather(
-                self.softness > 0, blocks, self.axes, 0.5 * self.texel, 0.5 * self.texel, self.levels,
-                self.softness, self.span, self.root, self.nearest, self.through, row, light_out,
-            )  # fmt: skip
+            numbers = self._numbers(offset=0.5 * self.texel, lag=0.5 * self.texel)
+            lookup.gather(self.softness > 0, numbers, *self._arrays, blocks, row, light_out)
 
     def shadow_at(self, points: ArrayLike, *, lag: float | None = None) -> NDArray[np.float32]:
         """The light 0..1 that reaches world points (n, 3) [m], shape (n,) float32.
@@ -83,10 +94,8 @@ class ShadowMap:
             raise InputError(f"shadow_at: points {points.shape}; allowed: (n, 3)")
         light = np.ones(len(points), np.float32)
         if len(points):
-            lookup.look_up(
-                self.softness > 0, points, self.axes, self.radius if lag is None else lag, self.levels,
-                self.softness, self.span, self.root, self.nearest, self.through, light,
-            )  # fmt: skip
+            numbers = self._numbers(lag=self.radius if lag is None else lag)
+            lookup.look_up(self.softness > 0, numbers, *self._arrays, points, light)
         return light
 
     def shadow_on(self, points: ArrayLike, normals: ArrayLike) -> NDArray[np.float32]:
@@ -120,7 +129,7 @@ def cast(
     radii wide. stretch: how many along its fibre each elongated particle stands for.
     """
     radius = typical_radius(blocks)
-    at, count = fit(
+    at, count = place_map(
         direction, box, radius, resolution=resolution, texel_radii=texel_radii, size_deg=size_deg, levels=MOST_LEVELS
     )
     softness = 2.0 * tan(radians(size_deg) / 2) / at.texel
@@ -142,15 +151,16 @@ def cast(
     if blocks.shape[1] == 0 and mesh is None:
         nearest[:] = EMPTY
     else:
-        transmittance.stamp(layout, chunks, stretch, blocks, blocks.shape[1], at.height, axes, stamps, spans, rows)
+        stamp(layout, chunks, stretch, blocks, blocks.shape[1], at.height, axes, stamps, spans, rows)
         cuts = _cuts(rows.sum(axis=0), chunks)
+        deep = new_deep_map(width=at.width, span=span, root=root)
         transmittance.deposit(
-            chunks, mesh is not None, blocks.shape[1], stamps, spans, cuts, at.width, span, root, wall, nearest,
+            chunks, mesh is not None, deep, blocks.shape[1], stamps, spans, cuts, wall, nearest,
             through.reshape(-1, 1, LAYERS),
         )  # fmt: skip
         for fine, coarse in pairwise(levels):
             begin, wide, high = coarse
-            transmittance.coarsen(fine[0], fine[1], begin, wide, high, span, root, nearest, through)
+            transmittance.coarsen(fine[0], fine[1], begin, wide, high, deep, nearest, through)
     table = np.array(levels, np.int32)
     return ShadowMap(at.frame[2] * -1.0, axes, table, nearest, through, span, root, softness, radius)
 

@@ -21,8 +21,8 @@ from taichi_cloth.ground.vectors import Blocks, Vec16, keep
 
 from ..data.light_sizes import LAYERS
 from ..tiles.sort import CHUNK_STEPS, share
+from .deep_map import AWAY, EMPTY, ORIGIN, RIGHT, SCALE, UP
 from .fibre import decay
-from .transmittance import AWAY, EMPTY, ORIGIN, RIGHT, SCALE, UP
 
 __all__ = ["fill", "look", "look_at"]
 
@@ -41,6 +41,85 @@ def _coordinate(f, g, h):
     return ti.min(16.0 * front / (front + g * (f + h) + 1e-30), 16.0)
 
 
+@ti.func
+def _place(layout: Template, stretch, particles: Blocks, b, axes: F32x3, m, placed: Blocks, out):
+    """Block b on map m, as row `out` of the scratch: its place, its points, and the optical depth of each."""
+    texels = axes[m, SCALE, 0]
+    px = particles[POSITION, b]
+    py = particles[POSITION + 1, b]
+    pz = particles[POSITION + 2, b]
+    size = particles[RADIUS, b] * texels
+    u = px * axes[m, RIGHT, 0] + py * axes[m, RIGHT, 1] + pz * axes[m, RIGHT, 2] - axes[m, ORIGIN, 0]
+    v = px * axes[m, UP, 0] + py * axes[m, UP, 1] + pz * axes[m, UP, 2] - axes[m, ORIGIN, 1]
+    placed[out, 0] = u * texels - 0.5
+    placed[out, 1] = v * texels - 0.5
+    placed[out, 2] = px * axes[m, AWAY, 0] + py * axes[m, AWAY, 1] + pz * axes[m, AWAY, 2] - axes[m, ORIGIN, 2]
+    optical = size * size * (3.1416 * DENSITY * stretch)
+    if ti.static(layout.elliptic):
+        tx = particles[TANGENT, b]
+        ty = particles[TANGENT + 1, b]
+        tz = particles[TANGENT + 2, b]
+        half = 0.5 * stretch * particles[layout.half_length_row, b]
+        e_x = (tx * axes[m, RIGHT, 0] + ty * axes[m, RIGHT, 1] + tz * axes[m, RIGHT, 2]) * half
+        e_y = (tx * axes[m, UP, 0] + ty * axes[m, UP, 1] + tz * axes[m, UP, 2]) * half
+        e_z = (tx * axes[m, AWAY, 0] + ty * axes[m, AWAY, 1] + tz * axes[m, AWAY, 2]) * half
+        long = ti.sqrt(e_x * e_x + e_y * e_y) * texels
+        points = ti.min(ti.max(ti.floor(long * (2.0 / APART) + 1.0), 1.0), MOST_POINTS)
+        spacing = 2.0 / points
+        placed[out, 4] = e_x * texels * spacing
+        placed[out, 5] = e_y * texels * spacing
+        placed[out, 6] = e_z * spacing
+        placed[out, 7] = points
+        optical = size * ti.sqrt(size * size + long * long) * (3.1416 * DENSITY) / points
+    if ti.static(layout.opacity):
+        optical *= ti.min(ti.max(particles[layout.opacity_row, b], 0.0), 1.0)
+    else:
+        optical *= axes[m, SCALE, 1]
+    placed[out, 3] = optical
+
+
+@ti.func
+def _lay(layout: Template, turn, placed: Blocks, b, lane, maps: I32x2, m, fine, ends: F32x2, depth_out: Blocks):
+    """One particle, point by point: into the first and last depths, then into the layers between them."""
+    begin = maps[m, 0]
+    width = maps[m, 1]
+    high = maps[m, 2]
+    optical = placed[b, 3][lane]
+    if optical > 0.0:
+        points = 1
+        u = placed[b, 0][lane]
+        v = placed[b, 1][lane]
+        depth = placed[b, 2][lane]
+        if ti.static(layout.elliptic):
+            points = ti.cast(placed[b, 7][lane], ti.i32)
+            back = 0.5 * (points - 1.0)
+            u -= back * placed[b, 4][lane]
+            v -= back * placed[b, 5][lane]
+            depth -= back * placed[b, 6][lane]
+        for _ in range(points):
+            left = ti.min(ti.max(ti.cast(u, ti.i32), 0), width - 2)
+            top = ti.min(ti.max(ti.cast(v, ti.i32), 0), high - 2)
+            cell = begin + top * width + left
+            if turn == 0:
+                for j in ti.static(range(4)):
+                    c = cell + (j // 2) * width + j % 2
+                    ends[0, c] = ti.min(ends[0, c], depth)
+                    ends[1, c] = ti.max(ends[1, c], depth)
+            else:
+                f = u - left
+                g = v - top
+                for j in ti.static(range(4)):
+                    c = cell + (j // 2) * width + j % 2
+                    part = (f if ti.static(j % 2 == 1) else 1.0 - f) * (g if ti.static(j // 2 == 1) else 1.0 - g)
+                    k = _coordinate(depth - ends[0, c], ends[1, c] - depth, fine)
+                    layer = ti.min(ti.cast(k, ti.i32), LAYERS - 1)
+                    depth_out[c, 0][layer] += optical * part
+            if ti.static(layout.elliptic):
+                u += placed[b, 4][lane]
+                v += placed[b, 5][lane]
+                depth += placed[b, 6][lane]
+
+
 @ti.kernel
 def fill(
     layout: Template,
@@ -54,13 +133,12 @@ def fill(
     # scratch of a chunk:
     placed: Blocks,
     # out, all maps one after another:
-    first_out: F32x1,
-    last_out: F32x1,
+    ends_out: F32x2,
     depth_out: Blocks,
 ):
-    """First and last depth [m] and optical depth up to the end of each layer, shape (texels,), (texels, 1, 16).
+    """First and last depth [m] and optical depth up to the end of each layer, shape (2, texels), (texels, 1, 16).
 
-    axes: (maps, 5, 3) as in `transmittance`; maps: rows (first texel, width, height). stretch: each piece stands
+    axes: (maps, 5, 3) as in `deep_map`; maps: rows (first texel, width, height). stretch: each piece stands
     for so many, and is that much longer.
     """
     for step in range(chunks * CHUNK_STEPS):
@@ -69,89 +147,20 @@ def fill(
         chunk = step // CHUNK_STEPS
         at = chunk * block_count
         for m in range(share(maps.shape[0], chunk, chunks), share(maps.shape[0], chunk + 1, chunks)):
-            texels = axes[m, SCALE, 0]
             begin = maps[m, 0]
             width = maps[m, 1]
             high = maps[m, 2]
             for b in range(block_count):
-                px = particles[POSITION, b]
-                py = particles[POSITION + 1, b]
-                pz = particles[POSITION + 2, b]
-                size = particles[RADIUS, b] * texels
-                u = px * axes[m, RIGHT, 0] + py * axes[m, RIGHT, 1] + pz * axes[m, RIGHT, 2] - axes[m, ORIGIN, 0]
-                v = px * axes[m, UP, 0] + py * axes[m, UP, 1] + pz * axes[m, UP, 2] - axes[m, ORIGIN, 1]
-                placed[at + b, 0] = u * texels - 0.5
-                placed[at + b, 1] = v * texels - 0.5
-                placed[at + b, 2] = (
-                    px * axes[m, AWAY, 0] + py * axes[m, AWAY, 1] + pz * axes[m, AWAY, 2] - axes[m, ORIGIN, 2]
-                )
-                optical = size * size * (3.1416 * DENSITY * stretch)
-                if ti.static(layout.elliptic):
-                    tx = particles[TANGENT, b]
-                    ty = particles[TANGENT + 1, b]
-                    tz = particles[TANGENT + 2, b]
-                    half = 0.5 * stretch * particles[layout.half_length_row, b]
-                    e_x = (tx * axes[m, RIGHT, 0] + ty * axes[m, RIGHT, 1] + tz * axes[m, RIGHT, 2]) * half
-                    e_y = (tx * axes[m, UP, 0] + ty * axes[m, UP, 1] + tz * axes[m, UP, 2]) * half
-                    e_z = (tx * axes[m, AWAY, 0] + ty * axes[m, AWAY, 1] + tz * axes[m, AWAY, 2]) * half
-                    long = ti.sqrt(e_x * e_x + e_y * e_y) * texels
-                    points = ti.min(ti.max(ti.floor(long * (2.0 / APART) + 1.0), 1.0), MOST_POINTS)
-                    spacing = 2.0 / points
-                    placed[at + b, 4] = e_x * texels * spacing
-                    placed[at + b, 5] = e_y * texels * spacing
-                    placed[at + b, 6] = e_z * spacing
-                    placed[at + b, 7] = points
-                    optical = size * ti.sqrt(size * size + long * long) * (3.1416 * DENSITY) / points
-                if ti.static(layout.opacity):
-                    optical *= ti.min(ti.max(particles[layout.opacity_row, b], 0.0), 1.0)
-                else:
-                    optical *= axes[m, SCALE, 1]
-                placed[at + b, 3] = optical
+                _place(layout, stretch, particles, b, axes, m, placed, at + b)
             for cell in range(begin, begin + width * high):
-                first_out[cell] = EMPTY
-                last_out[cell] = -EMPTY
+                ends_out[0, cell] = EMPTY
+                ends_out[1, cell] = -EMPTY
+            # First where anything stands, then what each layer takes of the light; at last summed from front to back.
             for turn in range(2):
                 for i in range(block_count * LANES):
-                    b = at + i // LANES
-                    lane = i % LANES
-                    optical = placed[b, 3][lane]
-                    if optical > 0.0:
-                        points = 1
-                        u = placed[b, 0][lane]
-                        v = placed[b, 1][lane]
-                        depth = placed[b, 2][lane]
-                        if ti.static(layout.elliptic):
-                            points = ti.cast(placed[b, 7][lane], ti.i32)
-                            back = 0.5 * (points - 1.0)
-                            u -= back * placed[b, 4][lane]
-                            v -= back * placed[b, 5][lane]
-                            depth -= back * placed[b, 6][lane]
-                        for _ in range(points):
-                            left = ti.min(ti.max(ti.cast(u, ti.i32), 0), width - 2)
-                            top = ti.min(ti.max(ti.cast(v, ti.i32), 0), high - 2)
-                            cell = begin + top * width + left
-                            if turn == 0:
-                                for j in ti.static(range(4)):
-                                    c = cell + (j // 2) * width + j % 2
-                                    first_out[c] = ti.min(first_out[c], depth)
-                                    last_out[c] = ti.max(last_out[c], depth)
-                            else:
-                                f = u - left
-                                g = v - top
-                                for j in ti.static(range(4)):
-                                    c = cell + (j // 2) * width + j % 2
-                                    part = (f if ti.static(j % 2 == 1) else 1.0 - f) * (
-                                        g if ti.static(j // 2 == 1) else 1.0 - g
-                                    )
-                                    k = _coordinate(depth - first_out[c], last_out[c] - depth, fine)
-                                    layer = ti.min(ti.cast(k, ti.i32), LAYERS - 1)
-                                    depth_out[c, 0][layer] += optical * part
-                            if ti.static(layout.elliptic):
-                                u += placed[b, 4][lane]
-                                v += placed[b, 5][lane]
-                                depth += placed[b, 6][lane]
+                    _lay(layout, turn, placed, at + i // LANES, i % LANES, maps, m, fine, ends_out, depth_out)
                 for cell in range(begin, begin + width * high):
-                    if first_out[cell] < EMPTY:
+                    if ends_out[0, cell] < EMPTY:
                         if turn == 0:
                             depth_out[cell, 0] = Vec16(0.0)
                         else:
@@ -165,19 +174,22 @@ def fill(
 
 @ti.func
 def _seen(
-    walled: Template, px, py, pz, nx, ny, nz, offset, lag, axes: F32x3, maps: I32x2, fine,
-    first: F32x1, last: F32x1, depth_of: F32x2, wall_first: F32x1, wall_last: F32x1,
+    walled: Template, place, normal, outward, lag, axes: F32x3, maps: I32x2, fine,
+    ends: F32x2, depth_of: F32x2, walls: F32x2,
 ):  # fmt: skip
-    """The share of the sky, by the cosine to the normal, that is seen from a place moved `offset` out along it.
+    """The share of the sky, by the cosine to the normal, that is seen from a place moved `outward` [m] along it.
 
-    walled: whether there is a mesh, met first and left last at depths `wall_first` and `wall_last`.
+    lag: how far towards each end of a map it is moved before it reads [m]. walled: whether there is a mesh, met first
+    and left last at the depths `walls`.
     """
     total = 0.0
     weight = 0.0
-    px += offset * nx
-    py += offset * ny
-    pz += offset * nz
+    nx, ny, nz = normal[0], normal[1], normal[2]
+    px = place[0] + outward * nx
+    py = place[1] + outward * ny
+    pz = place[2] + outward * nz
     for m in range(maps.shape[0]):
+        # Where the place lies on the map, and which of its ends the surface faces.
         cosine = -(nx * axes[m, AWAY, 0] + ny * axes[m, AWAY, 1] + nz * axes[m, AWAY, 2])
         front = cosine > 0.0
         cosine = ti.abs(cosine)
@@ -196,12 +208,13 @@ def _seen(
         top = ti.cast(v, ti.i32)
         s = u - left
         t = v - top
+        # What passes on the way out there, of four texels.
         passing = 0.0
         for j in ti.static(range(4)):
             part = (s if ti.static(j % 2 == 1) else 1.0 - s) * (t if ti.static(j // 2 == 1) else 1.0 - t)
             c = maps[m, 0] + (top + j // 2) * width + left + j % 2
-            f = depth - first[c]
-            g = last[c] - depth
+            f = depth - ends[0, c]
+            g = ends[1, c] - depth
             optical = 0.0
             if (front and f > 0.0) or (not front and g > 0.0):  # never where the texel is empty
                 k = _coordinate(ti.max(f, 0.0), ti.max(g, 0.0), fine)
@@ -213,7 +226,7 @@ def _seen(
                     optical = depth_of[c, LAYERS - 1] - optical
             through = decay(optical)
             if ti.static(walled):  # noqa: SIM102
-                if (front and depth > wall_first[c]) or (not front and depth < wall_last[c]):
+                if (front and depth > walls[0, c]) or (not front and depth < walls[1, c]):
                     through = 0.0
             passing += part * through
         total += cosine * passing
@@ -224,21 +237,24 @@ def _seen(
 @ti.kernel
 def look(
     walled: Template,
-    particles: F32x3,
+    # maps:
     axes: F32x3,
     maps: I32x2,
     offset: Float,
     fine: Float,
-    first: F32x1,
-    last: F32x1,
+    ends: F32x2,
     depth_of: F32x2,
-    wall_first: F32x1,
-    wall_last: F32x1,
+    walls: F32x2,
+    # in:
+    particles: F32x3,
     row: Int,
     # out:
     light_out: F32x3,
 ):
-    """light_out[block, row, lane]: the share of the sky that packed particles see, 0..1."""
+    """light_out[block, row, lane]: the share of the sky that packed particles see, 0..1.
+
+    offset: how far a place is moved out along its normal, and towards the sky, before it reads [m].
+    """
     keep(light_out, (0, 0, 0), row)
     for i in range(particles.shape[1] * LANES):
         b = i // LANES
@@ -246,36 +262,33 @@ def look(
         value = 1.0
         size = particles[RADIUS, b, lane]
         if size > 0.0:
-            value = _seen(
-                walled,
-                particles[POSITION, b, lane], particles[POSITION + 1, b, lane], particles[POSITION + 2, b, lane],
-                particles[NORMAL, b, lane], particles[NORMAL + 1, b, lane], particles[NORMAL + 2, b, lane],
-                offset + 0.5 * size, offset + 0.25 * size, axes, maps, fine, first, last, depth_of,
-                wall_first, wall_last,
-            )  # fmt: skip
+            place = ti.Vector([particles[POSITION + k, b, lane] for k in ti.static(range(3))])
+            normal = ti.Vector([particles[NORMAL + k, b, lane] for k in ti.static(range(3))])
+            outward = offset + 0.5 * size
+            lag = offset + 0.25 * size
+            value = _seen(walled, place, normal, outward, lag, axes, maps, fine, ends, depth_of, walls)
         light_out[b, row, lane] = value
 
 
 @ti.kernel
 def look_at(
     walled: Template,
-    points: F32x2,
-    normals: F32x2,
+    # maps:
     axes: F32x3,
     maps: I32x2,
     offset: Float,
     fine: Float,
-    first: F32x1,
-    last: F32x1,
+    ends: F32x2,
     depth_of: F32x2,
-    wall_first: F32x1,
-    wall_last: F32x1,
+    walls: F32x2,
+    # in:
+    points: F32x2,
+    normals: F32x2,
     # out:
     light_out: F32x1,
 ):
-    """light_out[i]: the share of the sky that points (n, 3) [m] with normals (n, 3) see, 0..1."""
+    """light_out[i]: the share of the sky that points (n, 3) [m] with normals (n, 3) see, 0..1. offset: as of `look`."""
     for i in range(points.shape[0]):
-        light_out[i] = _seen(
-            walled, points[i, 0], points[i, 1], points[i, 2], normals[i, 0], normals[i, 1], normals[i, 2],
-            offset, offset, axes, maps, fine, first, last, depth_of, wall_first, wall_last,
-        )  # fmt: skip
+        place = ti.Vector([points[i, k] for k in ti.static(range(3))])
+        normal = ti.Vector([normals[i, k] for k in ti.static(range(3))])
+        light_out[i] = _seen(walled, place, normal, offset, offset, axes, maps, fine, ends, depth_of, walls)

@@ -26,7 +26,7 @@ __all__ = ["project"]
 
 BLUR = 0.91
 """Variance [px^2] by which a soft splat is widened, so that its energy does not depend on where it falls
-between the pixels: measured, the deviation stays below 0.07 at all sizes (render.md, section 4)."""
+between the pixels: measured, the deviation stays below 0.07 at all sizes."""
 
 LARGEST = 1e8
 """Largest radius [px]; a larger one fills the image all the same."""
@@ -74,6 +74,78 @@ def _thread(radius, half_length, endwise):
     return reach, long, ti.min(alpha, 1.0), ti.max(0.5 * reach, 1.0), 1.0 / (1.001 - endwise)
 
 
+@ti.func
+def _piece(layout: Template, crisp: Template, particles: Blocks, view: F32x2, b, scale, u, v, radius, thin, soft_edge):
+    """The outline of an elongated piece on the image: drawn half width, opacity, edge, half width and height of its box
+    [px], the rows s and t (2 each), how far it is seen end-on, its edge along the fibre.
+
+    scale: pixels per metre there. u, v: its place at a depth of 1. thin, soft_edge: half width and edge if not crisp.
+    """
+    reach = thin
+    edge = soft_edge
+    alpha = thin
+    endwise = thin
+    edge_along = thin
+    half_width = thin
+    half_height = thin
+    # The tangent on the image, in units of the scale: the ellipsoid's outline under the local
+    # affine projection J is the ellipse of covariance r^2 I + (h^2 - r^2) (J t)(J t)^T.
+    tx = particles[TANGENT, b]
+    ty = particles[TANGENT + 1, b]
+    tz = particles[TANGENT + 2, b]
+    along_z = tx * view[2, 0] + ty * view[2, 1] + tz * view[2, 2]
+    e_x = tx * view[0, 0] + ty * view[0, 1] + tz * view[0, 2] - u * along_z
+    e_y = tx * view[1, 0] + ty * view[1, 1] + tz * view[1, 2] - v * along_z
+    flat = ti.min(e_x * e_x + e_y * e_y, 1.0)
+    e_x += 1e-6  # a fibre seen end-on is round: any direction will do
+    unit_e = 1.0 / ti.sqrt(e_x * e_x + e_y * e_y)
+    e_x *= unit_e
+    e_y *= unit_e
+    long = ti.min(ti.max(particles[layout.half_length_row, b] * scale, 1e-6), LARGEST)
+    slim = long / radius
+    long = ti.sqrt(radius * radius * (1.0 - flat) + long * long * flat)
+    if ti.static(crisp):
+        endwise = ti.max(1.0 - flat * (3.0 + slim * slim / 3.0), 0.0)
+        reach, long, alpha, edge, edge_along = _thread(radius, long, endwise)
+    else:
+        major = long
+        long = ti.sqrt(major * major + BLUR)
+        alpha = (major * radius) / (long * reach)
+    if ti.static(crisp or layout.textured):  # the square of s and t
+        half_width = long * ti.abs(e_x) + reach * ti.abs(e_y)
+        half_height = long * ti.abs(e_y) + reach * ti.abs(e_x)
+    else:  # the ellipse in it
+        half_width = ti.sqrt((long * e_x) * (long * e_x) + (reach * e_y) * (reach * e_y))
+        half_height = ti.sqrt((long * e_y) * (long * e_y) + (reach * e_x) * (reach * e_x))
+    s_x = -e_y / reach
+    s_y = e_x / reach
+    t_x = e_x / long
+    t_y = e_y / long
+    return reach, alpha, edge, half_width, half_height, s_x, s_y, t_x, t_y, endwise, edge_along
+
+
+@ti.func
+def _slope(particles: Blocks, view: F32x2, b, vx, vy, vz, sin_v, key_facing):
+    """How brightness changes across a thread: (t x v) . l, of which (-e_y, e_x) is the direction on the image."""
+    tx = particles[TANGENT, b]
+    ty = particles[TANGENT + 1, b]
+    tz = particles[TANGENT + 2, b]
+    across = (ty * vz - tz * vy) * view[KEY_DIRECTION, 0]
+    across += (tz * vx - tx * vz) * view[KEY_DIRECTION, 1]
+    across += (tx * vy - ty * vx) * view[KEY_DIRECTION, 2]
+    slope = across / ti.max(sin_v, 1e-3) * key_facing * view[SURFACE, 2]
+    return ti.min(ti.max(slope, -1.0), 1.0)
+
+
+@ti.func
+def _tiles(left, right, top, bottom):
+    """First and last tile column and row of the pixels from left to right and top to bottom, 16 bits each."""
+    box = ti.cast(ti.cast(left, ti.i32) // TILE, ti.i64)
+    box |= ti.cast(ti.cast(right, ti.i32) // TILE, ti.i64) << 16
+    box |= ti.cast(ti.cast(top, ti.i32) // TILE, ti.i64) << 32
+    return box | (ti.cast(ti.cast(bottom, ti.i32) // TILE, ti.i64) << 48)
+
+
 @left_to_llvm
 @ti.kernel
 def project(
@@ -108,9 +180,6 @@ def project(
         width = view[IMAGE, 0]
         height = view[IMAGE, 1]
         near = view[IMAGE, 2]
-        lx = view[KEY_DIRECTION, 0]
-        ly = view[KEY_DIRECTION, 1]
-        lz = view[KEY_DIRECTION, 2]
         for b in range(share(block_count, chunk, chunks), share(block_count, chunk + 1, chunks)):
             # Where it is: camera axes [m], then pixels.
             px = particles[POSITION, b]
@@ -147,43 +216,10 @@ def project(
             endwise = reach
             edge_along = reach
             if ti.static(layout.elliptic):
-                # The tangent on the image, in units of the scale: the ellipsoid's outline under the local
-                # affine projection J is the ellipse of covariance r^2 I + (h^2 - r^2) (J t)(J t)^T.
-                tx = particles[TANGENT, b]
-                ty = particles[TANGENT + 1, b]
-                tz = particles[TANGENT + 2, b]
-                along_z = tx * view[2, 0] + ty * view[2, 1] + tz * view[2, 2]
-                e_x = tx * view[0, 0] + ty * view[0, 1] + tz * view[0, 2] - u * along_z
-                e_y = tx * view[1, 0] + ty * view[1, 1] + tz * view[1, 2] - v * along_z
-                flat = ti.min(e_x * e_x + e_y * e_y, 1.0)
-                e_x += 1e-6  # a fibre seen end-on is round: any direction will do
-                unit_e = 1.0 / ti.sqrt(e_x * e_x + e_y * e_y)
-                e_x *= unit_e
-                e_y *= unit_e
-                long = ti.min(ti.max(particles[layout.half_length_row, b] * scale, 1e-6), LARGEST)
-                slim = long / radius
-                long = ti.sqrt(radius * radius * (1.0 - flat) + long * long * flat)
-                if ti.static(crisp):
-                    endwise = ti.max(1.0 - flat * (3.0 + slim * slim / 3.0), 0.0)
-                    reach, long, alpha, edge, edge_along = _thread(radius, long, endwise)
-                else:
-                    major = long
-                    long = ti.sqrt(major * major + BLUR)
-                    alpha = (major * radius) / (long * reach)
-                if ti.static(crisp or layout.textured):  # the square of s and t
-                    half_width = long * ti.abs(e_x) + reach * ti.abs(e_y)
-                    half_height = long * ti.abs(e_y) + reach * ti.abs(e_x)
-                else:  # the ellipse in it
-                    half_width = ti.sqrt((long * e_x) * (long * e_x) + (reach * e_y) * (reach * e_y))
-                    half_height = ti.sqrt((long * e_y) * (long * e_y) + (reach * e_x) * (reach * e_x))
-                s_x = -e_y / reach
-                s_y = e_x / reach
-                t_x = e_x / long
-                t_y = e_y / long
-                # Key light across the fibre: (t x v) . l, of which (-e_y, e_x) is the direction on the image.
-                across = (ty * vz - tz * vy) * lx + (tz * vx - tx * vz) * ly + (tx * vy - ty * vx) * lz
-                slope = across / ti.max(sin_v, 1e-3) * key_facing * view[SURFACE, 2]
-                slope = ti.min(ti.max(slope, -1.0), 1.0)
+                reach, alpha, edge, half_width, half_height, s_x, s_y, t_x, t_y, endwise, edge_along = _piece(
+                    layout, crisp, particles, view, b, scale, u, v, radius, reach, edge
+                )
+                slope = _slope(particles, view, b, vx, vy, vz, sin_v, key_facing)
             if ti.static(layout.opacity):
                 alpha *= ti.min(ti.max(particles[layout.opacity_row, b], 0.0), 1.0)
             else:
@@ -201,6 +237,7 @@ def project(
                 i = b * LANES + lane
                 key = -1
                 if room[lane] > 0.0 and end[lane] >= 0.0:
+                    # Seen: its key, and the numbers that `raster` reads.
                     key = ti.cast(ti.min(ti.max(depth[lane], 0.0), ti.static(float(DEEPEST_KEY))), ti.i32)
                     low = key & (BINS - 1)
                     histogram_out[chunk, low] = histogram_out[chunk, low] + 1
@@ -231,9 +268,5 @@ def project(
                             splats_out[i, 7] = particles[layout.sprite_row, b][lane]
                         else:
                             splats_out[i, 7] = 1.0 / (reach[lane] * reach[lane])
-                    box = ti.cast(ti.cast(left[lane], ti.i32) // TILE, ti.i64)
-                    box |= ti.cast(ti.cast(right[lane], ti.i32) // TILE, ti.i64) << 16
-                    box |= ti.cast(ti.cast(top[lane], ti.i32) // TILE, ti.i64) << 32
-                    box |= ti.cast(ti.cast(bottom[lane], ti.i32) // TILE, ti.i64) << 48
-                    boxes_out[i] = box
+                    boxes_out[i] = _tiles(left[lane], right[lane], top[lane], bottom[lane])
                 keys_out[i] = key

@@ -12,11 +12,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from taichi_cloth.ground.particles import RADIUS
 
-__all__ = ["Fit", "fit", "step_up", "typical_radius"]
+__all__ = ["MapPlace", "place_map", "step_up", "typical_radius"]
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class MapPlace:
     """One map. frame: rows right, up, away from the light; origin: of the map along them [m]; texel: its width [m];
     deep: depth that holds everything [m]; width, height: texels."""
 
@@ -28,14 +28,14 @@ class Fit:
     height: int
 
     def axes(self, opacity: float) -> NDArray[np.float32]:
-        """Shape (5, 3), as `transmittance` names the rows."""
+        """Shape (5, 3), as `deep_map` names the rows."""
         axes = np.zeros((5, 3), np.float32)
         axes[:3], axes[3] = self.frame, self.origin
         axes[4] = 1.0 / self.texel, opacity, 0.0
         return axes
 
 
-def fit(
+def place_map(
     direction: ArrayLike,
     box: NDArray[np.float64],
     radius: float,
@@ -44,7 +44,7 @@ def fit(
     texel_radii: float,
     size_deg: float = 0.0,
     levels: int = 0,
-) -> tuple[Fit, int]:
+) -> tuple[MapPlace, int]:
     """The map of a light from `direction` (towards it, world) over a box (2, 3) [m], and how many halvings a light
     `size_deg` wide needs, at most `levels`.
 
@@ -66,7 +66,7 @@ def fit(
     margin = block * ceil((2.0 + 4.0 * radius / texel) / block)
     first = np.floor(low[:2] / (texel * block)) * block - margin
     width, height = (block * ceil((n + 1 + margin) / block) for n in (high[:2] / texel - first).tolist())
-    return Fit(frame, np.array([*(first * texel), low[2]]), texel, deep, width, height), count
+    return MapPlace(frame, np.array([*(first * texel), low[2]]), texel, deep, width, height), count
 
 
 def step_up(value: float) -> float:
