@@ -75,9 +75,9 @@ class Lighting:
     size: float = 6.0
     """Angle across the key light [degrees], 0..90: how soft its shadows are. The sun has 0.5, a soft box 20."""
     shadows: bool = False
-    """Whether particles shadow one another from the key light; a pass over them a pose and light direction."""
+    """Whether particles shadow one another from the key light; a map of them a pose and light direction."""
     occlusion: bool = False
-    """Whether particles hide the fill light from one another, instead of `Particles.openness`; a pass a pose."""
+    """Whether particles hide the fill light from one another, instead of `Particles.openness`; maps a pose."""
     others: tuple[KeyLight, ...] = ()
     """More lights, such as one from behind."""
     tone: Tone = "srgb"
@@ -113,7 +113,7 @@ class Lighting:
         )
         return (key, *self.others)
 
-    def without_passes(self) -> "Lighting":
+    def without_maps(self) -> "Lighting":
         """The same lights without shadows and occlusion, which need all particles at once."""
         others = tuple(replace(light, casts_shadow=False) for light in self.others)
         return replace(self, shadows=False, occlusion=False, others=others)

@@ -45,7 +45,7 @@ SCRATCH_ROWS = 8
 
 
 def light_bytes(particles: int, *, shadows: int, occlusion: bool, chunks: int = 2) -> int:
-    """About the memory that the light pass of particles in chains takes: its maps, what it keeps of every particle,
+    """About the memory that the light on particles in chains takes: its maps, what it keeps of every particle,
     and what it works with. shadows: lights that cast one. A map has no more than four texels a particle."""
     texels = 1.2 * min(MAP_SIZE**2, 4 * particles) * 4 / 3
     one = texels * (LAYERS + 1) * 4 + particles * 4

@@ -49,7 +49,7 @@ class Shading:
 
 
 PLAIN = Shading()
-"""One light, no shadows, no occlusion: no light pass."""
+"""One light, no shadows, no occlusion: no maps of light."""
 
 
 @ti.func

@@ -48,7 +48,7 @@ def set_view(view: NDArray[np.float32], camera: Camera, lighting: Lighting) -> N
     view[KEY_DIRECTION] = lighting.towards_key(camera)
     view[KEY], view[SKY], view[GROUND] = lighting.radiances()
     view[DOME] = lighting.rise
-    for k, other in enumerate(lighting.others):
+    for k, other in enumerate(lighting.others[:MOST_OTHERS]):
         view[OTHERS + 2 * k] = other.towards(camera)
         view[OTHERS + 2 * k + 1] = np.multiply(other.intensity * 2.0**lighting.exposure, other.colour)
 

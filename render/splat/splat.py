@@ -25,7 +25,7 @@ from ..data.particles import Particles
 from ..data.sprites import CRISP, Profile, SpriteSheet
 from ..image.tone import WHITE, Tone, tone_table
 from ..light import view as rows
-from ..light.lightpass import LightMaps, LightPass, shading_of
+from ..light.particle_light import LightMaps, ParticleLight, shading_of
 from ..tiles.lists import TileLists
 from ..tiles.mesh import Mesh
 from ..tiles.picture import Features, RimShape, Turn, new_picture
@@ -78,7 +78,7 @@ class Splatter:
         self._planes = borrow(self, tiles)
         self._room = np.zeros(tiles * TILE * TILE, np.int32)
         self._tables: dict[Tone, NDArray[np.int32]] = {}
-        self.light = LightPass()
+        self.light = ParticleLight()
         self._view = rows.new_view()
         self._picture = new_picture(shares=self.chunks, opaque=self.opaque)
         self._sheet = np.zeros(1, np.float32)
@@ -213,7 +213,7 @@ class Splatter:
         # What light reaches the particles.
         self._set_numbers(camera, lighting, finish)
         if self._turn != "only" and self.light.held is None:  # a batch knows nothing of what would shadow it
-            lighting = lighting.without_passes()
+            lighting = lighting.without_maps()
         shading = shading_of(lighting, finish)
         maps = self.cast_light(camera, lighting) if shading.rows else None
         light = self.light.on_particles(shading, self._layout, self._blocks, maps)

@@ -87,7 +87,7 @@ def stream(
     image = np.empty((height, width, 3), np.uint8) if out is None else out
     background = background or Background()
     if splatter.light.held is None and "lighting" in options and options["lighting"] is not None:
-        options["lighting"] = options["lighting"].without_passes()
+        options["lighting"] = options["lighting"].without_maps()
     seen = source.survey(camera)
     ids = np.flatnonzero(seen.counts).astype(np.int32)
     made = batches = largest = 0

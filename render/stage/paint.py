@@ -14,30 +14,27 @@ import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
 
-from taichi_cloth.ground.arrays import F32x1, F32x2, F32x3, I32x1, I32x2, Int, Template
+from taichi_cloth.ground.arrays import F32x1, F32x2, F32x3, I32x1, I32x2, Template
 from taichi_cloth.ground.vectors import keep
 
 from ..data.backdrop import Backdrop, padded, tiled
 from ..data.camera import Camera
 from ..data.light import Background, Lighting
-from ..light.lightpass import LightMaps
+from ..light.particle_light import LightMaps
 from ..light.shade import rise
+from ..light.view import DOME, EYE, GROUND, LENS, SKY, new_view, set_view
 from ..tiles.mesh import Mesh, from_behind, normals_at, visible
 from ..tiles.sort import usual_chunks
 from .stage import CELLS, Stage
 
 __all__ = ["paint"]
 
-# Rows of the argument `c`, three numbers each.
-ROTATION, EYE, LENS, SKY, GROUND, FLOOR = 0, 3, 4, 5, 6, 7
-DOME = 9
 LARGEST = 16384
 """Pixels along a side of a picture."""
 LIFT = 1.5
 """Texels of the sky's maps that a vertex is lifted off the skin it belongs to."""
 SPREAD = 6
 """Rounds by which a vertex's sky is evened out with its neighbours': there are few directions."""
-CONSTANT_ROWS = 10  # FLOOR: height, centre x and z [m], then in the next row cells per metre
 
 
 def paint(
@@ -61,14 +58,15 @@ def paint(
         return None
     lighting, background = lighting or Lighting(), background or Background()
     chunks = usual_chunks() if chunks is None else chunks
-    c = np.zeros((CONSTANT_ROWS, 3), np.float32)
-    c[ROTATION : ROTATION + 3], c[EYE] = camera.rotation, camera.eye
-    c[LENS] = camera.focal, camera.cx, camera.cy
-    _, c[SKY], c[GROUND] = lighting.radiances()
-    c[DOME] = lighting.rise
+    view = new_view()
+    set_view(view, camera, lighting)
     width = padded(camera.width)
     colour = np.empty((camera.height, width, 3), np.float32)
-    _floor(stage is not None, width, *_floor_arguments(c, camera, lighting, stage, maps), background.ends(), colour)
+    place, darkening = np.zeros((2, 3), np.float32), np.ones((1, 1, 3), np.float32)
+    if stage is not None:
+        place[0], place[1] = (stage.ground, *stage.centre), 1 / stage.cell
+        darkening = stage.darkening(camera, lighting, None if maps is None else maps.lights[0])
+    _floor(stage is not None, view, place, darkening, background.ends(), colour)
     if mesh is None:
         return Backdrop(colour)
     depth, face, edges = visible(mesh, camera, chunks=chunks)
@@ -98,7 +96,7 @@ def paint(
             seen = maps.sky.seen_from(mesh.vertices + LIFT * maps.sky.texel * normals, normals)
             open_sky[:, side] = spread(seen, mesh.faces, SPREAD)
     _shade(
-        width, any(lights), c, lamps, mesh.faces, behind, mesh.colour, mesh.normals, open_sky, edges, face, passing,
+        any(lights), view, lamps, mesh.faces, behind, mesh.colour, mesh.normals, open_sky, edges, face, passing,
         colour,
     )  # fmt: skip
     return Backdrop(colour, tiled(depth), face, edges)
@@ -128,36 +126,30 @@ def unproject(camera: Camera, row: NDArray, column: NDArray, depth: NDArray) -> 
     return ((at - camera.translation) @ camera.rotation).astype(np.float32)
 
 
-def _floor_arguments(
-    c: NDArray[np.float32], camera: Camera, lighting: Lighting, stage: Stage | None, maps: LightMaps | None
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    if stage is None:
-        return c, np.ones((1, 1, 3), np.float32)
-    c[FLOOR] = stage.ground, *stage.centre
-    c[FLOOR + 1] = 1 / stage.cell
-    return c, stage.darkening(camera, lighting, None if maps is None else maps.lights[0])
-
-
 @ti.kernel
-def _floor(on: Template, width: Int, c: F32x2, darkening: F32x3, background: F32x1, colour_out: F32x3):
-    """The gradient, and where a pixel looks down on the floor, the floor's shadows."""
+def _floor(on: Template, view: F32x2, place: F32x2, darkening: F32x3, background: F32x1, colour_out: F32x3):
+    """The gradient, and where a pixel looks down on the floor, the floor's shadows.
+
+    place: height of the floor, x and z of its middle [m]; cells per metre. darkening: `Stage.darkening`.
+    """
     height = colour_out.shape[0]
+    width = colour_out.shape[1]
     for i in range(height * width):
         y = i // width
         x = i % width
         down = (y + 0.5) / height
         shade = ti.Vector([1.0, 1.0, 1.0])
         if ti.static(on):
-            u = (x + 0.5 - c[LENS, 1]) / c[LENS, 0]
-            v = (y + 0.5 - c[LENS, 2]) / c[LENS, 0]
-            ray_y = u * c[0, 1] + v * c[1, 1] + c[2, 1]
-            above = c[EYE, 1] - c[FLOOR, 0]
+            u = (x + 0.5 - view[LENS, 1]) / view[LENS, 0]
+            v = (y + 0.5 - view[LENS, 2]) / view[LENS, 0]
+            ray_y = u * view[0, 1] + v * view[1, 1] + view[2, 1]
+            above = view[EYE, 1] - place[0, 0]
             if ray_y < 0.0 and above > 0.0:
                 far = -above / ray_y
-                p = c[EYE, 0] + far * (u * c[0, 0] + v * c[1, 0] + c[2, 0]) - c[FLOOR, 1]
-                q = c[EYE, 2] + far * (u * c[0, 2] + v * c[1, 2] + c[2, 2]) - c[FLOOR, 2]
-                column = p * c[FLOOR + 1, 0] + 0.5 * CELLS - 0.5
-                row = q * c[FLOOR + 1, 0] + 0.5 * CELLS - 0.5
+                p = view[EYE, 0] + far * (u * view[0, 0] + v * view[1, 0] + view[2, 0]) - place[0, 1]
+                q = view[EYE, 2] + far * (u * view[0, 2] + v * view[1, 2] + view[2, 2]) - place[0, 2]
+                column = p * place[1, 0] + 0.5 * CELLS - 0.5
+                row = q * place[1, 0] + 0.5 * CELLS - 0.5
                 if 0.0 <= column < CELLS - 1.0 and 0.0 <= row < CELLS - 1.0:
                     left = ti.cast(column, ti.i32)
                     top = ti.cast(row, ti.i32)
@@ -190,9 +182,8 @@ def smooth_normal(faces: I32x2, normals: F32x2, f, b):
 
 @ti.kernel
 def _shade(
-    width: Int,
     shadowed: Template,
-    c: F32x2,
+    view: F32x2,
     lamps: F32x3,  # direction towards each, then its radiance
     # mesh:
     faces: I32x2,
@@ -207,6 +198,8 @@ def _shade(
     # out:
     colour_out: F32x3,
 ):
+    """The mesh's own pixels over the backdrop: fill by its normal, then each lamp."""
+    width = colour_out.shape[1]
     keep(colour_out, (0, 0, 0), width)
     for i in range(colour_out.shape[0] * width):
         y = i // width
@@ -221,10 +214,10 @@ def _shade(
             seen = 0.0
             for j in ti.static(range(3)):
                 seen += b[j] * open_sky[faces[f, j], side]
-            lit = ti.Vector([c[GROUND, k] + (c[SKY, k] - c[GROUND, k]) * upward for k in ti.static(range(3))])
+            lit = ti.Vector([view[GROUND, k] + (view[SKY, k] - view[GROUND, k]) * upward for k in ti.static(range(3))])
             above = rise(n[1])
             for k in ti.static(range(3)):
-                lit[k] = (lit[k] + c[DOME, k] * above) * seen
+                lit[k] = (lit[k] + view[DOME, k] * above) * seen
             for j in range(lamps.shape[0]):
                 share = ti.max(n[0] * lamps[j, 0, 0] + n[1] * lamps[j, 0, 1] + n[2] * lamps[j, 0, 2], 0.0)
                 if ti.static(shadowed):

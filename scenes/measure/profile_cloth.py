@@ -89,7 +89,7 @@ def _drawing(model: ClothModel) -> dict[str, Callable[[], object]]:
     """Stages of drawing what a model shows now, without shadows, from one camera."""
     splatter = Splatter(*SIZE)
     camera: Camera = frame(model.bounds, width=SIZE[0], height=SIZE[1], elevation=30.0)
-    lighting, finish = lighting_of(model.scene).without_passes(), finish_of(model.scene)
+    lighting, finish = lighting_of(model.scene).without_maps(), finish_of(model.scene)
     follower = model.follower
     if follower is not None:
         (panel,) = model.panels()

@@ -245,7 +245,7 @@ def _drawing(model: GarmentModel) -> dict[str, Callable[[], object]]:
     """Draws the garment as it is now, without its body and without shadows, from one camera."""
     splatter = Splatter(*SIZE)
     camera = framed(model.bounds, width=SIZE[0], height=SIZE[1], elevation=6.0, azimuth=20.0)
-    lighting, finish = lighting_of(model.scene).without_passes(), finish_of(model.scene)
+    lighting, finish = lighting_of(model.scene).without_maps(), finish_of(model.scene)
     follower = model.follower
     assert follower is not None
 

@@ -49,7 +49,7 @@ def zoom(view: View, count: int, numbers: list[int]) -> Iterator[tuple[int, Imag
     Raises InputError for a scene that is not of a fabric.
     """
     lighting = view.lighting
-    source = source_of(view.model, lighting.without_passes(), view.finish, _first(view))
+    source = source_of(view.model, lighting.without_maps(), view.finish, _first(view))
     width, height = view.size
     cameras = path(view, source, count)
     sample = ParticleBlocks(source.base.sample(LIT))

@@ -62,7 +62,7 @@ def _opaque(swatch: Swatch, shares: tuple[float, ...], runs: int) -> Iterator[Ro
     deeper = [one.position + k * APART * camera.forward.astype(np.float32) for k in range(LAYERS)]
     parts = {f: np.concatenate([getattr(one, f)] * LAYERS) for f in PER_PARTICLE}
     pile = Particles(position=np.concatenate(deeper), **parts)
-    light = swatch.lighting.without_passes()  # the same for all, and would hide what this saves
+    light = swatch.lighting.without_maps()  # the same for all, and would hide what this saves
 
     def drawn(share: float) -> tuple[NDArray[np.float64], Callable[[], object]]:
         splatter = Splatter(*SIZE, opaque=share).load(pile)

@@ -19,8 +19,8 @@ from taichi_cloth.render.data.particles import Particles, concatenate
 from taichi_cloth.render.image.image import linear_to_srgb
 from taichi_cloth.render.image.tone import TONES, WHITE, tone_curve, tone_inverse, tone_table
 from taichi_cloth.render.light.fibre import decay, lobes
-from taichi_cloth.render.light.lightpass import NO_LIGHT, shading_of
 from taichi_cloth.render.light.occlusion import half_sphere, occlude
+from taichi_cloth.render.light.particle_light import NO_LIGHT, shading_of
 from taichi_cloth.render.light.shade import PLAIN
 from taichi_cloth.render.light.shadow import ShadowMap, cast
 from taichi_cloth.render.light.thin import chained, thin
@@ -244,7 +244,7 @@ def test_no_light_pass_without_shadows() -> None:
     splatter = Splatter(64, 64).load(cloth())
     splatter.render(camera(64))
     assert shading_of(Lighting(), Finish()) == PLAIN
-    assert splatter.light.passes == 0
+    assert splatter.light.lookups == 0
     assert splatter.light._light is None
     assert splatter.light.key_map() is None
     assert NO_LIGHT.size == LANES
@@ -255,12 +255,12 @@ def test_a_pass_is_made_once_a_pose_and_light() -> None:
     cameras = [look_at((x, 0.2, 0.25), (0, 0, 0), width=64, height=64) for x in (0.0, 0.1, 0.2)]
     for view in cameras:
         splatter.render(view, lighting=FULL)
-    assert splatter.light.passes == 3  # two lights and the sky, in the first view
+    assert splatter.light.lookups == 3  # two lights and the sky, in the first view
     for view in cameras:
         splatter.render(view, lighting=replace(FULL, key_follows_camera=True))
-    assert splatter.light.passes == 6
+    assert splatter.light.lookups == 6
     splatter.load(cloth(4)).render(cameras[0], lighting=FULL)
-    assert splatter.light.passes == 9
+    assert splatter.light.lookups == 9
     key_map = splatter.light.key_map()
     assert key_map is not None
     assert key_map.shadow_at([[0, 1, 0]])[0] == 1
@@ -277,7 +277,7 @@ def test_light_maps_are_counted() -> None:
 def test_batches_make_no_light_pass() -> None:
     splatter = Splatter(64, 64)
     splatter.begin(camera(64), lighting=FULL).add(cloth()).add(cloth(4)).finish()
-    assert splatter.light.passes == 0
+    assert splatter.light.lookups == 0
 
 
 def test_batches_are_lit_by_maps_of_the_whole() -> None:
@@ -286,7 +286,7 @@ def test_batches_are_lit_by_maps_of_the_whole() -> None:
     near = replace(near, position=near.position + np.array([0, 0.15, 0.15], np.float32))
     splatter = Splatter(96, 96, opaque=0.0).load(concatenate([near, far]))
     whole = splatter.render(camera(), lighting=FULL).astype(int)
-    bare = splatter.render(camera(), lighting=FULL.without_passes()).astype(int)
+    bare = splatter.render(camera(), lighting=FULL.without_maps()).astype(int)
     splatter.light.hold(splatter.cast_light(camera(), FULL))
     drawn = splatter.begin(camera(), lighting=FULL).add(near).add(far).finish().astype(int)
     # Depth keys have 22 bits of each batch's own depth: a pair of particles may change places.

@@ -6,7 +6,7 @@ import trimesh
 from taichi_cloth.render.data.camera import look_at
 from taichi_cloth.render.data.light import Lighting
 from taichi_cloth.render.data.particles import Particles
-from taichi_cloth.render.light.lightpass import LightMaps
+from taichi_cloth.render.light.particle_light import LightMaps
 from taichi_cloth.render.splat.splat import Splatter
 from taichi_cloth.render.stage.paint import LIFT, paint
 from taichi_cloth.render.tiles.mesh import Mesh
@@ -53,7 +53,7 @@ def test_patch_shadows_the_ball_beneath() -> None:
     column, row, _ = VIEW.project([[0, RADIUS, 0]])[0].astype(int)
     assert dark.colour[row + 1, column].max() < 0.5 * bare.colour[row + 1, column].min()
     splatter.render(VIEW, lighting=ABOVE, backdrop=dark)
-    assert splatter.light.passes == 2
+    assert splatter.light.lookups == 2
 
 
 def test_ball_does_not_stand_before_its_own_sky() -> None:

@@ -16,7 +16,7 @@ from taichi_cloth.ground.errors import InputError
 from taichi_cloth.render.image.exr import write_exr
 from taichi_cloth.render.image.image import read_png
 from taichi_cloth.render.image.webp import write_webp
-from taichi_cloth.render.light import lightpass
+from taichi_cloth.render.light import particle_light
 from taichi_cloth.scenes.__main__ import main
 from taichi_cloth.scenes.commands import still as still_module
 from taichi_cloth.scenes.plan.plan import plan
@@ -97,7 +97,7 @@ def test_supersampling_keeps_the_framing(tmp_path: Path, pictures: Path) -> None
 def test_in_batches_it_is_the_same_picture(tmp_path: Path, pictures: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A fabric that is too large to hold: in light, on its floor, with all passes."""
     # Light of a fabric that is held is found for every eighth particle along its fibres; a sample has no such order.
-    monkeypatch.setattr(lightpass, "chained", lambda *a: False)
+    monkeypatch.setattr(particle_light, "chained", lambda *a: False)
     assert still(tmp_path / "whole", "--format", "png16") == 0
     monkeypatch.setattr(weave_layout, "HELD", 0)
     assert still(tmp_path, "--passes", "colour,depth,normal,mask,id", "--format", "png16") == 0

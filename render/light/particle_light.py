@@ -1,6 +1,6 @@
 """What the lights send to each particle, computed once for a pose and a light direction, and only if asked for.
 
-A light that stays where it is while the camera turns keeps its pass; one that follows the camera needs a new one
+A light that stays where it is while the camera turns keeps its map; one that follows the camera needs a new one
 a view. Without shadows and occlusion nothing runs and nothing is allocated.
 
 maps = splatter.cast_light(camera, lighting)     for a mesh, the ground, or other particles of the scene
@@ -28,10 +28,10 @@ from .shadow import ShadowMap, cast
 from .thin import chained, spread, thin
 from .view import MOST_OTHERS
 
-__all__ = ["NO_LIGHT", "LightMaps", "LightPass", "shading_of"]
+__all__ = ["NO_LIGHT", "LightMaps", "ParticleLight", "shading_of"]
 
 NO_LIGHT = np.ones((1, 1, LANES), np.float32)
-"""What `project` gets where no light pass is needed."""
+"""What `project` gets where no map of light is needed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,11 +65,11 @@ def shading_of(lighting: Lighting, finish: Finish) -> Shading:
     )
 
 
-class LightPass:
-    """The light that reaches the particles of one splatter. `passes` counts the maps looked up so far."""
+class ParticleLight:
+    """The light that reaches the particles of one splatter. `lookups` counts the maps looked up so far."""
 
     def __init__(self) -> None:
-        self.passes = 0
+        self.lookups = 0
         self.held: LightMaps | None = None
         self._light: NDArray[np.float32] | None = None
         self._known: dict[int, Any] = {}
@@ -155,7 +155,7 @@ class LightPass:
                     one.on_particles(few, found, 0)
                     spread(stride, blocks, found, row, self._light)
                 self._known[row] = one
-                self.passes += 1
+                self.lookups += 1
         return self._light
 
     def key_map(self) -> ShadowMap | None:
