@@ -17,9 +17,6 @@ is broad, because textile fibres are not round; A is the fibre's colour (TRT), i
 the fibre) or 1 (R, whose weight grows towards grazing light as Schlick's (1 - x)^5).
 """
 
-# In kernels a name stands for a Taichi expression, which type checkers cannot follow.
-# pyright: reportIndexIssue=false, reportArgumentType=false, reportOptionalCall=false, reportReturnType=false
-
 from math import pi
 
 import numpy as np

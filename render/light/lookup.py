@@ -1,8 +1,5 @@
 """Reading a deep opacity map (see `transmittance`): for particles and for any points."""
 
-# In kernels a name stands for a Taichi expression, which type checkers cannot follow.
-# pyright: reportIndexIssue=false, reportArgumentType=false, reportOptionalCall=false, reportReturnType=false
-
 import taichi as ti
 
 from taichi_cloth.ground.arrays import F32x1, F32x2, I32x2, Int, Template
@@ -47,9 +44,9 @@ def _bilinear(deep: Template, levels: I32x2, level, u, v, depth, nearest: F32x1,
     value = ti.Vector([1.0, 1.0, 1.0, 1.0])
     for k in ti.static(range(4)):
         texel = cell + k // 2 * levels[level, 1] + k % 2
-        here = through[texel, low[k]]
-        there = through[texel, low[k] + 1]
-        value[k] = ti.select(at[k] > 0.0, here + part[k] * (there - here), 1.0)  # undefined where nothing is behind
+        here = through[texel, low[k]]  # pyright: ignore[reportIndexIssue]
+        there = through[texel, low[k] + 1]  # pyright: ignore[reportIndexIssue]
+        value[k] = ti.select(at[k] > 0.0, here + part[k] * (there - here), 1.0)  # undefined where nothing is behind  # pyright: ignore[reportIndexIssue]
     return (1.0 - g) * (value[0] + f * (value[1] - value[0])) + g * (value[2] + f * (value[3] - value[2]))
 
 

@@ -4,9 +4,6 @@ Seen from a distant light a triangle's depth, and the shares b1, b2 of its corne
 covers the texels in whose middle no share is negative.
 """
 
-# In kernels a name stands for a Taichi expression, which type checkers cannot follow.
-# pyright: reportIndexIssue=false, reportArgumentType=false, reportOptionalCall=false, reportReturnType=false
-
 import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
@@ -26,8 +23,8 @@ def walls(mesh: Mesh, axes: NDArray[np.float32], maps: NDArray[np.int32], *, chu
     axes: (maps, 5, 3), see `transmittance`. maps: (maps, 3), first texel, width and height of each.
     """
     finite = np.isfinite(mesh.vertices).all(axis=1)
-    vertices = np.ascontiguousarray(np.where(finite[:, None], mesh.vertices, 0.0), np.float32)
-    faces = np.ascontiguousarray(mesh.faces[finite[mesh.faces].all(axis=1)], np.int32)
+    vertices = np.ascontiguousarray(np.where(finite[:, None], mesh.vertices, 0.0), np.float32)  # pyright: ignore[reportIndexIssue]
+    faces = np.ascontiguousarray(mesh.faces[finite[mesh.faces].all(axis=1)], np.int32)  # pyright: ignore[reportIndexIssue]
     texels = int((maps[:, 1] * maps[:, 2]).sum())
     ends = np.empty((2, texels), np.float32)
     ends[0], ends[1] = EMPTY, -EMPTY
@@ -62,27 +59,27 @@ def _walls(
         if step % CHUNK_STEPS != 0:
             continue
         chunk = step // CHUNK_STEPS
-        for m in range(share(maps.shape[0], chunk, chunks), share(maps.shape[0], chunk + 1, chunks)):
+        for m in range(share(maps.shape[0], chunk, chunks), share(maps.shape[0], chunk + 1, chunks)):  # pyright: ignore[reportArgumentType]
             width = maps[m, 1]
             high = maps[m, 2]
             for i in range(faces.shape[0]):
                 a = _place(vertices, faces[i, 0], axes, m)
                 b = _place(vertices, faces[i, 1], axes, m) - a
                 c = _place(vertices, faces[i, 2], axes, m) - a
-                area = b[0] * c[1] - b[1] * c[0]
-                left = ti.max(ti.ceil(a[0] + ti.min(b[0], c[0], 0.0), ti.i32), 0)
-                right = ti.min(ti.floor(a[0] + ti.max(b[0], c[0], 0.0), ti.i32), width - 1)
-                top = ti.max(ti.ceil(a[1] + ti.min(b[1], c[1], 0.0), ti.i32), 0)
-                bottom = ti.min(ti.floor(a[1] + ti.max(b[1], c[1], 0.0), ti.i32), high - 1)
+                area = b[0] * c[1] - b[1] * c[0]  # pyright: ignore[reportIndexIssue]
+                left = ti.max(ti.ceil(a[0] + ti.min(b[0], c[0], 0.0), ti.i32), 0)  # pyright: ignore[reportIndexIssue]
+                right = ti.min(ti.floor(a[0] + ti.max(b[0], c[0], 0.0), ti.i32), width - 1)  # pyright: ignore[reportIndexIssue]
+                top = ti.max(ti.ceil(a[1] + ti.min(b[1], c[1], 0.0), ti.i32), 0)  # pyright: ignore[reportIndexIssue]
+                bottom = ti.min(ti.floor(a[1] + ti.max(b[1], c[1], 0.0), ti.i32), high - 1)  # pyright: ignore[reportIndexIssue]
                 if ti.abs(area) > 1e-12:
                     for y in range(top, bottom + 1):
                         for x in range(left, right + 1):
                             u = x - a[0]
                             v = y - a[1]
-                            b1 = (u * c[1] - v * c[0]) / area
-                            b2 = (v * b[0] - u * b[1]) / area
+                            b1 = (u * c[1] - v * c[0]) / area  # pyright: ignore[reportIndexIssue]
+                            b2 = (v * b[0] - u * b[1]) / area  # pyright: ignore[reportIndexIssue]
                             if b1 >= -1e-4 and b2 >= -1e-4 and b1 + b2 <= 1.0001:
-                                depth = a[2] + b1 * b[2] + b2 * c[2]
+                                depth = a[2] + b1 * b[2] + b2 * c[2]  # pyright: ignore[reportIndexIssue]
                                 cell = maps[m, 0] + y * width + x
                                 first_out[cell] = ti.min(first_out[cell], depth)
                                 last_out[cell] = ti.max(last_out[cell], depth)

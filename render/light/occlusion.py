@@ -89,7 +89,7 @@ class SkyMaps:
         return light
 
     @property
-    def _map(self) -> tuple[Any, ...]:
+    def _map(self) -> tuple[Any, Any, float, float, Any, Any, Any]:
         """As the kernels that look up in it take it."""
         walls = NO_WALLS if self.walls is None else self.walls
         return self.axes, self.maps, 0.5 * self.texel, FINE * self.texel, self.ends, self.depth, walls

@@ -3,9 +3,6 @@
 What a picture does not need is compiled out: more lights, shadows, occlusion, the lobes of a fibre (`Shading`).
 """
 
-# In kernels a name stands for a Taichi expression, which type checkers cannot follow.
-# pyright: reportIndexIssue=false, reportArgumentType=false, reportOptionalCall=false, reportReturnType=false
-
 from dataclasses import dataclass
 from math import pi
 

@@ -60,7 +60,7 @@ class ShadowMap:
     """Radius of a typical particle [m]."""
 
     @property
-    def _arrays(self) -> tuple[NDArray[Any], ...]:
+    def _arrays(self) -> tuple[Any, Any, Any, Any]:
         """As kernels take them."""
         return self.axes, self.levels, self.nearest, self.through
 

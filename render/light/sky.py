@@ -10,9 +10,6 @@ fibre of area A and opacity a takes the optical depth DENSITY a A / texel^2, lai
 bilinearly between four texels. A direction belongs to one thread.
 """
 
-# In kernels a name stands for a Taichi expression, which type checkers cannot follow.
-# pyright: reportIndexIssue=false, reportArgumentType=false, reportOptionalCall=false, reportReturnType=false
-
 import taichi as ti
 
 from taichi_cloth.ground.arrays import F32x1, F32x2, F32x3, Float, I32x2, Int, Template
@@ -96,7 +93,7 @@ def _lay(layout: Template, turn, placed: Blocks, b, lane, maps: I32x2, m, fine, 
             u -= back * placed[b, 4][lane]
             v -= back * placed[b, 5][lane]
             depth -= back * placed[b, 6][lane]
-        for _ in range(points):
+        for _ in range(points):  # pyright: ignore[reportArgumentType]
             left = ti.min(ti.max(ti.cast(u, ti.i32), 0), width - 2)
             top = ti.min(ti.max(ti.cast(v, ti.i32), 0), high - 2)
             cell = begin + top * width + left
@@ -146,7 +143,7 @@ def fill(
             continue
         chunk = step // CHUNK_STEPS
         at = chunk * block_count
-        for m in range(share(maps.shape[0], chunk, chunks), share(maps.shape[0], chunk + 1, chunks)):
+        for m in range(share(maps.shape[0], chunk, chunks), share(maps.shape[0], chunk + 1, chunks)):  # pyright: ignore[reportArgumentType]
             begin = maps[m, 0]
             width = maps[m, 1]
             high = maps[m, 2]

@@ -1,8 +1,5 @@
 """Where each particle falls on the map of a light, and how much of it it covers: see `transmittance`."""
 
-# In kernels a name stands for a Taichi expression, which type checkers cannot follow.
-# pyright: reportIndexIssue=false, reportArgumentType=false, reportOptionalCall=false, reportReturnType=false
-
 import taichi as ti
 
 from taichi_cloth.ground.arrays import F32x2, Float, I32x2, Int, Template
@@ -61,7 +58,7 @@ def stamp(
         for k in range(height):
             rows_out[chunk, k] = 0
         texels = axes[SCALE, 0]
-        for b in range(share(block_count, chunk, chunks), share(block_count, chunk + 1, chunks)):
+        for b in range(share(block_count, chunk, chunks), share(block_count, chunk + 1, chunks)):  # pyright: ignore[reportArgumentType]
             # Where it is on the map.
             px = particles[POSITION, b]
             py = particles[POSITION + 1, b]
@@ -130,8 +127,8 @@ def stamp(
             stamps_out[b, T_X] = ti.select(thin, step_behind, e_x / along)
             stamps_out[b, T_Y] = e_y / along
             reach = ti.max(half_height, 0.5 * points * ti.abs(step_v)) + 2.0
-            spans_out[b, 0] = ti.cast(ti.select(there, v - reach, 1e9).min(), ti.i32)
-            spans_out[b, 1] = ti.cast(ti.select(there, v + reach, -1e9).max(), ti.i32)
+            spans_out[b, 0] = ti.cast(ti.select(there, v - reach, 1e9).min(), ti.i32)  # pyright: ignore[reportOptionalCall]
+            spans_out[b, 1] = ti.cast(ti.select(there, v + reach, -1e9).max(), ti.i32)  # pyright: ignore[reportOptionalCall]
             for lane in ti.static(range(LANES)):
                 row = ti.min(ti.max(ti.cast(v[lane], ti.i32), 0), height - 1)
                 rows_out[chunk, row] = rows_out[chunk, row] + ti.cast(size[lane] > 0.0, ti.i32)

@@ -5,9 +5,6 @@ to the next. Where a fibre ends and another begins among the 16 of a block the d
 samples takes theirs by 1 / distance^2.
 """
 
-# In kernels a name stands for a Taichi expression, which type checkers cannot follow.
-# pyright: reportIndexIssue=false, reportArgumentType=false, reportOptionalCall=false, reportReturnType=false
-
 import numpy as np
 import taichi as ti
 from numpy.typing import NDArray

@@ -16,9 +16,6 @@ No atomics: a band of rows belongs to one thread, which goes through the particl
 gives the same map for any number of bands.
 """
 
-# In kernels a name stands for a Taichi expression, which type checkers cannot follow.
-# pyright: reportIndexIssue=false, reportArgumentType=false, reportOptionalCall=false, reportReturnType=false
-
 import taichi as ti
 
 from taichi_cloth.ground.arrays import F32x1, F32x2, F32x3, I32x1, I32x2, Int, Template
@@ -49,7 +46,7 @@ def _points(turn, deep: Template, stamps: F32x3, b, lane, top, bottom, nearest: 
     u = stamps[b, U, lane]
     v = stamps[b, V, lane]
     depth = stamps[b, BEHIND, lane]
-    for k in range(count):
+    for k in range(count):  # pyright: ignore[reportArgumentType]
         row = ti.cast(v, ti.i32)
         if row >= top - 1 and row <= bottom:
             left = ti.min(ti.max(ti.cast(u, ti.i32), 0), width - 2)
@@ -71,10 +68,10 @@ def _points(turn, deep: Template, stamps: F32x3, b, lane, top, bottom, nearest: 
                 second = optical * g if row < bottom else 0.0
                 first = optical - optical * g if row >= top else 0.0
                 f = u - left
-                through[one, 0][layer[0]] += first - first * f
-                through[one + 1, 0][layer[1]] += first * f
-                through[two, 0][layer[2]] += second - second * f
-                through[two + 1, 0][layer[3]] += second * f
+                through[one, 0][layer[0]] += first - first * f  # pyright: ignore[reportIndexIssue]
+                through[one + 1, 0][layer[1]] += first * f  # pyright: ignore[reportIndexIssue]
+                through[two, 0][layer[2]] += second - second * f  # pyright: ignore[reportIndexIssue]
+                through[two + 1, 0][layer[3]] += second * f  # pyright: ignore[reportIndexIssue]
         if k + 1 < count:
             u += stamps[b, STEP_U, lane]
             v += stamps[b, STEP_V, lane]
@@ -173,7 +170,7 @@ def deposit(
                     for k in ti.static(range(LAYERS)):
                         up = (k + deep.root) * (k + deep.root)
                         if nearest_out[cell] + (up * up - a) / deep.span >= wall[cell]:
-                            passing[k] = 0.0
+                            passing[k] = 0.0  # pyright: ignore[reportIndexIssue]
                 through_out[cell, 0] = passing
 
 

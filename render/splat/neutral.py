@@ -3,9 +3,6 @@
 `raster` maps channel by channel while it blends; this goes over the blended tiles once more, only when asked for.
 """
 
-# In kernels a name stands for a Taichi expression, which type checkers cannot follow.
-# pyright: reportIndexIssue=false, reportArgumentType=false, reportOptionalCall=false, reportReturnType=false
-
 import taichi as ti
 
 from taichi_cloth.ground.arrays import F32x3, I32x1, I32x2, Template
@@ -59,4 +56,4 @@ def resolve_neutral(
                     keep = 1.0 / (NEUTRAL_FADE * (peak - lower) + 1.0)
                     light = lower + keep * (light * (lower / peak) - lower)
                 light = ti.min(ti.max(light, 0.0), 1.0)
-                image_out[y0 + y, x0 + x] = packed(srgb, light[0], light[1], light[2])
+                image_out[y0 + y, x0 + x] = packed(srgb, light[0], light[1], light[2])  # pyright: ignore[reportIndexIssue]

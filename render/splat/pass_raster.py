@@ -1,8 +1,5 @@
 """What each pixel of the passes sees, tile by tile: the kernel of `passes`."""
 
-# In kernels a name stands for a Taichi expression, which type checkers cannot follow.
-# pyright: reportIndexIssue=false, reportArgumentType=false, reportOptionalCall=false, reportReturnType=false
-
 from dataclasses import dataclass
 
 import taichi as ti
@@ -81,7 +78,7 @@ def raster_passes(
                     at = tile * TILE + y
                     for x in range(LANES):
                         light = seen_out[PASSING, at, x]
-                        weight = light * alpha[x] * splats[k, 2]
+                        weight = light * alpha[x] * splats[k, 2]  # pyright: ignore[reportIndexIssue]
                         if ti.static(features.behind == "mesh"):
                             weight = ti.select(z < wall[at, x], weight, 0.0)
                         if weight > 0.0:

@@ -8,8 +8,8 @@ Numbers of one splat, `splats[i]` float32 (see `Layout.splat_size`):
                and for crisp splats the roundness m and the edge along the fibre (see `_thread`)
 """
 
-# In kernels a name stands for a Taichi expression, which type checkers cannot follow.
-# pyright: reportIndexIssue=false, reportArgumentType=false, reportOptionalCall=false, reportReturnType=false
+# In kernels a name stands for a Taichi expression, which type checkers do not know to be a vector.
+# pyright: reportIndexIssue=false
 
 import taichi as ti
 
@@ -180,7 +180,7 @@ def project(
         width = view[IMAGE, 0]
         height = view[IMAGE, 1]
         near = view[IMAGE, 2]
-        for b in range(share(block_count, chunk, chunks), share(block_count, chunk + 1, chunks)):
+        for b in range(share(block_count, chunk, chunks), share(block_count, chunk + 1, chunks)):  # pyright: ignore[reportArgumentType]
             # Where it is: camera axes [m], then pixels.
             px = particles[POSITION, b]
             py = particles[POSITION + 1, b]

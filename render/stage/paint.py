@@ -5,9 +5,6 @@ ground's colour to the sky's as the normal turns upward (see `Lighting.ambient`)
 viewer.
 """
 
-# In kernels a name stands for a Taichi expression, which type checkers cannot follow.
-# pyright: reportIndexIssue=false, reportArgumentType=false, reportOptionalCall=false, reportReturnType=false
-
 from dataclasses import replace
 
 import numpy as np

@@ -4,9 +4,6 @@ Both shapes write the alpha of a row's pixels as straight-line code on 16 lanes,
 half of the tile. See `project` for what a splat's numbers are.
 """
 
-# In kernels a name stands for a Taichi expression, which type checkers cannot follow.
-# pyright: reportIndexIssue=false, reportArgumentType=false, reportOptionalCall=false, reportReturnType=false
-
 import taichi as ti
 
 from taichi_cloth.ground.arrays import F32x1, F32x2, Template

@@ -10,9 +10,6 @@ are linear in x and y. The triangle covers the pixel where all three are not neg
 vertex's depth, so triangles astride the camera need no clipping; only their bounding box does.
 """
 
-# In kernels a name stands for a Taichi expression, which type checkers cannot follow.
-# pyright: reportIndexIssue=false, reportArgumentType=false, reportOptionalCall=false, reportReturnType=false
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -168,7 +165,7 @@ def _vertex_normals(vertices: NDArray[np.float32], faces: NDArray[np.int32]) -> 
 def _set_up(mesh: Mesh, camera: Camera) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
     """The edge functions (f, 12) and the pixels each triangle may cover: first and last + 1, x then y, (f, 4)."""
     at = mesh.vertices.astype(np.float64) @ camera.rotation.T + camera.translation
-    finite = np.isfinite(at).all(axis=1)[mesh.faces].all(axis=1)
+    finite = np.isfinite(at).all(axis=1)[mesh.faces].all(axis=1)  # pyright: ignore[reportIndexIssue]
     v = np.nan_to_num(at[mesh.faces], posinf=0, neginf=0)  # (f, 3 corners, xyz)
     plane = np.stack([np.cross(v[:, i - 2], v[:, i - 1]) for i in range(3)], 1)
     volume = (plane[:, 0] * v[:, 0]).sum(-1)

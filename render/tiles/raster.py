@@ -8,9 +8,6 @@ is blended there alone. The rows of the next splat are found before those of thi
 of a loop then costs little, as what comes after it waits for nothing.
 """
 
-# In kernels a name stands for a Taichi expression, which type checkers cannot follow.
-# pyright: reportIndexIssue=false, reportArgumentType=false, reportOptionalCall=false, reportReturnType=false
-
 import taichi as ti
 
 from taichi_cloth.ground.arrays import F32x1, F32x2, F32x3, I32x1, I32x2, Int, Template
@@ -145,12 +142,12 @@ def _write_empty(features: Template, picture: Template, corner, rows, backdrop: 
     for y in range(rows):
         light = ti.Vector([backdrop[corner[1] + y, 0, c] for c in range(3)])
         light = ti.min(light * gain, 1.0)
-        pixel = packed(srgb, light[0], light[1], light[2])
+        pixel = packed(srgb, light[0], light[1], light[2])  # pyright: ignore[reportIndexIssue]
         for x in ti.static(range(TILE)):
             if ti.static(features.behind != "gradient"):
                 light = ti.Vector([backdrop[corner[1] + y, corner[0] + x, c] for c in range(3)])
                 light = ti.min(ti.min(light, 1.0) * gain, 1.0)
-                pixel = packed(srgb, light[0], light[1], light[2])
+                pixel = packed(srgb, light[0], light[1], light[2])  # pyright: ignore[reportIndexIssue]
             image_out[corner[1] + y, corner[0] + x] = pixel
 
 
@@ -173,7 +170,7 @@ def _write(
         green = shown(features, picture, 1, row_of(planes.green, TILE, tile, y, 0), light, backdrop, corner, y)
         blue = shown(features, picture, 2, row_of(planes.blue, TILE, tile, y, 0), light, backdrop, corner, y)
         for x in ti.static(range(TILE)):
-            image_out[corner[1] + y, corner[0] + x] = packed(srgb, red[x], green[x], blue[x])
+            image_out[corner[1] + y, corner[0] + x] = packed(srgb, red[x], green[x], blue[x])  # pyright: ignore[reportIndexIssue]
 
 
 @ti.kernel

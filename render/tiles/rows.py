@@ -1,8 +1,5 @@
 """Rows of a tile: which a splat touches, reading and writing them, sprites on them, and the pixels they become."""
 
-# In kernels a name stands for a Taichi expression, which type checkers cannot follow.
-# pyright: reportIndexIssue=false, reportArgumentType=false, reportOptionalCall=false, reportReturnType=false
-
 import taichi as ti
 
 from taichi_cloth.ground.arrays import F32x1, F32x2, F32x3, I32x1, Template
@@ -127,7 +124,7 @@ def row_from_sprite(picture: Template, sheet: F32x1, sprite, reach, s0, t0, s_y,
         if ti.abs(by) > 1e-6:
             begin = ti.max(begin, (-at - ti.select(by > 0, 1.0, -1.0)) / by)
             end = ti.min(end, (-at + ti.select(by > 0, 1.0, -1.0)) / by)
-    for x in range(ti.cast(begin, ti.i32), ti.cast(ti.max(end, -1.0), ti.i32) + 1):
+    for x in range(ti.cast(begin, ti.i32), ti.cast(ti.max(end, -1.0), ti.i32) + 1):  # pyright: ignore[reportArgumentType]
         s = s0[x] + s_y * dy
         t = t0[x] + t_y * dy
         if ti.abs(s) < 1.0 and ti.abs(t) < 1.0:

@@ -8,9 +8,6 @@ Taichi on a CPU gives each thread at least 512 iterations of a parallel loop and
 chunks therefore runs CHUNK_STEPS iterations a chunk, of which the first does all the work.
 """
 
-# In kernels a name stands for a Taichi expression, which type checkers cannot follow.
-# pyright: reportIndexIssue=false, reportArgumentType=false, reportOptionalCall=false, reportReturnType=false
-
 import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
@@ -120,7 +117,7 @@ def count_high(chunks: Int, count: Int, high: I32x1, histogram_out: I32x2):
         chunk = step // CHUNK_STEPS
         for k in range(BINS):
             histogram_out[chunk, k] = 0
-        for i in range(share(count, chunk, chunks), share(count, chunk + 1, chunks)):
+        for i in range(share(count, chunk, chunks), share(count, chunk + 1, chunks)):  # pyright: ignore[reportArgumentType]
             histogram_out[chunk, high[i]] = histogram_out[chunk, high[i]] + 1
 
 
@@ -131,7 +128,7 @@ def scatter_high(chunks: Int, count: Int, high: I32x1, order: I32x1, histogram: 
         if step % CHUNK_STEPS != 0:
             continue
         chunk = step // CHUNK_STEPS
-        for i in range(share(count, chunk, chunks), share(count, chunk + 1, chunks)):
+        for i in range(share(count, chunk, chunks), share(count, chunk + 1, chunks)):  # pyright: ignore[reportArgumentType]
             place = histogram[chunk, high[i]]
             histogram[chunk, high[i]] = place + 1
             sorted_out[place] = order[i]
@@ -146,7 +143,7 @@ def count_tiles(chunks: Int, count: Int, tiles_x: Int, tiles: Int, order: I32x1,
         chunk = step // CHUNK_STEPS
         for k in range(tiles):
             histogram_out[chunk, k] = 0
-        for i in range(share(count, chunk, chunks), share(count, chunk + 1, chunks)):
+        for i in range(share(count, chunk, chunks), share(count, chunk + 1, chunks)):  # pyright: ignore[reportArgumentType]
             box = boxes[order[i]]
             columns = ti.cast(box, ti.i32)
             rows = ti.cast(box >> 32, ti.i32)
@@ -162,7 +159,7 @@ def fill_tiles(chunks: Int, count: Int, tiles_x: Int, order: I32x1, boxes: I64x1
         if step % CHUNK_STEPS != 0:
             continue
         chunk = step // CHUNK_STEPS
-        for i in range(share(count, chunk, chunks), share(count, chunk + 1, chunks)):
+        for i in range(share(count, chunk, chunks), share(count, chunk + 1, chunks)):  # pyright: ignore[reportArgumentType]
             splat = order[i]
             box = boxes[splat]
             columns = ti.cast(box, ti.i32)
