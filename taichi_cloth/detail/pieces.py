@@ -4,9 +4,6 @@
 image and how many points its surface needs there; `surface` makes them.
 """
 
-# In kernels a name stands for a Taichi expression, which type checkers cannot follow.
-# pyright: reportIndexIssue=false, reportArgumentType=false, reportOptionalCall=false, reportReturnType=false
-
 from math import pi
 
 import taichi as ti
@@ -226,7 +223,7 @@ def surface(
             continue
         chunk = step // 1024
         total = ti.cast(chosen.shape[0], ti.i64)
-        for i in range(ti.cast(total * chunk // chunks, ti.i32), ti.cast(total * (chunk + 1) // chunks, ti.i32)):
+        for i in range(ti.cast(total * chunk // chunks, ti.i32), ti.cast(total * (chunk + 1) // chunks, ti.i32)):  # pyright: ignore[reportArgumentType]
             p = chosen[i]
             q = starts[i]
             if grid[p, 0] == 0:
@@ -252,7 +249,7 @@ def surface(
                 shown = shown * shown * (3.0 - 2.0 * shown)
                 along, around = grid[p, 0], grid[p, 1]
                 period = pieces[p, PERIOD]
-                gap = 0.5 * (x2 - x0).norm() / along
+                gap = 0.5 * (x2 - x0).norm() / along  # pyright: ignore[reportOptionalCall]
                 tint = gain[ti.cast(pieces[p, THREAD] >= ends, ti.i32)]
                 for a in range(along):
                     # The course between the middles of neighbours: the uniform quadratic B-spline.

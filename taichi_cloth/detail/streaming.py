@@ -8,9 +8,6 @@ Level of detail: see `thinning`. A template's particles stand in a ring of which
 each block begins elsewhere on it, so that what one block leaves out another shows.
 """
 
-# In kernels a name stands for a Taichi expression, which type checkers cannot follow.
-# pyright: reportIndexIssue=false, reportArgumentType=false, reportOptionalCall=false, reportReturnType=false
-
 from dataclasses import dataclass, replace
 from math import log, prod
 
@@ -187,7 +184,7 @@ def _survey(
         p1 = row(fabric.point, k1)
         if k0 == k1:
             p1 = p0 + fabric.pitch[b] * (row(fabric.warp, k0) if fabric.family[b] == 0 else row(fabric.weft, k0))
-        r = 0.5 * (p1 - p0).norm() + reach[t]
+        r = 0.5 * (p1 - p0).norm() + reach[t]  # pyright: ignore[reportOptionalCall]
         at = seen_at(view, 0.5 * (p0 + p1))
         x, y, z = at[0], at[1], at[2]
         size = template_size(fabric, t)
@@ -249,7 +246,7 @@ def _lay(
             continue
         chunk = step // CHUNK_STEPS
         total = ti.cast(chosen.shape[0], ti.i64)
-        for i in range(ti.cast(total * chunk // chunks, ti.i32), ti.cast(total * (chunk + 1) // chunks, ti.i32)):
+        for i in range(ti.cast(total * chunk // chunks, ti.i32), ti.cast(total * (chunk + 1) // chunks, ti.i32)):  # pyright: ignore[reportArgumentType]
             b = chosen[i]
             yarn, kind = fabric.thread[b], fabric.template[b]
             p0, p1, a0, a1, n0, n1 = block_ends(fabric, b)

@@ -8,9 +8,6 @@ edge, is put right by measured `Gains`. A thread sends to the eye a share of its
 which a sample changes differently, so the colour is multiplied and openness, on which both hang, is led towards 1.
 """
 
-# In kernels a name stands for a Taichi expression, which type checkers cannot follow.
-# pyright: reportIndexIssue=false
-
 from dataclasses import dataclass
 
 import numpy as np

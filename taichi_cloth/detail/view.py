@@ -1,8 +1,5 @@
 """A camera as the kernels of this room take it, and the tiles of its image that a sphere may touch."""
 
-# In kernels a vector is a Taichi expression, which type checkers cannot follow.
-# pyright: reportOptionalCall=false
-
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np

@@ -9,9 +9,6 @@ splines", 1974), first along the rows, then along the columns: it goes through a
 At an edge and at the border of a mask, the neighbour that is missing is the mirror image 2p₀ − p₁.
 """
 
-# In kernels a vector is a Taichi expression, which type checkers cannot follow.
-# pyright: reportOptionalCall=false, reportIndexIssue=false, reportOperatorIssue=false
-
 import numpy as np
 import taichi as ti
 from numpy.typing import ArrayLike, NDArray

@@ -7,9 +7,6 @@ frame (along the yarn, across it, normal), taken at both key points and blended,
 keeps its thickness and its relief.
 """
 
-# In kernels a vector is a Taichi expression, which type checkers cannot follow.
-# pyright: reportOptionalCall=false
-
 from dataclasses import dataclass
 
 import numpy as np

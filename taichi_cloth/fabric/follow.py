@@ -20,10 +20,6 @@ Most of the time is spent waiting for memory, so where things lie matters more t
 that move side by side with those that do not cost half as much again, and so did rows that straddle cache lines.
 """
 
-# In kernels a vector is a Taichi expression, which type checkers cannot follow.
-# pyright: reportOptionalCall=false, reportIndexIssue=false, reportOperatorIssue=false, reportGeneralTypeIssues=false
-# pyright: reportCallIssue=false, reportArgumentType=false
-
 import ctypes
 from typing import Any, get_args
 
@@ -57,10 +53,12 @@ __all__ = ["FibreFollower"]
 F32 = NDArray[np.float32]
 
 MOVING = ("offset", "tangent", "normal")
-COLUMNS = 9  # numbers a particle in MOVING
+"""What of a template turns with the cloth."""
+MOVED = 9
+"""Numbers a particle in `MOVING`."""
 FRAME = 12
 """Numbers a key point: place [m], unit direction of the weft, of the warp, unit normal."""
-RECORD = 6
+BLOCK = 6
 """Numbers a fibre block: both key points, column of its direction in FRAME, first and last run of its template, and
 how many octets its particles stand behind its template."""
 LINE = 16  # numbers in a cache line: whatever is read or written eight at a time begins at one
@@ -156,11 +154,11 @@ class FibreFollower:
         self._frames = field(ti.f32, keys * FRAME)
         self._rest = field(ti.f32, keys * FRAME) if self.rule == "paper" else self._frames
         self._present = field(ti.i32, keys)
-        self._record = field(ti.i32, blocks * RECORD)
+        self._record = field(ti.i32, blocks * BLOCK)
         self._pitch = field(ti.f32, blocks)
         self._start = field(ti.i32, ratios // OCTET + 1)
         self._ratio = field(ti.f32, ratios)
-        self._bank = field(ti.f32, places * COLUMNS)
+        self._bank = field(ti.f32, places * MOVED)
         self._out = field(ti.f32, ROWS * self.slots)
         self._blocks = blocks
         shape = (ROWS, self.slots // LANES, LANES)
@@ -242,38 +240,41 @@ class FibreFollower:
     @ti.func
     def _block(self, b):
         """One fibre block, 8 particles at a time, without a branch."""
-        k0, k1, along = self._record[b * RECORD], self._record[b * RECORD + 1], self._record[b * RECORD + 2]
+        # Its ends: key points, the yarn's directions there, normals.
+        k0, k1, along = self._record[b * BLOCK], self._record[b * BLOCK + 1], self._record[b * BLOCK + 2]
         p0, p1 = _triple(self._frames, k0 * FRAME), _triple(self._frames, k1 * FRAME)
         a0, a1 = _triple(self._frames, k0 * FRAME + along), _triple(self._frames, k1 * FRAME + along)
         n0, n1 = _triple(self._frames, k0 * FRAME + 9), _triple(self._frames, k1 * FRAME + 9)
         if k0 == k1:  # a free end runs on straight from its last crossing
             p1 = p0 + a0 * self._pitch[b]
         chord = p1 - p0
-        length = chord.norm()
+        length = chord.norm()  # pyright: ignore[reportOptionalCall]
         m0, m1 = a0 * length - chord, a1 * length - chord
-        behind = self._record[b * RECORD + 5]
-        for run in range(self._record[b * RECORD + 3], self._record[b * RECORD + 4]):
+        behind = self._record[b * BLOCK + 5]
+        for run in range(self._record[b * BLOCK + 3], self._record[b * BLOCK + 4]):
             # The bounds tell the compiler that no index overflows, without which there are no vector instructions.
             u = _load(self._ratio, ti.min(ti.max(run, 0), 1 << 24) * OCTET)
             w = ti.min(ti.max(u, 0.0), 1.0)
+            # The frame at the run's eight ratios, and the middle of the yarn there: along the straight line, …
             ax, ay, az, nx, ny, nz = _blended(a0, a1, n0, n1, w)
             cx, cy, cz = ny * az - nz * ay, nz * ax - nx * az, nx * ay - ny * ax
-            px, py, pz = p0[0] + chord[0] * u, p0[1] + chord[1] * u, p0[2] + chord[2] * u
+            px, py, pz = p0[0] + chord[0] * u, p0[1] + chord[1] * u, p0[2] + chord[2] * u  # pyright: ignore[reportIndexIssue]
             if ti.static(self.rule == "smooth"):
-                # H less the straight line, w(1−w)² m0 − w²(1−w) m1; beyond its ends it runs on along the yarn.
+                # … or H: less the straight line, w(1−w)² m0 − w²(1−w) m1; beyond its ends it runs on along the yarn.
                 v = 1.0 - w
                 h0, h1, beyond = w * v * v, w * w * v, u - w
-                px += h0 * m0[0] - h1 * m1[0] + beyond * (length * ax - chord[0])
-                py += h0 * m0[1] - h1 * m1[1] + beyond * (length * ay - chord[1])
-                pz += h0 * m0[2] - h1 * m1[2] + beyond * (length * az - chord[2])
+                px += h0 * m0[0] - h1 * m1[0] + beyond * (length * ax - chord[0])  # pyright: ignore[reportIndexIssue]
+                py += h0 * m0[1] - h1 * m1[1] + beyond * (length * ay - chord[1])  # pyright: ignore[reportIndexIssue]
+                pz += h0 * m0[2] - h1 * m1[2] + beyond * (length * az - chord[2])  # pyright: ignore[reportIndexIssue]
             bx, by, bz, dx, dy, dz, rx, ry, rz = ax, ay, az, cx, cy, cz, nx, ny, nz  # the frame of the offsets
             if ti.static(self.rule == "paper"):
                 b0, b1 = _triple(self._rest, k0 * FRAME + along), _triple(self._rest, k1 * FRAME + along)
                 r0, r1 = _triple(self._rest, k0 * FRAME + 9), _triple(self._rest, k1 * FRAME + 9)
                 bx, by, bz, rx, ry, rz = _blended(b0, b1, r0, r1, w)
                 dx, dy, dz = ry * bz - rz * by, rz * bx - rx * bz, rx * by - ry * bx
+            # All octets of the run: offsets, tangents and normals turned into that frame.
             for o in range(self._start[run], self._start[run + 1]):
-                t = ti.min(ti.max(o, 0), 1 << 24) * (COLUMNS * OCTET)
+                t = ti.min(ti.max(o, 0), 1 << 24) * (MOVED * OCTET)
                 q = ti.min(ti.max(o + behind, 0), 1 << 24) * OCTET
                 x, y, z = _load3(self._bank, t)
                 self._store3(

@@ -1,8 +1,5 @@
 """The cloth's frame at its key points: along the weft, along the warp, and the smooth normal that a mesh is lit by."""
 
-# In kernels a vector is a Taichi expression, which type checkers cannot follow.
-# pyright: reportOptionalCall=false, reportIndexIssue=false, reportOperatorIssue=false
-
 from dataclasses import dataclass
 
 import numpy as np

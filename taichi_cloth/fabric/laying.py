@@ -10,9 +10,6 @@ fields it was first given. A swatch of other size then took 0.95 to 1.25 s to co
 from the cache) where the pack takes 0.02 to 0.1 s, and laid its million particles no faster (83 ms, pack 86, 2 cores).
 """
 
-# In kernels a vector is a Taichi expression, which type checkers cannot follow.
-# pyright: reportOptionalCall=false
-
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 

@@ -1,8 +1,5 @@
 """A garment's panels as triangles, cut along their outlines: what the mesh garment draws, and what covers the skin."""
 
-# In kernels a vector is a Taichi expression, which type checkers cannot follow.
-# pyright: reportOptionalCall=false, reportIndexIssue=false, reportOperatorIssue=false
-
 import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
