@@ -6,12 +6,11 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_cloth.fibre.contours import contour
 from taichi_cloth.fibre.fibre import FibreParticles, particles_in
-from taichi_cloth.fibre.sphere_set import sphere_set_from_rows
 from taichi_cloth.fibre.sphere_surface import sphere_surface_points
 from taichi_cloth.ground.particles import FibreCloud
 
+from ..prepare.strands import fibre_spheres
 from ..prepare.thread_colours import fibre_colour
 from ..prepare.yarns import fibre_kind
 from ..scene.schema import Scene
@@ -31,10 +30,7 @@ class FibreModel:
     def __init__(self, scene: Scene) -> None:
         self.scene, self.frames = scene, 1
         section, self.kind = scene.fibre, fibre_kind(scene)
-        if section.spheres is not None:
-            self.spheres = sphere_set_from_rows(section.spheres)
-        else:
-            self.spheres = contour(section.kind, length_m=section.length_um * 1e-6)
+        self.spheres = fibre_spheres(scene)
         self.filled: FibreParticles = particles_in(
             self.spheres, spacing_m=section.spacing_um * 1e-6, jitter=section.jitter, seed=scene.seed
         )

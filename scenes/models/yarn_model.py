@@ -6,8 +6,8 @@ from numpy.typing import NDArray
 from taichi_cloth.ground.particles import FibreCloud
 from taichi_cloth.yarn.spin import Period, Strands, hairs, spin
 
+from ..prepare.strands import STEPS, yarn_piece
 from ..prepare.thread_colours import yarn_colours
-from ..prepare.yarns import fibre_kind, yarn_of
 from ..scene.schema import Scene
 from .facts import Fact, yarn_facts
 from .fibre_model import upright
@@ -22,16 +22,13 @@ class YarnModel:
     def __init__(self, scene: Scene) -> None:
         assert scene.yarn is not None
         self.scene, self.frames = scene, 1
-        section, kind = scene.yarn, fibre_kind(scene)
-        self.yarn = yarn_of(section, kind)
-        length = section.length_mm * 1e-3
-        blocks = max(4, round(length / (self.yarn.diameter * 1.2)))
-        period = Period.of(self.yarn, length / blocks, least=blocks, most=blocks)
-        fibres = min(section.fibres, self.yarn.fibres_in_section)
-        body = spin(self.yarn, period, fibres=fibres, steps=10, start=0.0, stop=length, seed=scene.seed)
+        piece = yarn_piece(scene)
+        self.yarn, length = piece.yarn, piece.length
+        period = Period.of(self.yarn, length / piece.blocks, least=piece.blocks, most=piece.blocks)
+        body = spin(self.yarn, period, fibres=piece.fibres, steps=STEPS, start=0.0, stop=length, seed=scene.seed)
         parts = [body]
         if self.yarn.hairiness.ends_per_m or self.yarn.hairiness.loops_per_m:
-            step = period.block_length / 10
+            step = period.block_length / STEPS
             parts.append(hairs(self.yarn, length=length, step=step, seed=scene.seed + 1))
         albedo = yarn_colours(scene)[0]
         self.strands = parts

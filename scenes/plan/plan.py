@@ -1,16 +1,15 @@
 """What a scene will build and what it leaves out, counted before anything runs."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
-from taichi_cloth.fibre.contours import contour
 from taichi_cloth.fibre.fibre import lattice_point_count
-from taichi_cloth.fibre.sphere_set import sphere_set_from_rows
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.ground.memory import memory_limit
 from taichi_cloth.yarn.yarn import Yarn
 
 from ...render.data.light_sizes import light_bytes
-from ..prepare.drawing import LIT, drawn_bytes, has_floor, picture_bytes
+from ..prepare.drawing import LIT, PROCESS_BYTES, drawn_bytes, has_floor, picture_bytes
+from ..prepare.strands import fibre_spheres, twist_particles, yarn_piece
 from ..prepare.weave_layout import Prepared, prepare_fabric
 from ..prepare.yarns import fibre_kind, yarn_of
 from ..scene.schema import Scene
@@ -42,73 +41,110 @@ class Plan:
     prepared: Prepared | None = None
 
 
+ORDER = (
+    *("fibre lattice", "yarn", "hairs", "twist", "weave", "fibre blocks"),
+    *("body", "pattern", "sheet", "seams", "solver", "pins", "wind", "strain limit", "contact"),
+    *("thin limbs", "cloth on cloth", "motion"),
+    *("light pass", "occlusion", "floor", "meshes", "splatter", "passes"),
+)
+"""In which stages run."""
+
+
+@dataclass
+class _Counted:
+    """What is known so far. built, left: stages to what of, and to why not. woven: the cloth as a scene of its own."""
+
+    built: dict[str, str] = field(default_factory=dict)
+    left: dict[str, str] = field(default_factory=dict)
+    key_points: int = 0
+    blocks: int = 0
+    particles: int = 0
+    about: bool = False
+    woven: Scene | None = None
+    prepared: Prepared | None = None
+
+
 def plan(scene: Scene) -> Plan:
     """Count a scene. Raises InputError as building it would, where that shows before a particle is made."""
-    subject = scene.subject
-    fibre = fibre_kind(scene)
-    source = "own sphere set" if scene.fibre.spheres is not None else fibre.name
-    built: dict[str, str] = {}
-    left: dict[str, str] = {}
-    key_points = blocks = particles = 0
-    about = False
-    notes: tuple[str, ...] = ()
-    prepared = None
-    woven = None
+    counted = _Counted()
+    _count_cloth(scene, counted)
+    _count_strands(scene, counted)
+    _count_weave(scene, counted)
+    _count_drawing(scene, counted)
+    built, left, prepared = counted.built, counted.left, counted.prepared
+    stages = tuple(
+        Stage(name, name in built, built.get(name) or left[name]) for name in ORDER if name in built or name in left
+    )
+    return Plan(
+        stages,
+        counted.key_points,
+        counted.blocks,
+        counted.particles,
+        counted.about,
+        _bytes(scene, counted),
+        memory_limit(),
+        prepared.notes if prepared else (),
+        prepared,
+    )
+
+
+def _count_cloth(scene: Scene, counted: _Counted) -> None:
+    """Key points and stages of a sheet or a garment, and what is woven."""
     if scene.cloth:
         from ..prepare.sheet_setup import woven_scene  # loads Taichi, which a plan of what lies still does without
         from .plan_cloth import sheet_stages
 
-        woven = woven_scene(scene) if scene.cloth.representation == "fibre" else None
-        sheet_built, sheet_left = sheet_stages(scene)
-        built |= sheet_built
-        left |= sheet_left
-        key_points = scene.cloth.rows * scene.cloth.columns
-    if subject == "garment":
+        counted.woven = woven_scene(scene) if scene.cloth.representation == "fibre" else None
+        built, left = sheet_stages(scene)
+        counted.key_points = scene.cloth.rows * scene.cloth.columns
+    elif scene.garment:
         from .plan_garment import garment_stages
 
-        sheet_built, sheet_left, key_points, woven = garment_stages(scene)
-        built |= sheet_built
-        left |= sheet_left
-    elif subject == "fabric":
-        woven = scene
+        built, left, counted.key_points, counted.woven = garment_stages(scene)
+    else:
+        counted.woven = scene if scene.weave else None
+        return
+    counted.built |= built
+    counted.left |= left
+
+
+def _count_strands(scene: Scene, counted: _Counted) -> None:
+    """The fibre, the yarn, the yarn being twisted."""
+    built, left, subject = counted.built, counted.left, scene.subject
+    fibre = fibre_kind(scene)
+    source = "own sphere set" if scene.fibre.spheres is not None else fibre.name
     if subject in ("cloth", "garment") and not scene.yarn:
         left["fibre lattice"] = "only a scene of one fibre needs it"
         left["yarn"] = "the scene has no [yarn]"
     elif subject == "fibre":
-        rows = scene.fibre.spheres
-        spheres = (
-            sphere_set_from_rows(rows)
-            if rows is not None
-            else contour(scene.fibre.kind, length_m=scene.fibre.length_um * 1e-6)
-        )
+        spheres = fibre_spheres(scene)
         particles = lattice_point_count(spheres, spacing_m=scene.fibre.spacing_um * 1e-6)
-        about = True
+        counted.particles, counted.about = particles, True
         built["fibre lattice"] = f"{len(spheres.radii):,} spheres of {source}; at most {particles:,} lattice points"
         left["yarn"] = "the scene has no [yarn]"
     else:
         assert scene.yarn is not None
         left["fibre lattice"] = f"only a scene of one fibre needs it; {source} gives density, fineness, colour, finish"
-        yarn = yarn_of(scene.yarn, fibre)
-        built["yarn"] = _yarn_line(yarn, scene.yarn.fibres)
-    if subject == "twist" and scene.twist and scene.yarn:
-        s, yarn = scene.twist, yarn_of(scene.yarn, fibre)
-        length = 1e-3 * (s.zone_a_mm + s.zone_b_mm + 2 * s.feed_mm + s.speed_mm_per_s * s.duration_s)
-        particles = int(length / (yarn.diameter / 5)) * yarn.plies * min(scene.yarn.fibres, yarn.fibres_in_section)
-        about = True
-        built["twist"] = f"zones of {s.zone_a_mm:g} and {s.zone_b_mm:g} mm, {scene.output.frames} frames"
+        built["yarn"] = _yarn_line(yarn_of(scene.yarn, fibre), scene.yarn.fibres)
+    if subject == "twist" and scene.twist:
+        counted.particles, counted.about = twist_particles(scene), True
+        zones = f"zones of {scene.twist.zone_a_mm:g} and {scene.twist.zone_b_mm:g} mm"
+        built["twist"] = f"{zones}, {scene.output.frames} frames"
     elif subject not in ("fibre", "cloth", "garment"):
         left["twist"] = "the scene has no [twist]"
-    if subject == "yarn" and scene.yarn:
-        yarn = yarn_of(scene.yarn, fibre)
-        steps = 10 * max(4, round(scene.yarn.length_mm * 1e-3 / (yarn.diameter * 1.2)))
-        particles, about = steps * yarn.plies * min(scene.yarn.fibres, yarn.fibres_in_section), True
-    if woven is not None:
-        prepared = prepare_fabric(woven, streamed=subject == "fabric")
+    if subject == "yarn":
+        counted.particles, counted.about = yarn_piece(scene).particles, True
+
+
+def _count_weave(scene: Scene, counted: _Counted) -> None:
+    """The weave and its fibre blocks. Raises InputError as laying it out would."""
+    built, left = counted.built, counted.left
+    if counted.woven is not None:
+        prepared = counted.prepared = prepare_fabric(counted.woven, streamed=scene.subject == "fabric")
         layout = prepared.layout
         built["yarn"] = _yarn_line(layout.warp.yarn, layout.detail.fibres)
-        blocks, particles = len(layout.blocks.kind), prepared.particles
-        key_points = key_points or layout.key_points
-        notes = prepared.notes
+        counted.blocks, counted.particles = len(layout.blocks.kind), prepared.particles
+        counted.key_points = counted.key_points or layout.key_points
         picks, ends = layout.cloth.warp_up.shape
         built["weave"] = f"{prepared.draft.name or 'draft'}: {ends} ends × {picks} picks"
         built["fibre blocks"] = f"{len(layout.kinds.section)} kinds of path, {layout.detail.variants} variants"
@@ -121,18 +157,22 @@ def plan(scene: Scene) -> Plan:
     else:
         left["weave"] = "the scene has no [weave]"
         left["fibre blocks"] = "the scene has no [weave]"
-    drawn = "elongated splats, analytic alpha" if scene.fibre.sprite in ("thread", "soft") else "textured sprites"
+
+
+def _count_drawing(scene: Scene, counted: _Counted) -> None:
+    """The splatter, light, floor and passes. Raises InputError for a sprite that cannot be drawn so."""
+    built, left = counted.built, counted.left
+    analytic = scene.fibre.sprite in ("thread", "soft")
+    drawn = "elongated splats, analytic alpha" if analytic else "textured sprites"
     built["splatter"] = f"{scene.output.size[0]} × {scene.output.size[1]} px, {drawn}"
-    held = particles
-    if prepared is not None and prepared.in_batches:
+    if counted.prepared is not None and counted.prepared.in_batches:
         built["splatter"] += ", in batches of what is in view"
-        held = LIT
-        if scene.fibre.sprite not in ("thread", "soft"):
+        if not analytic:
             raise InputError(
-                f"fibre.sprite: {scene.fibre.sprite!r}; a fabric of {particles:,} particles is drawn in batches, which "
-                'have no textures: take "thread" or "soft", or fewer weave.ends and weave.picks'
+                f"fibre.sprite: {scene.fibre.sprite!r}; a fabric of {counted.particles:,} particles is drawn in "
+                'batches, which have no textures: take "thread" or "soft", or fewer weave.ends and weave.picks'
             )
-    lamps = 2 if scene.light.rim_strength > 0 else 1
+    lamps = _lamps(scene)
     if scene.light.shadows:
         built["light pass"] = f"transmittance of fibres to {lamps} light{'s' * (lamps > 1)}, once a pose and direction"
     else:
@@ -147,25 +187,26 @@ def plan(scene: Scene) -> Plan:
         alike = f"shadows of the key light and of the sky {layers}"
         built["floor"] = f"the key light's shadow from its map, the sky's {layers}" if scene.light.shadows else alike
     else:
-        lies = subject == "fabric"
+        lies = scene.subject == "fabric"
         left["floor"] = "stage.ground is false" if lies else "only fabrics lie on one, and cloth with [forces.plane]"
     if "meshes" not in built:
         left["meshes"] = "the scene has none"
     left["passes"] = "no depth, normal or id buffers; `still --passes` asks for them"
-    order = (
-        *("fibre lattice", "yarn", "hairs", "twist", "weave", "fibre blocks"),
-        *("body", "pattern", "sheet", "seams", "solver", "pins", "wind", "strain limit", "contact"),
-        *("thin limbs", "cloth on cloth", "motion"),
-        *("light pass", "occlusion", "floor", "meshes", "splatter", "passes"),
-    )
-    stages = tuple(
-        Stage(name, name in built, built.get(name) or left[name]) for name in order if name in built or name in left
-    )
-    total = prepared.bytes if prepared else drawn_bytes(particles)
+
+
+def _lamps(scene: Scene) -> int:
+    return 2 if scene.light.rim_strength > 0 else 1
+
+
+def _bytes(scene: Scene, counted: _Counted) -> int:
+    """Memory of the whole process at its peak."""
+    prepared = counted.prepared
+    held = LIT if prepared is not None and prepared.in_batches else counted.particles
+    shadows = _lamps(scene) if scene.light.shadows else 0
     occlusion = scene.light.occlusion and scene.light.fill_strength > 0
-    total += picture_bytes(scene.output.size)
-    total += light_bytes(held, shadows=lamps if scene.light.shadows else 0, occlusion=occlusion)
-    return Plan(stages, key_points, blocks, particles, about, total, memory_limit(), notes, prepared)
+    total = prepared.bytes if prepared else drawn_bytes(counted.particles)
+    total += light_bytes(held, shadows=shadows, occlusion=occlusion)
+    return PROCESS_BYTES + total + picture_bytes(scene.output.size, meshes="meshes" in counted.built)
 
 
 def _yarn_line(yarn: Yarn, fibres: int) -> str:

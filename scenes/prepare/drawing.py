@@ -9,6 +9,7 @@ __all__ = [
     "DRAW_BYTES",
     "HELD",
     "LIT",
+    "PROCESS_BYTES",
     "STREAM_BYTES",
     "drawn_bytes",
     "has_floor",
@@ -20,6 +21,13 @@ DRAW_BYTES = 130  # what the splatter keeps for a particle while it draws
 PIXEL_BYTES = 210
 """What a picture takes for a pixel of its canvas, with what stands behind and the conversion to a file: 190 to 202 were
 measured at 512² and 3072²."""
+
+MESH_PIXEL_BYTES = 340
+"""What meshes take for a pixel more, painted at two samples each way: measured with the ball of `drape`."""
+
+PROCESS_BYTES = 185_000_000
+"""The program, its libraries and compiled kernels, before anything of a scene: 163 to 191 MB were measured with a yarn, a
+twist and a weave of 6 × 6 threads."""
 
 HELD = 4_000_000
 """Particles of a fabric beyond which it is drawn in batches."""
@@ -41,9 +49,9 @@ def has_floor(scene: Scene) -> bool:
     return scene.subject == "fabric" or (scene.forces is not None and scene.forces.plane is not None)
 
 
-def picture_bytes(size: tuple[int, int], supersample: int = 1) -> int:
+def picture_bytes(size: tuple[int, int], supersample: int = 1, *, meshes: bool = False) -> int:
     """Memory of drawing one picture of (width, height) [px] with so many samples a pixel each way."""
-    return PIXEL_BYTES * size[0] * size[1] * supersample**2
+    return (PIXEL_BYTES + MESH_PIXEL_BYTES * meshes) * size[0] * size[1] * supersample**2
 
 
 def require_picture(size: tuple[int, int], supersample: int = 1) -> None:
