@@ -26,8 +26,8 @@ MESH_PIXEL_BYTES = 340
 """What meshes take for a pixel more, painted at two samples each way: measured with the ball of `drape`."""
 
 PROCESS_BYTES = 185_000_000
-"""The program, its libraries and compiled kernels, before anything of a scene: 163 to 191 MB were measured with a yarn, a
-twist and a weave of 6 × 6 threads."""
+"""The program, its libraries and compiled kernels, before anything of a scene: 163 to 191 MB were measured with a yarn,
+a twist and a weave of 6 × 6 threads."""
 
 HELD = 4_000_000
 """Particles of a fabric beyond which it is drawn in batches."""
