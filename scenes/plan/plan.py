@@ -8,17 +8,17 @@ from taichi_cloth.ground.memory import memory_limit
 from taichi_cloth.yarn.yarn import Yarn
 
 from ...render.data.light_sizes import light_bytes
-from ..prepare.drawing import LIT, PROCESS_BYTES, drawn_bytes, has_floor, picture_bytes
+from ..prepare.drawing import LIT, MESH_BYTES, MOTION_BYTES, PROCESS_BYTES, drawn_bytes, has_floor, picture_bytes
 from ..prepare.strands import fibre_spheres, twist_particles, yarn_piece
 from ..prepare.weave_layout import Prepared, prepare_fabric
 from ..prepare.yarns import fibre_kind, yarn_of
 from ..scene.schema import Scene
 
-__all__ = ["Plan", "Stage", "plan"]
+__all__ = ["Plan", "PlannedStage", "plan"]
 
 
 @dataclass(frozen=True)
-class Stage:
+class PlannedStage:
     """A step of the pipeline: whether it is built, and what of, or why not."""
 
     name: str
@@ -30,7 +30,7 @@ class Stage:
 class Plan:
     """stages in the order they run; key_points, blocks, particles (exact unless `about`), bytes; notes."""
 
-    stages: tuple[Stage, ...]
+    stages: tuple[PlannedStage, ...]
     key_points: int
     blocks: int
     particles: int
@@ -73,7 +73,9 @@ def plan(scene: Scene) -> Plan:
     _count_drawing(scene, counted)
     built, left, prepared = counted.built, counted.left, counted.prepared
     stages = tuple(
-        Stage(name, name in built, built.get(name) or left[name]) for name in ORDER if name in built or name in left
+        PlannedStage(name, name in built, built.get(name) or left[name])
+        for name in ORDER
+        if name in built or name in left
     )
     return Plan(
         stages,
@@ -206,7 +208,9 @@ def _bytes(scene: Scene, counted: _Counted) -> int:
     occlusion = scene.light.occlusion and scene.light.fill_strength > 0
     total = prepared.bytes if prepared else drawn_bytes(counted.particles)
     total += light_bytes(held, shadows=shadows, occlusion=occlusion)
-    return PROCESS_BYTES + total + picture_bytes(scene.output.size, meshes="meshes" in counted.built)
+    meshes = "meshes" in counted.built
+    total += MESH_BYTES * meshes + MOTION_BYTES * bool(scene.cloth or scene.garment)
+    return PROCESS_BYTES + total + picture_bytes(scene.output.size, meshes=meshes)
 
 
 def _yarn_line(yarn: Yarn, fibres: int) -> str:

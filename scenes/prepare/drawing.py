@@ -9,6 +9,8 @@ __all__ = [
     "DRAW_BYTES",
     "HELD",
     "LIT",
+    "MESH_BYTES",
+    "MOTION_BYTES",
     "PROCESS_BYTES",
     "STREAM_BYTES",
     "drawn_bytes",
@@ -22,8 +24,12 @@ PIXEL_BYTES = 210
 """What a picture takes for a pixel of its canvas, with what stands behind and the conversion to a file: 190 to 202 were
 measured at 512² and 3072²."""
 
-MESH_PIXEL_BYTES = 340
-"""What meshes take for a pixel more, painted at two samples each way: measured with the ball of `drape`."""
+MESH_PIXEL_BYTES = 70
+"""What meshes take for a pixel more, painted at two samples each way: measured with `drape` at 64 × 48 and 1080 × 720."""
+MESH_BYTES = 110_000_000
+"""What they take besides: the kernels of painting and lighting them."""
+MOTION_BYTES = 110_000_000
+"""The kernels of a solver and of contact, and what they are compiled with: with the above, `drape` and `flag`."""
 
 PROCESS_BYTES = 185_000_000
 """The program, its libraries and compiled kernels, before anything of a scene: 163 to 191 MB were measured with a yarn,

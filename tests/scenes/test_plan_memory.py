@@ -17,6 +17,7 @@ RUNS = {
     "plain": ("turntable", "plain", ["output.views=1"]),
     "swatch": ("turntable", "swatch", ["output.views=1"]),
     "flag": ("animate", "flag", ["output.frames=2"]),
+    "small mesh": ("animate", "drape", ["cloth.representation=mesh", "output.frames=2", "output.size=[64, 48]"]),
     "mesh": ("animate", "drape", ["cloth.representation=mesh", "output.frames=2"]),
 }
 
