@@ -35,11 +35,11 @@ def _in_front(wall: Blocks, tile, y, z):
 
 
 @ti.func
-def _add_light(planes: Template, lanes: Template, tile, y, half, weight, splats: F32x2, k):
+def _add_light(planes: Template, lanes: Template, tile, y, half, weight, red, green, blue):
     """The splat's colour, as much of it as each pixel takes."""
-    add(planes.red, lanes, tile, y, half, weight, splats[k, 3])
-    add(planes.green, lanes, tile, y, half, weight, splats[k, 4])
-    add(planes.blue, lanes, tile, y, half, weight, splats[k, 5])
+    add(planes.red, lanes, tile, y, half, weight, red)
+    add(planes.green, lanes, tile, y, half, weight, green)
+    add(planes.blue, lanes, tile, y, half, weight, blue)
 
 
 @ti.func
@@ -62,6 +62,9 @@ def blend_piece(
     dx = _columns(splats, k, corner, half, lanes)
     middle = splats[k, 1] - corner[1]
     alpha = splats[k, 2]
+    red = splats[k, 3]
+    green = splats[k, 4]
+    blue = splats[k, 5]
     s_x = splats[k, 7]
     s_y = splats[k, 8]
     t_x = splats[k, 9]
@@ -101,7 +104,7 @@ def blend_piece(
         put(planes.through, lanes, tile, y, half, light - weight)
         # Its light: the thread is brighter on the side that faces the key light, darker at its sides.
         weight *= bright + s * (slope - curve * s)
-        _add_light(planes, lanes, tile, y, half, weight, splats, k)
+        _add_light(planes, lanes, tile, y, half, weight, red, green, blue)
 
 
 @ti.func
@@ -124,6 +127,9 @@ def blend_round(
     dx = _columns(splats, k, corner, half, lanes)
     middle = splats[k, 1] - corner[1]
     alpha = splats[k, 2]
+    red = splats[k, 3]
+    green = splats[k, 4]
+    blue = splats[k, 5]
     reach = splats[k, 6]
     inverse = splats[k, 7]
     sharp = 1.0
@@ -149,5 +155,5 @@ def blend_round(
             weight = light * (q * q) * alpha
         if ti.static(features.behind == "mesh"):
             weight *= _in_front(wall, tile, y, z)
-        _add_light(planes, lanes, tile, y, half, weight, splats, k)
+        _add_light(planes, lanes, tile, y, half, weight, red, green, blue)
         put(planes.through, lanes, tile, y, half, light - weight)
