@@ -25,7 +25,7 @@ PIXEL_BYTES = 210
 measured at 512² and 3072²."""
 
 MESH_PIXEL_BYTES = 70
-"""What meshes take for a pixel more, painted at two samples each way: measured with `drape` at 64 × 48 and 1080 × 720."""
+"""What meshes take for a pixel more, painted at two samples each way: with `drape` at 64 × 48 and 1080 × 720 px."""
 MESH_BYTES = 110_000_000
 """What they take besides: the kernels of painting and lighting them."""
 MOTION_BYTES = 110_000_000
