@@ -2,6 +2,8 @@
 stability | body`."""
 
 import contextlib
+import io
+import logging
 import os
 import signal
 import sys
@@ -246,9 +248,27 @@ def main(arguments: list[str] | None = None) -> None:
 
     130 and 143 after an interrupt (Ctrl-C) and a SIGTERM, 1 when the machine fails: a full disk, a closed pipe.
     """
+    _open_streams()
+    logging.basicConfig(format="taichi-cloth: %(message)s")
     with contextlib.suppress(ValueError):  # not in the main thread
         signal.signal(signal.SIGTERM, _terminate)
     sys.exit(_status(sys.argv[1:] if arguments is None else arguments))
+
+
+def _open_streams() -> None:
+    """Standard streams that are closed lead nowhere, so that no file of ours takes their place and what others write
+    to them; those of a terminal that knows ASCII only show other letters written out."""
+    while (number := os.open(os.devnull, os.O_RDWR)) <= 2:
+        os.set_inheritable(number, True)
+    os.close(number)
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        if stream is None:
+            stream = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115  # for the whole run
+            setattr(sys, name, stream)
+            setattr(sys, f"__{name}__", stream)
+        elif isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
 
 
 class _Terminated(BaseException):

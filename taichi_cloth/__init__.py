@@ -18,6 +18,12 @@ from typing import TYPE_CHECKING, Any
 os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
 os.environ.setdefault("TI_SKIP_VERSION_CHECK", "ON")
 
+# Taichi ends the process where it finds no home: one from the list of users then, or a place where nothing is kept.
+if os.name == "posix" and not (os.environ.get("HOME") or os.environ.get("XDG_CACHE_HOME")):
+    os.environ.pop("HOME", None)
+    _home = os.path.expanduser("~")
+    os.environ["XDG_CACHE_HOME"] = f"{_home}/.cache" if os.path.isabs(_home) else os.devnull
+
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:

@@ -19,6 +19,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from taichi_cloth.ground.errors import InputError
+from taichi_cloth.ground.files import shown_path
+
+from ..image.image import LARGEST_GIVEN, read_png
 
 __all__ = ["CRISP", "SOFT", "Profile", "SpriteSheet", "fibre_sprite", "round_sprite", "sheet_from_png", "soft_sprite"]
 
@@ -128,12 +131,11 @@ def sheet_from_png(paths: Sequence[str | Path], *, size: int = 64) -> SpriteShee
     textures = []
     for path in paths:
         try:
-            data = np.frombuffer(Path(path).read_bytes(), np.uint8)
-        except OSError as error:
-            raise InputError(f"sprite {path}: {error.strerror}; give a PNG file with an alpha channel") from None
-        image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if len(data) else None
-        if image is None or image.ndim != 3 or image.shape[2] != 4 or image.dtype not in (np.uint8, np.uint16):
-            raise InputError(f"sprite {path}: not an image with an alpha channel; save it as RGBA PNG")
+            image = read_png(path, largest=LARGEST_GIVEN)
+        except InputError as error:
+            raise InputError(f"sprite {error} with an alpha channel") from None
+        if image.ndim != 3 or image.shape[2] != 4:
+            raise InputError(f"sprite {shown_path(path)}: has no alpha channel; save it as RGBA PNG")
         alpha = image[..., 3].astype(np.float32) / (255 if image.dtype == np.uint8 else 65535)
         shrinks = min(alpha.shape) >= size
         alpha = cv2.resize(alpha, (size, size), interpolation=cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR)

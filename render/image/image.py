@@ -1,6 +1,7 @@
 """Images: linear light to sRGB, PNG files that are whole or not there, and contact sheets."""
 
 import os
+import struct
 import tempfile
 import zlib
 from collections.abc import Sequence
@@ -12,8 +13,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from taichi_cloth.ground.errors import InputError
+from taichi_cloth.ground.files import read_bytes, shown_path
 
 __all__ = [
+    "LARGEST_GIVEN",
     "Pixels",
     "contact_sheet",
     "linear_to_srgb",
@@ -28,6 +31,14 @@ __all__ = [
 
 Pixels: TypeAlias = NDArray[np.uint8] | NDArray[np.uint16]
 """An image (h, w), (h, w, 3) RGB or (h, w, 4) RGBA."""
+
+LARGEST = 16384
+"""Pixels each way of what we write."""
+LARGEST_GIVEN = 8192
+"""Pixels each way of a picture that a person gives, to be printed or to be a sprite."""
+SIGNATURE = b"\x89PNG\r\n\x1a\n"
+SPARE_BYTES = 1_000_000
+"""In a PNG beside 3 a pixel: its colour profile and what it says of itself."""
 
 
 def linear_to_srgb(linear: ArrayLike) -> NDArray[np.float64]:
@@ -80,15 +91,24 @@ def write_png(path: str | Path, image: Pixels, *, compression: int = 3) -> None:
     write_bytes(path, data.tobytes())
 
 
-def read_png(path: str | Path) -> Pixels:
-    """The image in a file, in its own depth and channels, RGB(A). Raises InputError if it is none."""
+def read_png(path: str | Path, *, largest: int = LARGEST) -> Pixels:
+    """The image in a PNG file, in its own depth and channels, RGB(A). Its size is looked at before it is decoded.
+
+    largest: pixels it may have each way. Raises InputError when it has more, or is no PNG that can be read.
+    """
+    data = read_bytes(path, most=3 * largest**2 + SPARE_BYTES, give="a PNG")
+    name = shown_path(path)
+    if data[:8] != SIGNATURE or data[12:16] != b"IHDR" or len(data) < 33:
+        raise InputError(f"{name}: not an image that can be read; give a PNG")
+    width, height = struct.unpack(">II", data[16:24])
+    if not (1 <= width <= largest and 1 <= height <= largest):
+        raise InputError(f"{name}: {width} x {height} pixels; allowed: up to {largest} each way; give a smaller PNG")
     try:
-        data = np.frombuffer(Path(path).read_bytes(), np.uint8)
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror}; give an image file") from None
-    image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if len(data) else None
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    except cv2.error:
+        image = None
     if image is None or image.dtype not in (np.uint8, np.uint16):
-        raise InputError(f"{path}: not an image that can be read; give a PNG")
+        raise InputError(f"{name}: not an image that can be read; give a PNG")
     return _swapped(image)
 
 

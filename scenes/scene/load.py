@@ -1,7 +1,7 @@
 """Scenes from TOML: found, read, overridden, and checked before anything is built."""
 
 import os
-import stat
+import re
 import tomllib
 from collections.abc import Mapping
 from importlib.resources import files
@@ -12,6 +12,7 @@ from typing import Any, Union, get_args, get_origin
 from pydantic import BaseModel, ValidationError
 
 from taichi_cloth.ground.errors import InputError, did_you_mean
+from taichi_cloth.ground.files import read_text, shown_path
 from taichi_cloth.weave.colour_order import colour
 
 from ...render.data.finish import finish_for
@@ -29,8 +30,12 @@ WIF_BRINGS = {
 }
 PATTERN_PASSES = 5
 """Of the strain limit for a pattern from a file: the built-in scenes' one or two were found for their own garments."""
-LARGEST_SCENE_FILE = 4_000_000
+LARGEST_SCENE_FILE = 1_000_000
+LONGEST_LIST = 50_000
+"""Values: what is wrong with each would be a line of its own."""
 DEEPEST_KEY = 8
+LONG_KEY = re.compile(r"""(?<![\w.'"-])(?:(?:[\w-]++|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){32}""")
+"""A dotted key of more than 32 parts, bare or quoted."""
 SPRITES = ("thread", "round", "soft", "fuzzy")
 
 
@@ -94,6 +99,8 @@ def _drop(data: dict[str, Any], section: str, keys: tuple[str, ...]) -> None:
 
 def make_scene(data: dict[str, Any], where: str = "scene") -> Scene:
     """Check a scene given as nested dictionaries. Raises InputError; `where` names its source in the line."""
+    if _longest(data) > LONGEST_LIST:
+        raise InputError(f"{where}: a list of {_longest(data):,} values; allowed: up to {LONGEST_LIST:,}")
     try:
         scene = Scene.model_validate(data)
     except ValidationError as error:
@@ -103,6 +110,12 @@ def make_scene(data: dict[str, Any], where: str = "scene") -> Scene:
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
     return scene
+
+
+def _longest(data: Any) -> int:
+    """How many values the longest list has."""
+    inner = data.values() if isinstance(data, dict) else data if isinstance(data, list) else ()
+    return max(len(data) if isinstance(data, list) else 0, *map(_longest, inner), 0)
 
 
 def _check_names(scene: Scene) -> None:
@@ -149,24 +162,22 @@ def _read(name: str) -> tuple[dict[str, Any], str, Path | None]:
             f"scene: unknown scene {_short(name)}; known: {', '.join(known)}, or the path of a .toml file"
             f"{did_you_mean(name[:100], known)}"
         )
-    where = name if len(name) < 200 else f"{name[:80]}…{name[-80:]}"
+    text = read_text(path, most=LARGEST_SCENE_FILE, give="a built-in scene or a .toml file")
     try:
-        status = path.stat()
-        if stat.S_ISREG(status.st_mode) and status.st_size > LARGEST_SCENE_FILE:
-            raise InputError(f"{where}: {status.st_size:,} bytes; a scene file has at most {LARGEST_SCENE_FILE:,}")
-        if not stat.S_ISREG(status.st_mode):  # a folder, or something like /dev/zero that has no end
-            raise InputError(f"{where}: is no file; give a built-in scene or a .toml file")
-        text = path.read_bytes().decode("utf-8-sig")
-    except UnicodeDecodeError:
-        raise InputError(f"{where}: is not UTF-8 text; save the scene as TOML in UTF-8") from None
-    except OSError as error:
-        raise InputError(f"{where}: cannot be read ({error.strerror}); give a built-in scene or a .toml file") from None
-    try:
-        return tomllib.loads(text), where, path.resolve().parent
+        return _toml(text), shown_path(name), path.resolve().parent
     except RecursionError:
-        raise InputError(f"{where}: not a scene: nested too deeply") from None
+        raise InputError(f"{shown_path(name)}: not a scene: nested too deeply") from None
     except ValueError as error:  # TOMLDecodeError, or an integer with more digits than Python reads
-        raise InputError(f"{where}: not TOML: {error}") from None
+        raise InputError(f"{shown_path(name)}: not TOML: {error}") from None
+
+
+def _toml(text: str) -> dict[str, Any]:
+    """What TOML says. Raises ValueError for a key of far too many parts: tomllib's memory goes with their square."""
+    deep = LONG_KEY.search(text)
+    if deep is not None:
+        line = text.count("\n", 0, deep.start()) + 1
+        raise ValueError(f"line {line}: a key of more than 32 parts, {deep[0][:40]}…")
+    return tomllib.loads(text)
 
 
 def _override(data: dict[str, Any], text: str) -> None:
@@ -189,7 +200,7 @@ def _override(data: dict[str, Any], text: str) -> None:
 def _value(text: str) -> Any:
     """A TOML value where it reads as one (3, true, [1, 2], "a"); anything else is text as it stands."""
     try:
-        return tomllib.loads(f"x = {text}")["x"]
+        return _toml(f"x = {text}")["x"]
     except (ValueError, RecursionError):
         return text
 

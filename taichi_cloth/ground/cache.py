@@ -5,7 +5,9 @@ A file that is damaged, or is not what its name says, is made again; where nothi
 
 import contextlib
 import hashlib
+import logging
 import os
+import tempfile
 from collections.abc import Callable, Mapping
 from dataclasses import fields, is_dataclass
 from pathlib import Path
@@ -14,11 +16,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["digest", "folder", "kept"]
+__all__ = ["can_keep", "digest", "folder", "kept"]
 
 Arrays = dict[str, NDArray]
 
 SEAL = "sha256"
+_said: list[Path] = []
 
 
 def folder() -> Path:
@@ -49,10 +52,34 @@ def kept(kind: str, made_of: str, make: Callable[[], Mapping[str, NDArray]]) -> 
         with part.open("wb") as handle:
             np.savez_compressed(handle, allow_pickle=False, **arrays, **{SEAL: np.array(_seal(arrays))})
         part.replace(file)
-    except OSError:  # a full or read-only disk costs the next run some time, and nothing else
+    except OSError as error:  # a full or read-only disk costs the next run some time, and nothing else
         with contextlib.suppress(OSError):
             part.unlink()
+        _not_kept(file.parent, error)
     return arrays, False
+
+
+def can_keep(place: Path) -> bool:
+    """Whether files can be kept in a folder, which is made if it is not there; a line is said where they cannot."""
+    try:
+        place.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=place):
+            return True
+    except OSError as error:
+        _not_kept(place, error)
+        return False
+
+
+def _not_kept(place: Path, error: OSError) -> None:
+    """Say, once a process, that what takes long is made anew each time."""
+    if not _said:
+        _said.append(place)
+        logging.getLogger(__name__).warning(
+            "nothing is kept in %s (%s): what takes long is made anew each time; set XDG_CACHE_HOME to a folder that "
+            "can be written",
+            place,
+            error.strerror or error,
+        )
 
 
 def _read(file: Path) -> Arrays | None:

@@ -4,17 +4,23 @@ Every `ti.init` throws away all fields and kernels of the one before it, so noth
 command line, the tests and a person's own script call `start` once, before the first field is made.
 """
 
+import atexit
 import contextlib
 import io
 import os
+import shutil
+import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
 from typing import Any, Literal, get_args
 
 import taichi as ti
 from taichi.lang.ast.ast_transformer_utils import ASTTransformerContext
-from taichi.lang.impl import current_cfg
+from taichi.lang.impl import current_cfg, default_cfg
 
+from taichi_cloth.ground.cache import can_keep
 from taichi_cloth.ground.errors import InputError, did_you_mean
 
 __all__ = ["Arch", "Runtime", "generation", "on_host", "plain_code", "start", "threads"]
@@ -75,6 +81,10 @@ def start(arch: Arch = "cpu", *, threads: int | None = None, cache: bool = True,
         "fast_math": False,  # reproducible sums, and faster vector code here (simulation stencil)
         "random_seed": 0,
     }
+    if not can_keep(
+        _kernel_folder()
+    ):  # Taichi would crash at the end: it writes there, whether it keeps kernels or not
+        options |= {"offline_cache": False, "offline_cache_file_path": _passing_folder()}
     with contextlib.redirect_stdout(io.StringIO()):  # ti.init prints where it starts, whatever the log level
         ti.init(**options)
     got = str(current_cfg().arch).removeprefix("Arch.")
@@ -106,6 +116,24 @@ def _line_of(context: Any, node: Any) -> str:
     """Where a piece of a kernel stands. Taichi's own draws the line with carets below, of each expression, for an error
     that may come: half of the time that Python takes for a kernel from the cache."""
     return f'File "{context.file}", line {node.lineno + context.lineno_offset}, in {context.func.func.__name__}:\n'
+
+
+def _kernel_folder() -> Path:
+    """Where Taichi keeps compiled kernels."""
+    return Path(os.environ.get("TI_OFFLINE_CACHE_FILE_PATH") or default_cfg().offline_cache_file_path)
+
+
+@lru_cache(maxsize=1)
+def _passing_folder() -> str:
+    """A folder that goes when this process ends, after Taichi has."""
+    folder = tempfile.mkdtemp(prefix="taichi-cloth-")
+
+    def leave() -> None:
+        ti.reset()
+        shutil.rmtree(folder, ignore_errors=True)
+
+    atexit.register(leave)
+    return folder
 
 
 def _processors() -> int:

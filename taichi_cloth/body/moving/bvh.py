@@ -5,6 +5,7 @@ that it faces +z with y up, and C is the least turn of our bone at rest onto the
 mean the same. Where the pelvis goes is scaled by the length of the legs.
 """
 
+import io
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -15,13 +16,22 @@ from scipy.spatial.transform import Rotation
 from taichi_cloth.body.moving.motion import Motion
 from taichi_cloth.body.skin.skeleton import JOINTS, PARENTS, Pose, Skeleton
 from taichi_cloth.ground.errors import InputError
+from taichi_cloth.ground.files import read_bytes
 
 __all__ = ["Bvh", "bvh_motion", "read_bvh"]
 
 F64 = NDArray[np.float64]
 
 CHANNELS = ("Xposition", "Yposition", "Zposition", "Xrotation", "Yrotation", "Zrotation")
-MOST_JOINTS, MOST_VALUES = 1000, 50_000_000
+LARGEST_FILE = 50_000_000
+"""Bytes; ten minutes at 120 frames a second are about 40 million."""
+LONGEST_LINE = 1_000_000
+MOST_JOINTS, MOST_TURNS = 1000, 5_000_000
+"""Joints, and joints times frames, for which rotations are worked out."""
+LARGEST_VALUE = 1e6
+"""Of any number in a file: lengths in its unit, angles in degrees."""
+FARTHEST = 100.0
+"""From where it begins a motion may take a body [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,25 +79,24 @@ class Bvh:
 
 def read_bvh(path: str | Path) -> Bvh:
     """Read a BVH file. Raises InputError with the line where it is wrong."""
-    path = Path(path)
-    try:
-        text = path.read_text(encoding="utf-8", errors="replace")
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror or error}); give a .bvh file") from None
-    return _Reader(path.name, text.splitlines()).read()
+    data = read_bytes(path, most=LARGEST_FILE, give="a .bvh file")
+    return _Reader(Path(path).name, data).read()
 
 
 class _Reader:
-    def __init__(self, name: str, lines: list[str]) -> None:
-        self.name, self.lines, self.at = name, lines, 0
+    def __init__(self, name: str, data: bytes) -> None:
+        self.name, self.at = name, 0
+        self.lines = io.TextIOWrapper(io.BytesIO(data), encoding="utf-8", errors="replace")
 
     def fail(self, what: str) -> InputError:
-        return InputError(f"{self.name}: line {min(self.at, len(self.lines))}: {what}")
+        return InputError(f"{self.name}: line {self.at}: {what}")
 
     def words(self, expected: str) -> list[str]:
-        while self.at < len(self.lines):
+        for line in iter(lambda: self.lines.readline(LONGEST_LINE), ""):
             self.at += 1
-            words = self.lines[self.at - 1].split()
+            if len(line) >= LONGEST_LINE:
+                raise self.fail(f"a line of {LONGEST_LINE:,} letters or more")
+            words = line.split()
             if words:
                 return words
         raise self.fail(f"the file ends where {expected} should stand")
@@ -99,6 +108,8 @@ class _Reader:
             raise self.fail(f"not a number in {' '.join(words)[:60]!r}") from None
         if len(values) != count or not np.isfinite(values).all():
             raise self.fail(f"{len(values)} values where {count} finite ones should stand")
+        if count and max(map(abs, values)) > LARGEST_VALUE:
+            raise self.fail(f"{max(values, key=abs):g}; allowed: numbers up to {LARGEST_VALUE:,.0f}")
         return values
 
     def read(self) -> Bvh:
@@ -143,7 +154,11 @@ class _Reader:
                     offsets[self.joint(current)] = value
             elif key == "CHANNELS":
                 kinds = tuple(words[2:])
-                if len(words) < 2 or words[1] != str(len(kinds)) or any(k not in CHANNELS for k in kinds):
+                if (
+                    not 2 <= len(words) <= 2 + len(CHANNELS)
+                    or words[1] != str(len(kinds))
+                    or not set(kinds) <= set(CHANNELS)
+                ):
                     raise self.fail(
                         f"channels {' '.join(words[1:])[:60]!r}; allowed: a count, then of {', '.join(CHANNELS)}"
                     )
@@ -156,10 +171,10 @@ class _Reader:
             raise self.fail("the hierarchy is not closed before MOTION" if names else "the hierarchy has no joint")
         frames, step = self.frames()
         width = sum(len(c) for c in channels)
-        if frames * width > MOST_VALUES:
-            raise self.fail(f"{frames} frames of {width} channels; allowed: {MOST_VALUES:,} values")
-        rows = [self.numbers(self.words(f"frame {i + 1} of {frames}"), width) for i in range(frames)]
-        return Bvh(tuple(names), tuple(parents), np.array(offsets), tuple(channels), step, np.array(rows), ends)
+        if frames * len(names) > MOST_TURNS:
+            raise self.fail(f"{frames} frames of {len(names)} joints; allowed: {MOST_TURNS:,} turns of joints in all")
+        rows = [np.array(self.numbers(self.words(f"frame {i + 1} of {frames}"), width)) for i in range(frames)]
+        return Bvh(tuple(names), tuple(parents), np.array(offsets), tuple(channels), step, np.stack(rows), ends)
 
     def joint(self, current: int | None) -> int:
         if current is None or current < 0:
@@ -168,7 +183,7 @@ class _Reader:
 
     def frames(self) -> tuple[int, float]:
         words = self.words("Frames:")
-        if words[0].lower() != "frames:" or len(words) != 2 or not words[1].isdigit() or int(words[1]) < 1:
+        if words[0].lower() != "frames:" or len(words) != 2 or not _counts(words[1]):
             raise self.fail("after MOTION comes Frames: and their number, 1 or more")
         count = int(words[1])
         words = self.words("Frame Time:")
@@ -178,6 +193,11 @@ class _Reader:
         if not 1e-4 <= step <= 10:
             raise self.fail(f"Frame Time: {step:g}; allowed: 0.0001 to 10 s")
         return count, step
+
+
+def _counts(word: str) -> bool:
+    """Whether a word is a number of frames; int reads no more than some thousand digits."""
+    return word.isascii() and word.isdigit() and len(word) < 10 and int(word) >= 1
 
 
 NAMES = {
@@ -245,6 +265,9 @@ def bvh_motion(path: str | Path, skeleton: Skeleton, *, loop: bool = False, blen
     way = (root - root[0]) * (
         _leg(skeleton.joints) / _leg(np.array([places[found.get(j, 0)] for j in range(len(JOINTS))]))
     )
+    far = float(np.linalg.norm(way, axis=1).max())
+    if not far <= FARTHEST:
+        raise InputError(f"bvh: the pelvis goes {far:.3g} m far; allowed: up to {FARTHEST:g} m; mend its positions")
     poses = [Pose(r, w) for r, w in zip(rotations, way, strict=True)]
     feet = [JOINTS.index("foot_l"), JOINTS.index("foot_r")]
     seen = poses[:: max(1, len(poses) // 200)]
@@ -270,7 +293,7 @@ def _joint_heights(skeleton: Skeleton, pose: Pose) -> F64:
 def _leg(joints: F64) -> float:
     thigh, shin, foot = (joints[JOINTS.index(n)] for n in ("thigh_l", "shin_l", "foot_l"))
     length = float(np.linalg.norm(shin - thigh) + np.linalg.norm(foot - shin))
-    if length <= 0:
+    if length <= 1e-6:
         raise InputError("bvh: the legs have no length; give the joints of the file their offsets")
     return length
 

@@ -9,11 +9,14 @@ import numpy as np
 
 from taichi_cloth.body.primitives.primitives import Primitive
 from taichi_cloth.ground.errors import InputError
+from taichi_cloth.ground.files import read_json
 
 __all__ = ["FORMAT", "VERSION", "load_primitives", "primitives_json"]
 
 FORMAT = "taichi-cloth body"
 VERSION = 1
+LARGEST_FILE = 5_000_000
+"""Bytes; a primitive takes about 300."""
 REFIT = "make it again with: taichi-cloth body fit"
 
 
@@ -38,16 +41,7 @@ def primitives_json(primitives: Sequence[Primitive], about: Mapping[str, Any] | 
 
 def load_primitives(path: str | Path) -> list[Primitive]:
     """The primitives of a file. Raises InputError, in one line, for what is none, is of another version or broken."""
-    try:
-        text = Path(path).read_text(encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror}; give a file of primitives, or {REFIT}") from None
-    except UnicodeDecodeError:
-        raise InputError(f"{path}: not text; {REFIT}") from None
-    try:
-        data = json.loads(text)
-    except (json.JSONDecodeError, RecursionError):
-        raise InputError(f"{path}: not JSON, or cut short; {REFIT}") from None
+    data = read_json(path, most=LARGEST_FILE, give=f"a file of primitives, or {REFIT}")
     if not isinstance(data, dict) or data.get("format") != FORMAT:
         raise InputError(f"{path}: format is not {FORMAT!r}; {REFIT}")
     if data.get("version") != VERSION:
@@ -76,5 +70,5 @@ def _primitive(path: str | Path, number: int, row: Any) -> Primitive:
         )
     except InputError as error:
         raise InputError(f"{path}: primitive {number}: {error}") from None
-    except (AttributeError, IndexError, KeyError, TypeError, ValueError) as error:
+    except (AttributeError, IndexError, KeyError, OverflowError, TypeError, ValueError) as error:
         raise InputError(f"{path}: primitive {number}: not readable ({error}); {REFIT}") from None

@@ -8,6 +8,7 @@ out, and its share goes to the neighbour that carries what is in it.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from math import ceil, cos, sin
 
 import numpy as np
@@ -58,6 +59,12 @@ class CutPanel:
         points = np.stack(np.meshgrid(x, y), -1)
         return turned(points.reshape(-1, 2), -self.panel.grain).reshape(rows, cols, 2)
 
+    @cached_property
+    def _cloth(self) -> tuple[I64, KDTree]:
+        """Columns and rows (n, 2) of the cells that are cloth, and their middles to search."""
+        cells = np.argwhere(self.share > 0)[:, ::-1]
+        return cells, KDTree(cells + 0.5)
+
     def embed(self, xy: F64) -> tuple[I64, F64]:
         """Points (n, 2) in grain coordinates as blends of key points: (n, 4, 2) rows and columns in the atlas, and
         (n, 4) shares that sum to 1. Beyond the last cell that is cloth the blend goes on straight."""
@@ -68,9 +75,8 @@ class CutPanel:
         kept = np.clip(cell, 0, limit)
         good = inside & (self.share[kept[:, 1], kept[:, 0]] > 0)
         if not good.all():
-            cells = np.argwhere(self.share > 0)[:, ::-1]
-            _, nearest = KDTree(cells + 0.5).query(at[~good])
-            kept[~good] = cells[nearest]
+            cells, tree = self._cloth
+            kept[~good] = cells[tree.query(at[~good])[1]]
         u, v = (at - kept).T
         i, j = kept[:, 1] + self.row, kept[:, 0] + self.col
         nodes = np.stack([np.stack([i + di, j + dj], -1) for di, dj in ((0, 0), (0, 1), (1, 0), (1, 1))], 1)

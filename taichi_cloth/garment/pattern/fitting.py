@@ -25,9 +25,6 @@ MOST = 1.6
 BELOW = 0.04
 """Of an armhole's lowest point under the arm where a top starts [m]; pulls at the armpit otherwise."""
 DEEPER = 1.5  # armholes are deepened by this at most
-OVER = (
-    0.05  # that a bodice is longer than it is from under the arms to the waist: it runs over bust and shoulder blades
-)
 SHORTER = 0.5  # least share of its length below the arms that a bodice is shortened to, for its skirt's sake
 CLEAR = 0.020  # between the body and a waistband [m]
 DROP = 0.02  # from the neck's side, where it starts, to the neck where a top rests [m]
@@ -119,13 +116,9 @@ def _check(pattern: Pattern, widened: float) -> None:
         )
 
 
-def _world(panel: Panel) -> F64:
-    return panel.place.points(panel.outline)
-
-
 def _reach(pattern: Pattern) -> tuple[float, float]:
     """Least and greatest height [m]."""
-    heights = np.concatenate([_world(panel)[:, 1] for panel in pattern.panels])
+    heights = np.concatenate([panel.world[:, 1] for panel in pattern.panels])
     return float(heights.min()), float(heights.max())
 
 
@@ -152,7 +145,7 @@ def _at(pattern: Pattern, side: Side) -> F64:
 
 def _joints(pattern: Pattern, figure: Figure) -> list[tuple[Side, Side]]:
     """Seams between what reaches the arms and what does not: bodice and skirt."""
-    tops = {p.name for p in pattern.panels if _world(p)[:, 1].max() > figure.underarm_height}
+    tops = {p.name for p in pattern.panels if p.world[:, 1].max() > figure.underarm_height}
     sides = [s for seam in pattern.seams for s in ((seam.first, seam.second), (seam.second, seam.first))]
     return [(one, other) for one, other in sides if one.panel in tops and other.panel not in tops]
 
@@ -181,7 +174,7 @@ def _outwards(pattern: Pattern, figure: Figure) -> Pattern:
     for panel in pattern.panels:
         place = panel.place
         if isinstance(place, Flat):
-            outward = (_world(panel).mean(axis=0) - np.array([0.0, 0.0, middle])) * np.array([1.0, 0.0, 1.0])
+            outward = (panel.world.mean(axis=0) - np.array([0.0, 0.0, middle])) * np.array([1.0, 0.0, 1.0])
             if float(place.rotation[:, 2] @ outward) < 0:
                 edges = tuple(edge * np.array([-1.0, 1.0]) for edge in panel.edges)
                 panel = replace(
@@ -193,10 +186,15 @@ def _outwards(pattern: Pattern, figure: Figure) -> Pattern:
 
 def _is_sleeve(panel: Panel, figure: Figure) -> bool:
     """Whether a panel starts beside the trunk, before or behind an arm."""
-    points = _world(panel)
+    points = panel.world
     beside = float(np.abs(points[:, 0]).min()) > 0.3 * figure.shoulder and points[:, 0].min() * points[:, 0].max() > 0
     place = panel.place
     return beside and isinstance(place, Flat) and abs(float(place.rotation[2, 2])) > 0.7
+
+
+def _sleeves(pattern: Pattern, figure: Figure) -> set[str]:
+    """Names of the panels that start beside the trunk."""
+    return {panel.name for panel in pattern.panels if _is_sleeve(panel, figure)}
 
 
 def _has_neck(pattern: Pattern) -> bool:
@@ -231,12 +229,12 @@ def _underarm(pattern: Pattern, figure: Figure) -> float:
     """Height of the top of the seams between fronts and backs, shoulders aside [m]; the top where there are none."""
     middle = figure.sections["chest"].middle
     high, tops = _reach(pattern)[1], []
+    sleeves = _sleeves(pattern, figure)
+    depth = {panel.name: float(panel.world[:, 2].mean()) - middle for panel in pattern.panels}
     for seam in pattern.seams:
-        panels = [pattern.panel(s.panel) for s in (seam.first, seam.second)]
-        z = [float(_world(panel)[:, 2].mean()) - middle for panel in panels]
-        if z[0] * z[1] < 0 and not any(_is_sleeve(panel, figure) for panel in panels):
-            edges = [p.place.points(pattern.edge(s)) for p, s in zip(panels, (seam.first, seam.second), strict=True)]
-            y = np.concatenate(edges)[:, 1]
+        sides = (seam.first, seam.second)
+        if depth[seam.first.panel] * depth[seam.second.panel] < 0 and not any(s.panel in sleeves for s in sides):
+            y = np.concatenate([_at(pattern, side) for side in sides])[:, 1]
             if y.min() < high - 0.15:
                 tops.append(float(y.max()))
     return max(tops, default=high)
@@ -251,7 +249,7 @@ def _clear(pattern: Pattern, figure: Figure) -> Pattern:
     for panel in pattern.panels:
         place = panel.place
         if isinstance(place, Flat) and abs(float(place.rotation[2, 2])) > 0.9 and not _is_sleeve(panel, figure):
-            z = float(_world(panel)[:, 2].mean())
+            z = float(panel.world[:, 2].mean())
             shift = np.array([0.0, 0.0, front - z if place.rotation[2, 2] > 0 else back - z])
             change[panel.name] = Flat(place.rotation, place.translation + shift)
     return _placed(pattern, change)
@@ -261,7 +259,7 @@ def _along_arms(pattern: Pattern, figure: Figure) -> Pattern:
     """Sleeves turned about the shoulder so that they lie along the arm, and moved so that it is in their middle."""
     change: dict[str, Flat | Wrap] = {}
     for arm in figure.arms:
-        sleeves = [p for p in pattern.panels if _is_sleeve(p, figure) and _world(p)[:, 0].mean() * arm.top[0] > 0]
+        sleeves = [p for p in pattern.panels if _is_sleeve(p, figure) and p.world[:, 0].mean() * arm.top[0] > 0]
         if not sleeves:
             continue
         inner, outer = [], []
@@ -282,7 +280,7 @@ def _along_arms(pattern: Pattern, figure: Figure) -> Pattern:
         for panel in sleeves:
             place = panel.place
             assert isinstance(place, Flat)
-            z = float(_world(panel)[:, 2].mean())
+            z = float(panel.world[:, 2].mean())
             side = 1.0 if place.rotation[2, 2] > 0 else -1.0
             shift = start - pivot
             shift[2] = arm.top[2] + side * (arm.radius + 0.03) - z
@@ -297,11 +295,12 @@ def _sewn(pattern: Pattern, panel: str) -> set[int]:
 def _shoulders(pattern: Pattern, figure: Figure) -> tuple[Hold, ...]:
     """Seams of the trunk's panels on top of the shoulders."""
     holds = []
+    sleeves = _sleeves(pattern, figure)
     for seam in pattern.seams:
         sides = (seam.first, seam.second)
-        if any(_is_sleeve(pattern.panel(s.panel), figure) for s in sides):
+        if any(s.panel in sleeves for s in sides):
             continue
-        ends = np.concatenate([pattern.panel(s.panel).place.points(pattern.edge(s)) for s in sides])
+        ends = np.concatenate([_at(pattern, s) for s in sides])
         x = float(ends[:, 0].mean())
         if ends[:, 1].min() > figure.shoulder_height - 0.06 and 0.02 < abs(x) < figure.shoulder / 2 + 0.03:
             holds += [Hold(side, "clavicle_l" if x > 0 else "clavicle_r") for side in sides]
@@ -310,11 +309,12 @@ def _shoulders(pattern: Pattern, figure: Figure) -> tuple[Hold, ...]:
 
 def _band(pattern: Pattern) -> list[Side]:
     """The free edges near the top of a pattern."""
+    sewn = {(s.panel, s.edge) for seam in pattern.seams for s in (seam.first, seam.second)}
     heights = {
         (panel.name, k): float(panel.place.points(edge)[:, 1].mean())
         for panel in pattern.panels
         for k, edge in enumerate(panel.edges)
-        if k not in _sewn(pattern, panel.name)
+        if (panel.name, k) not in sewn
     }
     top = max(heights.values(), default=0.0)
     return [Side(*key) for key, height in heights.items() if height > top - 0.06]
@@ -334,7 +334,7 @@ def _round_waist(pattern: Pattern, figure: Figure) -> Pattern:
     section = figure.sections["waist"]
 
     def azimuth(side: Side) -> float:
-        x, _, z = _world(pattern.panel(side.panel)).mean(axis=0)
+        x, _, z = pattern.panel(side.panel).world.mean(axis=0)
         return float(np.arctan2(x, z - section.middle))
 
     widths = {side: length(pattern.edge(side)) for side in band}

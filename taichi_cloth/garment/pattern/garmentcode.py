@@ -1,7 +1,6 @@
 """Sewing patterns in the JSON form of GarmentCode (Korosteleva & Sorkine-Hornung 2023) and of the
 Garment-Pattern-Generator before it: panels with straight, Bézier and circular edges, stitches, units."""
 
-import json
 from math import radians
 from pathlib import Path
 from typing import Any
@@ -10,24 +9,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_cloth.garment.pattern.curves import arc, bezier, from_relative
-from taichi_cloth.garment.pattern.pattern import Flat, Panel, Pattern, Seam, Side
+from taichi_cloth.garment.pattern.pattern import LARGEST_PANEL, Flat, Panel, Pattern, Seam, Side
 from taichi_cloth.ground.errors import InputError
+from taichi_cloth.ground.files import read_json
 
 __all__ = ["read_garmentcode"]
 
 F64 = NDArray[np.float64]
-LARGEST_FILE = 20_000_000  # bytes
+LARGEST_FILE = 5_000_000  # bytes
+MOST_RELATIVE = 100.0
+"""Of a control point, in lengths of its edge."""
+LARGEST_RADIUS = 1e5
+"""Of a circular edge [m]: a metre of it is straight to a micrometre."""
 
 
 def read_garmentcode(path: Path | str) -> Pattern:
     """A pattern from a file, in metres. Raises InputError with the file, the panel and what is wrong with it."""
     file = Path(path)
-    try:
-        if file.stat().st_size > LARGEST_FILE:
-            raise InputError(f"{file}: {file.stat().st_size} bytes; allowed: at most {LARGEST_FILE}")
-        document = json.loads(file.read_text(encoding="utf-8-sig"))
-    except (OSError, ValueError, RecursionError) as error:
-        raise InputError(f"{file}: no sewing pattern in JSON ({error}); allowed: GarmentCode's specification") from None
+    document = read_json(file, most=LARGEST_FILE, give="GarmentCode's specification in JSON")
     try:
         return _pattern(file.stem, document)
     except InputError as error:
@@ -42,14 +41,20 @@ def _get(owner: Any, key: str, kind: type | tuple[type, ...], where: str, defaul
     return value
 
 
-def _numbers(value: Any, count: int, where: str) -> F64:
+def _numbers(value: Any, count: int, where: str, most: float = np.inf) -> F64:
     good = isinstance(value, list) and len(value) == count
     if not good or not all(isinstance(v, int | float) and not isinstance(v, bool) for v in value):
         raise InputError(f"{where}: {str(value)[:60]}; allowed: {count} numbers")
     out = np.asarray(value, np.float64)
-    if not np.isfinite(out).all():
-        raise InputError(f"{where}: {str(value)[:60]}; allowed: finite numbers")
+    if not np.isfinite(out).all() or np.abs(out).max() > most:
+        limit = "finite numbers" if np.isinf(most) else f"numbers up to {most:g}"
+        raise InputError(f"{where}: {str(value)[:60]}; allowed: {limit}")
     return out
+
+
+def _metres(value: Any, count: int, units: float, where: str) -> F64:
+    """Lengths [m]. A pattern in another unit than it states is refused before anything is made of it."""
+    return _numbers(value, count, where, most=LARGEST_PANEL * units) / units
 
 
 def _pattern(name: str, document: Any) -> Pattern:
@@ -63,9 +68,9 @@ def _pattern(name: str, document: Any) -> Pattern:
         raise InputError(f"properties.curvature_coords: {notation!r}; allowed: relative, absolute")
     named = _get(body, "panels", dict, "pattern")
     order = body.get("panel_order") or list(named)
-    if not isinstance(order, list) or sorted(map(str, order)) != sorted(named):
+    if not isinstance(order, list) or not all(isinstance(key, str) for key in order) or sorted(order) != sorted(named):
         raise InputError("pattern.panel_order: not the names of the panels; allowed: each of them once")
-    panels = [_panel(str(key), named[key], float(units), notation == "relative") for key in order]
+    panels = [_panel(key, named[key], float(units), notation == "relative") for key in order]
     stitches = body.get("stitches", [])
     if not isinstance(stitches, list):
         raise InputError("pattern.stitches: allowed: a list")
@@ -75,7 +80,7 @@ def _pattern(name: str, document: Any) -> Pattern:
 def _panel(name: str, panel: Any, units: float, relative: bool) -> Panel:
     where = f"panels.{name}"
     rows = _get(panel, "vertices", list, where)
-    vertices = [_numbers(v, 2, f"{where}.vertices") / units for v in rows]
+    vertices = [_metres(v, 2, units, f"{where}.vertices") for v in rows]
     edges = []
     for k, edge in enumerate(_get(panel, "edges", list, where)):
         at = f"{where}.edges[{k}]"
@@ -83,7 +88,7 @@ def _panel(name: str, panel: Any, units: float, relative: bool) -> Panel:
         if len(ends) != 2 or not all(isinstance(e, int) and 0 <= e < len(vertices) for e in ends):
             raise InputError(f"{at}.endpoints: {ends}; allowed: two numbers of vertices, 0 to {len(vertices) - 1}")
         edges.append(_curve(vertices[ends[0]], vertices[ends[1]], edge.get("curvature"), units, relative, at))
-    shift = _numbers(panel.get("translation", [0, 0, 0]), 3, f"{where}.translation") / units
+    shift = _metres(panel.get("translation", [0, 0, 0]), 3, units, f"{where}.translation")
     turn = _numbers(panel.get("rotation", [0, 0, 0]), 3, f"{where}.rotation")
     return Panel(name, tuple(edges), Flat(_rotation(turn), shift), label=str(panel.get("label", "")))
 
@@ -94,8 +99,9 @@ def _curve(start: F64, end: F64, bend: Any, units: float, relative: bool, where:
         return np.stack([start, end])
 
     def control(point: Any) -> F64:
-        p = _numbers(point, 2, f"{where}.curvature")
-        return from_relative(start, end, p) if relative else p / units
+        if relative:
+            return from_relative(start, end, _numbers(point, 2, f"{where}.curvature", most=MOST_RELATIVE))
+        return _metres(point, 2, units, f"{where}.curvature")
 
     if isinstance(bend, list):
         return bezier(np.stack([start, control(bend), end]))
@@ -107,7 +113,7 @@ def _curve(start: F64, end: F64, bend: Any, units: float, relative: bool, where:
     if len(values) != count:
         raise InputError(f"{where}.curvature.params: {len(values)} of them; a {kind} curve has {count}")
     if kind == "circle":
-        radius = float(_numbers(values[:1], 1, f"{where}.curvature")[0]) / units
+        radius = float(_numbers(values[:1], 1, f"{where}.curvature", most=LARGEST_RADIUS * units)[0]) / units
         return arc(start, end, radius, large=bool(values[1]), right=bool(values[2]))
     return bezier(np.stack([start, *(control(v) for v in values), end]))
 

@@ -5,6 +5,7 @@ right side towards the reader; the warp runs along `grain`, measured from +y tow
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -13,9 +14,16 @@ from numpy.typing import NDArray
 from taichi_cloth.garment.pattern.curves import along, length
 from taichi_cloth.ground.errors import InputError, did_you_mean
 
-__all__ = ["Cone", "Flat", "Hold", "Panel", "Pattern", "Seam", "Side", "Wrap"]
+__all__ = ["LARGEST_PANEL", "Cone", "Flat", "Hold", "Panel", "Pattern", "Seam", "Side", "Wrap"]
 
 F64 = NDArray[np.float64]
+
+LARGEST_PANEL = 10.0
+"""How far any point of a panel may be from its own origin, and a panel from the body's [m]."""
+MOST_POINTS = 5_000
+"""Of a panel's outline: whether it crosses itself is asked of all pairs."""
+ROWS = 256
+"""Of such pairs at a time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,10 +137,15 @@ class Panel:
     hems: tuple[int, ...] = ()
     label: str = ""
 
-    @property
+    @cached_property
     def outline(self) -> F64:
         """(n, 2) [m], each point once."""
         return np.concatenate([edge[:-1] for edge in self.edges])
+
+    @cached_property
+    def world(self) -> F64:
+        """(n, 3) of the outline where the panel starts [m]."""
+        return self.place.points(self.outline)
 
     @property
     def area(self) -> float:
@@ -255,6 +268,14 @@ def _check_panel(pattern: str, panel: Panel) -> None:
         raise InputError(f"{where}: {len(panel.edges)} edges; allowed: two or more, of two points or more")
     if not all(np.isfinite(edge).all() for edge in panel.edges):
         raise InputError(f"{where}: coordinates that are not finite; allowed: finite numbers")
+    count = sum(map(len, panel.edges))
+    if count > MOST_POINTS:
+        raise InputError(f"{where}: an outline of {count:,} points; allowed: up to {MOST_POINTS:,}")
+    reach = max(float(np.abs(edge).max()) for edge in panel.edges)
+    if reach > LARGEST_PANEL:
+        raise InputError(
+            f"{where}: reaches {reach:.3g} m; allowed: up to {LARGEST_PANEL:g} m; mend the unit of lengths"
+        )
     size = float(np.ptp(panel.outline, axis=0).max())
     for k, edge in enumerate(panel.edges):
         if np.abs(edge[-1] - panel.edges[(k + 1) % len(panel.edges)][0]).max() > 1e-6 * max(size, 1e-6):
@@ -268,23 +289,25 @@ def _check_panel(pattern: str, panel: Panel) -> None:
 
 
 def _crossing(p: F64) -> Any:
-    """A point where two edges of a closed polygon (n, 2) cross, or None. All pairs: n is a few hundred."""
+    """A point where two edges of a closed polygon (n, 2) cross, or None. All pairs, some rows of them at a time."""
     q = np.roll(p, -1, axis=0)
     d = q - p
     n = len(p)
 
-    def side(a: F64, along_: F64, b: F64) -> F64:
-        return along_[:, None, 0] * (b[None, :, 1] - a[:, None, 1]) - along_[:, None, 1] * (
-            b[None, :, 0] - a[:, None, 0]
-        )
+    def side(edge: slice, ends: F64) -> F64:
+        """On which side of some edges points lie, (edges, points)."""
+        a, along_ = p[edge, None], d[edge, None]
+        return along_[..., 0] * (ends[None, :, 1] - a[..., 1]) - along_[..., 1] * (ends[None, :, 0] - a[..., 0])
 
-    s0, s1 = side(p, d, p), side(p, d, q)
-    apart = (s0 * s1 < 0) & (s0 * s1 < 0).T
-    i, j = np.nonzero(apart)
-    real = (np.abs(i - j) > 1) & (np.abs(i - j) < n - 1)
-    if not real.any():
-        return None
-    k = int(np.argmax(real))
-    a, b = int(i[k]), int(j[k])
-    t = s0[b, a] / (s0[b, a] - s1[b, a])
-    return p[a] + t * d[a]
+    everything = slice(None)
+    for first in range(0, n, ROWS):
+        rows = slice(first, first + ROWS)
+        s0, s1 = side(everything, p[rows]), side(everything, q[rows])
+        i, j = np.nonzero((side(rows, p) * side(rows, q) < 0) & (s0 * s1 < 0).T)
+        real = (np.abs(i + first - j) > 1) & (np.abs(i + first - j) < n - 1)
+        if real.any():
+            k = int(np.argmax(real))
+            a, b = int(i[k]), int(j[k])
+            t = s0[b, a] / (s0[b, a] - s1[b, a])
+            return p[a + first] + t * d[a + first]
+    return None

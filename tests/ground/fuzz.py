@@ -1,0 +1,170 @@
+"""Damaged files for each reader of what a person gives: run as a program, it prints a line for each that ended badly.
+
+    python tests/ground/fuzz.py FILES SEED
+
+A reader either takes a file or refuses it with InputError in one line; anything else is printed, with the file kept in
+a temporary folder. Memory beyond LIMIT is refused by the system. The last line is the largest memory taken [MB].
+"""
+
+import resource
+import struct
+import sys
+import tempfile
+import traceback
+import warnings
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from random import Random
+
+import cv2
+import numpy as np
+import trimesh
+
+from taichi_cloth.body.figure.anthropometry import measures_of
+from taichi_cloth.body.figure.figure import Girths, draw
+from taichi_cloth.body.files.meshfile import body_from_file
+from taichi_cloth.body.moving.bvh import CHANNELS, bvh_motion
+from taichi_cloth.body.primitives.primitive_file import load_primitives, primitives_json
+from taichi_cloth.body.primitives.primitives import Primitive
+from taichi_cloth.garment.pattern.garmentcode import read_garmentcode
+from taichi_cloth.ground.errors import InputError
+from taichi_cloth.render.data.sprites import sheet_from_png
+from taichi_cloth.render.image.image import read_png
+from taichi_cloth.scenes.scene.load import load_scene
+from taichi_cloth.weave.wif import read_wif
+
+DATA = Path(__file__).parents[1] / "data"
+SCENES = Path(__file__).parents[2] / "scenes"
+LIMIT = 8_000_000_000
+"""Of address space, of which libraries map a few times what they use [bytes]."""
+
+NASTY = (
+    b"-1", b"0", b"1e308", b"-1e308", b"1e-320", b"nan", b"inf", b"99999999999", b"9" * 400, b"9" * 5000, b"null",
+    b"true", b"[]", b"{}", b'""', b"\0", b"\xff\xfe", b"'", b'"', b"\n\n", b"=", b"[[", b"}", b"1/2//3", b"a.a.a.a.a",
+    b"-", b"../x", b"/dev/zero", b"%s", b"2e7",
+)  # fmt: skip
+WORDS = b" \t\r\n,:;=[]{}()\"'"
+
+
+def mutated(seed: bytes, random: Random) -> bytes:
+    """A file with one to four things wrong."""
+    data = bytearray(seed)
+    for _ in range(random.randint(1, 4)):
+        at = random.randrange(len(data) + 1)
+        end = min(len(data), at + int(2 ** random.uniform(0, 8)))
+        kind = random.randrange(9)
+        if kind == 0:
+            data[at:end] = b""
+        elif kind == 1:
+            data[at:at] = data[at:end] * random.randint(1, 5)
+        elif kind == 2:
+            del data[at:]
+        elif kind == 3:
+            data[at : at + 4] = struct.pack("<I", random.choice((0, 1, 0x7FFFFFFF, 0xFFFFFFFF, 0x00FFFFFF, 60000)))
+        elif kind == 4:
+            data[at : at + 1] = bytes([random.randrange(256)])
+        elif kind == 5:
+            there = random.randrange(len(data) + 1)
+            data[there:there] = data[at:end]
+        else:  # a whole word becomes another
+            low, high = at, at
+            while low > 0 and data[low - 1] not in WORDS:
+                low -= 1
+            while high < len(data) and data[high] not in WORDS:
+                high += 1
+            data[low:high] = random.choice(NASTY)
+    return bytes(data)
+
+
+def _bvh() -> bytes:
+    """A person of few joints, 3 frames."""
+    tree = ("Hips", [("Spine", [("LeftArm", [("LeftForeArm", [])]), ("RightArm", [])]),
+                     ("LeftUpLeg", [("LeftLeg", [("LeftFoot", [])])]),
+                     ("RightUpLeg", [("RightLeg", [("RightFoot", [])])])])  # fmt: skip
+    lines = ["HIERARCHY"]
+
+    def put(joint: tuple, word: str) -> int:
+        name, children = joint
+        side = 10 * (name.startswith("Left") - name.startswith("Right"))
+        up = -40 if "Leg" in name or "Foot" in name else 30
+        kinds = CHANNELS if word == "ROOT" else CHANNELS[3:]
+        lines.extend([f"{word} {name}", "{", f"OFFSET {side} {up} 0", f"CHANNELS {len(kinds)} {' '.join(kinds)}"])
+        count = len(kinds) + sum(put(child, "JOINT") for child in children)
+        lines.extend([] if children else ["End Site", "{", "OFFSET 0 -10 0", "}"])
+        lines.append("}")
+        return count
+
+    width = put(tree, "ROOT")
+    lines += ["MOTION", "Frames: 3", "Frame Time: 0.0333", *(" ".join(["1.5"] * width) for _ in range(3))]
+    return "\n".join(lines).encode()
+
+
+def _png(channels: int, kind: type) -> bytes:
+    image = Random(1).randbytes(24 * 20 * 4 * 2)
+    pixels = np.frombuffer(image, kind)[: 24 * 20 * channels].reshape(24, 20, channels)
+    return cv2.imencode(".png", pixels)[1].tobytes()
+
+
+def _primitives() -> bytes:
+    start, end = np.zeros(3), np.array([0, 0.3, 0])
+    across = np.array([1.0, 0, 0])
+    return primitives_json(
+        [
+            Primitive(kind="sphere", start=start, end=start, radii=(0.1, 0.1), part="head", bone=5),
+            Primitive(kind="cylinder", start=start, end=end, radii=(0.1, 0.05), part="arm", bone=7),
+            Primitive(kind="elliptic", start=start, end=end, radii=(0.1, 0.05), across=across, rounding=0.01),
+        ]
+    )
+
+
+def seeds() -> Iterator[tuple[str, Callable[[Path], object], list[bytes]]]:
+    """The ending of a file's name, what reads it, and sound files."""
+    skeleton = draw("female", measures_of("female", {}), Girths()).skeleton
+    yield ".toml", lambda path: load_scene(str(path)), [path.read_bytes() for path in sorted(SCENES.glob("*.toml"))]
+    yield ".wif", read_wif, [path.read_bytes() for path in sorted((DATA / "wif").glob("*.wif"))]
+    yield ".json", read_garmentcode, [path.read_bytes() for path in sorted((DATA / "patterns").glob("*.json"))]
+    yield ".json", load_primitives, [_primitives()]
+    yield ".bvh", lambda path: bvh_motion(path, skeleton), [_bvh()]
+    yield ".png", lambda path: sheet_from_png([path]), [_png(4, np.uint8), _png(4, np.uint16)]
+    yield ".png", read_png, [_png(3, np.uint8), _png(1, np.uint16), _png(4, np.uint8)]
+    body = trimesh.creation.capsule(height=1.4, radius=0.15, count=[8, 8])
+    for ending in ("obj", "ply", "stl", "glb"):
+        found = body.export(file_type=ending)
+        sound = [found.encode() if isinstance(found, str) else found]
+        if ending in ("ply", "stl"):
+            text = body.export(file_type=f"{ending}_ascii") if ending == "stl" else body.export(
+                file_type="ply", encoding="ascii"
+            )  # fmt: skip
+            sound.append(text.encode() if isinstance(text, str) else text)
+        yield f".{ending}", body_from_file, sound
+
+
+def bad_ends(folder: Path, count: int, seed: int) -> Iterator[str]:
+    """A line for each of `count` damaged files a reader that is neither taken nor refused in a line."""
+    for number, (ending, read, sound) in enumerate(seeds()):
+        for k in range(count):
+            random = Random(f"{seed} {number} {k}")
+            path = folder / f"{number}-{k}{ending}"
+            path.write_bytes(mutated(random.choice(sound), random))
+            try:
+                read(path)
+            except InputError as error:
+                if "\n" in str(error) or len(str(error)) > 2000:
+                    yield f"{path}: more than a line"
+                    continue
+            except BaseException as error:
+                where = traceback.extract_tb(error.__traceback__)[-1]
+                yield f"{path}: {type(error).__name__}: {str(error)[:200]} ({where.filename}:{where.lineno})"
+                continue
+            path.unlink()
+
+
+if __name__ == "__main__":
+    resource.setrlimit(resource.RLIMIT_AS, (LIMIT, LIMIT))
+    warnings.simplefilter("error", RuntimeWarning)
+    place = Path(tempfile.mkdtemp(prefix="fuzz-"))
+    for line in bad_ends(place, int(sys.argv[1]), int(sys.argv[2])):
+        print(line)
+    if not any(place.iterdir()):
+        place.rmdir()
+    print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1000)
