@@ -1,10 +1,11 @@
 """Images: linear light to sRGB, PNG files that are whole or not there, and contact sheets."""
 
+import contextlib
 import os
 import struct
 import tempfile
 import zlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -21,6 +22,7 @@ __all__ = [
     "contact_sheet",
     "linear_to_srgb",
     "png_is_whole",
+    "quiet_stderr",
     "read_png",
     "srgb_table",
     "srgb_to_linear",
@@ -37,6 +39,8 @@ LARGEST = 16384
 LARGEST_GIVEN = 8192
 """Pixels each way of a picture that a person gives, to be printed or to be a sprite."""
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
+OF_PIXELS = (b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND")
+"""Chunks that make the pixels. Others are left out: one that promises many frames takes gigabytes."""
 SPARE_BYTES = 1_000_000
 """In a PNG beside 3 a pixel: its colour profile and what it says of itself."""
 
@@ -98,13 +102,22 @@ def read_png(path: str | Path, *, largest: int = LARGEST) -> Pixels:
     """
     data = read_bytes(path, most=3 * largest**2 + SPARE_BYTES, give="a PNG")
     name = shown_path(path)
-    if data[:8] != SIGNATURE or data[12:16] != b"IHDR" or len(data) < 33:
+    chunks = list(_chunks(data))
+    if (
+        data[:8] != SIGNATURE
+        or not chunks
+        or chunks[-1][4:8] != b"IEND"
+        or chunks[0][4:8] != b"IHDR"
+        or len(chunks[0]) != 25
+    ):
         raise InputError(f"{name}: not an image that can be read; give a PNG")
-    width, height = struct.unpack(">II", data[16:24])
+    width, height = struct.unpack(">II", chunks[0][8:16])
     if not (1 <= width <= largest and 1 <= height <= largest):
         raise InputError(f"{name}: {width} x {height} pixels; allowed: up to {largest} each way; give a smaller PNG")
+    pixels = SIGNATURE + b"".join(chunk for chunk in chunks if chunk[4:8] in OF_PIXELS)
     try:
-        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+        with quiet_stderr():
+            image = cv2.imdecode(np.frombuffer(pixels, np.uint8), cv2.IMREAD_UNCHANGED)
     except cv2.error:
         image = None
     if image is None or image.dtype not in (np.uint8, np.uint16):
@@ -118,14 +131,37 @@ def png_is_whole(path: str | Path) -> bool:
         data = Path(path).read_bytes()
     except OSError:
         return False
-    at, kind = 8, b""
-    while kind != b"IEND" and at + 12 <= len(data):
-        end = at + 8 + int.from_bytes(data[at : at + 4], "big")
-        kind = data[at + 4 : at + 8]
-        if zlib.crc32(data[at + 4 : end]) != int.from_bytes(data[end : end + 4], "big") or end + 4 > len(data):
-            return False
-        at = end + 4
-    return data[:8] == b"\x89PNG\r\n\x1a\n" and kind == b"IEND"
+    chunks = list(_chunks(data))
+    whole = data[:8] == SIGNATURE and bool(chunks) and chunks[-1][4:8] == b"IEND"
+    return whole and all(zlib.crc32(c[4:-4]) == int.from_bytes(c[-4:], "big") for c in chunks)
+
+
+def _chunks(png: bytes) -> Iterator[bytes]:
+    """The chunks of a PNG file as they stand, to the last or as far as they are whole: length, name, data, check."""
+    at = len(SIGNATURE)
+    while (end := at + 12 + int.from_bytes(png[at : at + 4], "big")) <= len(png):
+        yield png[at:end]
+        if png[at + 4 : at + 8] == b"IEND":
+            return
+        at = end
+
+
+@contextlib.contextmanager
+def quiet_stderr() -> Iterator[None]:
+    """Keep C libraries from writing to stderr: libpng says there what is wrong with a file, which the reader says
+    again, and OpenCV's FFmpeg that it renames the codec's tag."""
+    try:
+        said = os.dup(2)
+    except OSError:  # it is closed
+        yield
+        return
+    try:
+        with open(os.devnull, "wb") as nowhere:
+            os.dup2(nowhere.fileno(), 2)
+        yield
+    finally:
+        os.dup2(said, 2)
+        os.close(said)
 
 
 def write_bytes(path: str | Path, data: bytes) -> None:

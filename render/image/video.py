@@ -4,7 +4,6 @@ H.264 is written by the FFmpeg of imageio-ffmpeg when that optional package is i
 Otherwise OpenCV writes VP9, slower and larger: its own FFmpeg has no H.264.
 """
 
-import contextlib
 import importlib
 import os
 import tempfile
@@ -18,7 +17,7 @@ from numpy.typing import NDArray
 
 from taichi_cloth.ground.errors import InputError
 
-from .image import make_public, read_png
+from .image import make_public, quiet_stderr, read_png
 
 __all__ = ["Codec", "write_mp4"]
 
@@ -100,7 +99,7 @@ def _write_h264(
 
 def _write_vp9(path: str, first: NDArray[np.uint8], rest: Iterator[NDArray[np.uint8]], fps: float) -> None:
     height, width = first.shape[:2]
-    with _quiet_stderr():
+    with quiet_stderr():
         writer = cv2.VideoWriter(path, cv2.CAP_FFMPEG, cv2.VideoWriter.fourcc(*"vp09"), fps, (width, height))
     if not writer.isOpened():
         raise InputError(f"OpenCV cannot write VP9 here; pip install 'taichi-cloth[video]' for H.264 ({path})")
@@ -139,20 +138,3 @@ def _imageio_ffmpeg() -> Any:
     except (ImportError, RuntimeError):
         return None
     return module
-
-
-@contextlib.contextmanager
-def _quiet_stderr() -> Iterator[None]:
-    """Keep C libraries from writing to stderr: OpenCV's FFmpeg announces that it renames the codec's tag."""
-    try:
-        saved = os.dup(2)
-    except OSError:
-        yield
-        return
-    try:
-        with open(os.devnull, "wb") as nowhere:
-            os.dup2(nowhere.fileno(), 2)
-        yield
-    finally:
-        os.dup2(saved, 2)
-        os.close(saved)

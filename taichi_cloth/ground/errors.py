@@ -5,12 +5,16 @@ from difflib import get_close_matches
 
 __all__ = ["InputError", "Unstable", "did_you_mean"]
 
+LONGEST = 1500
+"""Letters of a line; what a person wrote may be longer, and its middle is left out."""
+
 
 class InputError(ValueError):
-    """Bad input from a person. Its text is one line; the command line prints it and exits with 2."""
+    """Bad input from a person. Its text is one line, LONGEST at most; the command line prints it and exits with 2."""
 
     def __init__(self, message: str) -> None:
-        super().__init__(" ".join(message.split()))
+        line = " ".join(message.split())
+        super().__init__(line if len(line) <= LONGEST else f"{line[: LONGEST // 2]} … {line[-LONGEST // 3 :]}")
 
 
 def did_you_mean(value: str, known: Iterable[str]) -> str:

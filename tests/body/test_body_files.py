@@ -265,7 +265,7 @@ Frame Time: 0.1
         ("ROOT", "JOINT", "wrong place"),
         ("Frames: 1", "Frames: 0", "1 or more"),
         ("Frames: 1", "Frames: 2", "frame 2 of 2"),
-        ("Frames: 1", "Frames: 999999999", "allowed: 50,000,000 values"),
+        ("Frames: 1", "Frames: 999999999", "allowed: 5,000,000 turns"),
         ("Time: 0.1", "Time: 0", "0.0001 to 10 s"),
         ("1 2 3", "1 2", "line 10: 2 values"),
         ("OFFSET", "OFSET", "unknown word"),
@@ -311,7 +311,7 @@ def test_scene_section_builds_what_it_says(tmp_path: Path) -> None:
     for wrong, match in (
         ({"source": "anny", "waist_cm": 70}, "only the built-in body"),
         ({"unit": "cm"}, "is for a mesh file"),
-        ({"source": "none.obj"}, "no file"),
+        ({"source": "none.obj"}, "No such file"),
         ({"waist_cm": 20}, "allowed: 45 to 160 cm"),
         ({"source": "a.obj", "stature_cm": 170}, "its own height"),
     ):
@@ -321,3 +321,19 @@ def test_scene_section_builds_what_it_says(tmp_path: Path) -> None:
         prepare_motion(BodySection(motion="walks"), prepare_body(plain))
     with pytest.raises(InputError, match="cannot be read"):
         prepare_motion(BodySection(motion="no.bvh"), prepare_body(plain), tmp_path)
+
+
+def test_a_mesh_without_a_face_left_is_refused(tmp_path: Path) -> None:
+    corners = np.tile([[0.0, 1.0, 2.0]], (300, 1))
+    with pytest.raises(InputError, match="0 faces with an area; a body needs 100 or more"):
+        body_from_mesh(corners, np.arange(300).reshape(100, 3))
+    flat = "".join(f"v {k} {k * k}\n" for k in range(300)) + "".join(f"f {k} {k + 1} {k + 2}\n" for k in range(1, 299))
+    (tmp_path / "flat.obj").write_text(flat)
+    with pytest.raises(InputError, match=r"flat\.obj: "):
+        body_from_file(tmp_path / "flat.obj")
+
+
+def test_a_mesh_far_from_its_origin_is_refused() -> None:
+    corners = np.random.default_rng(1).normal(size=(300, 3)) + 2e7
+    with pytest.raises(InputError, match=r"a corner at 2e\+07; allowed: up to 1,000,000"):
+        body_from_mesh(corners, np.arange(300).reshape(100, 3))

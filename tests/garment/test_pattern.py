@@ -1,6 +1,7 @@
 """Patterns: curves against closed forms, GarmentCode files, seams that pair up, and what is refused."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ from figures import plain_figure
 
 from taichi_cloth.garment.pattern.curves import FLATNESS, along, arc, bezier, from_relative, length
 from taichi_cloth.garment.pattern.drafts import DRAFTS, Cut, draft
+from taichi_cloth.garment.pattern.fitting import fitted
 from taichi_cloth.garment.pattern.garmentcode import read_garmentcode
 from taichi_cloth.garment.pattern.pattern import Flat, Panel, Pattern, Seam, Side, Wrap
 from taichi_cloth.ground.errors import InputError
@@ -151,6 +153,21 @@ def test_samples_are_read_whole(file):
             lambda d: d["pattern"]["panels"]["front"]["edges"][0].update(curvature={"type": "spiral", "params": []}),
             r"'spiral'; allowed: quadratic, cubic, circle",
         ),
+        (
+            lambda d: d["pattern"]["panels"]["front"]["edges"][0].update(curvature={"type": "circle", "params": [1]}),
+            r"params: 1 of them; a circle curve has 3",
+        ),
+        (
+            lambda d: d["pattern"]["panels"]["front"]["edges"][0].update(curvature={"params": []}),
+            r"curvature\.type: missing",
+        ),
+        (lambda d: d["pattern"].update(panel_order=[7]), r"panel_order: not the names of the panels"),
+        (lambda d: d["pattern"]["panels"]["front"]["vertices"].__setitem__(0, [0, 10**400]), r"vertices: .* allowed"),
+        (lambda d: d["properties"].update(units_in_meter=1e-3), r"vertices: .*; allowed: numbers up to 0\.01"),
+        (
+            lambda d: d["pattern"]["panels"]["front"].update(translation=[2e9, 0, 0]),
+            r"translation: .*allowed: numbers up to",
+        ),
     ],
 )
 def test_malformed_files_get_one_line(tmp_path, change, message):
@@ -176,6 +193,24 @@ def test_an_outline_that_crosses_itself_is_refused():
     bow = Panel("bow", tuple(corner[k : k + 2] for k in range(4)), FLAT)
     with pytest.raises(InputError, match="crosses itself"):
         Pattern("p", (bow,), ())
+
+
+def test_a_panel_far_too_large_is_refused():
+    with pytest.raises(InputError, match="reaches 2e\\+04 m; allowed: up to 10 m"):
+        Pattern("p", (square(size=2e4),), ())
+
+
+def test_many_seams_ask_no_panel_anew(monkeypatch):
+    looked_at = []
+    monkeypatch.setattr(Flat, "points", lambda place, xy: looked_at.append(len(xy)) or np.pad(xy, ((0, 0), (0, 1))))
+    pattern = read_garmentcode(next(f for f in SAMPLES if f.stem == "tee"))
+    whole = max(len(panel.outline) for panel in pattern.panels)
+    times = []
+    for seams in (pattern.seams, pattern.seams * 20):
+        looked_at.clear()
+        fitted(replace(pattern, seams=seams), plain_figure())
+        times.append(sum(n == whole for n in looked_at))
+    assert times[0] == times[1] > 0
 
 
 def test_a_seam_of_an_edge_to_itself_is_refused():

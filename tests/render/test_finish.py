@@ -148,11 +148,11 @@ def test_pictures_of_every_kind_are_read(tmp_path, channels, kind):
 
 @pytest.mark.parametrize(
     ("content", "match"),
-    [(None, "No such file"), (b"", "no picture"), (b"\x89PNG\r\n\x1a\nhalf of one", "no picture")],
+    [(None, "No such file"), (b"", "not an image"), (b"\x89PNG\r\n\x1a\nhalf of one", "not an image")],
 )
 def test_what_is_no_picture_is_refused(tmp_path, content, match):
     path = tmp_path / "picture.png"
     if content is not None:
         path.write_bytes(content)
-    with pytest.raises(InputError, match=rf"garment\.prints\.front\.file: .*{match}.*allowed: a PNG"):
+    with pytest.raises(InputError, match=rf"garment\.prints\.front\.file: .*{match}.*give a PNG"):
         print_of(PrintSection(file=str(path)), square())

@@ -183,18 +183,18 @@ def test_malformed_drafts(name):
 
 
 def test_no_file_folder_and_other_things(tmp_path):
-    assert "no such file" in refusal(tmp_path / "absent.wif")
+    assert "No such file" in refusal(tmp_path / "absent.wif")
     assert "is a folder" in refusal(tmp_path)
     with pytest.raises(InputError, match="cannot be read"):
         read_wif("null\0byte.wif")
-    with pytest.raises(InputError, match=r"cannot be read|no such file"):
+    with pytest.raises(InputError, match="cannot be read"):
         read_wif("x" * 5000)
     if hasattr(os, "mkfifo"):
         os.mkfifo(tmp_path / "pipe.wif")  # opening it would wait for ever
         assert "no regular file" in refusal(tmp_path / "pipe.wif")
     locked = tmp_path / "loop.wif"
     locked.symlink_to(locked)
-    assert "cannot be read" in refusal(locked) or "no such file" in refusal(locked)
+    assert "cannot be read" in refusal(locked)
 
 
 def test_a_file_too_large_is_not_read(tmp_path):
@@ -202,7 +202,7 @@ def test_a_file_too_large_is_not_read(tmp_path):
     with path.open("wb") as file:
         file.truncate(10**12)
     began = time.perf_counter()
-    assert f"up to {MAX_BYTES}" in refusal(path)
+    assert f"up to {MAX_BYTES:,}" in refusal(path)
     assert time.perf_counter() - began < 1
 
 

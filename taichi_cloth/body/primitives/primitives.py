@@ -16,6 +16,8 @@ __all__ = ["Primitive", "PrimitiveKind"]
 
 F64 = NDArray[np.float64]
 PrimitiveKind = Literal["sphere", "cylinder", "elliptic"]
+LARGEST = 100.0
+"""Of a primitive's radii and of any coordinate of it [m]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -47,17 +49,22 @@ class Primitive:
             raise InputError(f"kind: {self.kind!r}; known: {', '.join(known)}{did_you_mean(str(self.kind), known)}")
         for name in ("start", "end"):
             value = np.asarray(getattr(self, name), np.float64)
-            if value.shape != (3,) or not np.isfinite(value).all():
-                raise InputError(f"primitive.{name}: {getattr(self, name)!r}; allowed: three finite numbers [m]")
+            if value.shape != (3,) or not (np.abs(value) <= LARGEST).all():
+                raise InputError(f"primitive.{name}: {value.tolist()!r}; allowed: three numbers up to {LARGEST:g} m")
             object.__setattr__(self, name, value)
-        if len(self.radii) != 2 or not all(np.isfinite(r) and r > 0 for r in self.radii):
-            raise InputError(f"primitive.radii: {self.radii!r}; allowed: two finite numbers above 0 [m]")
+        if len(self.radii) != 2 or not all(0 < r <= LARGEST for r in self.radii):
+            raise InputError(f"primitive.radii: {self.radii!r}; allowed: two numbers above 0, up to {LARGEST:g} m")
         if self.kind != "elliptic":
             return
         axis = self.end - self.start
         length = float(np.linalg.norm(axis))
         across = np.zeros(3) if self.across is None else np.asarray(self.across, np.float64)
-        if length <= 0 or across.shape != (3,) or abs(np.linalg.norm(across) - 1) > 1e-6:
+        if (
+            length <= 0
+            or across.shape != (3,)
+            or not (np.abs(across) < 2).all()
+            or abs(np.linalg.norm(across) - 1) > 1e-6
+        ):
             raise InputError("primitive.across: allowed: for an elliptic cylinder of some length, a unit vector")
         if abs(across @ axis) > 1e-6 * length:
             raise InputError("primitive.across: not square to the axis; allowed: a unit vector square to it")
