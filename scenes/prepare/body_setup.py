@@ -96,7 +96,10 @@ def primitives_of(body: Body, file: str | None = None) -> tuple[Primitive, ...]:
                 raise InputError(
                     f"{file}: primitive {number}: bone {p.bone}; allowed: 0 to {len(body.skeleton.names) - 1}"
                 )
-            if not ((low < (p.start, p.end)) & ((p.start, p.end) < high)).all() or max(p.radii) > (high - low).max() / 2:
+            if (
+                not ((low < (p.start, p.end)) & ((p.start, p.end) < high)).all()
+                or max(p.radii) > (high - low).max() / 2
+            ):
                 raise InputError(
                     f"{file}: primitive {number} is off the body; fit them to this one: taichi-cloth body fit"
                 )

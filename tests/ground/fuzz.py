@@ -18,6 +18,7 @@ from collections.abc import Callable, Iterator
 from copy import deepcopy
 from pathlib import Path
 from random import Random
+from typing import Any
 
 import cv2
 import numpy as np
@@ -204,15 +205,11 @@ def seeds() -> Iterator[tuple[str, Callable[[Path], object], list[bytes]]]:
     yield ".png", read_png, [_png(3, np.uint8), _png(1, np.uint16), _png(4, np.uint8)]
     body = trimesh.creation.icosphere(subdivisions=2)
     body.apply_transform(np.diag([0.2, 0.85, 0.12, 1.0]))
-    for ending in ("obj", "ply", "stl", "glb"):
-        found = body.export(file_type=ending)
-        sound = [found.encode() if isinstance(found, str) else found]
-        if ending in ("ply", "stl"):
-            text = body.export(file_type=f"{ending}_ascii") if ending == "stl" else body.export(
-                file_type="ply", encoding="ascii"
-            )  # fmt: skip
-            sound.append(text.encode() if isinstance(text, str) else text)
-        yield f".{ending}", body_from_file, sound
+    for ending, text in (("obj", {}), ("ply", {}), ("ply", {"encoding": "ascii"}), ("stl", {}), ("glb", {})):
+        found: Any = body.export(file_type=ending, **text)
+        yield f".{ending}", body_from_file, [found.encode() if isinstance(found, str) else found]
+    found = body.export(file_type="stl_ascii")
+    yield ".stl", body_from_file, [found.encode()]
 
 
 def bad_ends(folder: Path, count: int, seed: int) -> Iterator[str]:
