@@ -28,7 +28,7 @@ from taichi_cloth.body.colliders.grid import DistanceGrid
 from taichi_cloth.body.colliders.hierarchy import build, corners
 from taichi_cloth.body.primitives.distance import newton_steps
 from taichi_cloth.constraints.contact_response import Response
-from taichi_cloth.constraints.contact_surface import BONE, CONE, ELLIPTIC, GRID, MOTION, ROW, SHAPE
+from taichi_cloth.constraints.contact_surface import CONE, ELLIPTIC, GRID, SETTINGS, Row
 from taichi_cloth.ground.arrays import Template
 from taichi_cloth.motion.constraint import SharedConstraint
 from taichi_cloth.motion.forces import FrameForces
@@ -65,7 +65,7 @@ class Contact(SharedConstraint):
         self._points, self._radii = corners(solids)
         self._tree = build(self._points.mean(axis=1))
         self._bones = np.array([p.bone for p in solids])
-        self._constant[:, BONE] = self._bones
+        self._constant[:, Row.BONE] = self._bones
         self._anchors = np.stack([_anchor(p) for p in solids])
         self._axes = np.stack([np.stack(_axes(p)) for p in solids])
         self._capsules = np.array([_capsule(row) for row in self._constant])
@@ -92,10 +92,17 @@ class Contact(SharedConstraint):
             every //= 2
         body = self.body
         self.substeps = substeps
-        self._settings = np.array(
-            [len(body.solids), wait, SPARE * step, body.gap, body.recovery * step, self._thinnest, every, body.friction,
-             TURN]
-        )  # fmt: skip
+        self._settings = {
+            "solids": len(body.solids),
+            "wait": wait,
+            "spare_step": SPARE * step,
+            "gap": body.gap,
+            "recovery": body.recovery * step,
+            "thinnest": self._thinnest,
+            "every": every,
+            "friction": body.friction,
+            "most_turn": TURN,
+        }
 
     def twin(self) -> "Contact":
         """The same with fields of its own: a solver that is given both does all of this work twice, to time it."""
@@ -113,39 +120,36 @@ class Contact(SharedConstraint):
     def begin(self, state: SheetState, forces: FrameForces) -> None:
         super().begin(state, forces)
         frame = forces.body or self.body.during(0.0, 0.0)
-        rows = np.zeros((self.fields.capacity * 3 + 1, ROW), np.float32)
+        rows = np.zeros((self.fields.capacity * 3 + 1, Row.COUNT), np.float32)
         rows[: len(self._constant)] = self._rows(frame)
         nodes = len(self._tree.skip)
         rows[self.fields.capacity : self.fields.capacity + nodes, 0] = self._tree.skip
         rows[self.fields.capacity : self.fields.capacity + nodes, 1] = self._tree.leaf
-        rows[-1, : len(self._settings)] = self._settings
-        rows[-1, 10] = nodes
+        rows[-1, : len(SETTINGS)] = [{**self._settings, "boxes": nodes}[name] for name in SETTINGS]
         self.fields.take(rows)
 
     def _rows(self, frame: BoneFrame) -> F64:
-        """(primitives, ROW): shape; then anchor, axis and across at the start of the frame, the anchor's shift [m] and
-        the turn [rad] a substep, as vectors; radius and ends of a capsule around it; the box of the frame."""
+        """(primitives, Row.COUNT), see `Row`."""
         out = self._constant.copy()
         start, end = frame.start[self._bones], frame.end[self._bones]
         first = _moved(start, self._anchors)
         shift = (_moved(end, self._anchors) - first) / self.substeps
         turn = _turns(start[:, :3, :3], end[:, :3, :3])
         axes = self._axes @ start[:, :3, :3].transpose(0, 2, 1)
-        m = SHAPE
-        out[:, m : m + 3], out[:, m + 3 : m + 6], out[:, m + 6 : m + 9] = first, axes[:, 0], axes[:, 1]
-        out[:, m + 9 : m + 12], out[:, m + 12 : m + 15] = shift, turn / self.substeps
+        columns = {Row.ANCHOR: first, Row.AXIS: axes[:, 0], Row.ACROSS: axes[:, 1], Row.SHIFT: shift}
+        columns |= {Row.TURN: turn / self.substeps, Row.RADIUS: self._capsules}
         angle = np.linalg.norm(turn, axis=1)
-        out[:, m + 15 : m + 18] = self._capsules
         both = np.concatenate([_moved(t[:, None], self._points) for t in (start, end)], axis=1)
         bulge = self._reach * (1 - np.cos(np.minimum(angle, np.pi) / 2))  # of an arc over its chord
         radii = np.concatenate([self._radii] * 2, axis=1)[..., None] + (bulge + 1e-5)[:, None, None]
-        b = SHAPE + MOTION
-        out[:, b : b + 3], out[:, b + 3 : b + 6] = (both - radii).min(axis=1), (both + radii).max(axis=1)
+        columns |= {Row.BOX: (both - radii).min(axis=1), Row.BOX + 3: (both + radii).max(axis=1)}
+        for at, values in columns.items():
+            out[:, at : at + 3] = values
         return out
 
     @ti.func
     def before(self, points: Template, done, n: Template):
-        if done % int(self.fields.setting[6]) == 0:
+        if done % int(self.fields.every[None]) == 0:
             self.fields.follow(done)
 
     @ti.func
@@ -176,8 +180,8 @@ def _axes(p: Solid) -> tuple[F64, F64]:
 
 
 def _shapes(body: Colliders) -> F64:
-    """(primitives, ROW): kind and what `shapes.cone` or `shapes.ellipse` and `shapes.prism` take."""
-    out = np.zeros((len(body.primitives) + len(body.grids), ROW))
+    """(primitives, Row.COUNT): what of `Row` never changes: kind, sizes and slide."""
+    out = np.zeros((len(body.primitives) + len(body.grids), Row.COUNT))
     begin = 0
     for row, grid in zip(out[len(body.primitives) :], body.grids, strict=True):
         row[:6] = GRID, begin, grid.spacing, *grid.values.shape
@@ -195,7 +199,7 @@ def _shapes(body: Colliders) -> F64:
         else:
             sine = (r1 - r2) / length
             row[:5] = CONE, r1, sine, sine / np.sqrt(1 - sine**2), length
-    out[:, 7] = [SLIDE * _sharpness(row) for row in out]
+    out[:, Row.SLIDE] = [SLIDE * _sharpness(row) for row in out]
     return out
 
 

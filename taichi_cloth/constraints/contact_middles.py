@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 
 from taichi_cloth.constraints.contact import Contact
 from taichi_cloth.constraints.contact_response import GROWTH, TURNING, Response
-from taichi_cloth.constraints.contact_surface import BONE, ROW, SHAPE
 from taichi_cloth.ground.arrays import Template
 from taichi_cloth.motion.constraint import SharedConstraint
 from taichi_cloth.motion.crew import PARTS
@@ -57,9 +56,9 @@ class MiddleFields:
     @ti.func
     def touch(self, points: Template, done, n: Template):
         """Response of the middles at the end of substep `done`, to poses that `Contact` has just brought up to date."""
-        since = done % int(self.surface.setting[6])
+        since = done % int(self.surface.every[None])
         if since == 0:
-            if done % int(self.surface.setting[1]) == 0:
+            if done % int(self.surface.wait[None]) == 0:
                 self.seek(points, done, n)
             self.entries[None] = 0
             for g in range(self.groups[None]):
@@ -90,17 +89,17 @@ class MiddleFields:
     def near(self, points: Template, b, i, reach):
         """Whether a middle not farther than `reach` [m] from a key point of block b could touch solid i before the next
         time: by the capsule around it."""
-        a, row = points.lanes(b * LANES), i * ROW + SHAPE
-        c, axis, shift = self.surface.posed(i, 0), self.surface.posed(i, 3), self.surface.vector(i, SHAPE + 9)
+        a = points.lanes(b * LANES)
+        c, axis, shift = self.surface.anchor(i), self.surface.axis(i), self.surface.shift(i)
         x, y, z = relative(points.position, a, c)
         u, v, w = relative(points.step, a, shift)
-        turning = self.surface.vector(i, SHAPE + 12).norm() * (ti.sqrt(x * x + y * y + z * z) + reach)
+        turning = self.surface.turn(i).norm() * (ti.sqrt(x * x + y * y + z * z) + reach)
         along = x * axis[0] + y * axis[1] + z * axis[2]
-        along = ti.min(ti.max(along, self.surface.row[row + 16]), self.surface.row[row + 17])
+        along = ti.min(ti.max(along, self.surface.low(i)), self.surface.high(i))
         x, y, z = x - along * axis[0], y - along * axis[1], z - along * axis[2]
-        far = ti.sqrt(x * x + y * y + z * z) - self.surface.row[row + 15] - self.surface.setting[3] - reach
-        rate = self.surface.setting[2] + GROWTH * (ti.sqrt(u * u + v * v + w * w) + turning)
-        store(self.place, 0, far - self.surface.setting[1] * rate)
+        far = ti.sqrt(x * x + y * y + z * z) - self.surface.radius(i) - self.surface.gap[None] - reach
+        rate = self.surface.spare_step[None] + GROWTH * (ti.sqrt(u * u + v * v + w * w) + turning)
+        store(self.place, 0, far - self.surface.wait[None] * rate)
         least = self.place[0]
         for k in range(1, LANES):
             least = ti.min(least, self.place[k])
@@ -120,7 +119,7 @@ class MiddleFields:
                 met = weight > 0.0 and points.inverse_mass[p] + points.inverse_mass[q] > 0.0
                 if ti.static(self.surface.sparing):
                     spared = self.surface.spared[p] | self.surface.spared[q]
-                    met = met and (spared >> int(self.surface.row[i * ROW + BONE])) & 1 == 0
+                    met = met and (spared >> self.surface.bone(i)) & 1 == 0
                 if met:
                     if found < self.room:
                         self.one[found], self.two[found] = p, q
@@ -130,8 +129,8 @@ class MiddleFields:
     @ti.func
     def look(self, points: Template, g, done):
         """Distances of a group from its solid, and when to look again; planes for those that could touch before."""
-        i, every = self.owner[g], int(self.surface.setting[6])
-        c, q = self.surface.posed(i, 0), self.surface.scratch_of(0)
+        i, every = self.owner[g], int(self.surface.every[None])
+        c, q = self.surface.anchor(i), self.surface.scratch_of(0)
         for k in range(LANES):
             p1, p2 = self.one[g * LANES + k], self.two[g * LANES + k]
             for axis in ti.static(range(3)):
@@ -146,8 +145,8 @@ class MiddleFields:
         u, v, w = self.surface.slip(i, x, y, z, u, v, w)
         d, nx = load(self.surface.scratch, q), load(self.surface.scratch, q + LANES)
         ny, nz = load(self.surface.scratch, q + 2 * LANES), load(self.surface.scratch, q + 3 * LANES)
-        away, along = ti.max(d - self.surface.setting[3], 0.0), u * nx + v * ny + w * nz
-        rate = self.surface.setting[2] + GROWTH * ti.max(-along, 0.0) + TURNING * ti.sqrt(u * u + v * v + w * w)
+        away, along = ti.max(d - self.surface.gap[None], 0.0), u * nx + v * ny + w * nz
+        rate = self.surface.spare_step[None] + GROWTH * ti.max(-along, 0.0) + TURNING * ti.sqrt(u * u + v * v + w * w)
         store(self.surface.scratch, q, away / rate)
         store(self.place, 0, x * nx + y * ny + z * nz - d)
         soonest, e = 1e6, self.entries[None]
@@ -168,20 +167,20 @@ class MiddleFields:
         """As `Response.respond`, of one middle. since: substeps since the poses were worked out."""
         k = self.entry[e]
         i, p, q = self.owner[k // LANES], self.one[k], self.two[k]
-        shift, turn = self.surface.vector(i, SHAPE + 9), self.surface.vector(i, SHAPE + 12)
+        shift, turn = self.surface.shift(i), self.surface.turn(i)
         x, u, normal = ti.Vector([0.0, 0.0, 0.0]), ti.Vector([0.0, 0.0, 0.0]), ti.Vector([0.0, 0.0, 0.0])
         for axis in ti.static(range(3)):
             x[axis] = 0.5 * (points.position[axis][p] + points.position[axis][q])
             u[axis] = 0.5 * (points.step[axis][p] + points.step[axis][q])
             normal[axis] = self.plane[e * PLANE + axis]
         normal += since * turn.cross(normal)
-        x -= self.surface.posed(i, 0) + since * shift
-        depth = self.surface.setting[3] - (normal.dot(x) - self.plane[e * PLANE + 3])
+        x -= self.surface.anchor(i) + since * shift
+        depth = self.surface.gap[None] - (normal.dot(x) - self.plane[e * PLANE + 3])
         if depth > 0.0:
             u -= shift
             u -= turn.cross(x - 0.5 * u)  # half-way along the step
             approach = ti.max(-u.dot(normal), 0.0)
-            push = ti.min(depth, approach + self.surface.setting[4])
+            push = ti.min(depth, approach + self.surface.recovery[None])
             pressed = ti.min(push, approach)
             move = self.surface.change(u[0], u[1], u[2], normal[0], normal[1], normal[2], push, pressed)
             out = (push - pressed) * normal

@@ -20,7 +20,7 @@ import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
 
-from taichi_cloth.constraints.contact_surface import BONE, BOX, ROW, SHAPE, BodySurface
+from taichi_cloth.constraints.contact_surface import BOX, BodySurface
 from taichi_cloth.ground.arrays import Template
 from taichi_cloth.motion.crew import LINE, PARTS
 from taichi_cloth.motion.stencil import load, load_xyz, relative, store
@@ -32,7 +32,12 @@ KEPT = 4
 """Planes a block may have for each key point and keep. Of more than that the nearest are merged into one, which lasts
 until the next look; beside it there is room for the plane that is merged."""
 SLOTS = KEPT + 2
-PLANE = 8  # normal at the look, offset from the anchor, place against the anchor, how far from there it lasts [m]
+PLANE = 8
+"""Numbers of a plane for each key point: its normal at the look, from 0; from the anchor, OFFSET: how far the plane is,
+and PLACE: where the key point was; LASTS: how far it may slide from there [m]."""
+OFFSET, PLACE, LASTS = 3 * LANES, 4 * LANES, 7 * LANES
+ENTRY = 4
+"""Numbers of an entry for each key point: normal and offset now."""
 SOON = 6
 """Substeps. What may touch within them gets its planes now: a response to them costs a fifth of a look."""
 GROWTH = 1.25  # of the approach to a surface until the next look at it
@@ -64,13 +69,18 @@ class Response(BodySurface):
         # What a substep meets, one after the other in memory: blocks, their primitives, and normals and offsets now.
         self.entries = ti.field(ti.i32, PARTS * LINE)
         self.entry_block, self.entry_of = ti.field(ti.i32, blocks * SLOTS), ti.field(ti.i32, blocks * SLOTS)
-        self.entry = ti.field(ti.f32, blocks * SLOTS * 4 * LANES)
+        self.entry = ti.field(ti.f32, blocks * SLOTS * ENTRY * LANES)
 
     def spare(self, bits: NDArray[np.int32], padded_shape: tuple[int, ...]) -> None:
         """Takes the bits of `Colliders.spared` (rows, cols)."""
         padded = np.full(padded_shape, -1, np.int32)
         padded[PAD : PAD + bits.shape[0], : bits.shape[1]] = bits
         self.spared.from_numpy(padded.ravel())
+
+    @ti.func
+    def lanes_of(self, k, numbers: Template):
+        """The first lane of slot or entry k, of so many numbers; bounds tell the compiler that nothing overflows."""
+        return ti.min(ti.max(k, 0), 1 << 22) * numbers * LANES
 
     @ti.func
     def walk(self, points: Template, part, b, done):
@@ -90,11 +100,11 @@ class Response(BodySurface):
                     spared &= self.spared[k]
         count, soonest = 0, 1 << 24
         if low[0] < 1e29:
-            wait = self.setting[1]
-            margin = self.setting[3] + wait * (self.setting[2] + GROWTH * ti.sqrt(fastest))
+            wait = self.wait[None]
+            margin = self.gap[None] + wait * (self.spare_step[None] + GROWTH * ti.sqrt(fastest))
             middle, radius = 0.5 * (low + high), 0.5 * (high - low).norm()
             step, spread = 0.5 * (slow + fast), 0.5 * (fast - slow).norm()
-            node, nodes = 0, int(self.setting[10])
+            node, nodes = 0, int(self.boxes[None])
             while node < nodes:
                 q = node * BOX
                 apart = 0.0
@@ -105,13 +115,13 @@ class Response(BodySurface):
                 else:
                     i = self.leaf[node]
                     if ti.static(self.sparing):  # i stays -1 where it is
-                        i |= -((spared >> int(self.row[ti.max(i, 0) * ROW + BONE])) & 1)
+                        i |= -((spared >> self.bone(ti.max(i, 0))) & 1)
                     if i >= 0:
-                        here = middle - self.posed(i, 0)
+                        here = middle - self.anchor(i)
                         u, v, w = self.slip(i, here[0], here[1], here[2], step[0], step[1], step[2])
-                        slip = ti.sqrt(u * u + v * v + w * w) + spread + radius * self.vector(i, SHAPE + 12).norm()
-                        rate = self.setting[2] + GROWTH * slip
-                        free = (self.apart(points, part, b, i) - self.setting[3]) / rate
+                        slip = ti.sqrt(u * u + v * v + w * w) + spread + radius * self.turn(i).norm()
+                        rate = self.spare_step[None] + GROWTH * slip
+                        free = (self.apart(points, part, b, i) - self.gap[None]) / rate
                         if free < wait:
                             due = done + ti.max(int(free), 0)
                             self.list[b * self.capacity + count] = i
@@ -126,37 +136,36 @@ class Response(BodySurface):
         """Least distance [m] of the block's free key points from the capsule around primitive i."""
         a = points.lanes(b * LANES)
         q = self.scratch_of(part)
-        row = i * ROW + SHAPE
-        c, axis = self.posed(i, 0), self.posed(i, 3)
+        c, axis = self.anchor(i), self.axis(i)
         x, y, z = relative(points.position, a, c)
         along = x * axis[0] + y * axis[1] + z * axis[2]
-        along = ti.min(ti.max(along, self.row[row + 16]), self.row[row + 17])
+        along = ti.min(ti.max(along, self.low(i)), self.high(i))
         x, y, z = x - along * axis[0], y - along * axis[1], z - along * axis[2]
         free = ti.min(load(points.inverse_mass, a) * 1e30, 1.0)
         store(self.scratch, q, x * x + y * y + z * z + (1.0 - free) * 1e12)
         least = self.scratch[q]
         for k in range(q + 1, q + LANES):
             least = ti.min(least, self.scratch[k])
-        return ti.sqrt(least) - self.row[row + 15]
+        return ti.sqrt(least) - self.radius(i)
 
     @ti.func
     def change(self, u, v, w, nx, ny, nz, push, pressed):
         """What a push along the normal changes, at a slip (u, v, w) [m], with friction of as much of it as presses."""
         along = u * nx + v * ny + w * nz
         u, v, w = u - along * nx, v - along * ny, w - along * nz
-        held = ti.min(self.setting[7] * pressed / ti.sqrt(u * u + v * v + w * w + 1e-30), 1.0)
+        held = ti.min(self.friction[None] * pressed / ti.sqrt(u * u + v * v + w * w + 1e-30), 1.0)
         return push * nx - held * u, push * ny - held * v, push * nz - held * w
 
     @ti.func
     def cross(self, points: Template, a, i, q, free):
         """Where a long step of the lanes at a meets the primitive on its way it is pushed back to the first such place:
         so far that it stays outside."""
-        gap, c = self.setting[3], self.posed(i, 0)
+        gap, c = self.gap[None], self.anchor(i)
         x, y, z = relative(points.position, a, c)
         dx, dy, dz = load_xyz(points.step, a)
         u, v, w = self.slip(i, x, y, z, dx, dy, dz)
         longest = ti.sqrt((free * (u * u + v * v + w * w)).max())
-        pieces = ti.min(int(longest / (0.25 * self.setting[5])), 64)
+        pieces = ti.min(int(longest / (0.25 * self.thinnest[None])), 64)
         nx, ny, nz, push = 0.0 * x, 0.0 * x, 0.0 * x, 0.0 * x
         for j in range(1, pieces):
             left = 1.0 - j / float(pieces)
@@ -177,11 +186,11 @@ class Response(BodySurface):
         """Planes of block b on primitive i, into a slot. Returns the substeps until one of them could be touched."""
         a = points.lanes(b * LANES)
         q = self.scratch_of(part)
-        o = ti.min(ti.max(slot, 0), 1 << 22) * PLANE * LANES
-        c = self.posed(i, 0)
+        o = self.lanes_of(slot, PLANE)
+        c = self.anchor(i)
         free = ti.min(load(points.inverse_mass, a) * 1e30, 1.0)
         if ti.static(self.sparing):
-            met = 1 - ((load(self.spared, a) >> int(self.row[i * ROW + BONE])) & 1)
+            met = 1 - ((load(self.spared, a) >> self.bone(i)) & 1)
             free *= ti.cast(met, ti.f32)
         if ti.static(self.long_steps):
             self.cross(points, a, i, q, free)
@@ -194,16 +203,16 @@ class Response(BodySurface):
         store(self.plane, o, nx)
         store(self.plane, o + LANES, ny)
         store(self.plane, o + 2 * LANES, nz)
-        store(self.plane, o + 3 * LANES, x * nx + y * ny + z * nz - d - (1.0 - free) * 1e6)
-        away, pinned = ti.max(d - self.setting[3], 0.0), (1.0 - free) * 1e6
-        store(self.plane, o + 4 * LANES, x)
-        store(self.plane, o + 5 * LANES, y)
-        store(self.plane, o + 6 * LANES, z)
-        lasts = 0.0 * away if ti.static(self.long_steps) else ti.max(0.5 * away, self.row[i * ROW + 7])
-        store(self.plane, o + 7 * LANES, lasts + pinned)
+        store(self.plane, o + OFFSET, x * nx + y * ny + z * nz - d - (1.0 - free) * 1e6)
+        away, pinned = ti.max(d - self.gap[None], 0.0), (1.0 - free) * 1e6
+        store(self.plane, o + PLACE, x)
+        store(self.plane, o + PLACE + LANES, y)
+        store(self.plane, o + PLACE + 2 * LANES, z)
+        lasts = 0.0 * away if ti.static(self.long_steps) else ti.max(0.5 * away, self.slide(i))
+        store(self.plane, o + LASTS, lasts + pinned)
         along = u * nx + v * ny + w * nz
         share = ti.static(GROWTH if self.long_steps else TURNING)
-        rate = self.setting[2] + GROWTH * ti.max(-along, 0.0) + share * ti.sqrt(u * u + v * v + w * w)
+        rate = self.spare_step[None] + GROWTH * ti.max(-along, 0.0) + share * ti.sqrt(u * u + v * v + w * w)
         store(self.scratch, q, away / rate + pinned)
         arrives = 1e6
         for k in range(q, q + LANES):
@@ -214,16 +223,16 @@ class Response(BodySurface):
     def moved(self, points: Template, part, slot, done):
         """Whether a key point has slid further over the primitive from where it was looked at than its plane lasts."""
         a = points.lanes(slot // SLOTS * LANES)
-        o = ti.min(ti.max(slot, 0), 1 << 22) * PLANE * LANES
+        o = self.lanes_of(slot, PLANE)
         q = self.scratch_of(part)
         i = self.owner[slot]
-        c, m = self.posed(i, 0), self.turned(i, float(done - self.looked[slot]))
+        c, m = self.anchor(i), self.turned(i, float(done - self.looked[slot]))
         x, y, z = relative(points.position, a, c)
-        u = m[0, 0] * x + m[1, 0] * y + m[2, 0] * z - load(self.plane, o + 4 * LANES)
-        v = m[0, 1] * x + m[1, 1] * y + m[2, 1] * z - load(self.plane, o + 5 * LANES)
-        w = m[0, 2] * x + m[1, 2] * y + m[2, 2] * z - load(self.plane, o + 6 * LANES)
+        u = m[0, 0] * x + m[1, 0] * y + m[2, 0] * z - load(self.plane, o + PLACE)
+        v = m[0, 1] * x + m[1, 1] * y + m[2, 1] * z - load(self.plane, o + PLACE + LANES)
+        w = m[0, 2] * x + m[1, 2] * y + m[2, 2] * z - load(self.plane, o + PLACE + 2 * LANES)
         out = u * load(self.plane, o) + v * load(self.plane, o + LANES) + w * load(self.plane, o + 2 * LANES)
-        lasts = load(self.plane, o + 7 * LANES)
+        lasts = load(self.plane, o + LASTS)
         store(self.scratch, q, u * u + v * v + w * w - out * out - lasts * lasts)
         most = self.scratch[q]
         for k in range(q + 1, q + LANES):
@@ -234,18 +243,18 @@ class Response(BodySurface):
     def merge(self, points: Template, b, kept, new):
         """Slot `kept` takes, for each key point of the block, the plane of slot `new` where nearer. It moves on as the
         primitive that has the slot, until the next look."""
-        other = self.posed(self.owner[kept], 0)
-        mine = self.posed(self.owner[new], 0)
+        other = self.anchor(self.owner[kept])
+        mine = self.anchor(self.owner[new])
         for lane in range(LANES):
             j, k = kept * PLANE * LANES + lane, new * PLANE * LANES + lane
-            one, two, shift = -self.plane[j + 3 * LANES], -self.plane[k + 3 * LANES], 0.0
+            one, two, shift = -self.plane[j + OFFSET], -self.plane[k + OFFSET], 0.0
             for c in ti.static(range(3)):
                 x = points.position[c][b * LANES + lane]
                 one += self.plane[j + c * LANES] * (x - other[c])
                 two += self.plane[k + c * LANES] * (x - mine[c])
                 shift += self.plane[k + c * LANES] * (mine[c] - other[c])
             if two < one:
-                self.plane[k + 3 * LANES] = self.plane[k + 3 * LANES] + shift
+                self.plane[k + OFFSET] = self.plane[k + OFFSET] + shift
                 for c in range(4):
                     self.plane[j + c * LANES] = self.plane[k + c * LANES]
 
@@ -257,7 +266,7 @@ class Response(BodySurface):
         for k in range(KEPT):
             if (used >> k) & 1 == 1 and self.due[pairs + self.pair[base + k]] <= done:
                 used ^= 1 << k
-        every, soonest = int(self.setting[6]), 1 << 24
+        every, soonest = int(self.every[None]), 1 << 24
         for c in range(self.count[b]):
             if self.due[pairs + c] <= done:
                 i, k = self.list[pairs + c], 0
@@ -269,7 +278,7 @@ class Response(BodySurface):
                 if arrives < ti.max(SOON, every):
                     self.owner[slot], self.pair[slot], self.looked[slot] = i, c, done
                     if k < KEPT:
-                        due = done + ti.max(int(self.setting[8] / (self.vector(i, SHAPE + 12).norm() + 1e-9)), every)
+                        due = done + ti.max(int(self.most_turn[None] / (self.turn(i).norm() + 1e-9)), every)
                     else:
                         due = done + every
                     if k <= KEPT:
@@ -284,9 +293,9 @@ class Response(BodySurface):
     def touch(self, points: Template, part, first, last, done):
         """Response of a part, blocks number `first` to `last`, to the body at the end of substep `done`."""
         base = first * SLOTS
-        since = done % int(self.setting[6])
+        since = done % int(self.every[None])
         if since == 0:
-            if done % int(self.setting[1]) == 0:
+            if done % int(self.wait[None]) == 0:
                 for m in range(first, last):
                     self.walk(points, part, points.packet[m], done)
             e = base
@@ -317,28 +326,28 @@ class Response(BodySurface):
         i = self.owner[slot]
         m = self.turned(i, float(done - self.looked[slot]))
         self.entry_block[e], self.entry_of[e] = b, i
-        o = ti.min(ti.max(slot, 0), 1 << 22) * PLANE * LANES
-        q = ti.min(ti.max(e, 0), 1 << 22) * 4 * LANES
+        o = self.lanes_of(slot, PLANE)
+        q = self.lanes_of(e, ENTRY)
         x, y, z = load(self.plane, o), load(self.plane, o + LANES), load(self.plane, o + 2 * LANES)
         for k in ti.static(range(3)):
             store(self.entry, q + k * LANES, m[k, 0] * x + m[k, 1] * y + m[k, 2] * z)
-        store(self.entry, q + 3 * LANES, load(self.plane, o + 3 * LANES))
+        store(self.entry, q + OFFSET, load(self.plane, o + OFFSET))
 
     @ti.func
     def respond(self, points: Template, e, since):
         """Straight-line code that ends in stores: that is what makes it vector code. since: substeps since the poses
         were worked out; anchors go on straight, normals turn to first order."""
         a = points.lanes(self.entry_block[e] * LANES)
-        o = ti.min(ti.max(e, 0), 1 << 22) * 4 * LANES
+        o = self.lanes_of(e, ENTRY)
         i = self.entry_of[e]
-        shift, turn = self.vector(i, SHAPE + 9), self.vector(i, SHAPE + 12)
-        c, t = self.posed(i, 0) + since * shift, since * turn
+        shift, turn = self.shift(i), self.turn(i)
+        c, t = self.anchor(i) + since * shift, since * turn
         px, py, pz = load_xyz(points.position, a)
         dx, dy, dz = load_xyz(points.step, a)
         ax, ay, az = load(self.entry, o), load(self.entry, o + LANES), load(self.entry, o + 2 * LANES)
         nx, ny, nz = ax + t[1] * az - t[2] * ay, ay + t[2] * ax - t[0] * az, az + t[0] * ay - t[1] * ax
         x, y, z = px - c[0], py - c[1], pz - c[2]
-        d = nx * x + ny * y + nz * z - load(self.entry, o + 3 * LANES)
+        d = nx * x + ny * y + nz * z - load(self.entry, o + OFFSET)
         u, v, w = dx - shift[0], dy - shift[1], dz - shift[2]
         x, y, z = x - 0.5 * u, y - 0.5 * v, z - 0.5 * w  # half-way along the step
         u, v, w = (
@@ -346,9 +355,9 @@ class Response(BodySurface):
             v - turn[2] * x + turn[0] * z,
             w - turn[0] * y + turn[1] * x,
         )
-        depth = ti.max(self.setting[3] - d, 0.0)
+        depth = ti.max(self.gap[None] - d, 0.0)
         approach = ti.max(-(u * nx + v * ny + w * nz), 0.0)
-        push = ti.min(depth, approach + self.setting[4])
+        push = ti.min(depth, approach + self.recovery[None])
         pressed = ti.min(push, approach)
         out = push - pressed  # of what was deep before, and is no speed
         x, y, z = self.change(u, v, w, nx, ny, nz, push, pressed)

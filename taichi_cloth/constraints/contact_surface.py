@@ -16,14 +16,31 @@ from taichi_cloth.motion.crew import LINE, PARTS
 from taichi_cloth.motion.stencil import load, store
 from taichi_cloth.sheet.sheet import LANES
 
-__all__ = ["BONE", "BOX", "CONE", "ELLIPTIC", "GRID", "MOTION", "ROW", "SHAPE", "BodySurface"]
+__all__ = ["CONE", "ELLIPTIC", "GRID", "SETTINGS", "BodySurface", "Row"]
 
 CONE, ELLIPTIC, GRID = 0, 1, 2
 
-SHAPE, MOTION, BOX, BONE, ROW = 8, 18, 6, 32, 40
-"""Numbers of a primitive: kind, 6 of its shape, how far a point may slide on one plane; motion and the capsule around
-it (see `Contact.begin`); box; bone; with room to spare."""
 
+class Row:
+    """Where in its row a number of a primitive stands, or the first of three; as `Contact.begin` writes them.
+
+    KIND: CONE, ELLIPTIC or GRID. SIZES: six, what `shapes.cone` or `shapes.ellipse` and `shapes.prism` take; of a grid
+    its first node, spacing and counts. SLIDE: how far a point may slide on one plane [m]. At the start of the frame,
+    in the world: ANCHOR [m], AXIS and ACROSS (unit). SHIFT [m] and TURN [rad], in a substep. The capsule around it:
+    its RADIUS, and its ends LOW and HIGH along the axis from the anchor [m]. BOX: least and greatest corner of where it
+    comes in the frame [m]. BONE: number of the bone that carries it. COUNT: of numbers, with room to spare.
+    """
+
+    KIND, SIZES, SLIDE = 0, 1, 7
+    ANCHOR, AXIS, ACROSS, SHIFT, TURN = 8, 11, 14, 17, 20
+    RADIUS, LOW, HIGH = 23, 24, 25
+    BOX, BONE, COUNT = 26, 32, 40
+
+
+SETTINGS = ("solids", "wait", "spare_step", "gap", "recovery", "thinnest", "every", "friction", "most_turn", "boxes")
+"""What holds for all primitives in a frame, in the order in which `Contact.begin` writes it into the last row."""
+
+BOX = 6
 POSE = 12  # anchor, axis, across, other
 SCRATCH = 10
 
@@ -36,8 +53,20 @@ class BodySurface:
         self.nodes = ti.field(ti.f32, max(1, nodes))
         self.holder: object = None
         self.capacity, self.kinds = capacity, kinds
-        self.row = ti.field(ti.f32, capacity * ROW)
-        self.setting = ti.field(ti.f32, ROW)
+        self.row = ti.field(ti.f32, capacity * Row.COUNT)
+        self.settings = [ti.field(ti.f32, ()) for _ in SETTINGS]
+        (
+            self.solids,  # primitives and grids
+            self.wait,  # substeps between two walks of the tree
+            self.spare_step,  # what a key point may gain meanwhile [m a substep]
+            self.gap,  # [m]
+            self.recovery,  # of what was deep before, in a substep [m]
+            self.thinnest,  # place of the body [m]
+            self.every,  # substeps between two looks
+            self.friction,  # Coulomb's µ
+            self.most_turn,  # that a plane may turn from its look on [rad]
+            self.boxes,  # nodes of the tree
+        ) = self.settings
         self.skip = ti.field(ti.i32, 2 * capacity)
         self.leaf = ti.field(ti.i32, 2 * capacity)
         self.box = ti.field(ti.f32, 2 * capacity * BOX)
@@ -49,12 +78,12 @@ class BodySurface:
         """A frame's rows of `Contact.begin`; boxes of the tree from its leaves up."""
         ti.loop_config(serialize=True)
         for _ in range(1):
-            for k in range(ROW):
-                self.setting[k] = rows[3 * self.capacity, k]
+            for k, setting in ti.static(enumerate(self.settings)):
+                setting[None] = rows[3 * self.capacity, k]
             for i in range(self.capacity):
-                for k in range(ROW):
-                    self.row[i * ROW + k] = rows[i, k]
-            nodes = int(self.setting[10])
+                for k in range(Row.COUNT):
+                    self.row[i * Row.COUNT + k] = rows[i, k]
+            nodes = int(self.boxes[None])
             for back in range(nodes):
                 node = nodes - 1 - back
                 self.skip[node] = int(rows[self.capacity + node, 0])
@@ -62,7 +91,7 @@ class BodySurface:
                 self.leaf[node] = leaf
                 for k in range(BOX):
                     if leaf >= 0:
-                        self.box[node * BOX + k] = rows[leaf, SHAPE + MOTION + k]
+                        self.box[node * BOX + k] = rows[leaf, Row.BOX + k]
                     else:
                         one = self.box[(node + 1) * BOX + k]
                         two = self.box[self.skip[node + 1] * BOX + k]
@@ -75,16 +104,63 @@ class BodySurface:
 
     @ti.func
     def vector(self, i, k: Template):
-        return ti.Vector([self.row[i * ROW + k], self.row[i * ROW + k + 1], self.row[i * ROW + k + 2]])
+        at = i * Row.COUNT + k
+        return ti.Vector([self.row[at], self.row[at + 1], self.row[at + 2]])
 
     @ti.func
     def posed(self, i, k: Template):
         return ti.Vector([self.pose[i * POSE + k], self.pose[i * POSE + k + 1], self.pose[i * POSE + k + 2]])
 
+    # Of primitive i, in the frame: see `Row`.
+    @ti.func
+    def shift(self, i):
+        return self.vector(i, Row.SHIFT)
+
+    @ti.func
+    def turn(self, i):
+        return self.vector(i, Row.TURN)
+
+    @ti.func
+    def radius(self, i):
+        return self.row[i * Row.COUNT + Row.RADIUS]
+
+    @ti.func
+    def low(self, i):
+        return self.row[i * Row.COUNT + Row.LOW]
+
+    @ti.func
+    def high(self, i):
+        return self.row[i * Row.COUNT + Row.HIGH]
+
+    @ti.func
+    def slide(self, i):
+        return self.row[i * Row.COUNT + Row.SLIDE]
+
+    @ti.func
+    def bone(self, i):
+        return int(self.row[i * Row.COUNT + Row.BONE])
+
+    # Of primitive i, where it was when poses were last worked out.
+    @ti.func
+    def anchor(self, i):
+        return self.posed(i, 0)
+
+    @ti.func
+    def axis(self, i):
+        return self.posed(i, 3)
+
+    @ti.func
+    def across(self, i):
+        return self.posed(i, 6)
+
+    @ti.func
+    def other(self, i):
+        return self.posed(i, 9)
+
     @ti.func
     def turned(self, i, age):
         """Rotation of primitive i over some substeps, to second order."""
-        t = age * self.vector(i, SHAPE + 12)
+        t = age * self.turn(i)
         half = 0.5 * t
         x, y, z = t[0] * half[0], t[1] * half[1], t[2] * half[2]
         xy, yz, zx = t[0] * half[1], t[1] * half[2], t[2] * half[0]
@@ -99,11 +175,11 @@ class BodySurface:
     @ti.func
     def follow(self, done):
         """Poses at the end of substep `done`: anchors on a line, axes turned about one vector (Rodrigues)."""
-        for i in range(int(self.setting[0])):
-            anchor = self.vector(i, SHAPE) + (done + 1.0) * self.vector(i, SHAPE + 9)
-            turn = (done + 1.0) * self.vector(i, SHAPE + 12)
+        for i in range(int(self.solids[None])):
+            anchor = self.vector(i, Row.ANCHOR) + (done + 1.0) * self.shift(i)
+            turn = (done + 1.0) * self.turn(i)
             angle = turn.norm()
-            axis, across = self.vector(i, SHAPE + 3), self.vector(i, SHAPE + 6)
+            axis, across = self.vector(i, Row.AXIS), self.vector(i, Row.ACROSS)
             if angle > 0.0:
                 about, cosine, sine = turn / angle, ti.cos(angle), ti.sin(angle)
                 axis = cosine * axis + sine * about.cross(axis) + (1.0 - cosine) * about.dot(axis) * about
@@ -119,10 +195,11 @@ class BodySurface:
     def measure(self, i, q, x, y, z):
         """Signed distance [m] and normal of primitive i at points relative to its anchor, into the scratch
         lanes q, q + 1, q + 2 and q + 3. Lanes are stored half-way: what ends in stores becomes vector code."""
-        row = i * ROW
-        axis, across, other = self.posed(i, 3), self.posed(i, 6), self.posed(i, 9)
-        one, two, three, four = self.row[row + 1], self.row[row + 2], self.row[row + 3], self.row[row + 4]
-        kind = int(self.row[row])
+        row = i * Row.COUNT
+        axis, across, other = self.axis(i), self.across(i), self.other(i)
+        sizes = row + Row.SIZES
+        one, two, three, four = self.row[sizes], self.row[sizes + 1], self.row[sizes + 2], self.row[sizes + 3]
+        kind = int(self.row[row + Row.KIND])
         for k in ti.static(self.kinds):
             if kind == k:
                 if ti.static(k == CONE):
@@ -138,7 +215,7 @@ class BodySurface:
                             for m, value in ti.static(enumerate((d1, u1, v1, w1))):
                                 self.scratch[lane + (m - 4) * LANES] = value
                     else:
-                        flank, nu, nv = ellipse(px, py, one, two, int(self.row[row + 5]))
+                        flank, nu, nv = ellipse(px, py, one, two, int(self.row[sizes + 4]))
                         self.keep(q + 4 * LANES, flank, nu, nv, along)
                         d, nu, nv, end = prism(flank, nu, nv, along, three, four)
                         self.keep(q, d, nu, nv, end)
@@ -163,9 +240,9 @@ class BodySurface:
     def sample(self, i, x, y, z):
         """Trilinear distance [m] and unit gradient at a point relative to the middle of grid i; beyond it, the way to
         it is added."""
-        row = i * ROW
-        begin, spacing = int(self.row[row + 1]), self.row[row + 2]
-        count = ti.Vector([int(self.row[row + 3]), int(self.row[row + 4]), int(self.row[row + 5])])
+        sizes = i * Row.COUNT + Row.SIZES
+        begin, spacing = int(self.row[sizes]), self.row[sizes + 1]
+        count = ti.Vector([int(self.row[sizes + 2]), int(self.row[sizes + 3]), int(self.row[sizes + 4])])
         top = ti.cast(count - 1, ti.f32)
         place = ti.Vector([x, y, z]) / spacing + 0.5 * top
         inside = ti.min(ti.max(place, 0.0), top)
@@ -185,7 +262,7 @@ class BodySurface:
     @ti.func
     def slip(self, i, x, y, z, u, v, w):
         """Step (u, v, w) less that of the surface, at points relative to the anchor; its turn to second order."""
-        shift, turn = self.vector(i, SHAPE + 9), self.vector(i, SHAPE + 12)
+        shift, turn = self.shift(i), self.turn(i)
         ax, ay, az = turn[1] * z - turn[2] * y, turn[2] * x - turn[0] * z, turn[0] * y - turn[1] * x
         ax, ay, az = (
             ax - 0.5 * (turn[1] * az - turn[2] * ay),
