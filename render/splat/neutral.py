@@ -48,9 +48,9 @@ def resolve_neutral(
                     )
                 light = ti.max(light, 0.0)
                 # Off what a dielectric reflects, then compression and fading of what is bright.
-                least = light.min()
+                least = light.min()  # pyright: ignore[reportOptionalCall]
                 light -= least - NEUTRAL_TOE * least * least if least < 2.0 * NEUTRAL_FOOT else NEUTRAL_FOOT
-                peak = light.max()
+                peak = light.max()  # pyright: ignore[reportOptionalCall]
                 if peak >= NEUTRAL_START:
                     lower = 1.0 - REST * REST / (peak + REST - NEUTRAL_START)
                     keep = 1.0 / (NEUTRAL_FADE * (peak - lower) + 1.0)

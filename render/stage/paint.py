@@ -210,7 +210,7 @@ def _shade(
             upward = 0.5 + 0.5 * n[1]
             seen = 0.0
             for j in ti.static(range(3)):
-                seen += b[j] * open_sky[faces[f, j], side]
+                seen += b[j] * open_sky[faces[f, j], side]  # pyright: ignore[reportIndexIssue]
             lit = ti.Vector([view[GROUND, k] + (view[SKY, k] - view[GROUND, k]) * upward for k in ti.static(range(3))])
             above = rise(n[1])
             for k in ti.static(range(3)):
@@ -224,5 +224,5 @@ def _shade(
             for k in ti.static(range(3)):
                 own = 0.0
                 for j in ti.static(range(3)):
-                    own += b[j] * albedo[faces[f, j], k]
+                    own += b[j] * albedo[faces[f, j], k]  # pyright: ignore[reportIndexIssue]
                 colour_out[y, x, k] = own * lit[k]

@@ -97,7 +97,7 @@ def _blend(
         far = wall[tile, 0]
         for y in range(1, TILE):
             far = ti.max(far, wall[tile, y])
-        farthest = far.max()
+        farthest = far.max()  # pyright: ignore[reportOptionalCall]
     i = begin
     check = i + CHECK_EVERY
     coming = 0

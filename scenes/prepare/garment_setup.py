@@ -91,10 +91,11 @@ def dress(scene: Scene, each: Progress | None = None) -> Dressed:
     parts = dressed_parts(scene)
     colliders = _colliders(scene, parts)
     limit = forces_of(scene.forces).strain_limit
-    made_of = digest(VERSION, parts.garment, limit, colliders.made_of(), list(parts.primitives))
+    solver = scene.solver.name if scene.solver else "verlet"
+    made_of = digest(VERSION, solver, parts.garment, limit, colliders.made_of(), list(parts.primitives))
 
     def make() -> dict[str, np.ndarray]:
-        worn = sew(parts.garment, colliders, limit=limit, each=each)
+        worn = sew(parts.garment, colliders, limit=limit, solver=solver, each=each)
         return {name: np.asarray(getattr(worn, name)) for name in Worn.__dataclass_fields__}
 
     arrays, found = kept("worn", made_of, make)
@@ -183,6 +184,7 @@ def garment_simulation(
         bones=bones,
         frame_rate=float(scene.output.fps),
         safety=scene.solver.safety if scene.solver else 0.9,
+        solver=scene.solver.name if scene.solver else "verlet",
         choose=choose,
     )
 

@@ -19,7 +19,7 @@ from taichi_cloth.sheet.pins import Pins
 from taichi_cloth.sheet.sheet import Sheet
 from taichi_cloth.sheet.springs import calibrate
 from taichi_cloth.solvers.implicit import Implicit
-from taichi_cloth.solvers.verlet import Verlet
+from taichi_cloth.solvers.named import named_solver
 
 from ..scene.cloth_schema import BodyPinSection, ClothSection, ForcesSection, PinsSection, SolverSection
 from ..scene.garment_schema import GarmentSection
@@ -43,6 +43,10 @@ F64 = NDArray[np.float64]
 UNITS = {  # a key of cloth.properties: the field of Material, and its unit in SI
     "tensile_warp_n_per_m": ("tensile_warp", 1.0),
     "tensile_weft_n_per_m": ("tensile_weft", 1.0),
+    "drawn_warp_n_per_m": ("drawn_warp", 1.0),
+    "drawn_weft_n_per_m": ("drawn_weft", 1.0),
+    "crimp_warp_percent": ("crimp_warp", 1e-2),
+    "crimp_weft_percent": ("crimp_weft", 1e-2),
     "shear_n_per_m": ("shear", 1.0),
     "bending_warp_un_m": ("bending_warp", 1e-6),
     "bending_weft_un_m": ("bending_weft", 1e-6),
@@ -117,8 +121,9 @@ def solver_of(sheet: Sheet, forces: Forces, section: SolverSection | None, *, fr
     step = None if section.step_ms is None else 1e-3 * section.step_ms
     if section.name == "implicit":
         return Implicit(sheet, forces, frame_rate=frame_rate, step=step)
-    constraints = constraints_for(sheet, forces)
-    return Verlet(sheet, forces, frame_rate=frame_rate, step=step, safety=section.safety, constraints=constraints)
+    kind = named_solver(section.name)
+    constraints = constraints_for(sheet, forces, answered=kind.answers)
+    return kind(sheet, forces, frame_rate=frame_rate, step=step, safety=section.safety, constraints=constraints)
 
 
 def standing_in(scene: Scene) -> "Standing | None":

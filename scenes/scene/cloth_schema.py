@@ -23,6 +23,10 @@ class PropertiesSection(Section):
 
     tensile_warp_n_per_m: Positive | None = Field(default=None, description="force per width and strain [N/m]")
     tensile_weft_n_per_m: Positive | None = None
+    drawn_warp_n_per_m: Positive | None = Field(default=None, description="once its crimp is drawn out [N/m]")
+    drawn_weft_n_per_m: Positive | None = None
+    crimp_warp_percent: float | None = Field(default=None, ge=0, le=100, description="strain at which that is [%]")
+    crimp_weft_percent: float | None = Field(default=None, ge=0, le=100)
     shear_n_per_m: float | None = Field(default=None, ge=0, description="force per width and radian [N/m]")
     bending_warp_un_m: float | None = Field(default=None, ge=0, description="bending rigidity [µN·m]")
     bending_weft_un_m: float | None = Field(default=None, ge=0)
@@ -152,7 +156,7 @@ class ForcesSection(Section):
 class SolverSection(Section):
     """`implicit` is for sheets so stiff that the longest step of `verlet` is hopeless (docs/solvers.md)."""
 
-    name: Literal["verlet", "implicit"] = "verlet"
+    name: Literal["verlet", "yarns", "implicit"] = "verlet"
     step_ms: Positive | None = Field(
         default=None, description="longest substep; default: what the springs allow, or 1/240 s if implicit [ms]"
     )

@@ -17,18 +17,24 @@ __all__ = ["constraints_for"]
 
 
 def constraints_for(
-    sheet: Sheet, forces: Forces, *, ties: tuple[Ties, ...] = (), sewn: NDArray[np.bool_] | None = None
+    sheet: Sheet,
+    forces: Forces,
+    *,
+    ties: tuple[Ties, ...] = (),
+    sewn: NDArray[np.bool_] | None = None,
+    answered: tuple[str, ...] = (),
 ) -> tuple[Constraint, ...]:
     """In the order in which a substep goes through them: ties, cloth on cloth, strain limit, the body.
 
     (Seams and strain limit, which are repeated, come after all others of a substep; see `Frame`.) sewn: bool (rows,
-    cols), key points that seams join. It needs no Taichi: fields are made when a solver first runs.
+    cols), key points that seams join. answered: fields of the forces that the solver sees to itself. No Taichi needed:
+    fields are made when a solver first runs.
     Raises InputError on forces that the sheet cannot have.
     """
     out: list[Constraint] = [*ties]
     if forces.self_contact is not None:
         out.append(ClothContact(sheet, forces.self_contact, sewn))
-    if forces.strain_limit is not None:
+    if forces.strain_limit is not None and "strain_limit" not in answered:
         out.append(ThreadLimit(sheet))
     if forces.body is not None:
         contact = Contact(forces.body, sheet)

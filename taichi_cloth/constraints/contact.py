@@ -153,6 +153,10 @@ class Contact(SharedConstraint):
             self.fields.follow(done)
 
     @ti.func
+    def correct_again(self, points: Template, part, first, last, done, n: Template):
+        self.fields.touch_again(points, part, first, done)
+
+    @ti.func
     def correct_part(self, points: Template, part, first, last, done, n: Template):
         self.fields.touch(points, part, first, last, done)
 

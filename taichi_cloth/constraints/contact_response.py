@@ -38,6 +38,8 @@ and PLACE: where the key point was; LASTS: how far it may slide from there [m]."
 OFFSET, PLACE, LASTS = 3 * LANES, 4 * LANES, 7 * LANES
 ENTRY = 4
 """Numbers of an entry for each key point: normal and offset now."""
+SUMS = 5
+"""Numbers of what an entry has done in a substep, for each key point: its push, what of it pressed, friction [m]."""
 SOON = 6
 """Substeps. What may touch within them gets its planes now: a response to them costs a fifth of a look."""
 GROWTH = 1.25  # of the approach to a surface until the next look at it
@@ -70,6 +72,7 @@ class Response(BodySurface):
         self.entries = ti.field(ti.i32, PARTS * LINE)
         self.entry_block, self.entry_of = ti.field(ti.i32, blocks * SLOTS), ti.field(ti.i32, blocks * SLOTS)
         self.entry = ti.field(ti.f32, blocks * SLOTS * ENTRY * LANES)
+        self.sum = ti.field(ti.f32, blocks * SLOTS * SUMS * LANES)
 
     def spare(self, bits: NDArray[np.int32], padded_shape: tuple[int, ...]) -> None:
         """Takes the bits of `Colliders.spared` (rows, cols)."""
@@ -318,7 +321,7 @@ class Response(BodySurface):
                             e += 1
             self.entries[part * LINE] = e
         for e in range(base, self.entries[part * LINE]):
-            self.respond(points, e, float(since))
+            self.respond(points, e, float(since), 0.0)
 
     @ti.func
     def enter(self, slot, e, b, done):
@@ -334,7 +337,7 @@ class Response(BodySurface):
         store(self.entry, q + OFFSET, load(self.plane, o + OFFSET))
 
     @ti.func
-    def respond(self, points: Template, e, since):
+    def respond(self, points: Template, e, since, again):
         """Straight-line code that ends in stores: that is what makes it vector code. since: substeps since the poses
         were worked out; anchors go on straight, normals turn to first order."""
         a = points.lanes(self.entry_block[e] * LANES)
@@ -355,15 +358,52 @@ class Response(BodySurface):
             v - turn[2] * x + turn[0] * z,
             w - turn[0] * y + turn[1] * x,
         )
-        depth = ti.max(self.gap[None] - d, 0.0)
-        approach = ti.max(-(u * nx + v * ny + w * nz), 0.0)
-        push = ti.min(depth, approach + self.recovery[None])
+        if ti.static(points.sums):
+            self.respond_anew(points, a, self.lanes_of(e, SUMS), again, d, nx, ny, nz, u, v, w)
+        else:
+            depth = ti.max(self.gap[None] - d, 0.0)
+            approach = ti.max(-(u * nx + v * ny + w * nz), 0.0)
+            push = ti.min(depth, approach + self.recovery[None])
+            pressed = ti.min(push, approach)
+            out = push - pressed  # of what was deep before, and is no speed
+            x, y, z = self.change(u, v, w, nx, ny, nz, push, pressed)
+            store(points.position[0], a, px + x)
+            store(points.position[1], a, py + y)
+            store(points.position[2], a, pz + z)
+            store(points.step[0], a, dx + x - out * nx)
+            store(points.step[1], a, dy + y - out * ny)
+            store(points.step[2], a, dz + z - out * nz)
+
+    @ti.func
+    def respond_anew(self, points: Template, a, o, again, d, nx, ny, nz, u, v, w):
+        """The same where it is asked several times in a substep: what the plane has pushed, pressed and rubbed in it so
+        far, from o of `sum` on, may grow or be taken back. again: 0 the first time in a substep, then 1."""
+        # What it has done so far: the push, what of it pressed, and friction [m].
+        had, held = again * load(self.sum, o), again * load(self.sum, o + LANES)
+        fx, fy, fz = load(self.sum, o + 2 * LANES), load(self.sum, o + 3 * LANES), load(self.sum, o + 4 * LANES)
+        fx, fy, fz = again * fx, again * fy, again * fz
+        # The push that keeps key points out, and of it what presses: what was deep before is let out slowly.
+        along = u * nx + v * ny + w * nz
+        approach = ti.max(held - along, 0.0)
+        push = ti.min(ti.max(had + self.gap[None] - d, 0.0), approach + self.recovery[None])
         pressed = ti.min(push, approach)
-        out = push - pressed  # of what was deep before, and is no speed
-        x, y, z = self.change(u, v, w, nx, ny, nz, push, pressed)
-        store(points.position[0], a, px + x)
-        store(points.position[1], a, py + y)
-        store(points.position[2], a, pz + z)
-        store(points.step[0], a, dx + x - out * nx)
-        store(points.step[1], a, dy + y - out * ny)
-        store(points.step[2], a, dz + z - out * nz)
+        # The friction that would stop all slip, cut to Coulomb's cone.
+        gx, gy, gz = fx - u + along * nx, fy - v + along * ny, fz - w + along * nz
+        share = ti.min(self.friction[None] * pressed / ti.sqrt(gx * gx + gy * gy + gz * gz + 1e-30), 1.0)
+        gx, gy, gz = share * gx, share * gy, share * gz
+        store(self.sum, o, push)
+        store(self.sum, o + LANES, pressed)
+        store(self.sum, o + 2 * LANES, gx)
+        store(self.sum, o + 3 * LANES, gy)
+        store(self.sum, o + 4 * LANES, gz)
+        out, slow = push - had, pressed - held
+        for axis, n, f in ti.static(((0, nx, gx - fx), (1, ny, gy - fy), (2, nz, gz - fz))):
+            store(points.position[axis], a, load(points.position[axis], a) + out * n + f)
+            store(points.step[axis], a, load(points.step[axis], a) + slow * n + f)
+
+    @ti.func
+    def touch_again(self, points: Template, part, first, done):
+        """`touch` once more in a substep, after others have moved key points."""
+        since = done % int(self.every[None])
+        for e in range(first * SLOTS, self.entries[part * LINE]):
+            self.respond(points, e, float(since), 1.0)

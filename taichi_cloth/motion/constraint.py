@@ -88,6 +88,11 @@ class Constraint:
         """
 
     @ti.func
+    def correct_again(self, points: Template, part, first, last, done, n: Template):
+        """Where the frame `sums`: `correct_part` again in the same substep, after others have moved key points; it
+        changes what this constraint has done in the substep, and does not do it a second time."""
+
+    @ti.func
     def correct_whole(self, points: Template, done, n: Template):
         """The same, by one thread, after the calls of `correct_part` for all parts."""
 

@@ -37,8 +37,11 @@ class Frame(Stencil):
     """Fields and kernel of a frame for sheets of one shape: they share them, and compile once.
 
     numbers: of a step. packet: 8 neighbouring key points each, by the number of their lanes in the padded grid; cut:
-    which of them are whose part. holder: whose constants are in the fields, the host's to use.
+    which of them are whose part. holder: whose constants are in the fields, the host's to use. sums: whether it goes
+    through constraints several times in a substep.
     """
+
+    sums = False
 
     def __init__(self, padded_shape: tuple[int, int], threads: int, constraints: tuple[Constraint, ...]) -> None:
         rows, width = padded_shape

@@ -15,7 +15,6 @@ from taichi_cloth.motion.frame import Frame
 from taichi_cloth.motion.numbers import numbers_of
 from taichi_cloth.motion.solver import Solver
 from taichi_cloth.motion.stencil import Features
-from taichi_cloth.sheet.energy import accelerations
 from taichi_cloth.sheet.sheet import Sheet, SheetState
 
 __all__ = ["KernelSolver"]
@@ -36,6 +35,11 @@ class KernelSolver(Solver):
     """
 
     frame_of: type[Frame]
+    answers: tuple[str, ...] = ()
+    """Fields of `Forces` that it sees to itself, beside gravity, wind and fixed shapes."""
+
+    springs_are_threads = True
+    """Whether the threads are springs of the stencil."""
 
     def __init__(
         self,
@@ -49,11 +53,16 @@ class KernelSolver(Solver):
     ) -> None:
         self.sheet, self.forces, self.frame_rate, self.constraints = sheet, forces, frame_rate, constraints
         for name in ("body", "strain_limit", "self_contact"):
-            if getattr(forces, name) is not None and not any(one.answers == name for one in constraints):
+            if (
+                getattr(forces, name) is not None
+                and name not in self.answers
+                and not any(one.answers == name for one in constraints)
+            ):
                 raise InputError(f"forces.{name}: no constraint of the solver answers it; see constraints_for")
         most = threads or (runtime.threads() if sheet.present.sum() >= WORTH_THREADS else 1)
         self.threads = 1 if any(one.repeated for one in constraints) else min(most, MOST_THREADS)
         self.features = Features(
+            threads=self.springs_are_threads,
             hinges=sheet.springs.law == "hinge",
             wind=forces.wind is not None,
             sphere=forces.sphere is not None,
@@ -74,7 +83,7 @@ class KernelSolver(Solver):
     def rescale(self, state: SheetState, before: float) -> None:
         """Steps of `before` [s] in the state to those of the same motion now: x(t) − x(t − h) = v h − a h²/2."""
         sheet, share = self.sheet, self.step / before
-        a = accelerations(sheet, sheet.positions(state), self.forces.gravity)
+        a = self.accelerations(sheet, sheet.positions(state), self.forces.gravity)
         steps = share * (sheet.steps(state) + a * (before * (before - self.step) / 2))
         sheet.set_steps(state, steps)
         for one in self.constraints:

@@ -18,7 +18,6 @@ from numpy.typing import ArrayLike, NDArray
 from taichi_cloth.ground.errors import InputError, Unstable
 from taichi_cloth.motion.forces import Forces
 from taichi_cloth.motion.solver import Solver
-from taichi_cloth.sheet.energy import accelerations
 from taichi_cloth.sheet.pins import Pins
 from taichi_cloth.sheet.sheet import PAD, Sheet, SheetState
 
@@ -118,7 +117,7 @@ class Simulation:
         sheet, h = self.sheet, self.solver.step
         steps = h * np.where(sheet.inverse_mass[..., None] > 0, np.broadcast_to(velocities, positions.shape), 0.0)
         if self.solver.staggered:
-            steps -= accelerations(sheet, positions, self.forces.gravity) * h**2 / 2
+            steps -= self.solver.accelerations(sheet, positions, self.forces.gravity) * h**2 / 2
         sheet.set_steps(self.state, steps)
 
     def step(self) -> None:

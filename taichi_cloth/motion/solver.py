@@ -2,9 +2,12 @@
 
 from abc import ABC, abstractmethod
 
+from numpy.typing import NDArray
+
 from taichi_cloth.motion.constraint import Constraint
 from taichi_cloth.motion.forces import FrameForces
-from taichi_cloth.sheet.sheet import SheetState
+from taichi_cloth.sheet.energy import accelerations
+from taichi_cloth.sheet.sheet import Sheet, SheetState
 
 __all__ = ["Solver"]
 
@@ -50,6 +53,10 @@ class Solver(ABC):
     def go_on(self, found: tuple[float, ...]) -> None:
         """Takes the steps of the run that found that."""
         assert not found
+
+    def accelerations(self, sheet: Sheet, positions: NDArray, gravity: tuple[float, float, float]) -> NDArray:
+        """Of key points (rows, cols, 3) [m/s²] at those positions [m], by springs and gravity."""
+        return accelerations(sheet, positions, gravity)
 
     @abstractmethod
     def advance(self, state: SheetState, forces: FrameForces) -> None:

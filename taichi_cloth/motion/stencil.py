@@ -30,6 +30,7 @@ __all__ = ["Features", "Stencil"]
 class Features:
     """What the kernel contains. Taichi compiles one kernel for each combination that is used."""
 
+    threads: bool  # structural springs; without them whole yarns are solved instead
     hinges: bool
     wind: bool
     sphere: bool
@@ -159,15 +160,17 @@ class Stencil:
     def elastic(self, features: Template, a, p, n: Template):
         """Pull of all springs and hinges on the lanes at p, at a of `ahead`."""
         row = ti.static(self.width)
-        e, w = load(self.east, p), load(self.east, p - 1)
-        x, y, z = self.spring(a, 1, n.structural_x * e, n.spacing_x)
-        u, v, t = self.spring(a, -1, n.structural_x * w, n.spacing_x)
-        x, y, z = x + u, y + v, z + t
-        e, w = load(self.north, p), load(self.north, p - row)
-        u, v, t = self.spring(a, row, n.structural_y * e, n.spacing_y)
-        x, y, z = x + u, y + v, z + t
-        u, v, t = self.spring(a, -row, n.structural_y * w, n.spacing_y)
-        x, y, z = x + u, y + v, z + t
+        x, y, z = ti.Vector([0.0] * LANES), ti.Vector([0.0] * LANES), ti.Vector([0.0] * LANES)
+        if ti.static(features.threads):
+            e, w = load(self.east, p), load(self.east, p - 1)
+            x, y, z = self.spring(a, 1, n.structural_x * e, n.spacing_x)
+            u, v, t = self.spring(a, -1, n.structural_x * w, n.spacing_x)
+            x, y, z = x + u, y + v, z + t
+            e, w = load(self.north, p), load(self.north, p - row)
+            u, v, t = self.spring(a, row, n.structural_y * e, n.spacing_y)
+            x, y, z = x + u, y + v, z + t
+            u, v, t = self.spring(a, -row, n.structural_y * w, n.spacing_y)
+            x, y, z = x + u, y + v, z + t
         for corner, cell in ti.static(((row + 1, 0), (-row - 1, -row - 1), (row - 1, -1), (1 - row, -row))):
             c = n.diagonal * load(self.cell, p + cell)
             u, v, t = self.spring(a, corner, c, n.diagonal_length)

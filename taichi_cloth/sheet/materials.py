@@ -30,6 +30,8 @@ class Material:
     """A fabric as a sheet. Raises InputError on values that no cloth can have.
 
     tensile_warp, tensile_weft: force per width and strain when pulled along one family with free edges [N/m].
+    drawn_warp, drawn_weft: the same once the crimp of that family is drawn out [N/m]; 0: its law stays linear.
+    crimp_warp, crimp_weft: strain at which that is; T(ε) = E₀ ε + (E₁ − E₀) max(ε − crimp, 0). Whole yarns follow it.
     shear: force per width and radian of shear angle [N/m].
     bending_warp, bending_weft: rigidity when the warp, or the weft, is bent [N·m] (moment per width and curvature).
     density: mass per area [kg/m²].
@@ -48,6 +50,10 @@ class Material:
     air_damping: float = 1.0
     fibre_damping: float = 0.0
     tensile_share: float = 1.0
+    drawn_warp: float = 0.0
+    drawn_weft: float = 0.0
+    crimp_warp: float = 0.0
+    crimp_weft: float = 0.0
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -56,8 +62,19 @@ class Material:
             if not (isfinite(value) and (value > 0 if positive else value >= 0)):
                 allowed = "above 0" if positive else "0 or more"
                 raise InputError(f"material.{field.name}: {value!r}; allowed: a finite number, {allowed}")
+        for family in ("warp", "weft"):
+            soft, stiff = getattr(self, f"tensile_{family}"), getattr(self, f"drawn_{family}")
+            if 0 < stiff < soft:
+                raise InputError(
+                    f"material.drawn_{family}: {stiff:g} N/m; allowed: at least its {soft:g} N/m before, or 0 for none"
+                )
         if not 0 < self.tensile_share <= 1:
             raise InputError(f"material.tensile_share: {self.tensile_share!r}; allowed: above 0, at most 1")
+
+    @property
+    def curved(self) -> bool:
+        """Whether threads get stiffer as their crimp is drawn out."""
+        return self.drawn_warp > 0 or self.drawn_weft > 0
 
 
 MATERIALS = {

@@ -48,6 +48,8 @@ class Verlet(KernelSolver):
             raise InputError(f"solver.frame_rate: {frame_rate!r}; allowed: above 0")
         if not 0 < safety <= 1:
             raise InputError(f"solver.safety: {safety!r}; allowed: above 0, at most 1")
+        if sheet.material.curved:
+            raise InputError('solver.name: "verlet" has springs of one stiffness; threads with a curve need "yarns"')
         self.choice = StepChoice(sheet, frame_rate=frame_rate, safety=safety)
         self._now = 0.0  # the bound of the frequency at the end of the last frame [rad/s]
         longest = self.choice.longest

@@ -20,6 +20,7 @@ from taichi_cloth.render.splat.splat import Splatter
 from taichi_cloth.render.splat.stream import stream, stream_passes
 from taichi_cloth.render.stage.paint import paint
 from taichi_cloth.render.tiles.mesh import Mesh
+from taichi_cloth.scenes.commands.output_folder import OutputFolder
 from taichi_cloth.scenes.commands.sequence import Sequence
 from taichi_cloth.scenes.models.build import build
 from taichi_cloth.scenes.models.fabric_model import FabricModel
@@ -279,10 +280,11 @@ def test_zoom_writes_its_frames(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr(scene_gains, "MEASURED", (1, 4))
     small = ["weave.ends=8", "weave.picks=8", "yarn.fibres=4", "fabric.steps=4", "output.frames=4"]
     view = View(build(load_scene("swatch", small)), (96, 64))
-    sequence = Sequence.open(tmp_path, "mark", 4, resume=False)
+    folder = OutputFolder(tmp_path)
+    sequence = Sequence.open(folder, "mark", 4, resume=False)
     sequence.begin()
     assert list(sequence.write(zoom(view, 4, sequence.missing()))) == [0, 1, 2, 3]
-    assert Sequence.open(tmp_path, "mark", 4, resume=True).missing() == []
+    assert Sequence.open(folder, "mark", 4, resume=True).missing() == []
     for frame_path in sequence.paths:
         image = cv2.imread(str(frame_path))
         assert image is not None

@@ -26,7 +26,7 @@ from taichi_cloth.motion.simulation import Simulation
 from taichi_cloth.sheet.materials import Material
 from taichi_cloth.sheet.sheet import Sheet
 from taichi_cloth.sheet.springs import calibrate
-from taichi_cloth.solvers.verlet import Verlet
+from taichi_cloth.solvers.named import named_solver
 
 __all__ = ["DEEPEST", "OPEN", "TAUT", "Garment", "Worn", "misfit", "sew"]
 
@@ -148,17 +148,20 @@ class Garment:
         air_damping: float | None = None,
         speed: float = 0.5,
         choose: Callable[..., tuple[Constraint, ...]] = constraints_for,
+        solver: str = "verlet",
     ) -> Simulation:
         """The garment in motion from `positions`, seams and holds tied. choose: of the arguments of `constraints_for`,
-        and in its place."""
+        and in its place. solver: see `named_solver`."""
         own = self.material
         air = own.air_damping if air_damping is None else air_damping
         material = replace(own, air_damping=air, fibre_damping=max(own.fibre_damping, LAG))
         sheet = self.sheet(material)
         ties = self.ties(sheet, places, held, bones, speed)
-        constraints = choose(sheet, forces, ties=ties, sewn=self.sewn() if forces.self_contact else None)
-        solver = Verlet(sheet, forces, frame_rate=frame_rate, safety=safety, constraints=constraints)
-        return Simulation(sheet, solver, forces=forces, positions=positions)
+        kind = named_solver(solver)
+        sewn = self.sewn() if forces.self_contact else None
+        constraints = choose(sheet, forces, ties=ties, sewn=sewn, answered=kind.answers)
+        made = kind(sheet, forces, frame_rate=frame_rate, safety=safety, constraints=constraints)
+        return Simulation(sheet, made, forces=forces, positions=positions)
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,12 +187,13 @@ def sew(
     body: Colliders,
     *,
     limit: StrainLimit | None = None,
+    solver: str = "verlet",
     each: Callable[[str, int, int], None] | None = None,
     closing: int = CLOSING,
     settling: int = SETTLING,
 ) -> Worn:
     """Sews a garment on a body at rest. limit: of how far its threads may grow. each: told the stage, the frame and the
-    most there may be, after each frame.
+    most there may be, after each frame. solver: see `named_solver`.
 
     Raises InputError when the cloth does not hold together, with what to change.
     """
@@ -207,6 +211,7 @@ def sew(
             held=early,
             bones=bones,
             air_damping=THICK,
+            solver=solver,
         )
         for frame in range(closing):
             simulation.step()
@@ -226,6 +231,7 @@ def sew(
                 held=early,
                 bones=bones,
                 air_damping=air,
+                solver=solver,
             )
             frame_time = simulation.solver.step * simulation.solver.substeps
             for frame in range(first, min(last, settling)):

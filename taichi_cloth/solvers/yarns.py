@@ -1,0 +1,148 @@
+"""Whole yarns: Verlet's substep with all threads of a yarn solved at once, and everything else explicit.
+
+Shear and bending of cloth are soft, its threads are not. So its step is that of the soft springs, whatever the threads
+are made of: it costs the same at 10³ and at 10⁹ N/m. `whole_yarns.py` has the systems, `yarn_frame.py` the order.
+
+Beside the soft springs there is one more limit: a taut thread is a string, whose wave across is explicit. A frame in
+which −λ/L = h² T/(m L) of a thread comes above ¼ is taken again with more substeps.
+"""
+
+from dataclasses import replace
+from math import ceil, sqrt
+
+from numpy.typing import NDArray
+
+from taichi_cloth.ground.errors import InputError
+from taichi_cloth.motion.constraint import Constraint
+from taichi_cloth.motion.forces import Forces
+from taichi_cloth.motion.kernel_solver import KernelSolver
+from taichi_cloth.sheet.sheet import Sheet, SheetState
+from taichi_cloth.solvers.stability import rounding_speed
+from taichi_cloth.solvers.step_choice import StepChoice
+from taichi_cloth.solvers.yarn_frame import YarnFrame
+
+__all__ = ["Yarns"]
+
+SWEEPS = 2
+LONGEST = 4e-4
+"""Step [s] beyond which pushing threads along where they lead after it would show: a sheet that swings for half a
+second is off by 2 mm at this one, and by half of that at half of it."""
+
+TIGHTEST = 0.25
+"""−λ/L of a thread up to which the wave along it is stable."""
+
+MOST_SUBSTEPS = 4096
+WORTH = 0.8
+"""Share of the substeps from which on fewer are taken again."""
+
+NEVER = 1e6  # [m] that no thread grows by
+
+
+class Yarns(KernelSolver):
+    """sweeps: over both families, a substep. step, safety: as of `Verlet`, of the soft springs."""
+
+    frame_of = YarnFrame
+    answers = ("strain_limit",)
+    springs_are_threads = False
+
+    def __init__(
+        self,
+        sheet: Sheet,
+        forces: Forces,
+        *,
+        frame_rate: float = 60.0,
+        step: float | None = None,
+        safety: float = 0.9,
+        sweeps: int = SWEEPS,
+        constraints: tuple[Constraint, ...] = (),
+    ) -> None:
+        soft = replace(sheet, springs=replace(sheet.springs, structural_x=0.0, structural_y=0.0))
+        self.sweeps, self._soft = sweeps, soft
+        self.choice = StepChoice(soft, frame_rate=frame_rate, safety=safety)
+        self.tight = 0.0
+        longest = min(self.choice.longest, LONGEST)
+        if step is not None and not 0 < step <= longest:
+            raise InputError(f"solver.step: {step!r} s; allowed: above 0, at most {longest:.4g} s")
+        substeps = self.choice.substeps(step or longest)
+        self._least = substeps
+        super().__init__(sheet, forces, frame_rate=frame_rate, substeps=substeps, threads=1, constraints=constraints)
+        self.features = replace(self.features, leads=False, apart=True)
+
+    def take_steps(self, substeps: int) -> None:
+        super().take_steps(substeps)
+        self.numbers["sweeps"] = float(self.sweeps)
+
+    def rounding(self, ulp: float) -> float:
+        m = self.sheet.material
+        return rounding_speed(self.step, ulp, air_damping=m.air_damping, fibre_damping=m.fibre_damping)
+
+    def _threads(self) -> list[dict[str, float]]:
+        """Of the weft, along the rows, and of the warp, along the columns: the values of `ThreadNumbers`."""
+        s, m, limit = self.sheet.springs, self.sheet.material, self.forces.strain_limit
+        mass = m.density * s.spacing_x * s.spacing_y
+        squared = self.numbers["structural_x"] / s.structural_x  # h², less what the air takes meanwhile
+        out = []
+        for constant, rest, across, soft, stiff, crimp in (
+            (s.structural_x, s.spacing_x, s.spacing_y, m.tensile_weft, m.drawn_weft, m.crimp_weft),
+            (s.structural_y, s.spacing_y, s.spacing_x, m.tensile_warp, m.drawn_warp, m.crimp_warp),
+        ):
+            drawn = constant + max(stiff - soft, 0.0) * across / rest  # what diagonals add stays what it is
+            at = crimp * rest if stiff > 0 else NEVER
+            out.append(
+                {
+                    "rest": rest,
+                    "soft": mass / (constant * squared),
+                    "stiff": mass / (drawn * squared),
+                    "crimp": at,
+                    "offset": at * (1 - constant / drawn),
+                    "bound": rest * limit.strain if limit else NEVER,
+                    "mass": mass,
+                    "damped": m.fibre_damping / self.step,
+                }
+            )
+        return out
+
+    def fill(self, frame: YarnFrame, state: SheetState) -> None:
+        super().fill(frame, state)
+        sheet = self.sheet
+        east, north = (sheet.padded(one) for one in sheet.weights[:2])
+        frame.yarns.take(sheet.padded(sheet.present), east, north, self._threads())
+
+    def look(self, frame: YarnFrame) -> None:
+        self.tight = frame.tightest()
+
+    def shorten(self, state: SheetState, reached: SheetState | None) -> bool:
+        if reached is state:
+            return False
+        wanted = 2 * self.substeps if reached is None else self._for_tension()
+        if wanted > self.substeps and self.substeps < MOST_SUBSTEPS:
+            self._go_over(state, wanted)
+            return True
+        if wanted < WORTH * self.substeps and reached is not None:
+            self._go_over(reached, wanted)
+        return False
+
+    def _for_tension(self) -> int:
+        """Substeps that the tension of the last frame asks for; at least those of the soft springs."""
+        if self.tight > TIGHTEST:
+            return 2 * ceil(0.55 * self.substeps * sqrt(self.tight / TIGHTEST))
+        calm = 2 * ceil(0.5 * self.substeps * max(sqrt(2 * self.tight / TIGHTEST), 0.5))
+        return min(self.substeps, max(self._least, calm))
+
+    def _go_over(self, state: SheetState, substeps: int) -> None:
+        """To other steps, and the steps in the state with them."""
+        before = self.step
+        self.take_steps(min(substeps, MOST_SUBSTEPS))
+        self.rescale(state, before)
+
+    def accelerations(self, sheet: Sheet, positions: NDArray, gravity: tuple[float, float, float]) -> NDArray:
+        """Without the threads: what they pull follows from what pulls at them, not from where they are."""
+        return super().accelerations(self._soft, positions, gravity)
+
+    @property
+    def found(self) -> tuple[float, ...]:
+        return (self.substeps,)
+
+    def go_on(self, found: tuple[float, ...]) -> None:
+        if found[0] != self.substeps:
+            self.take_steps(int(found[0]))

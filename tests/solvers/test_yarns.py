@@ -1,0 +1,269 @@
+"""Whole yarns against the same scheme in float64 with dense systems, against closed forms, and against themselves."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from taichi_cloth.ground.errors import InputError
+from taichi_cloth.motion.forces import Forces, FrameForces, Plane, Sphere, StrainLimit
+from taichi_cloth.motion.simulation import Simulation
+from taichi_cloth.sheet.energy import elastic_forces
+from taichi_cloth.sheet.materials import Material
+from taichi_cloth.sheet.pins import Pins
+from taichi_cloth.sheet.sheet import Sheet
+from taichi_cloth.sheet.springs import calibrate
+from taichi_cloth.solvers.verlet import Verlet
+from taichi_cloth.solvers.yarns import TIGHTEST, Yarns
+
+SIDE = 21
+SPACING = 1 / (SIDE - 1)
+CLOTH = Material(
+    tensile_warp=1000.0,
+    tensile_weft=800.0,
+    shear=60.0,
+    bending_warp=1e-5,
+    bending_weft=1e-5,
+    density=0.15,
+    air_damping=0.0,
+)
+FAR = Forces(  # every test has a ball and a plane, most of them far away: so all run the same kernel
+    sphere=Sphere(centre=(0.0, -900.0, 0.0), radius=0.25, friction=0.3), plane=Plane(height=-1000.0, friction=0.3)
+)
+RNG = np.random.Generator(np.random.Philox(key=11))
+
+
+def sheet_of(material: Material = CLOTH, *, pinned: tuple[slice | int, slice | int] | None = None) -> Sheet:
+    """1 m × 1 m."""
+    held = np.zeros((SIDE, SIDE), bool)
+    if pinned is not None:
+        held[pinned] = True
+    springs = calibrate(material, spacing_x=SPACING, spacing_y=SPACING)
+    return Sheet.rectangle(SIDE, SIDE, material=material, springs=springs, pinned=held)
+
+
+def times(stiff: float) -> Material:
+    return replace(CLOTH, tensile_warp=stiff * CLOTH.tensile_warp, tensile_weft=stiff * CLOTH.tensile_weft)
+
+
+def level(sheet: Sheet) -> np.ndarray:
+    """Lying flat at height 0: rows along −z."""
+    flat = sheet.flat()
+    return np.stack([flat[..., 0] - 0.5, 0.0 * flat[..., 0], -flat[..., 1]], axis=-1)
+
+
+def upright(sheet: Sheet) -> np.ndarray:
+    """In a vertical plane, the last row on top at height 0."""
+    return sheet.flat() - [0.0, 1.0, 0.0]
+
+
+def simulation(sheet: Sheet, positions: np.ndarray, forces: Forces = FAR, **options) -> Simulation:
+    pins = (Pins(sheet.pinned),) if sheet.pinned.any() else ()
+    return Simulation(sheet, Yarns(sheet, forces, **options), forces=forces, positions=positions, pins=pins)
+
+
+def largest(sheet: Sheet, positions: np.ndarray) -> float:
+    return max(float(part.max()) for part in sheet.stretch(positions))
+
+
+def whole_families(sheet: Sheet) -> list[tuple[np.ndarray, np.ndarray, np.ndarray, float, float]]:
+    """Of weft and warp: first and second key points (threads,), weights, spring constant [N/m], rest length [m]."""
+    number = np.arange(SIDE * SIDE).reshape(SIDE, SIDE)
+    s = sheet.springs
+    east, north = sheet.weights[0][:, :-1], sheet.weights[1][:-1]
+    return [
+        (number[:, :-1].ravel(), number[:, 1:].ravel(), east.ravel(), s.structural_x, s.spacing_x),
+        (number[:-1].ravel(), number[1:].ravel(), north.ravel(), s.structural_y, s.spacing_y),
+    ]
+
+
+def reference(sheet: Sheet, x: np.ndarray, u: np.ndarray, *, step: float, sweeps: int, done: int) -> tuple:
+    """One substep in float64: soft springs, then both families in turns, each as one dense system."""
+    soft = replace(sheet, springs=replace(sheet.springs, structural_x=0.0, structural_y=0.0))
+    inverse = sheet.inverse_mass[..., None]
+    acceleration = elastic_forces(soft, x) * inverse + np.where(inverse > 0, [0.0, -9.81, 0.0], 0.0)
+    u = np.where(inverse > 0, u + acceleration * step**2, u)
+    y, u, w = (x + u).reshape(-1, 3), u.reshape(-1, 3).copy(), sheet.inverse_mass.ravel()
+    families = whole_families(sheet)
+    tension = [np.zeros(len(one[0])) for one in families]
+    for turn in range(2 * sweeps):
+        number = (done + turn) % 2
+        p, q, weight, constant, rest = families[number]
+        apart = y[q] - y[p]
+        length = np.linalg.norm(apart, axis=1)
+        n = apart / length[:, None]
+        jacobian = np.zeros((len(p), len(w), 3))
+        rows = np.arange(len(p))
+        jacobian[rows, q], jacobian[rows, p] = n, -n
+        flat = jacobian.reshape(len(p), -1)
+        mobile = np.repeat(w, 3)
+        compliance = 1 / (constant * weight * step**2)  # in λ of a force × h²
+        matrix = (flat * mobile) @ flat.T + np.diag(compliance)
+        change = np.linalg.solve(matrix, -(length - rest + compliance * tension[number]))
+        tension[number] += change
+        move = (mobile * (flat.T @ change)).reshape(-1, 3)
+        y, u = y + move, u + move
+    return y.reshape(x.shape), u.reshape(x.shape)
+
+
+@pytest.mark.parametrize("stiff", [1.0, 1e4])
+def test_the_kernel_is_the_scheme_in_float64(stiff: float) -> None:
+    """A frame of two substeps from a rough start, within 1e-5 of the distance between key points."""
+    sheet = sheet_of(times(stiff), pinned=(-1, slice(None)))
+    free = sheet.inverse_mass[..., None] > 0
+    start = upright(sheet) + np.where(free, RNG.standard_normal((SIDE, SIDE, 3)), 0.0) * 0.02 * SPACING
+    solver = Yarns(sheet, FAR, frame_rate=2000.0)
+    assert solver.substeps == 2
+    state = sheet.state(start)
+    sheet.set_steps(state, np.where(free, RNG.standard_normal(start.shape), 0.0) * 1e-3 * SPACING)
+    x, u = sheet.positions(state).astype(float), sheet.steps(state).astype(float)
+    solver.advance(state, FrameForces())
+    for done in range(2):
+        x, u = reference(sheet, x, u, step=solver.step, sweeps=2, done=done)
+    assert np.abs(sheet.positions(state) - x).max() < 1e-5 * SPACING
+    assert np.abs(sheet.steps(state) - u).max() < 1e-5 * SPACING
+
+
+def test_each_sweep_leaves_a_share_of_the_error() -> None:
+    """What threads that cannot be stretched are off by, after 1, 2 and 3 sweeps of one substep: warp and weft are
+    coupled only where they are not at right angles."""
+    sheet = sheet_of(times(1e6), pinned=(-1, slice(None)))
+    start = upright(sheet)
+    start[..., 2] += 0.1 * np.sin(7 * start[..., 0] + 3 * start[..., 1]) * -start[..., 1]
+    left = []
+    for sweeps in (1, 2, 3):
+        solver = Yarns(sheet, FAR, frame_rate=1000.0, sweeps=sweeps)
+        state = sheet.state(start)
+        solver.advance(state, FrameForces())
+        left.append(max(float(np.abs(part).max()) for part in sheet.stretch(sheet.positions(state).astype(float))))
+    assert left[1] < 0.5 * left[0]
+    assert left[2] < 0.5 * left[1]
+
+
+def test_it_falls_as_all_falls() -> None:
+    sheet = sheet_of(times(1e4))
+    falling = simulation(sheet, level(sheet), frame_rate=60.0)
+    for _ in range(30):
+        falling.step()
+    assert falling.positions[..., 1].mean() == pytest.approx(-9.81 * 0.5**2 / 2, rel=1e-5)
+    assert np.ptp(falling.positions[..., 1]) < 1e-4
+
+
+@pytest.fixture(scope="module")
+def swings() -> dict[float, Simulation]:
+    """A sheet held along one edge and let go level, after half a second, by how stiff it is."""
+    out = {}
+    for stiff in (1e4, 1e6):
+        sheet = sheet_of(times(stiff), pinned=(-1, slice(None)))
+        out[stiff] = simulation(sheet, level(sheet))
+        for _ in range(30):
+            out[stiff].step()
+    return out
+
+
+def test_threads_that_cannot_be_stretched_move_alike(swings: dict[float, Simulation]) -> None:
+    apart = np.linalg.norm(swings[1e6].positions - swings[1e4].positions, axis=-1)
+    assert apart.max() < 1e-3
+    assert swings[1e6].solver.substeps == swings[1e4].solver.substeps
+
+
+def test_a_swing_is_that_of_springs_with_many_steps(swings: dict[float, Simulation]) -> None:
+    """Against Verlet at 100 × in its own, short steps: all key points, and the lowest, which is that of a whip."""
+    sheet = sheet_of(times(100.0), pinned=(-1, slice(None)))
+    own = simulation(sheet, level(sheet))
+    other = Simulation(
+        sheet, Verlet(sheet, FAR), forces=FAR, positions=level(sheet), pins=(Pins(sheet.pinned),)
+    )  # 7 times the substeps
+    for _ in range(30):
+        own.step()
+        other.step()
+    assert other.solver.substeps > 6 * own.solver.substeps
+    assert abs(own.positions[..., 1].min() - other.positions[..., 1].min()) < 15e-3
+    assert np.linalg.norm(own.positions - other.positions, axis=-1).mean() < 4e-3
+
+
+def test_a_hanging_sheet_is_as_long_as_its_law_says() -> None:
+    """Soft until its crimp is drawn out, then stiff: strain at a height from the weight below it."""
+    bent = replace(
+        CLOTH, tensile_warp=50.0, tensile_weft=50.0, drawn_warp=5000.0, drawn_weft=5000.0, crimp_warp=0.01,
+        crimp_weft=0.01, shear=0.01, bending_warp=1e-8, bending_weft=1e-8, air_damping=20.0,
+    )  # fmt: skip
+    sheet = sheet_of(bent, pinned=(-1, slice(None)))
+    hanging = simulation(sheet, upright(sheet))
+    for _ in range(90):
+        hanging.step()
+    strain = sheet.stretch(hanging.positions.astype(float))[1].mean(axis=1)
+    below = (np.arange(SIDE - 1) + 0.5) * SPACING  # of the middle of each thread, from the lower edge
+    pull = 0.15 * 9.81 * below
+    law = np.where(pull < 50.0 * 0.01, pull / 50.0, 0.01 + (pull - 50.0 * 0.01) / 5000.0)
+    assert np.abs(strain - law).max() < 2e-4
+
+
+def test_a_strain_limit_holds() -> None:
+    soft = replace(CLOTH, tensile_warp=20.0, tensile_weft=20.0, shear=5.0, air_damping=5.0)
+    sheet = sheet_of(soft, pinned=(-1, slice(None)))
+    held = simulation(sheet, upright(sheet), replace(FAR, strain_limit=StrainLimit(strain=0.01, passes=1)))
+    most = 0.0
+    for frame in range(60):
+        held.step()
+        most = max(most, largest(sheet, held.positions)) if frame > 5 else 0.0
+    assert 0.009 < most < 0.011
+
+
+def test_a_taut_string_gets_the_steps_it_needs() -> None:
+    """A load that would make the wave along the threads too quick for the step of the soft springs: the frame is taken
+    again with shorter ones, and where the load has gone they are long again."""
+    sheet = sheet_of(replace(times(1e4), air_damping=1.0, shear=5.0), pinned=(-1, slice(None)))
+    heavy = replace(FAR, gravity=(0.0, -20_000.0, 0.0))
+    loaded = simulation(sheet, upright(sheet), heavy)
+    first = loaded.solver.substeps
+    for _ in range(10):
+        loaded.step()
+    solver = loaded.solver
+    assert isinstance(solver, Yarns)
+    assert solver.substeps > 1.5 * first
+    assert solver.tight <= TIGHTEST
+    assert largest(sheet, loaded.positions) < 1e-3
+    calm = simulation(sheet, upright(sheet))
+    calm.solver.go_on((solver.substeps,))
+    for _ in range(10):
+        calm.step()
+    assert calm.solver.substeps < 1.3 * first
+
+
+@pytest.mark.parametrize(("slope", "slides"), [(0.25, False), (0.35, True)])
+def test_friction_on_a_slope_is_coulombs(slope: float, slides: bool) -> None:
+    """µ = 0.3 holds on a slope of 0.25 and lets go at 0.35, with the right acceleration, whatever the sweeps."""
+    tilt = np.arctan(slope)
+    gravity = tuple(9.81 * np.array([np.sin(tilt), -np.cos(tilt), 0.0]))
+    floor = Plane(height=-0.001, friction=0.3, gap=0.001)
+    sheet = sheet_of(times(1e3))
+    lying = simulation(sheet, level(sheet), replace(FAR, gravity=gravity, plane=floor), sweeps=3)
+    start = lying.positions[..., 0].mean()
+    for _ in range(30):
+        lying.step()
+    moved = lying.positions[..., 0].mean() - start
+    expected = 0.5 * 9.81 * (np.sin(tilt) - 0.3 * np.cos(tilt)) * 0.5**2 if slides else 0.0
+    assert moved == pytest.approx(expected, abs=2e-4 + 0.01 * abs(expected))
+
+
+def test_a_run_that_was_saved_goes_on_to_the_same_bytes(tmp_path) -> None:
+    sheet = sheet_of(replace(times(1e3), air_damping=1.0), pinned=(-1, slice(None)))
+    whole, half = (simulation(sheet, level(sheet)) for _ in range(2))
+    for _ in range(4):
+        whole.step()
+    for _ in range(2):
+        half.step()
+    half.save(tmp_path / "state.npz")
+    rest = simulation(sheet, level(sheet))
+    rest.restore(tmp_path / "state.npz")
+    for _ in range(2):
+        rest.step()
+    assert rest.state.values.tobytes() == whole.state.values.tobytes()
+
+
+def test_verlet_says_what_a_curve_needs() -> None:
+    with pytest.raises(InputError, match='need "yarns"'):
+        Verlet(sheet_of(replace(CLOTH, drawn_warp=1e5, crimp_warp=0.02)), FAR)
+    with pytest.raises(InputError, match="drawn_weft: 10 N/m; allowed: at least its 800 N/m"):
+        replace(CLOTH, drawn_weft=10.0)
