@@ -27,6 +27,7 @@ if os.name == "posix" and not (os.environ.get("HOME") or os.environ.get("XDG_CAC
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
+    from taichi_cloth.fabric.woven import weave_fabric
     from taichi_cloth.ground.errors import InputError, Unstable
     from taichi_cloth.ground.runtime import start
     from taichi_cloth.render.image.image import write_png
@@ -51,6 +52,7 @@ __all__ = [
     "plan",
     "read_wif",
     "start",
+    "weave_fabric",
     "write_png",
 ]
 
@@ -66,6 +68,7 @@ _ROOMS = {
     "plan": "scenes.plan.plan",
     "read_wif": "weave.wif",
     "start": "ground.runtime",
+    "weave_fabric": "fabric.woven",
     "write_png": "render.image.image",
 }
 """Name to the module it lives in."""

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_cloth.fabric.layout import Detail, FabricLayout, Threads, lay_out, required_bytes
+from taichi_cloth.fabric.layout import Detail, FabricLayout, lay_out, required_bytes
 from taichi_cloth.fabric.templates import particle_count, particles_per_body_block
+from taichi_cloth.fabric.woven import families_of
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.ground.memory import memory_limit, require_memory
 from taichi_cloth.weave.cloth_set import fit_set, opening_spacing, square_set_diameter
@@ -61,13 +62,7 @@ def prepare_fabric(scene: Scene, *, streamed: bool = False) -> Prepared:
 
     cloth, spacing, note = _woven(draft, section, yarns)
     colours = thread_colours(scene, draft, ends=draft.ends, picks=draft.picks)
-    families = []
-    for room, thick, flat, shades, yarn in (
-        (spacing[0], cloth.warp_diameter_m, cloth.warp_flat_m, colours[0], yarns[0]),
-        (spacing[1], cloth.weft_diameter_m, cloth.weft_flat_m, colours[1], yarns[1]),
-    ):
-        position = np.concatenate([[0.0], np.cumsum((room[1:] + room[:-1]) / 2)])
-        families.append(Threads(position, thick, thick + flat, np.asarray(shades, np.float32), yarn))
+    families = families_of(cloth, spacing, colours, yarns)
     layout = lay_out(
         cloth,
         *families,

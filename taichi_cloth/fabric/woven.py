@@ -1,0 +1,95 @@
+"""A fabric from a draft and its yarns: the shortest way from what a weaver states to fibres."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_cloth.fabric.fabric import Fabric, build_fabric
+from taichi_cloth.fabric.layout import Detail, Threads, lay_out
+from taichi_cloth.ground.errors import InputError
+from taichi_cloth.weave.cloth_set import fit_set, opening_spacing
+from taichi_cloth.weave.crimp import Interlacing
+from taichi_cloth.weave.draft import Draft
+from taichi_cloth.yarn.yarn import Yarn
+
+__all__ = ["families_of", "weave_fabric"]
+
+UNDYED = (0.72, 0.68, 0.60)  # linear
+
+
+def weave_fabric(
+    draft: Draft,
+    warp: Yarn,
+    weft: Yarn | None = None,
+    *,
+    ends_per_cm: float | None = None,
+    picks_per_cm: float | None = None,
+    flattening: float = 1.0,
+    detail: Detail | None = None,
+) -> Fabric:
+    """Weaves a draft from yarns: its blocks, and the templates of their fibres. Needs no Taichi; `Fabric.cloud` does.
+
+    weft: as the warp where None. ends_per_cm, picks_per_cm: the set [1/cm]; None takes the draft's own spacing, or what
+    just fits. flattening: of the threads in the cloth, width over thickness. Colours are the draft's, or undyed.
+
+    >>> import taichi_cloth as tc
+    >>> fabric = tc.weave_fabric(tc.named_weave("twill-2/2", ends=8, picks=8), tc.Yarn(count_tex=20), ends_per_cm=16)
+    >>> fabric.layout.cloth.warp_up.shape
+    (8, 8)
+
+    Raises InputError where the threads jam, with the thickness that would fit.
+    """
+    weft = weft or warp
+    diameter = tuple(
+        np.full(count, yarn.woven_diameter) if stated is None else stated
+        for count, yarn, stated in (
+            (draft.ends, warp, draft.warp_thickness_m),
+            (draft.picks, weft, draft.weft_thickness_m),
+        )
+    )
+    spacing = []
+    for own, other, per_cm, stated in (
+        (*diameter, ends_per_cm, draft.warp_spacing_m),
+        (*diameter[::-1], picks_per_cm, draft.weft_spacing_m),
+    ):
+        if per_cm is not None and not (np.isfinite(per_cm) and per_cm > 0):
+            raise InputError(f"weave_fabric: {per_cm!r} threads/cm; allowed: above 0, or None for what just fits")
+        if per_cm is not None:
+            spacing.append(np.full(len(own), 0.01 / per_cm))
+        else:
+            spacing.append(opening_spacing(own, other, flattening) if stated is None else np.asarray(stated))
+    rooms = (spacing[0], spacing[1])
+    fitted = fit_set(draft.warp_up, rooms, (diameter[0], diameter[1]), flattening=flattening, balance=0.5)
+    if fitted.thinned < 1.0:
+        raise InputError(
+            f"weave_fabric: threads of {1e3 * float(diameter[0].max()):.3f} mm (warp) and "
+            f"{1e3 * float(diameter[1].max()):.3f} mm (weft) jam at {0.01 / rooms[0].min():.1f} ends/cm and "
+            f"{0.01 / rooms[1].min():.1f} picks/cm; they fit at {fitted.thinned:.2f} of that: space them wider"
+        )
+    shades = tuple(
+        np.tile(np.array(UNDYED, np.float32), (count, 1)) if stated is None else stated
+        for count, stated in ((draft.ends, draft.warp_colour), (draft.picks, draft.weft_colour))
+    )
+    families = families_of(fitted.cloth, rooms, (shades[0], shades[1]), (warp, weft))
+    return build_fabric(lay_out(fitted.cloth, *families, detail=detail or Detail()))
+
+
+def families_of(
+    cloth: Interlacing,
+    spacing: tuple[NDArray, NDArray],
+    colour: tuple[NDArray, NDArray],
+    yarns: tuple[Yarn, Yarn],
+) -> tuple[Threads, Threads]:
+    """Warp ends and weft picks of a weave with its sizes, each where the room [m] of those before it puts it."""
+    thickness = (cloth.warp_diameter_m, cloth.weft_diameter_m)
+    flat = (cloth.warp_flat_m, cloth.weft_flat_m)
+    warp, weft = (
+        Threads(
+            np.concatenate([[0.0], np.cumsum((room[1:] + room[:-1]) / 2)]),
+            thick,
+            thick + wider,
+            np.asarray(shades, np.float32),
+            yarn,
+        )
+        for room, thick, wider, shades, yarn in zip(spacing, thickness, flat, colour, yarns, strict=True)
+    )
+    return warp, weft
