@@ -232,10 +232,21 @@ def _shares(outline: F64, origin: F64, spacing: tuple[float, float], shape: tupl
     rows, cols = shape
     out = np.zeros(shape)
     edges = np.arange(cols + 1)
-    for line in range(rows * SCANLINES):
-        y = origin[1] + spacing[1] * (line + 0.5) / SCANLINES
-        for left, right in (intervals(outline, y, 1) - origin[0]) / spacing[0]:
-            out[line // SCANLINES] += np.diff(np.clip(edges, left, right))
+    y = origin[1] + spacing[1] * (np.arange(rows * SCANLINES) + 0.5) / SCANLINES
+    # Where the outline crosses each line: from and to, from left to right, lines upwards.
+    a, b = outline, np.roll(outline, -1, axis=0)
+    line, edge = np.nonzero((a[:, 1] <= y[:, None]) != (b[:, 1] <= y[:, None]))
+    a, b = a[edge], b[edge]
+    x = a[:, 0] + (y[line] - a[:, 1]) / (b[:, 1] - a[:, 1]) * (b[:, 0] - a[:, 0])
+    order = np.lexsort((x, line))
+    spans = ((x[order] - origin[0]) / spacing[0]).reshape(-1, 2)
+    row = line[order][::2] // SCANLINES
+    # A span of each row of cells at a time, so that every cell's are summed in the order of the lines.
+    begin = np.searchsorted(row, np.arange(rows + 1))
+    for k in range(int(np.diff(begin).max(initial=0))):
+        there = np.flatnonzero(begin[:-1] + k < begin[1:])
+        left, right = spans[begin[there] + k].T
+        out[there] += np.diff(np.clip(edges, left[:, None], right[:, None]), axis=1)
     return out / SCANLINES
 
 
