@@ -32,7 +32,7 @@ from taichi_cloth.fabric.follow_rule import FollowRule
 from taichi_cloth.fabric.frames import frame_of_point
 from taichi_cloth.fabric.octets import octets_of
 from taichi_cloth.ground import runtime
-from taichi_cloth.ground.arrays import Address, F32x3, Int, Template
+from taichi_cloth.ground.arrays import F32x3, I64x1, Int, Template
 from taichi_cloth.ground.errors import InputError, did_you_mean
 from taichi_cloth.ground.particles import (
     COLOUR,
@@ -117,13 +117,13 @@ class FibreFollower:
         self.slots = (self._own - (-others // LANES)) * LANES
         self._spare = self._own * LANES - slots
         self._allocate(mask.size, len(self.kept), octets.ratio.size, octets.source.size)
-        _fill(self._present, mask)
-        _fill(self._record, np.stack(record, axis=1))
-        _fill(self._pitch, layout.kinds.pitch[kind])
-        _fill(self._start, octets.start)
-        _fill(self._ratio, octets.ratio)
+        self._fill(self._present, mask)
+        self._fill(self._record, np.stack(record, axis=1))
+        self._fill(self._pitch, layout.kinds.pitch[kind])
+        self._fill(self._start, octets.start)
+        self._fill(self._ratio, octets.ratio)
         columns = np.column_stack([getattr(bank, name) for name in MOVING])
-        _fill(self._bank, columns[octets.source].transpose(0, 2, 1))
+        self._fill(self._bank, columns[octets.source].transpose(0, 2, 1))
 
         of_block, particle, drawn = _placed(fabric, self.kept, spans)
         of_block, particle = of_block[drawn], particle[drawn]
@@ -161,18 +161,36 @@ class FibreFollower:
         self._bank = field(ti.f32, places * MOVED)
         self._out = field(ti.f32, ROWS * self.slots)
         self._blocks = blocks
+        self._filled = (self._present, self._record, self._pitch, self._start, self._ratio, self._bank, self._out)
         shape = (ROWS, self.slots // LANES, LANES)
         self._in_place = runtime.on_host()
         if self._in_place:
-            memory = (ctypes.c_float * (self.slots * ROWS)).from_address(self._address())
-            self.groups: F32 = np.ctypeslib.as_array(memory).reshape(shape)
+            self._address = np.zeros(len(self._filled), np.int64)
+            self._locate(self._address)
+            self.groups: F32 = self._seen(self._out)[: ROWS * self.slots].reshape(shape)
         else:
             self.groups = np.zeros(shape, np.float32)
         """All particles as the splatter's blocks, (ROWS, slots / 16, 16); valid until Taichi starts again."""
 
     @ti.kernel
-    def _address(self) -> Address:
-        return ti.get_addr(self._out, [0])
+    def _locate(self, address_out: I64x1):
+        for k in ti.static(range(len(self._filled))):
+            address_out[k] = ti.cast(ti.get_addr(self._filled[k], [0]), ti.i64)
+
+    def _seen(self, field: Any) -> NDArray[Any]:
+        """A field's memory on the host: Taichi would compile a copy for each field that is filled."""
+        number = next(k for k, own in enumerate(self._filled) if own is field)
+        kind = ctypes.c_int32 if field.dtype == ti.i32 else ctypes.c_float
+        return np.ctypeslib.as_array((kind * field.shape[0]).from_address(int(self._address[number])))
+
+    def _fill(self, field: Any, values: NDArray) -> None:
+        """Writes values to the beginning of a field."""
+        if self._in_place:
+            self._seen(field)[: values.size] = values.reshape(-1)
+        else:
+            flat = np.zeros(field.shape[0], np.int32 if field.dtype == ti.i32 else np.float32)
+            flat[: values.size] = values.reshape(-1)
+            field.from_numpy(flat)
 
     @property
     def particles(self) -> int:
@@ -302,13 +320,6 @@ class FibreFollower:
             self._out[p + ti.static((row + 1) * self.slots) + k] = y[k]
         for k in ti.static(range(OCTET)):
             self._out[p + ti.static((row + 2) * self.slots) + k] = z[k]
-
-
-def _fill(field: Any, values: NDArray) -> None:
-    """Writes values to the beginning of a field."""
-    flat = np.zeros(field.shape[0], np.int32 if field.dtype == ti.i32 else np.float32)
-    flat[: values.size] = values.reshape(-1)
-    field.from_numpy(flat)
 
 
 def _kept(fabric: Fabric, present: NDArray[np.bool_], spans: NDArray | None) -> NDArray[np.int64]:

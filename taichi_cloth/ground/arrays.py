@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 import taichi as ti
 
 __all__ = [
-    "Address",
     "F32x1",
     "F32x2",
     "F32x3",
@@ -37,7 +36,6 @@ if TYPE_CHECKING:
     Float = Any
     Int = Any
     Long = Any
-    Address = Any
     Template = Any
 else:
     F32x1 = ti.types.ndarray(ti.f32, 1)
@@ -52,5 +50,4 @@ else:
     Float = ti.f32
     Int = ti.i32
     Long = ti.i64
-    Address = ti.u64
     Template = ti.template()
