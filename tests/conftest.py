@@ -1,16 +1,57 @@
-"""Taichi is started once for the whole run: a second `ti.init` would throw away every field made before."""
+"""Taichi is started once in each process: a second `ti.init` would throw away every field and every compiled kernel.
 
+Compiling kernels is half of the suite's work, so tests that share kernels, bodies or garments run in one process.
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
 from typing import get_args
 
 import pytest
 
 from taichi_cloth.ground import runtime
 
+TESTS = Path(__file__).parent
+SHARED = {
+    "motion": ("constraints", "motion", "solvers", "scenes/test_report.py", "scenes/test_stability.py"),
+    "drawing": (
+        "render",
+        "detail",
+        "garment/test_garment_cloth.py",
+        "scenes/test_cloth_scenes.py",
+        "scenes/test_still.py",
+        "scenes/test_still_ids.py",
+    ),
+    "worn": ("body", "garment"),
+}
+"""Folders and files whose tests run in one process; those of any other file run in one, too."""
+
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--arch", choices=get_args(runtime.Arch), default="cpu", help="device that kernels run on")
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Names the group of each test, for `--dist loadgroup`."""
+    groups = {place: name for name, places in SHARED.items() for place in places}
+    for item in items:
+        file = item.path.relative_to(TESTS).as_posix()
+        group = groups.get(file) or groups.get(file.split("/")[0], file)
+        item.add_marker(pytest.mark.xdist_group(group))
+
+
 @pytest.fixture(scope="session", autouse=True)
 def taichi_runtime(pytestconfig: pytest.Config) -> runtime.Runtime:
     return runtime.start(pytestconfig.getoption("arch") or "cpu")
+
+
+@pytest.fixture(autouse=True)
+def started_once(taichi_runtime: runtime.Runtime) -> Iterator[None]:
+    yield
+    assert runtime.generation() == 1, "this test started Taichi anew; use the fixture keep_taichi"
+
+
+@pytest.fixture
+def keep_taichi(monkeypatch: pytest.MonkeyPatch, taichi_runtime: runtime.Runtime) -> None:
+    """For tests of commands, which start Taichi themselves."""
+    monkeypatch.setattr(runtime, "start", lambda *_, **__: taichi_runtime)

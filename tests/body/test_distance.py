@@ -38,6 +38,8 @@ SHAPES = {
     ),
 }
 FINE = 240
+MANY = 20_000
+"""Random points in and around a solid, beside those on its axis, its ends, its edges and its surface."""
 SPACING = 5e-3  # no point of a surface is further from a sample [m]
 
 
@@ -107,10 +109,10 @@ def places(primitive: Primitive, count: int) -> np.ndarray:
 
 @pytest.mark.parametrize("name", SHAPES)
 def test_the_distance_is_that_to_a_sampled_surface(name: str) -> None:
-    """10⁵ points. Samples lie on the surface, none further than s from the next: |d| ≤ nearest sample ≤ |d| + s, and
+    """Samples lie on the surface, none further than s from the next: |d| ≤ nearest sample ≤ |d| + s, and
     where the surface is smooth and far, ≤ |d| + s²/(2|d|) + s²/(2R). Lower bound to 1e-9 m."""
     primitive = SHAPES[name]
-    p = places(primitive, 100_000)
+    p = places(primitive, MANY)
     surface = profile(primitive)
     tree = KDTree(surface)
     d, _ = signed_distance(primitive, p)
@@ -128,7 +130,7 @@ def test_the_sign_and_the_gradient_belong_to_the_distance(name: str) -> None:
     """Unit to 1e-12; stepping back along it by the distance lands on the surface to 1e-9 m; equal to central
     differences, to their error of at most curvature times step, but across ridges inside (fewer than 1 %)."""
     primitive = SHAPES[name]
-    p = places(primitive, 100_000)
+    p = places(primitive, MANY)
     d, n = signed_distance(primitive, p)
     assert np.abs(np.linalg.norm(n, axis=1) - 1).max() < 1e-12
     assert np.abs(signed_distance(primitive, p - d[:, None] * n)[0]).max() < 1e-9
@@ -141,7 +143,7 @@ def test_the_sign_and_the_gradient_belong_to_the_distance(name: str) -> None:
         axis=1,
     )
     wrong = np.abs(differences - n).max(axis=1) > 1e-5 + 2 * e / np.abs(d)  # the curvature of a sharp edge is 1/d
-    assert wrong[:100_000].mean() < 0.01
+    assert wrong[:MANY].mean() < 0.01
     assert (d[wrong] < 0).all(), "ridges of a convex solid lie inside"
 
 
@@ -200,12 +202,12 @@ SLENDER = replace(SHAPES["sharp"], radii=(0.015, 0.12))
 
 @pytest.mark.parametrize("name", [*SHAPES, "slender"])
 def test_the_kernel_s_distance_is_exact_to_a_micrometre(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """10⁵ float32 points around the origin, against float64, to 1e-6 m. With the few steps that contact takes for an
+    """float32 points around the origin, against float64, to 1e-6 m. With the few steps that contact takes for an
     elliptic cylinder: within 10 mm of the surface, and beyond of the right sign and never more than the distance.
     The normal to 1e-3 (at the tips of thin and sharp ones to 1e-2)."""
     primitive = SLENDER if name == "slender" else SHAPES[name]
     primitive = replace(primitive, start=primitive.start - START, end=primitive.end - START)
-    p = places(primitive, 100_000).astype(np.float32)
+    p = places(primitive, MANY).astype(np.float32)
     p = p[: len(p) // LANES * LANES]
     exact, normal = signed_distance(primitive, p)
     near = np.abs(exact) < 0.01

@@ -1,5 +1,6 @@
 """Fibres that follow: rigid under rotation, equal to the plain loop, smooth across key points; crossings between."""
 
+import hashlib
 import subprocess
 import sys
 from dataclasses import replace
@@ -14,6 +15,7 @@ from taichi_cloth.fabric.fabric import Fabric, build_fabric
 from taichi_cloth.fabric.follow import FibreFollower
 from taichi_cloth.fabric.pose import pose_points
 from taichi_cloth.ground.errors import InputError
+from taichi_cloth.ground.runtime import Runtime
 
 NAMES = ("position", "tangent", "normal", "colour", "radius", "half_length", "openness")
 
@@ -202,29 +204,27 @@ def test_crossings_of_a_mask_lie_between_present_key_points_only() -> None:
 
 
 THREADS = """
-import hashlib, sys
-import numpy as np
+import sys
 from taichi_cloth.ground import runtime
 runtime.start("cpu", threads=int(sys.argv[1]))
 sys.path.insert(0, sys.argv[2])
-from test_fabric import woven
-from taichi_cloth.fabric.fabric import build_fabric
-from taichi_cloth.fabric.crossings import refine_points
-from taichi_cloth.fabric.pose import pose_points
-from taichi_cloth.fabric.follow import FibreFollower
-fabric = build_fabric(woven(ends=41, picks=41, fibres=2, steps=4, fringe=1.0))
-coarse = np.random.default_rng(5).normal(size=(11, 11, 3))
-groups = FibreFollower(fabric).follow(refine_points(coarse, None, 4))
-print(hashlib.sha256(groups.tobytes()).hexdigest(), len(fabric.layout.blocks.kind))
+from test_follow import many_blocks
+print(many_blocks())
 """
 
 
-def test_the_same_bytes_with_one_thread_and_two() -> None:
-    """More than 1024 blocks, so that two threads share them; in processes of their own, as Taichi starts anew."""
-    here = str(Path(__file__).parent)
-    said = [
-        subprocess.run([sys.executable, "-c", THREADS, str(n), here], capture_output=True, text=True, check=True).stdout
-        for n in (1, 2)
-    ]
-    assert said[0] == said[1]
-    assert int(said[0].split()[1]) > 1024
+def many_blocks() -> str:
+    """Digest of the particles of a fabric of more than 1024 blocks, so that two threads share them."""
+    fabric = build_fabric(woven(ends=41, picks=41, fibres=2, steps=4, fringe=1.0))
+    assert len(fabric.layout.blocks.kind) > 1024
+    coarse = np.random.default_rng(5).normal(size=(11, 11, 3))
+    groups = FibreFollower(fabric).follow(refine_points(coarse, None, 4))
+    return hashlib.sha256(groups.tobytes()).hexdigest()
+
+
+def test_the_same_bytes_with_one_thread_and_two(taichi_runtime: Runtime) -> None:
+    """Here, and in a process of its own, as Taichi starts anew: with one thread, unless that is all there are here."""
+    other = 1 if taichi_runtime.threads > 1 else 2
+    command = [sys.executable, "-c", THREADS, str(other), str(Path(__file__).parent)]
+    said = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    assert said.split() == [many_blocks()]

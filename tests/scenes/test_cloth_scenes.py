@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from taichi_cloth.ground import runtime
 from taichi_cloth.ground.errors import InputError, Unstable
 from taichi_cloth.motion.forces import SelfContact, StrainLimit
 from taichi_cloth.motion.simulation import Simulation
@@ -26,10 +25,7 @@ PLANNED = ["cloth.rows=17", "cloth.columns=33", "cloth.length_m=0.4", "cloth.wid
 ANIMATE = ["animate", "drape", *(part for text in SMALL for part in ("--set", text))]
 
 
-@pytest.fixture(autouse=True)
-def started(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Taichi is running already: starting it again would throw away what other tests have made."""
-    monkeypatch.setattr(runtime, "start", lambda *_args, **_options: None)
+pytestmark = pytest.mark.usefixtures("keep_taichi")
 
 
 def small(name: str, *more: str) -> ClothModel:

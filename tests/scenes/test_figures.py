@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from taichi_cloth.ground import runtime
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.render.image.image import read_png
 from taichi_cloth.scenes.paper import figures
@@ -29,6 +28,7 @@ def test_numbers_choose_figures() -> None:
             figures.numbers_of(wrong)
 
 
+@pytest.mark.usefixtures("keep_taichi")
 def test_a_failed_figure_is_named_and_the_rest_go_on(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -39,7 +39,6 @@ def test_a_failed_figure_is_named_and_the_rest_go_on(
     first = replace(figures.FIGURES[0], make=fails)
     second = replace(figures.FIGURES[1], make=lambda quick: grey, caption="a < b & c")
     monkeypatch.setattr(figures, "FIGURES", (first, second))
-    monkeypatch.setattr(runtime, "start", lambda *a, **k: None)  # started for the whole run
     assert figures.make_figures(out=tmp_path) == 1
     assert "figure 1–2: no such <cloth>" in capsys.readouterr().err
     assert sorted(p.name for p in tmp_path.iterdir()) == [second.file, "index.html", "made.json"]

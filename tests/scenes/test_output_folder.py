@@ -149,6 +149,7 @@ def test_a_damaged_frame_is_named_and_what_to_do(tmp_path: Path) -> None:
             Sequence.open(held, "a", 2, resume=True)
 
 
+@pytest.mark.usefixtures("keep_taichi")
 def test_a_damaged_state_says_what_to_delete(tmp_path: Path) -> None:
     mesh = ["cloth.representation=mesh", "cloth.rows=8", "cloth.columns=8", "output.frames=2", "output.size=[64, 48]"]
     scene = load_scene("flag", mesh)

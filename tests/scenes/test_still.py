@@ -26,9 +26,7 @@ from taichi_cloth.scenes.scene.load import load_scene
 SMALL = ["--set", "weave.ends=8", "--set", "weave.picks=6", "--size", "120x90"]
 
 
-@pytest.fixture(autouse=True)
-def keep_taichi(monkeypatch: pytest.MonkeyPatch, taichi_runtime: runtime.Runtime) -> None:
-    monkeypatch.setattr(runtime, "start", lambda *a, **k: taichi_runtime)
+pytestmark = pytest.mark.usefixtures("keep_taichi")
 
 
 def still(folder: Path, *more: str) -> int:
