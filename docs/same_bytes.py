@@ -80,9 +80,7 @@ def hashes(out: Path) -> dict[str, str]:
     found = {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in sorted(out.glob("*.png"))}
     for path in out.glob("*.npz"):
         with np.load(path, allow_pickle=False) as arrays:
-            for name in sorted(
-                set(arrays.files) - {"made_of"}
-            ):  # what it was made of is a hash of names, not of values
+            for name in sorted(set(arrays.files) - {"made_for"}):  # a hash of what it follows from, names included
                 found[f"{path.name}/{name}"] = hashlib.sha256(arrays[name].tobytes()).hexdigest()
     return found
 
