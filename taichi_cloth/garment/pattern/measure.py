@@ -1,6 +1,7 @@
 """A body's figure read off its skin: girths by tape, heights where sections split and are widest or narrowest."""
 
 from collections.abc import Callable
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +20,12 @@ F64 = NDArray[np.float64]
 STEP = 0.005  # between the heights that are looked at [m]
 
 
+@lru_cache(maxsize=4)
 def figure_of(body: Body) -> Figure:
-    """What patterns need to know of a body at rest. Raises InputError on one without two arms and two legs apart."""
+    """What patterns need to know of a body at rest; the last few are remembered.
+
+    Raises InputError on one without two arms and two legs apart.
+    """
     skin = _Skin(body)
     tall = body.stature
     joints = dict(zip(body.skeleton.names, body.skeleton.joints, strict=True))
