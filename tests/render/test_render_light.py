@@ -200,6 +200,7 @@ def test_sky_gradient_is_its_integral() -> None:
     way = np.stack([ring * np.cos(around), y, ring * np.sin(around)], 1)
     horizon, sky, ground = (np.array(c) for c in (dome.horizon, dome.sky, dome.ground))
     radiance = np.where(y[:, None] > 0, horizon + (sky - horizon) * y[:, None], ground) * dome.fill * 2
+    splatter = Splatter(16, 16)
     for b in np.radians([0, 35, 90, 140, 180]):
         cosine = np.maximum(way @ (np.sin(b), np.cos(b), 0), 0)
         expected = (radiance * cosine[:, None]).sum(axis=0) * 4 / len(k)  # 4 pi / n, over pi
@@ -208,7 +209,7 @@ def test_sky_gradient_is_its_integral() -> None:
         normal = np.array([np.sin(b), np.cos(b), 0.0])
         disc = Particles([[0, 0, 0]], 0.1, (1, 1, 1), (0, 0, 1), normal, opacity=1.0)
         side = (0, 0, 1) if abs(normal[1]) > 0.9 else UP
-        splatter = Splatter(16, 16).load(disc)
+        splatter.load(disc)
         plain = Finish(fibre=0, specular=0, sheen=0, roundness=0)
         splatter.render(look_at(0.2 * normal, (0, 0, 0), up=side, width=16, height=16), lighting=dome, finish=plain)
         np.testing.assert_allclose(splatter.linear()[8, 8, :3], expected, atol=0.002 * 1.6)
@@ -230,11 +231,11 @@ FULL = Lighting(
 )  # fmt: skip
 
 
+LOBES = Finish(model="marschner")
+
+
 def test_same_bytes_for_any_number_of_chunks() -> None:
-    images = [
-        Splatter(96, 96, chunks=n).load(cloth()).render(camera(), lighting=FULL, finish=Finish(model="marschner"))
-        for n in (1, 2, 5)
-    ]
+    images = [Splatter(96, 96, chunks=n).load(cloth()).render(camera(), lighting=FULL, finish=LOBES) for n in (1, 2, 5)]
     assert np.array_equal(images[0], images[1])
     assert np.array_equal(images[0], images[2])
 
@@ -254,12 +255,12 @@ def test_a_pass_is_made_once_a_pose_and_light() -> None:
     splatter = Splatter(64, 64).load(cloth())
     cameras = [look_at((x, 0.2, 0.25), (0, 0, 0), width=64, height=64) for x in (0.0, 0.1, 0.2)]
     for view in cameras:
-        splatter.render(view, lighting=FULL)
+        splatter.render(view, lighting=FULL, finish=LOBES)
     assert splatter.light.lookups == 3  # two lights and the sky, in the first view
     for view in cameras:
-        splatter.render(view, lighting=replace(FULL, key_follows_camera=True))
+        splatter.render(view, lighting=replace(FULL, key_follows_camera=True), finish=LOBES)
     assert splatter.light.lookups == 6
-    splatter.load(cloth(4)).render(cameras[0], lighting=FULL)
+    splatter.load(cloth(4)).render(cameras[0], lighting=FULL, finish=LOBES)
     assert splatter.light.lookups == 9
     key_map = splatter.light.key_map()
     assert key_map is not None
@@ -276,7 +277,7 @@ def test_light_maps_are_counted() -> None:
 
 def test_batches_make_no_light_pass() -> None:
     splatter = Splatter(64, 64)
-    splatter.begin(camera(64), lighting=FULL).add(cloth()).add(cloth(4)).finish()
+    splatter.begin(camera(64), lighting=FULL, finish=LOBES).add(cloth()).add(cloth(4)).finish()
     assert splatter.light.lookups == 0
 
 
@@ -285,10 +286,10 @@ def test_batches_are_lit_by_maps_of_the_whole() -> None:
     near, far = cloth(), cloth(4)
     near = replace(near, position=near.position + np.array([0, 0.15, 0.15], np.float32))
     splatter = Splatter(96, 96, opaque=0.0).load(concatenate([near, far]))
-    whole = splatter.render(camera(), lighting=FULL).astype(int)
-    bare = splatter.render(camera(), lighting=FULL.without_maps()).astype(int)
+    whole = splatter.render(camera(), lighting=FULL, finish=LOBES).astype(int)
+    bare = splatter.render(camera(), lighting=FULL.without_maps(), finish=LOBES).astype(int)
     splatter.light.hold(splatter.cast_light(camera(), FULL))
-    drawn = splatter.begin(camera(), lighting=FULL).add(near).add(far).finish().astype(int)
+    drawn = splatter.begin(camera(), lighting=FULL, finish=LOBES).add(near).add(far).finish().astype(int)
     # Depth keys have 22 bits of each batch's own depth: a pair of particles may change places.
     assert np.percentile(np.abs(drawn - whole), 99) <= 2
     assert np.abs(whole - bare).mean() > 4
@@ -315,10 +316,10 @@ def test_texels_stay_where_they_are_while_things_move(moved: float) -> None:
 
 def test_shadow_falls_on_the_image() -> None:
     lid = sheet(0.04, half=0.02)
-    lighting = Lighting(direction=(0, 1, 0), key_follows_camera=False, fill=0.05, shadows=True)
+    lighting = Lighting(direction=(0, 1, 0), key_follows_camera=False, fill=0.05, shadows=True, occlusion=True)
     view = look_at((0, 0.05, 0.3), (0, 0.0, 0), width=96, height=96, fov=40)
     splatter = Splatter(96, 96).load(concatenate([sheet(0.0, half=0.06), lid]))
-    lit = splatter.render(view, lighting=replace(lighting, shadows=False)).astype(int)
+    lit = splatter.render(view, lighting=lighting.without_maps()).astype(int)
     dark = splatter.render(view, lighting=lighting).astype(int)
     x, y, _ = view.project([[0, 0, -0.003]])[0].astype(int)
     assert dark[y, x].max() < 0.5 * lit[y, x].max()
@@ -392,9 +393,17 @@ def test_decay_is_the_exponential() -> None:
 def brightness(finish: Finish, light: tuple[float, float, float], **more) -> float:
     """Mean linear light of a thread across the image, lit from a direction of the viewer's."""
     x = np.arange(-0.05, 0.05, 0.002)
-    thread = Particles(np.stack([x, 0 * x, 0 * x], 1), 0.004, (0.7, 0.5, 0.3), (1, 0, 0), (0, 0, 1), half_length=0.003)
+    thread = Particles(
+        np.stack([x, 0 * x, 0 * x], 1),
+        0.004,
+        (0.7, 0.5, 0.3),
+        (1, 0, 0),
+        (0, 0, 1),
+        half_length=0.003,
+        openness=np.ones(len(x)),
+    )
     view = look_at((0, 0, 0.2), (0, 0, 0), width=64, height=64)
-    lighting = Lighting(direction=light, key=1.0, key_colour=(1, 1, 1), fill=0.0, **more)
+    lighting = Lighting(direction=light, key=1.0, key_colour=(1, 1, 1), fill=0.0, occlusion=True, **more)
     splatter = Splatter(64, 64).load(thread)
     splatter.render(view, lighting=lighting, finish=finish, background=Background(top=(0, 0, 0)))
     return float(splatter.linear()[..., :3].mean())

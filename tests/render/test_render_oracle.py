@@ -149,7 +149,7 @@ def test_thread_is_lit_as_a_round_one() -> None:
 def brightness(finish: Finish, *, tangent: tuple[float, float, float], openness: float = 1.0) -> float:
     """Green of a ball that faces the viewer, lit from above at 45 degrees."""
     particle = Particles(
-        [(0, 0, 0)], 0.1, (0.2, 0.2, 0.2), tangent, (0, 0, 1), openness=np.full(1, openness), opacity=1.0
+        [(0, 0, 0)], 0.1, (0.2, 0.2, 0.2), tangent, (0, 0, 1), openness=np.full(1, openness), opacity=np.ones(1)
     )
     splatter = Splatter(72, 56).load(particle)
     splatter.render(FRONT, lighting=Lighting(direction=(0, 1, 1)), finish=finish)

@@ -105,7 +105,9 @@ def test_numbers_are_exact_and_never_blended() -> None:
 
 def test_faint_things_in_front_do_not_count() -> None:
     place = [[0, 0, 1.0], [0, 0, 1.5]]
-    made = drawn(balls(place, 0.2, opacity=[0.3, 1.0], yarn=[1, 2], normal=[[1, 0, 0], [0, 0, -1]]), camera())
+    made = drawn(
+        balls(place, 0.2, opacity=[0.3, 1.0], openness=[1, 1], yarn=[1, 2], normal=[[1, 0, 0], [0, 0, -1]]), camera()
+    )
     assert made.yarn is not None
     assert made.depth is not None
     assert made.normal is not None
@@ -136,7 +138,7 @@ def test_mesh_is_in_every_pass() -> None:
 
 
 def test_matrices_bring_depths_back_to_the_world() -> None:
-    view = look_at((0.4, 0.3, 1.0), (0.0, 0.0, 0.0), width=160, height=120, fov=25)
+    view = look_at((0.4, 0.3, 1.0), (0.0, 0.0, 0.0), width=320, height=240, fov=25)
     place = np.random.default_rng(5).uniform(-0.15, 0.15, (60, 3))
     depth = drawn(balls(place, 0.02), view, ("depth",)).depth
     assert depth is not None

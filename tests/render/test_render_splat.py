@@ -78,6 +78,7 @@ def test_nearest_is_in_front_whatever_the_order() -> None:
         depth=1 + np.arange(n) * 1e-3,
         colour=random.random((n, 3)),
         opacity=random.random(n),
+        openness=random.random(n),
     )
     order = random.permutation(n)
     mixed = Particles(
@@ -87,6 +88,7 @@ def test_nearest_is_in_front_whatever_the_order() -> None:
         scene.tangent[order],
         scene.normal[order],
         opacity=np.asarray(scene.opacity)[order],
+        openness=np.asarray(scene.openness)[order],
     )
     images = [Splatter(64, 48).load(p).render(camera()) for p in (scene, mixed)]
     assert (images[0] == images[1]).all()

@@ -48,7 +48,7 @@ def test_a_twisting_yarn_numbers_its_singles(taichi_runtime) -> None:
 
 
 def test_a_fibre_numbers_its_two_pictures(taichi_runtime) -> None:
-    panels = build(load_scene("fibre", ["fibre.length_um=20", "fibre.spacing_um=2"])).panels()
+    panels = build(load_scene("fibre", ["fibre.length_um=20", "fibre.spacing_um=5"])).panels()
     assert [int(numbered(panel).part[0]) for panel in panels] == [0, 1]
 
 
