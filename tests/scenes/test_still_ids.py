@@ -7,6 +7,7 @@ import pytest
 
 from taichi_cloth.render.tiles.mesh import Mesh
 from taichi_cloth.scenes.commands.still import shoot
+from taichi_cloth.scenes.models import fibre_model
 from taichi_cloth.scenes.models.build import build
 from taichi_cloth.scenes.models.model import Model, Panel
 from taichi_cloth.scenes.picture.view import View
@@ -47,8 +48,9 @@ def test_a_twisting_yarn_numbers_its_singles(taichi_runtime) -> None:
     assert np.linalg.norm(middle[0] - middle[1]) > 2 * panel.particles.radius.mean()  # they lie side by side
 
 
-def test_a_fibre_numbers_its_two_pictures(taichi_runtime) -> None:
-    panels = build(load_scene("fibre", ["fibre.length_um=20", "fibre.spacing_um=5"])).panels()
+def test_a_fibre_numbers_its_two_pictures(taichi_runtime, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(fibre_model, "SURFACE_POINTS", 20_000)
+    panels = build(load_scene("fibre", ["fibre.length_um=20", "fibre.spacing_um=2"])).panels()
     assert [int(numbered(panel).part[0]) for panel in panels] == [0, 1]
 
 
