@@ -4,14 +4,13 @@ Compiling kernels is half of the suite's work, so tests that share kernels, bodi
 """
 
 from collections.abc import Iterator
-from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
 import pytest
+from xdist.scheduler.loadscope import LoadScopeScheduling
 
 from taichi_cloth.ground import runtime
 
-TESTS = Path(__file__).parent
 SHARED = {
     "motion": ("constraints", "motion", "solvers", "scenes/test_report.py", "scenes/test_stability.py"),
     "drawing": (
@@ -25,19 +24,23 @@ SHARED = {
     "worn": ("body", "garment"),
 }
 """Folders and files whose tests run in one process; those of any other file run in one, too."""
+GROUPS = {place: name for name, places in SHARED.items() for place in places}
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--arch", choices=get_args(runtime.Arch), default="cpu", help="device that kernels run on")
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Names the group of each test, for `--dist loadgroup`."""
-    groups = {place: name for name, places in SHARED.items() for place in places}
-    for item in items:
-        file = item.path.relative_to(TESTS).as_posix()
-        group = groups.get(file) or groups.get(file.split("/")[0], file)
-        item.add_marker(pytest.mark.xdist_group(group))
+class ByGroup(LoadScopeScheduling):
+    """Hands out groups of tests as wholes. `--dist loadgroup` would, too, but cannot with pytest 9."""
+
+    def _split_scope(self, nodeid: str) -> str:
+        file = nodeid.split("::")[0].removeprefix("tests/")
+        return GROUPS.get(file) or GROUPS.get(file.split("/")[0], file)
+
+
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> ByGroup:
+    return ByGroup(config, log)
 
 
 @pytest.fixture(scope="session", autouse=True)
