@@ -2,6 +2,7 @@
 
 import ast
 import importlib.metadata
+import re
 import shutil
 import subprocess
 import sys
@@ -28,6 +29,9 @@ ROOMS = {
 
 LARGEST_ROOM = 15
 """Modules in a folder, `__init__.py` apart."""
+
+LONGEST_FUNCTION, MOST_ARGUMENTS = 120, 12
+"""Lines from `def` to the end; arguments, `self` apart, of what Taichi compiles."""
 
 FRONT_DOOR = REPOSITORY / "taichi_cloth" / "__init__.py"
 """Names what lies in any room, for type checkers alone; it imports a room when one of its names is asked for."""
@@ -122,6 +126,47 @@ def arrows() -> dict[str, set[str]]:
             if there not in (None, here, "taichi_cloth"):  # taichi_cloth itself: the version
                 found[here].add(str(there))
     return found
+
+
+FUNCTIONS = [
+    (f"{path.relative_to(REPOSITORY).as_posix()}: {node.name}", node)
+    for path in MODULES
+    for node in ast.walk(ast.parse(path.read_text("utf-8")))
+    if isinstance(node, ast.FunctionDef)
+]
+"""Name and tree of every function of the rooms."""
+
+
+def test_no_function_is_longer_than_two_screens() -> None:
+    lengths = {name: (node.end_lineno or 0) - node.lineno + 1 for name, node in FUNCTIONS}
+    assert {name: lines for name, lines in lengths.items() if lines > LONGEST_FUNCTION} == {}
+
+
+def test_kernels_take_few_arguments() -> None:
+    def compiled(node: ast.FunctionDef) -> bool:
+        return any(ast.unparse(made) in ("ti.kernel", "ti.func") for made in node.decorator_list)
+
+    counts = {
+        name: len([one for one in ast.walk(node.args) if isinstance(one, ast.arg) and one.arg != "self"])
+        for name, node in FUNCTIONS
+        if compiled(node)
+    }
+    assert len(counts) > 100
+    assert {name: count for name, count in counts.items() if count > MOST_ARGUMENTS} == {}
+
+
+def test_a_type_checker_is_muted_line_by_line_or_for_one_rule() -> None:
+    """In a file of kernels one rule that many lines would break, with a comment above that says why."""
+    wrong = []
+    for path in MODULES:
+        lines = path.read_text("utf-8").splitlines()
+        mutes = [k for k, line in enumerate(lines) if re.match(r"#\s*(pyright|type):", line)]
+        if len(mutes) > 1 or any(
+            not re.fullmatch(r"# pyright: report\w+=false", lines[k]) or not lines[k - 1].startswith("# ")
+            for k in mutes
+        ):
+            wrong.append(path.relative_to(REPOSITORY).as_posix())
+    assert wrong == []
 
 
 def test_arrows_between_folders_go_one_way() -> None:

@@ -206,15 +206,10 @@ def project(
             else:
                 reach, alpha = _soft(radius)
                 edge = Vec16(view[EDGE, 0])
-            half_width = reach
-            half_height = reach
-            s_x = reach
-            s_y = reach
-            t_x = reach
-            t_y = reach
-            slope = reach
-            endwise = reach
-            edge_along = reach
+            half_width, half_height = reach, reach
+            # Of an elongated piece its outline; the others only need the names to be there.
+            s_x, s_y, t_x, t_y = reach, reach, reach, reach
+            slope, endwise, edge_along = reach, reach, reach
             if ti.static(layout.elliptic):
                 reach, alpha, edge, half_width, half_height, s_x, s_y, t_x, t_y, endwise, edge_along = _piece(
                     layout, crisp, particles, view, b, scale, u, v, radius, reach, edge

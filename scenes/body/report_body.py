@@ -4,9 +4,6 @@ The points are those of a garment: as many as the paper's T-shirt has key points
 in it, Philox by a fixed seed. Times are CPU time of one thread, medians.
 """
 
-# matplotlib is an extra.
-# pyright: reportMissingImports=false
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -167,11 +164,11 @@ def query_lines(rows: Sequence[QueryRow]) -> list[str]:
 def draw_rows(rows: Sequence[BodyRow], path: Path | str) -> None:
     """Error and cost against the number of primitives, to a PNG. Raises InputError without matplotlib."""
     try:
-        import matplotlib
+        import matplotlib  # pyright: ignore[reportMissingImports]
     except ImportError:
         raise InputError("report: needs matplotlib; install it with: pip install taichi-cloth[report]") from None
     matplotlib.use("Agg")
-    from matplotlib import pyplot
+    from matplotlib import pyplot  # pyright: ignore[reportMissingImports]
 
     count = [row.primitives for row in rows]
     figure, (error, cost) = pyplot.subplots(1, 2, figsize=(10, 4.2), layout="constrained")

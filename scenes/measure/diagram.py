@@ -1,8 +1,5 @@
 """Error against time, log–log: a panel for each of a study's, a line for each method, a ring round each default."""
 
-# matplotlib is an extra.
-# pyright: reportMissingImports=false
-
 from collections.abc import Sequence
 from io import BytesIO
 from math import isfinite
@@ -41,7 +38,7 @@ ROOM = 2.5
 def require_matplotlib() -> None:
     """Raises InputError without it."""
     try:
-        import matplotlib.figure  # noqa: F401
+        import matplotlib.figure  # noqa: F401  # pyright: ignore[reportMissingImports]
     except ImportError:
         raise InputError(
             'report: diagrams need matplotlib; install it with: pip install "taichi-cloth[report]"'
@@ -51,8 +48,8 @@ def require_matplotlib() -> None:
 def draw(study: Study, rows: Sequence[Row]) -> bytes:
     """The diagram as a PNG. Raises InputError without matplotlib."""
     require_matplotlib()
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
+    from matplotlib.backends.backend_agg import FigureCanvasAgg  # pyright: ignore[reportMissingImports]
+    from matplotlib.figure import Figure  # pyright: ignore[reportMissingImports]
 
     lines = lines_of(rows)
     panels = list(dict.fromkeys(panel for panel, _ in lines))
@@ -84,8 +81,8 @@ def draw(study: Study, rows: Sequence[Row]) -> bytes:
 
 def _panel(axis: Any, study: Study, lines: dict[str, list[Row]], methods: Sequence[str]) -> list[Any]:
     """Draws a panel; its labels."""
-    from matplotlib.patheffects import Normal, Stroke
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+    from matplotlib.patheffects import Normal, Stroke  # pyright: ignore[reportMissingImports]
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter  # pyright: ignore[reportMissingImports]
 
     count = sum(len(line) for line in lines.values())
     first, labels = True, []
@@ -159,7 +156,7 @@ def _panel(axis: Any, study: Study, lines: dict[str, list[Row]], methods: Sequen
 def _set_apart(axis: Any, labels: Sequence[Any]) -> None:
     """Each label to the first of its sides where it is in the panel and clear of points and of the labels before it, or
     where it covers least of them."""
-    from matplotlib.transforms import Bbox
+    from matplotlib.transforms import Bbox  # pyright: ignore[reportMissingImports]
 
     inside = axis.get_window_extent()
     taken = []

@@ -4,14 +4,14 @@ float32 will not do for very stiff sheets: at 10⁴ × cotton a step of 0.4 µs 
 apart at half a metre where it is slower than 4 cm/s. The springs are those of `energy.links`.
 """
 
-# pyright: reportOptionalCall=false, reportOperatorIssue=false, reportGeneralTypeIssues=false, reportCallIssue=false
-
 from math import ceil, exp, expm1
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
 
+from taichi_cloth.ground.arrays import I32x2, Int
 from taichi_cloth.motion.forces import Forces
 from taichi_cloth.sheet.energy import accelerations, hinges, links
 from taichi_cloth.sheet.sheet import Sheet
@@ -21,25 +21,29 @@ __all__ = ["reference"]
 
 F64 = NDArray[np.float64]
 
-
-_F1, _F2, _I2 = ti.types.ndarray(ti.f64, 1), ti.types.ndarray(ti.f64, 2), ti.types.ndarray(ti.i32, 2)
+if TYPE_CHECKING:
+    F64x1 = Any
+    F64x2 = Any
+else:
+    F64x1 = ti.types.ndarray(ti.f64, 1)
+    F64x2 = ti.types.ndarray(ti.f64, 2)
 
 
 @ti.kernel
 def _run(
     # model
-    ends: _I2,  # pyright: ignore[reportInvalidTypeForm]
-    constant: _F1,  # pyright: ignore[reportInvalidTypeForm]
-    rest: _F1,  # pyright: ignore[reportInvalidTypeForm]
-    corners: _I2,  # pyright: ignore[reportInvalidTypeForm]
-    beta: _F1,  # pyright: ignore[reportInvalidTypeForm]
-    inverse: _F1,  # pyright: ignore[reportInvalidTypeForm]
-    world: _F1,  # pyright: ignore[reportInvalidTypeForm]
-    steps: ti.i32,  # pyright: ignore[reportInvalidTypeForm]
+    ends: I32x2,
+    constant: F64x1,
+    rest: F64x1,
+    corners: I32x2,
+    beta: F64x1,
+    inverse: F64x1,
+    world: F64x1,
+    steps: Int,
     # in and out
-    x: _F2,  # pyright: ignore[reportInvalidTypeForm]
-    u: _F2,  # pyright: ignore[reportInvalidTypeForm]
-    f: _F2,  # pyright: ignore[reportInvalidTypeForm]
+    x: F64x2,
+    u: F64x2,
+    f: F64x2,
 ):
     """world: gravity h² (3), kept share of a step, centre (3), radius, friction of the ball; constants come × h²."""
     ti.loop_config(serialize=True)

@@ -13,10 +13,6 @@ Where steps are so long that a limb could be crossed in one, the way of the step
 the thinnest primitive.
 """
 
-# In kernels a vector is a Taichi expression, which type checkers cannot follow.
-# pyright: reportReturnType=false, reportArgumentType=false
-# pyright: reportOptionalCall=false, reportOperatorIssue=false, reportGeneralTypeIssues=false, reportCallIssue=false
-
 from copy import copy
 
 import numpy as np
@@ -178,9 +174,10 @@ def _axes(p: Solid) -> tuple[F64, F64]:
     length = float(np.linalg.norm(span))
     axis = span / length if length > 0 else np.array([0.0, 1.0, 0.0])
     if p.kind == "elliptic":
+        assert p.across is not None
         return axis, p.across if p.radii[0] >= p.radii[1] else np.cross(p.across, axis)
     across = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
-    return axis, across / np.linalg.norm(across)
+    return axis, across / np.linalg.norm(across)  # pyright: ignore[reportReturnType]
 
 
 def _shapes(body: Colliders) -> F64:

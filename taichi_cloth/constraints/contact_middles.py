@@ -12,9 +12,7 @@ through every substep, one after the other in a fixed order, each seeing what th
 from one side of a limb to the other within one step is not seen.
 """
 
-# In kernels a vector is a Taichi expression, which type checkers cannot follow.
-# pyright: reportOptionalCall=false, reportOperatorIssue=false, reportGeneralTypeIssues=false
-# pyright: reportArgumentType=false, reportCallIssue=false
+from typing import Any
 
 import numpy as np
 import taichi as ti
@@ -40,6 +38,11 @@ PLANE = 4  # normal, offset from the anchor
 @ti.data_oriented
 class MiddleFields:
     """Springs near thin solids, in groups of LANES that are near the same one, and the planes that they may touch."""
+
+    # Numbers of these are bounds of loops: type checkers would take them for matrices.
+    solids: Any
+    groups: Any
+    entries: Any
 
     def __init__(self, surface: Response, padded_shape: tuple[int, int]) -> None:
         rows, width = padded_shape

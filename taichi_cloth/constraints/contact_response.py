@@ -12,9 +12,7 @@ Cloth that sticks to a limb keeps its planes.
 A block's lists and planes are its own, so parts of the sheet on several threads share nothing they write.
 """
 
-# In kernels a vector is a Taichi expression, which type checkers cannot follow.
-# pyright: reportArgumentType=false, reportOptionalSubscript=false, reportIndexIssue=false
-# pyright: reportOptionalCall=false, reportOperatorIssue=false, reportGeneralTypeIssues=false, reportCallIssue=false
+from typing import Any
 
 import numpy as np
 import taichi as ti
@@ -49,6 +47,10 @@ TURNING = 0.25  # share of the slip that may become approach meanwhile
 @ti.data_oriented
 class Response(BodySurface):
     """What the kernel works on. sparing: whether some key points do not meet all bones."""
+
+    # Numbers of these are bounds of loops: type checkers would take them for matrices.
+    count: Any
+    entries: Any
 
     def __init__(
         self,
@@ -102,17 +104,17 @@ class Response(BodySurface):
                 if ti.static(self.sparing):
                     spared &= self.spared[k]
         count, soonest = 0, 1 << 24
-        if low[0] < 1e29:
+        if low[0] < 1e29:  # pyright: ignore[reportIndexIssue]
             wait = self.wait[None]
             margin = self.gap[None] + wait * (self.spare_step[None] + GROWTH * ti.sqrt(fastest))
-            middle, radius = 0.5 * (low + high), 0.5 * (high - low).norm()
-            step, spread = 0.5 * (slow + fast), 0.5 * (fast - slow).norm()
+            middle, radius = 0.5 * (low + high), 0.5 * (high - low).norm()  # pyright: ignore[reportOptionalCall]
+            step, spread = 0.5 * (slow + fast), 0.5 * (fast - slow).norm()  # pyright: ignore[reportOptionalCall]
             node, nodes = 0, int(self.boxes[None])
             while node < nodes:
                 q = node * BOX
                 apart = 0.0
                 for k in ti.static(range(3)):
-                    apart = ti.max(apart, self.box[q + k] - high[k], low[k] - self.box[q + 3 + k])
+                    apart = ti.max(apart, self.box[q + k] - high[k], low[k] - self.box[q + 3 + k])  # pyright: ignore[reportIndexIssue]
                 if apart > margin:
                     node = self.skip[node]
                 else:
@@ -121,7 +123,7 @@ class Response(BodySurface):
                         i |= -((spared >> self.bone(ti.max(i, 0))) & 1)
                     if i >= 0:
                         here = middle - self.anchor(i)
-                        u, v, w = self.slip(i, here[0], here[1], here[2], step[0], step[1], step[2])
+                        u, v, w = self.slip(i, here[0], here[1], here[2], step[0], step[1], step[2])  # pyright: ignore[reportIndexIssue]
                         slip = ti.sqrt(u * u + v * v + w * w) + spread + radius * self.turn(i).norm()
                         rate = self.spare_step[None] + GROWTH * slip
                         free = (self.apart(points, part, b, i) - self.gap[None]) / rate

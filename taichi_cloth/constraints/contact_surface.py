@@ -4,9 +4,7 @@ Rows of numbers a primitive come from the host once a frame. Poses follow within
 its own to work out distances in, so that parts on several threads share nothing they write.
 """
 
-# In kernels a vector is a Taichi expression, which type checkers cannot follow.
-# pyright: reportArgumentType=false, reportOptionalSubscript=false, reportIndexIssue=false
-# pyright: reportOptionalCall=false, reportOperatorIssue=false, reportGeneralTypeIssues=false, reportCallIssue=false
+from typing import Any
 
 import taichi as ti
 
@@ -53,8 +51,8 @@ class BodySurface:
         self.nodes = ti.field(ti.f32, max(1, nodes))
         self.holder: object = None
         self.capacity, self.kinds = capacity, kinds
-        self.row = ti.field(ti.f32, capacity * Row.COUNT)
-        self.settings = [ti.field(ti.f32, ()) for _ in SETTINGS]
+        self.row: Any = ti.field(ti.f32, capacity * Row.COUNT)
+        self.settings: list[Any] = [ti.field(ti.f32, ()) for _ in SETTINGS]
         (
             self.solids,  # primitives and grids
             self.wait,  # substeps between two walks of the tree
@@ -103,12 +101,12 @@ class BodySurface:
         return (ti.min(ti.max(part, 0), PARTS - 1) + 1) * (SCRATCH * LANES + LINE)
 
     @ti.func
-    def vector(self, i, k: Template):
+    def vector(self, i, k: Template) -> Any:
         at = i * Row.COUNT + k
         return ti.Vector([self.row[at], self.row[at + 1], self.row[at + 2]])
 
     @ti.func
-    def posed(self, i, k: Template):
+    def posed(self, i, k: Template) -> Any:
         return ti.Vector([self.pose[i * POSE + k], self.pose[i * POSE + k + 1], self.pose[i * POSE + k + 2]])
 
     # Of primitive i, in the frame: see `Row`.
@@ -250,14 +248,14 @@ class BodySurface:
         f = inside - ti.cast(cell, ti.f32)
         value, slope = 0.0, ti.Vector([0.0, 0.0, 0.0])
         for a, b, c in ti.static(ti.ndrange(2, 2, 2)):
-            here = self.nodes[begin + ((cell[0] + a) * count[1] + cell[1] + b) * count[2] + cell[2] + c]
-            u = f[0] if ti.static(a == 1) else 1.0 - f[0]
-            v = f[1] if ti.static(b == 1) else 1.0 - f[1]
-            w = f[2] if ti.static(c == 1) else 1.0 - f[2]
+            here = self.nodes[begin + ((cell[0] + a) * count[1] + cell[1] + b) * count[2] + cell[2] + c]  # pyright: ignore[reportIndexIssue]
+            u = f[0] if ti.static(a == 1) else 1.0 - f[0]  # pyright: ignore[reportIndexIssue]
+            v = f[1] if ti.static(b == 1) else 1.0 - f[1]  # pyright: ignore[reportIndexIssue]
+            w = f[2] if ti.static(c == 1) else 1.0 - f[2]  # pyright: ignore[reportIndexIssue]
             value += u * v * w * here
             slope += ti.Vector([(2.0 * a - 1.0) * v * w, (2.0 * b - 1.0) * u * w, (2.0 * c - 1.0) * u * v]) * here
         slope /= ti.max(slope.norm(), 1e-20)
-        return value + spacing * (place - inside).norm(), slope[0], slope[1], slope[2]
+        return value + spacing * (place - inside).norm(), slope[0], slope[1], slope[2]  # pyright: ignore[reportOptionalCall]
 
     @ti.func
     def slip(self, i, x, y, z, u, v, w):

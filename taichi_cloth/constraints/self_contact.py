@@ -19,10 +19,8 @@ that cross between key points are not seen, and a fold tighter than the key poin
 Everything runs in one thread, in order: no atomics.
 """
 
-# pyright: reportIndexIssue=false, reportOptionalMemberAccess=false, reportArgumentType=false, reportAttributeAccessIssue=false
-# pyright: reportOptionalCall=false, reportOperatorIssue=false, reportGeneralTypeIssues=false, reportCallIssue=false
-
 from math import ceil, pi
+from typing import Any
 
 import numpy as np
 import taichi as ti
@@ -65,6 +63,11 @@ class LayerFields:
     room for.
     """
 
+    # Numbers of these are bounds of loops: type checkers would take them for matrices.
+    start: Any
+    pairs: Any
+    contacts: Any
+
     def __init__(
         self,
         padded_shape: tuple[int, int],
@@ -100,11 +103,11 @@ class LayerFields:
         )
 
     @ti.func
-    def at(self, field: Template, p):
+    def at(self, field: Template, p) -> Any:
         return ti.Vector([field[0][p], field[1][p], field[2][p]])
 
     @ti.func
-    def grid(self, x):
+    def grid(self, x) -> Any:
         return ti.floor(x / self.cell, ti.i32)
 
     @ti.func
@@ -178,9 +181,9 @@ class LayerFields:
                 across = (b + d - a - c).cross(c + d - a - b)  # 4 × the area vector of the face
                 room = wide + 0.25 * (a + d - b - c).norm()  # a face that is not flat leaves its plane by so much
                 most, middle = room * room * across.norm_sqr(), 0.25 * (a + b + c + d)
-                for i in range(g0[0], g1[0] + 1):
-                    for j in range(g0[1], g1[1] + 1):
-                        for k in range(g0[2], g1[2] + 1):
+                for i in range(g0[0], g1[0] + 1):  # pyright: ignore[reportIndexIssue]
+                    for j in range(g0[1], g1[1] + 1):  # pyright: ignore[reportIndexIssue]
+                        for k in range(g0[2], g1[2] + 1):  # pyright: ignore[reportIndexIssue]
                             key = self.hashed(i, j, k)
                             for o in range(self.start[key], self.start[key + 1]):
                                 p = self.order[o]
@@ -250,7 +253,7 @@ class LayerFields:
             depth = self.thickness - n.dot(self.at(x, p) - patch)
             if depth > 0.0:
                 i = ti.Vector([inverse[f], inverse[f + 1], inverse[f + row], inverse[f + row + 1]])
-                yielding = inverse[p] + (i * w * w).sum()
+                yielding = inverse[p] + (i * w * w).sum()  # pyright: ignore[reportOptionalCall]
                 if yielding > 0.0:
                     step = self.at(s, p) - w[0] * self.at(s, f) - w[1] * self.at(s, f + 1)
                     step -= w[2] * self.at(s, f + row) + w[3] * self.at(s, f + row + 1)
@@ -299,7 +302,7 @@ class ClothContact(SharedConstraint):
         corners = [np.pad(labels, ((i, 1 - i), (j, 1 - j))) for i in (0, 1) for j in (0, 1)]
         panels, faces = np.maximum.reduce(corners), corners[0]
         if seams is not None and seams.any():
-            apart = ~ndimage.binary_dilation(seams, np.ones((3, 3)), iterations=self.reach)
+            apart = np.logical_not(ndimage.binary_dilation(seams, np.ones((3, 3)), iterations=self.reach))
             panels = panels * apart
             faces = faces * np.pad(apart[:-1, :-1] & apart[1:, :-1] & apart[:-1, 1:] & apart[1:, 1:], ((0, 1), (0, 1)))
         self._labels = [sheet.padded(labels).astype(np.int32).ravel() for labels in (panels, faces)]

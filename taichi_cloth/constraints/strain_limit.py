@@ -12,10 +12,6 @@ what turns out too much (warm starting; Catto 2005, "Iterative Dynamics with Tem
 enough where five that begin anew left more. Pulls are part of the state: a run that goes on is the run left alone.
 """
 
-# In kernels a vector is a Taichi expression, which type checkers cannot follow.
-# pyright: reportOptionalCall=false, reportOperatorIssue=false, reportGeneralTypeIssues=false
-# pyright: reportArgumentType=false
-
 import taichi as ti
 
 from taichi_cloth.ground.arrays import Template

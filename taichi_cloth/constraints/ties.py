@@ -18,8 +18,7 @@ more of its steps than it grows. Holds come before contact, which has the last w
 and draw at a set speed only beyond that.
 """
 
-# pyright: reportOptionalCall=false, reportOperatorIssue=false, reportGeneralTypeIssues=false
-# pyright: reportArgumentType=false
+from typing import Any
 
 import numpy as np
 import taichi as ti
@@ -63,6 +62,8 @@ SLACK = 1e-4
 class TieFields:
     """Room for so many ties, and for what they are to do in a frame."""
 
+    wide: Any  # its number is the bound of a loop: type checkers would take it for a matrix
+
     def __init__(self, capacity: int, repeated: bool, at_once: bool) -> None:
         self.capacity, self.repeated, self.at_once = capacity, repeated, at_once
         self.row, self.path = ti.field(ti.f32, (capacity, ROW)), ti.field(ti.f32, (capacity + 1, PATH))
@@ -92,7 +93,7 @@ class TieFields:
         else:
             first = self.wide[None] < 0
             count, found = ti.cast(self.path[self.capacity, 0], ti.i32) if first else self.wide[None], 0
-            for m in range(count):
+            for m in range(count):  # pyright: ignore[reportArgumentType]
                 k = m if first else self.listed[m]
                 if self.close(points, k, share) and first:
                     self.listed[found] = k
@@ -104,7 +105,7 @@ class TieFields:
     def close_all(self, points: Template, share):
         """Closes all ties at once, and lists those that were wider than SLACK."""
         found, count = 0, ti.cast(self.path[self.capacity, 0], ti.i32)
-        for k in range(count):
+        for k in range(count):  # pyright: ignore[reportArgumentType]
             push, wide = self.wanted(points, k, share)
             for c in ti.static(range(6)):
                 self.apart[c * self.capacity + k] = push[c]
@@ -120,7 +121,7 @@ class TieFields:
             q, at = points.lanes((b % blocks) * LANES), b // blocks * 3 * self.capacity
             for m in range(blocks):
                 self.answer_to(q, points.lanes(m * LANES), at)
-        for k in range(count):
+        for k in range(count):  # pyright: ignore[reportArgumentType]
             self.move(points, k, ti.Vector([self.push[c * self.capacity + k] for c in ti.static(range(6))]))
 
     @ti.func
@@ -241,7 +242,7 @@ class Ties(SharedConstraint):
         """Room for ties; a sheet's seams and what it is held by do not share one."""
         return -(-self.count // 256) * 256, self.repeated, self.answer is not None
 
-    def _answer(self, inverse: F64, compliance: F64) -> F64:
+    def _answer(self, inverse: NDArray[np.float32], compliance: F64) -> F64:
         """(n, n): from all gaps to the pushes D λ of all ties, which `share` hands on to their key points."""
         used, node = np.unique(self.index, return_inverse=True)
         at = np.repeat(np.arange(self.count), NODES), node.ravel()

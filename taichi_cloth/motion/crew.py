@@ -9,8 +9,6 @@ without, all can run one after the other, and nothing can hang. What a stage lea
 part, so the bytes do not depend on the number of threads.
 """
 
-# pyright: reportOptionalCall=false, reportOperatorIssue=false, reportGeneralTypeIssues=false
-
 import numpy as np
 import taichi as ti
 from numpy.typing import NDArray

@@ -13,8 +13,7 @@ kernel. As every key point goes through the same arithmetic the bytes do not dep
 (`crew.py`).
 """
 
-# In kernels a vector is a Taichi expression, which type checkers cannot follow.
-# pyright: reportOptionalCall=false, reportOperatorIssue=false, reportGeneralTypeIssues=false, reportArgumentType=false
+from typing import Any
 
 import numpy as np
 import taichi as ti
@@ -42,6 +41,7 @@ class Frame(Stencil):
     """
 
     sums = False
+    cut: Any  # its numbers are bounds of loops: type checkers would take them for matrices
 
     def __init__(self, padded_shape: tuple[int, int], threads: int, constraints: tuple[Constraint, ...]) -> None:
         rows, width = padded_shape
@@ -124,7 +124,7 @@ class Frame(Stencil):
             for one in ti.static([one for one in self.constraints if not one.repeated]):
                 if not one.paired or done % 2 == 1:
                     stage, ended = self.correct(one, thread, stage, ended, done, n)
-            for _ in range(ti.cast(n.sweeps, ti.i32)):
+            for _ in range(ti.cast(n.sweeps, ti.i32)):  # pyright: ignore[reportArgumentType]
                 for one in ti.static([one for one in self.constraints if one.repeated]):
                     stage, ended = self.correct(one, thread, stage, ended, done, n)
         self.in_parts(self.write, thread, stage, ended, substeps, at, wind, values, n, features)

@@ -13,9 +13,6 @@ fills the other, unless something moves key points after it: then `lead` fills i
 that, positions are what is ahead, and are not kept beside it within a frame.
 """
 
-# In kernels a vector is a Taichi expression, which type checkers cannot follow.
-# pyright: reportOptionalCall=false, reportOperatorIssue=false, reportGeneralTypeIssues=false
-
 from dataclasses import dataclass
 
 import taichi as ti

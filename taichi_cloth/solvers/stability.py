@@ -12,9 +12,6 @@ last step) the highest mode obeys z² − (2 − τω²h − ω²h²) z + 1 − 
 with D the share of the step that viscous damping leaves; D ≈ 1 at any step that can be used.
 """
 
-# scipy says less about its types than it does.
-# pyright: reportCallIssue=false, reportArgumentType=false, reportAssignmentType=false
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from math import sqrt
@@ -103,9 +100,17 @@ def highest_frequency(sheet: Sheet, positions: F64 | None = None, *, tolerance: 
         matrix = np.stack([times(row) for row in np.eye(size)])
         return sqrt(max(0.0, float(np.linalg.eigvalsh((matrix + matrix.T) / 2)[-1])))
     start = np.random.Generator(np.random.Philox(key=1)).standard_normal(size)
-    operator = LinearOperator((size, size), matvec=times, dtype=np.float64)
+    operator = LinearOperator((size, size), matvec=times, dtype=np.float64)  # pyright: ignore[reportCallIssue]
     with one_thread():  # a tenth of the time that two threads take, which spin between products of long thin matrices
-        (value,) = eigsh(operator, k=1, which="LA", v0=start, tol=tolerance, ncv=24, return_eigenvectors=False)
+        (value,) = eigsh(  # pyright: ignore[reportAssignmentType]
+            operator,
+            k=1,
+            which="LA",
+            v0=start,
+            tol=tolerance,  # pyright: ignore[reportArgumentType]
+            ncv=24,
+            return_eigenvectors=False,
+        )
     return sqrt(max(0.0, float(value)) * (1 + max(tolerance, 1e-3)))
 
 

@@ -6,9 +6,7 @@ the largest eigenvalue of a key point's matrix A is taken as (tr A³²)^(1/32), 
 never too small and at most 3.5 % too large.
 """
 
-# In kernels a vector is a Taichi expression, which type checkers cannot follow.
-# pyright: reportOptionalCall=false, reportOperatorIssue=false, reportGeneralTypeIssues=false
-# pyright: reportArgumentType=false
+from typing import Any
 
 import numpy as np
 import taichi as ti
@@ -34,7 +32,7 @@ class Stiffest:
 
     def __init__(self, size: int) -> None:
         self.size = size
-        self.springs = ti.field(ti.i32, ())
+        self.springs: Any = ti.field(ti.i32, ())
         self.offset, self.rest = ti.field(ti.i32, SPRINGS), ti.field(ti.f32, SPRINGS)
         self.term, self.bend = ti.field(ti.f32, SPRINGS * size), ti.field(ti.f32, size)
         self.room = ti.field(ti.f32, 7 * LANES)

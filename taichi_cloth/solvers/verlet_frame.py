@@ -1,8 +1,5 @@
 """What of a frame is Verlet's own: one stage for springs, gravity, wind and fixed shapes; and the look after it."""
 
-# In kernels a vector is a Taichi expression, which type checkers cannot follow.
-# pyright: reportOptionalCall=false, reportOperatorIssue=false, reportGeneralTypeIssues=false, reportArgumentType=false
-
 import taichi as ti
 
 from taichi_cloth.ground.arrays import Float, Template

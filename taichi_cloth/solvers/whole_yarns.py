@@ -18,9 +18,6 @@ tiles of 8 × 8 are turned on the way, so that both go through the same code.
 The direction n is that of the thread after the step (order 1, damps what turns, stable wherever it was tried).
 """
 
-# In kernels a vector is a Taichi expression, which type checkers cannot follow.
-# pyright: reportOptionalCall=false, reportOperatorIssue=false, reportGeneralTypeIssues=false, reportArgumentType=false
-
 from typing import Any
 
 import numpy as np
@@ -86,7 +83,7 @@ class WholeYarns:
         self.turned_pivot, self.turned_change, self.turned_beside = fields(3, turned)
         self.room = fields(3, TILE)
         self.tile, self.turned_tile = (ti.field(ti.i32, size // TILE) for _ in range(2))
-        self.tiles = ti.field(ti.i32, ())
+        self.tiles: Any = ti.field(ti.i32, ())
         self.tight = ti.field(ti.f32, LANES)
         self.numbers = ThreadNumbers.field(shape=2)
 

@@ -10,9 +10,6 @@
 Contact and friction are sums over the substep: taken anew in each sweep they would hold several times as much.
 """
 
-# In kernels a vector is a Taichi expression, which type checkers cannot follow.
-# pyright: reportOptionalCall=false, reportOperatorIssue=false, reportGeneralTypeIssues=false, reportArgumentType=false
-
 import taichi as ti
 
 from taichi_cloth.ground.arrays import Float, Template

@@ -8,16 +8,13 @@ for the rest, once for all nodes that no surface parts. A part's grid knows the 
 `overlap` of it; where another part is nearer the distance is kept positive, as that part's grid answers there.
 """
 
-# SciPy and NumPy say less about their types than they do.
-# pyright: reportAttributeAccessIssue=false, reportCallIssue=false, reportArgumentType=false, reportIndexIssue=false
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import distance_transform_edt, label
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from taichi_cloth.body.skin.triangles import triangle_distance
 from taichi_cloth.ground.errors import InputError
@@ -102,7 +99,7 @@ def part_grids(
     middles = v[f].mean(axis=1)
     out = []
     for number, ((name, bone), mine, box) in enumerate(zip(parts, corners, boxes, strict=True)):
-        grown = np.isfinite(cKDTree(mine).query(middles, distance_upper_bound=overlap)[0]) | (part == number)
+        grown = np.isfinite(KDTree(mine).query(middles, distance_upper_bound=overlap)[0]) | (part == number)
         foreign = ~grown[nearest[box]]
         values = np.where(foreign, np.maximum(np.abs(distance[box]), spacing), distance[box])
         corner = origin + spacing * np.array([side.start for side in box])
@@ -132,7 +129,7 @@ def _unsigned(triangles: F64, origin: F64, spacing: float, wanted: NDArray[np.bo
         best = np.flatnonzero(far == distance[node])[::-1]
         nearest[node[best]] = whose[best]
     exact = (distance <= spacing).reshape(wanted.shape)
-    found = np.stack(distance_transform_edt(~exact, return_distances=False, return_indices=True), axis=-1) @ step
+    found = np.stack(distance_transform_edt(~exact, return_distances=False, return_indices=True), axis=-1) @ step  # pyright: ignore[reportCallIssue, reportArgumentType]
     distance[~exact.ravel()] = np.inf
     rest = np.flatnonzero(wanted & ~exact)
     told = nearest[found.ravel()]
@@ -152,7 +149,8 @@ def _signs(
     vertices: F64, faces: NDArray[np.int64], origin: F64, spacing: float, distance: F64, nearest: NDArray[np.int64]
 ) -> F64:
     """−1 inside, 1 outside. Neighbours that are both further from the surface than half a spacing are on one side."""
-    groups, count = label(distance > 0.6 * spacing)  # pyright: ignore[reportGeneralTypeIssues]
+    groups: NDArray[np.int32]
+    groups, count = label(distance > 0.6 * spacing)  # pyright: ignore[reportGeneralTypeIssues, reportAssignmentType]
     found, asked = np.unique(groups, return_index=True)
     asked = asked[found > 0]
     sides = np.ones(count + 1)
@@ -183,7 +181,7 @@ def _sides(vertices: F64, faces: NDArray[np.int64], points: F64, nearest: NDArra
         np.add.at(at_edge, edge[:, k], normal)
     foot, share = _foot(points, t[nearest])
     on = share > 1e-9
-    n = np.where(on.all(axis=1)[:, None], normal[nearest], 0.0)
+    n = np.where(on.all(axis=1, keepdims=True), normal[nearest], 0.0)
     for k in range(3):
         two = on[:, k] & on[:, (k + 1) % 3] & ~on[:, (k + 2) % 3]
         n[two] = at_edge[edge[nearest[two], k]]

@@ -1,8 +1,5 @@
 """Where many points stand to a body at rest: distance and normal of its nearest primitive, in one kernel."""
 
-# In kernels a vector is a Taichi expression, which type checkers cannot follow.
-# pyright: reportOptionalCall=false, reportOperatorIssue=false, reportGeneralTypeIssues=false, reportCallIssue=false
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -5,9 +5,6 @@ based region growing approach", IEEE TPAMI 29(12), 2007 (the paper's reference 2
 Funkhouser, "A benchmark for 3D mesh segmentation", ACM TOG 28(3), 2009.
 """
 
-# SciPy and NumPy say less about their types than they do.
-# pyright: reportAttributeAccessIssue=false
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
@@ -129,7 +126,7 @@ def _dissolve(surface: Surface, label: I64, smallest: float) -> I64:
     border = coo_matrix((np.ones(len(graph.row)), (label[graph.row], label[graph.col])), (len(area), len(area))).tocsr()
     border.setdiag(0)
     border.eliminate_zeros()
-    shared = [dict(zip(row.indices.tolist(), row.data.tolist(), strict=True)) for row in border]
+    shared = [dict(zip(row.indices.tolist(), row.data.tolist(), strict=True)) for row in border]  # pyright: ignore[reportAttributeAccessIssue]
     parent = list(range(len(area)))
     alive = {k: float(a) for k, a in enumerate(area)}
     limit = smallest * float(area.sum())

@@ -1,8 +1,5 @@
 """A body's mesh in parts (paper 4.1): a label for every face, and a name for every label."""
 
-# SciPy and NumPy say less about their types than they do.
-# pyright: reportArgumentType=false
-
 from dataclasses import dataclass
 from typing import Literal, get_args
 
@@ -64,7 +61,7 @@ def _curved(surface: Surface, parts: int, seed: int) -> NDArray[np.int64]:
     area = np.bincount(region, surface.vertex_areas)
     moment = [np.bincount(region, surface.vertex_areas * x) for x in surface.vertices.T]
     middle = np.stack(moment, axis=-1) / area[:, None]
-    cluster = k_means(middle, area, min(parts, len(middle)), seed=seed)[region]
+    cluster = k_means(middle, area, min(parts, len(middle)), seed=seed)[region]  # pyright: ignore[reportArgumentType]
     return _most(surface, cluster)
 
 

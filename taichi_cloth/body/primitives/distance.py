@@ -10,9 +10,6 @@ with semi-axes a ≥ b to (p, q), p, q ≥ 0 (Eberly 2013, "Distance from a poin
 rises to it without ever passing it: safe without a bracket. The error of the distance is of second order in that of u.
 """
 
-# SciPy and NumPy say less about their types than they do.
-# pyright: reportReturnType=false
-
 from collections.abc import Sequence
 
 import numpy as np

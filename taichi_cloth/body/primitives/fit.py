@@ -8,9 +8,6 @@ a simpler kind stands for as well becomes one of it. Of a body that is its own m
 stands in the middle stays symmetric.
 """
 
-# SciPy and NumPy say less about their types than they do.
-# pyright: reportArgumentType=false
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 

@@ -1,8 +1,5 @@
 """Points on, outside and inside a skin, that a fit is judged by."""
 
-# SciPy and NumPy say less about their types than they do.
-# pyright: reportArgumentType=false, reportIndexIssue=false, reportGeneralTypeIssues=false
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -85,7 +82,7 @@ def mirror_plane(
 
     present = {names[k] for k in np.unique(labels[area > 0])}
     middles = []
-    for name in sorted(present):
+    for name in sorted(present):  # pyright: ignore[reportArgumentType]
         twin = "right" + name.removeprefix("left")
         if name.startswith("left ") and twin in present:
             middles.append((middle(name), middle(twin)))
@@ -158,7 +155,7 @@ def skin_space(
     at = np.concatenate([on, out[out_kept], deep[deep_kept]])
     target = np.concatenate([np.zeros(skin), out_size[out_kept], np.zeros(int(deep_kept.sum()))])
     side = np.repeat([0, -1, 1], [skin, int(out_kept.sum()), int(deep_kept.sum())])
-    owner = KDTree(on).query(at)[1]
+    owner = np.asarray(KDTree(on).query(at)[1])
     owner[:skin] = np.arange(skin)
     return SkinSpace(at, target, side, owner, face)
 
@@ -170,7 +167,7 @@ def mesh_distance(points: F64, vertices: NDArray, faces: NDArray) -> F64:
     spread, face = skin_samples(vertices, faces, max(40_000, 2 * len(faces)), seed=3)
     tree = KDTree(np.concatenate([spread, corner.mean(axis=1)]))
     owner = np.concatenate([face, np.arange(len(faces))])
-    _, near = tree.query(points, k=8)
+    near = np.asarray(tree.query(points, k=8)[1])
     best = np.full(len(points), np.inf)
     for k in range(near.shape[1]):
         best = np.minimum(best, triangle_distance(points, corner[owner[near[:, k]]]))

@@ -4,9 +4,6 @@ The formulas and their sources are in `distance.py`. No branch, so that lanes be
 relative to the primitive's anchor; vectors of the primitive are unit.
 """
 
-# In kernels a vector is a Taichi expression, which type checkers cannot follow.
-# pyright: reportOptionalCall=false, reportOperatorIssue=false, reportGeneralTypeIssues=false
-
 import taichi as ti
 
 __all__ = ["EVERYWHERE", "cone", "ellipse", "local", "prism"]

@@ -1,8 +1,5 @@
 """Solids turned to a skin together, by Levenberg and Marquardt's method on the distances of their union."""
 
-# SciPy and NumPy say less about their types than they do.
-# pyright: reportArgumentType=false, reportReturnType=false
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -98,7 +95,7 @@ class _Asked:
         weight = 1 / np.sqrt(1 + (wrong / SCALE) ** 2)
         square = slope.T @ (weight[:, None] * slope)
         ridge = damping * np.diag(square) + 1e-9 * np.trace(square) + 1e-12
-        return np.linalg.solve(square + np.diag(ridge), -slope.T @ (weight * wrong))
+        return np.linalg.solve(square + np.diag(ridge), -slope.T @ (weight * wrong))  # pyright: ignore[reportReturnType]
 
 
 def nearest(solids: Sequence[Solid], points: F64) -> tuple[F64, NDArray[np.int64]]:
@@ -142,7 +139,7 @@ def turn(pieces: list[Piece], task: Task, rounds: int, only: Sequence[int] | Non
 
     def costs(solids: list[_Asked], error: F64, whose: NDArray[np.int64]) -> F64:
         """What each solid answers for, and last those that stand still (count + 1,)."""
-        return np.bincount(whose, cost_of(error), count + 1) + np.array([*(a.beyond_cost for a in solids), always])
+        return np.bincount(whose, cost_of(error), count + 1) + np.array([*(a.beyond_cost for a in solids), always])  # pyright: ignore[reportReturnType]
 
     error, whose = errors(solids)
     before = costs(solids, error, whose)
