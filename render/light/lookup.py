@@ -16,6 +16,7 @@ __all__ = ["gather", "look_up"]
 @ti.func
 def _corner(width, height, u, v):
     """Column and row of the first of the four texels around u, v [texels], and the shares of the second ones."""
+    # Texels have their centres at halves; at the border the last pair is taken as it is.
     column = ti.min(ti.max(u - 0.5, 0.0), ti.cast(width - 1, ti.f32))
     row = ti.min(ti.max(v - 0.5, 0.0), ti.cast(height - 1, ti.f32))
     left = ti.min(ti.cast(column, ti.i32), width - 2)
@@ -38,9 +39,11 @@ def _nearest(levels: I32x2, level, u, v, nearest: F32x1):
 def _bilinear(deep: Template, levels: I32x2, level, u, v, depth, nearest: F32x1, through: F32x2):
     """Transmittance at u, v [texels of the finest level] and a depth [m]: four texels at once, without branches."""
     near, cell, f, g = _nearest(levels, level, u, v, nearest)
+    # Between which two layers the place lies, in each of the four texels.
     at = ti.max(layer_of(ti.max(depth - near, 0.0), deep) - 1.0, 0.0)
     low = ti.min(ti.cast(at, ti.i32), ti.static(LAYERS - 2))
     part = ti.min(at - low, 1.0)
+    # Along the depth in each texel, then across the four.
     value = ti.Vector([1.0, 1.0, 1.0, 1.0])
     for k in ti.static(range(4)):
         texel = cell + k // 2 * levels[level, 1] + k % 2
@@ -102,6 +105,7 @@ def gather(
     """
     keep(light_out, (0, 0), row)
     for b in range(particles.shape[1]):
+        # Where it reads: out along its normal.
         size = particles[RADIUS, b]
         out = deep.offset + 0.5 * size
         nx = particles[NORMAL, b]
@@ -110,11 +114,13 @@ def gather(
         px = particles[POSITION, b] + out * nx
         py = particles[POSITION + 1, b] + out * ny
         pz = particles[POSITION + 2, b] + out * nz
+        # That place on the map: u, v [texels] and depth [m], less what leads towards the light.
         u = (px * axes[RIGHT, 0] + py * axes[RIGHT, 1] + pz * axes[RIGHT, 2] - axes[ORIGIN, 0]) * axes[SCALE, 0]
         v = (px * axes[UP, 0] + py * axes[UP, 1] + pz * axes[UP, 2] - axes[ORIGIN, 1]) * axes[SCALE, 0]
         depth = px * axes[AWAY, 0] + py * axes[AWAY, 1] + pz * axes[AWAY, 2] - axes[ORIGIN, 2]
         cosine = -(axes[AWAY, 0] * nx + axes[AWAY, 1] * ny + axes[AWAY, 2] * nz)
         depth -= deep.lag * _slope(cosine) + 0.5 * size
+        # Lane by lane, as each reads texels of its own.
         light = Vec16(1.0)
         for lane in range(LANES):
             if size[lane] > 0.0:

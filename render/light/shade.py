@@ -82,6 +82,7 @@ def rise(c):
 @ti.func
 def shade(layout: Template, shading: Template, particles: Blocks, light: Blocks, view: F32x2, b):
     """Red, green, blue; and for the slope across the fibre: v (3), sin(t, v), how far it faces the key light."""
+    # Tangent t and normal n of the fibre, direction v to the eye, and how they stand to each other.
     tx = particles[TANGENT, b]
     ty = particles[TANGENT + 1, b]
     tz = particles[TANGENT + 2, b]
@@ -98,6 +99,7 @@ def shade(layout: Template, shading: Template, particles: Blocks, light: Blocks,
     t_v = tx * vx + ty * vy + tz * vz
     n_v = nx * vx + ny * vy + nz * vz
     sin_v = ti.sqrt(ti.max(1.0 - t_v * t_v, 0.0))
+    # What does not hang on a light: sheen seen at a flat angle, (1 - |n . v|)^4, openness, and the albedo.
     grazing = ti.max(1.0 - ti.abs(n_v), 0.0)
     grazing *= grazing
     sheen = grazing * grazing * view[SURFACE, 1]
@@ -109,6 +111,8 @@ def shade(layout: Template, shading: Template, particles: Blocks, light: Blocks,
     albedo_r = particles[COLOUR, b]
     albedo_g = particles[COLOUR + 1, b]
     albedo_b = particles[COLOUR + 2, b]
+    # Light from all around: between ground and sky by how far the normal points up, a brighter horizon or zenith,
+    # less what neighbours hide of it.
     fill_r = view[GROUND, 0] + (view[SKY, 0] - view[GROUND, 0]) * upward
     fill_g = view[GROUND, 1] + (view[SKY, 1] - view[GROUND, 1]) * upward
     fill_b = view[GROUND, 2] + (view[SKY, 2] - view[GROUND, 2]) * upward
@@ -130,14 +134,17 @@ def shade(layout: Template, shading: Template, particles: Blocks, light: Blocks,
     green = albedo_g * fill_g
     blue = albedo_b * fill_b
     key_facing = Vec16(0.0)
+    # Each light, the key first.
     for k in ti.static(range(1 + shading.others)):
         at = ti.static(KEY_DIRECTION if k == 0 else OTHERS + 2 * (k - 1))
+        # Diffuse light: of a surface (Lambert) or of a fibre, which also faces what comes from beside it.
         t_l = tx * view[at, 0] + ty * view[at, 1] + tz * view[at, 2]
         n_l = nx * view[at, 0] + ny * view[at, 1] + nz * view[at, 2]
         sin_l = ti.sqrt(ti.max(1.0 - t_l * t_l, 0.0))
         facing = ti.min(ti.max((n_l + WRAP) * (1.0 / (1.0 + WRAP)), 0.0), 1.0)
         lambert = ti.max(n_l, 0.0)
         lit = lambert + view[FIBRE, 0] * (sin_l * facing - lambert)
+        # How much of the light gets here, past what casts shadows and past the particle's own neighbours.
         rim = sheen
         passed = Vec16(1.0)
         if ti.static(layout.openness):
@@ -149,6 +156,7 @@ def shade(layout: Template, shading: Template, particles: Blocks, light: Blocks,
             passed *= 1.0 - view[EDGE, 1] * (1.0 - opening)
         lit *= passed
         rim *= 0.35 + 0.65 * facing
+        # The highlight: one lobe around the fibre, or the three of a fibre that light also passes through.
         gleam = Vec16(0.0)
         if ti.static(not shading.lobes):
             gleam = lobe(sin_l * sin_v - t_l * t_v, view[FIBRE, 2]) * facing * view[FIBRE, 1]
@@ -168,6 +176,7 @@ def shade(layout: Template, shading: Template, particles: Blocks, light: Blocks,
             red += view[at + 1, 0] * (albedo_r * inside + ti.sqrt(ti.max(albedo_r, 0.0)) * beyond)
             green += view[at + 1, 1] * (albedo_g * inside + ti.sqrt(ti.max(albedo_g, 0.0)) * beyond)
             blue += view[at + 1, 2] * (albedo_b * inside + ti.sqrt(ti.max(albedo_b, 0.0)) * beyond)
+        # Highlights have the light's colour, and as much of the fibre's as `tint` says.
         gleam += rim
         red += view[at + 1, 0] * (albedo_r * lit + gleam * (1.0 + tint * (albedo_r - 1.0)))
         green += view[at + 1, 1] * (albedo_g * lit + gleam * (1.0 + tint * (albedo_g - 1.0)))

@@ -35,6 +35,7 @@ def chained(layout: Layout, blocks: NDArray[np.float32]) -> bool:
 def thin(stride: Template, rows: Int, particles: F32x3, thin_out: F32x3):
     """Every stride-th particle, packed again: thin_out (rows, ceil(blocks / stride), 16); radius 0 at the end."""
     for b in range(thin_out.shape[1]):
+        # Only in the last blocks may a lane ask for what is not there.
         whole = (b + 1) * stride <= particles.shape[1]
         for row in range(rows):
             for lane in ti.static(range(LANES)):
@@ -52,10 +53,12 @@ def spread(stride: Template, particles: F32x3, found: F32x3, row: Int, light_out
     count = particles.shape[1] * LANES
     for b in range(particles.shape[1]):
         for lane in range(LANES):
+            # The sample at or before this particle.
             i = b * LANES + lane
             one = i // stride
             value = found[one // LANES, 0, one % LANES]
             if i % stride != 0 and (one + 1) * stride < count:
+                # And the one after it: the squares of both distances,
                 two = one + 1
                 near = 0.0
                 far = 0.0
@@ -67,6 +70,7 @@ def spread(stride: Template, particles: F32x3, found: F32x3, row: Int, light_out
                     y = particles[POSITION + c, k // LANES, k % LANES] - here
                     near += x * x
                     far += y * y
+                # and the mean by 1 / distance^2; a sample of radius 0 is none.
                 if particles[RADIUS, k // LANES, k % LANES] > 0.0:
                     if particles[RADIUS, j // LANES, j % LANES] <= 0.0:
                         near = 1e20

@@ -1,7 +1,7 @@
 """Cloth against a body (paper 4.1): key points are kept out of its primitives, with Coulomb friction, no restitution.
 
 Once a frame the bounding boxes of the body's tree follow it (`body/hierarchy.py`), each swept over the whole frame.
-Every 16 milliseconds each block of 8 neighbouring key points walks the tree and lists the primitives that it can reach
+Every 16 milliseconds each packet of 8 neighbouring key points walks the tree and lists the primitives that it can reach
 before the next walk, and from when on. From then it measures its distance from them, again when it has slid over them,
 which leaves a plane for each key point; every substep it meets only the planes (`contact_response.py`).
 

@@ -89,14 +89,16 @@ class MiddleFields:
         self.groups[None] = ti.min(found, self.room) // LANES
 
     @ti.func
-    def near(self, points: Template, b, i, reach):
-        """Whether a middle not farther than `reach` [m] from a key point of block b could touch solid i before the next
+    def near(self, points: Template, packet, i, reach):
+        """Whether a middle not farther than `reach` [m] from a packet's key point could touch solid i before the next
         time: by the capsule around it."""
-        a = points.lanes(b * LANES)
+        # Key points against the anchor, steps (u, v, w) against its own; what its turn adds to those at most.
+        a = points.lanes(packet * LANES)
         c, axis, shift = self.surface.anchor(i), self.surface.axis(i), self.surface.shift(i)
         x, y, z = relative(points.position, a, c)
         u, v, w = relative(points.step, a, shift)
         turning = self.surface.turn(i).norm() * (ti.sqrt(x * x + y * y + z * z) + reach)
+        # From the capsule, less what the spring reaches, less what may be covered until the next time.
         along = x * axis[0] + y * axis[1] + z * axis[2]
         along = ti.min(ti.max(along, self.surface.low(i)), self.surface.high(i))
         x, y, z = x - along * axis[0], y - along * axis[1], z - along * axis[2]
@@ -109,10 +111,10 @@ class MiddleFields:
         return least < 0.0
 
     @ti.func
-    def enlist(self, points: Template, b, i, found):
-        """Appends the springs that begin in block b. Returns how many there are then."""
-        for k in range(b * LANES, (b + 1) * LANES):
-            for family in range(FAMILIES):
+    def enlist(self, points: Template, packet, i, found):
+        """Appends the springs that begin in a packet. Returns how many there are then."""
+        for k in range(packet * LANES, (packet + 1) * LANES):
+            for family in range(FAMILIES):  # along the weft, along the warp, both diagonals of the cell
                 p, q, weight = k, k + 1, points.east[k]
                 if family == 1:
                     q, weight = k + self.width, points.north[k]
@@ -134,6 +136,7 @@ class MiddleFields:
         """Distances of a group from its solid, and when to look again; planes for those that could touch before."""
         i, every = self.owner[g], int(self.surface.every[None])
         c, q = self.surface.anchor(i), self.surface.scratch_of(0)
+        # The middles against the anchor, and their steps; what is missing in a group stands far off.
         for k in range(LANES):
             p1, p2 = self.one[g * LANES + k], self.two[g * LANES + k]
             for axis in ti.static(range(3)):
@@ -142,16 +145,19 @@ class MiddleFields:
                     x = 0.5 * (points.position[axis][p1] + points.position[axis][p2]) - c[axis]
                     u = 0.5 * (points.step[axis][p1] + points.step[axis][p2])
                 self.place[axis * LANES + k], self.place[(axis + 3) * LANES + k] = x, u
+        # Distances d, normals n, and the slip (u, v, w) past the surface.
         x, y, z = load(self.place, 0), load(self.place, LANES), load(self.place, 2 * LANES)
         self.surface.measure(i, q, x, y, z)
         u, v, w = load(self.place, 3 * LANES), load(self.place, 4 * LANES), load(self.place, 5 * LANES)
         u, v, w = self.surface.slip(i, x, y, z, u, v, w)
         d, nx = load(self.surface.scratch, q), load(self.surface.scratch, q + LANES)
         ny, nz = load(self.surface.scratch, q + 2 * LANES), load(self.surface.scratch, q + 3 * LANES)
+        # In how many substeps each could touch, and the offset of its plane.
         away, along = ti.max(d - self.surface.gap[None], 0.0), u * nx + v * ny + w * nz
         rate = self.surface.spare_step[None] + GROWTH * ti.max(-along, 0.0) + TURNING * ti.sqrt(u * u + v * v + w * w)
         store(self.surface.scratch, q, away / rate)
         store(self.place, 0, x * nx + y * ny + z * nz - d)
+        # Planes for those that could before the next look.
         soonest, e = 1e6, self.entries[None]
         for k in range(LANES):
             arrives = self.surface.scratch[q + k]
@@ -171,6 +177,7 @@ class MiddleFields:
         k = self.entry[e]
         i, p, q = self.owner[k // LANES], self.one[k], self.two[k]
         shift, turn = self.surface.shift(i), self.surface.turn(i)
+        # The middle, its step and its plane, where the solid is by now.
         x, u, normal = ti.Vector([0.0, 0.0, 0.0]), ti.Vector([0.0, 0.0, 0.0]), ti.Vector([0.0, 0.0, 0.0])
         for axis in ti.static(range(3)):
             x[axis] = 0.5 * (points.position[axis][p] + points.position[axis][q])
@@ -180,6 +187,7 @@ class MiddleFields:
         x -= self.surface.anchor(i) + since * shift
         depth = self.surface.gap[None] - (normal.dot(x) - self.plane[e * PLANE + 3])
         if depth > 0.0:
+            # The slip past the surface, and the push: the approach whole, of what was deep before `recovery`.
             u -= shift
             u -= turn.cross(x - 0.5 * u)  # half-way along the step
             approach = ti.max(-u.dot(normal), 0.0)
@@ -187,6 +195,7 @@ class MiddleFields:
             pressed = ti.min(push, approach)
             move = self.surface.change(u[0], u[1], u[2], normal[0], normal[1], normal[2], push, pressed)
             out = (push - pressed) * normal
+            # Both ends by shares of their inverse masses; what was deep before is no speed.
             here = 2.0 * points.inverse_mass[p] / (points.inverse_mass[p] + points.inverse_mass[q])
             for axis in ti.static(range(3)):
                 points.position[axis][p] = points.position[axis][p] + here * move[axis]

@@ -1,7 +1,7 @@
-"""What `contact.Contact` runs inside the frame's kernel, for 8 neighbouring key points at once, a block.
+"""What `contact.Contact` runs inside the frame's kernel, for 8 neighbouring key points at once, a packet.
 
-Four stages, ever more often and ever cheaper: a block's list of primitives from the tree (`walk`), with the time before
-which none of its key points can touch each; exact distances to those whose time has come (`look`), which leave a plane
+Four stages, ever more often and ever cheaper: a packet's list of primitives from the tree (`walk`), with the time
+before which none of its key points can touch each; exact distances to those whose time has come (`look`), which leave a plane
 for each key point; whether one has `moved` too far for its plane; and after every substep the response to the planes
 (`respond`), which move with the primitive.
 
@@ -9,7 +9,7 @@ A plane lasts until its key point has slid by a hundredth of the least radius of
 when it was looked at: of one that touches the normal is then off by 10 mrad, and it lies 2 µm off a limb of 40 mm.
 Cloth that sticks to a limb keeps its planes.
 
-A block's lists and planes are its own, so parts of the sheet on several threads share nothing they write.
+A packet's lists and planes are its own, so parts of the sheet on several threads share nothing they write.
 """
 
 from typing import Any
@@ -27,7 +27,7 @@ from taichi_cloth.sheet.sheet import LANES, PAD
 __all__ = ["Response"]
 
 KEPT = 4
-"""Planes a block may have for each key point and keep. Of more than that the nearest are merged into one, which lasts
+"""Planes a packet may have for each key point and keep. Of more than that the nearest are merged into one, which lasts
 until the next look; beside it there is room for the plane that is merged."""
 SLOTS = KEPT + 2
 PLANE = 8
@@ -88,12 +88,13 @@ class Response(BodySurface):
         return ti.min(ti.max(k, 0), 1 << 22) * numbers * LANES
 
     @ti.func
-    def walk(self, points: Template, part, b, done):
-        """The list of block b: what it can reach until the next walk, by boxes and then by capsules, and when."""
+    def walk(self, points: Template, part, packet, done):
+        """A packet's list: what it can reach until the next walk, by boxes and then by capsules, and when."""
+        # The packet: the box of its free key points, that of their steps, the longest step.
         low, high = ti.Vector([1e30, 1e30, 1e30]), ti.Vector([-1e30, -1e30, -1e30])
         fastest, slow, fast = 0.0, ti.Vector([1e30, 1e30, 1e30]), ti.Vector([-1e30, -1e30, -1e30])
-        spared = -1  # by every key point of the block
-        for k in range(b * LANES, (b + 1) * LANES):
+        spared = -1  # by every key point of the packet
+        for k in range(packet * LANES, (packet + 1) * LANES):
             if points.inverse_mass[k] > 0.0:
                 here, step = ti.Vector([0.0, 0.0, 0.0]), ti.Vector([0.0, 0.0, 0.0])
                 for c in ti.static(range(3)):
@@ -105,10 +106,12 @@ class Response(BodySurface):
                     spared &= self.spared[k]
         count, soonest = 0, 1 << 24
         if low[0] < 1e29:  # pyright: ignore[reportIndexIssue]
+            # How near a box must be to be met before the next walk; the packet as a ball that moves.
             wait = self.wait[None]
             margin = self.gap[None] + wait * (self.spare_step[None] + GROWTH * ti.sqrt(fastest))
             middle, radius = 0.5 * (low + high), 0.5 * (high - low).norm()  # pyright: ignore[reportOptionalCall]
             step, spread = 0.5 * (slow + fast), 0.5 * (fast - slow).norm()  # pyright: ignore[reportOptionalCall]
+            # The tree in depth-first order: past a box that is out of reach, `skip` leads on behind its children.
             node, nodes = 0, int(self.boxes[None])
             while node < nodes:
                 q = node * BOX
@@ -122,25 +125,27 @@ class Response(BodySurface):
                     if ti.static(self.sparing):  # i stays -1 where it is
                         i |= -((spared >> self.bone(ti.max(i, 0))) & 1)
                     if i >= 0:
+                        # A leaf: how fast the ball slips over it at most, and so when it could touch first.
                         here = middle - self.anchor(i)
                         u, v, w = self.slip(i, here[0], here[1], here[2], step[0], step[1], step[2])  # pyright: ignore[reportIndexIssue]
                         slip = ti.sqrt(u * u + v * v + w * w) + spread + radius * self.turn(i).norm()
                         rate = self.spare_step[None] + GROWTH * slip
-                        free = (self.apart(points, part, b, i) - self.gap[None]) / rate
+                        free = (self.apart(points, part, packet, i) - self.gap[None]) / rate
                         if free < wait:
                             due = done + ti.max(int(free), 0)
-                            self.list[b * self.capacity + count] = i
-                            self.due[b * self.capacity + count] = due
+                            self.list[packet * self.capacity + count] = i
+                            self.due[packet * self.capacity + count] = due
                             soonest = ti.min(soonest, due)
                             count += 1
                     node += 1
-        self.count[b], self.next[b], self.used[b] = count, soonest, 0
+        self.count[packet], self.next[packet], self.used[packet] = count, soonest, 0
 
     @ti.func
-    def apart(self, points: Template, part, b, i):
-        """Least distance [m] of the block's free key points from the capsule around primitive i."""
-        a = points.lanes(b * LANES)
+    def apart(self, points: Template, part, packet, i):
+        """Least distance [m] of the packet's free key points from the capsule around primitive i."""
+        a = points.lanes(packet * LANES)
         q = self.scratch_of(part)
+        # Away from the nearest place of the capsule's axis; pinned and absent key points are put far off.
         c, axis = self.anchor(i), self.axis(i)
         x, y, z = relative(points.position, a, c)
         along = x * axis[0] + y * axis[1] + z * axis[2]
@@ -165,12 +170,14 @@ class Response(BodySurface):
     def cross(self, points: Template, a, i, q, free):
         """Where a long step of the lanes at a meets the primitive on its way it is pushed back to the first such place:
         so far that it stays outside."""
+        # Places against the anchor and steps past the surface; pieces of a quarter of the thinnest primitive.
         gap, c = self.gap[None], self.anchor(i)
         x, y, z = relative(points.position, a, c)
         dx, dy, dz = load_xyz(points.step, a)
         u, v, w = self.slip(i, x, y, z, dx, dy, dz)
         longest = ti.sqrt((free * (u * u + v * v + w * w)).max())
         pieces = ti.min(int(longest / (0.25 * self.thinnest[None])), 64)
+        # From where the step began on: normal and push at the first place that lies too deep.
         nx, ny, nz, push = 0.0 * x, 0.0 * x, 0.0 * x, 0.0 * x
         for j in range(1, pieces):
             left = 1.0 - j / float(pieces)
@@ -181,30 +188,34 @@ class Response(BodySurface):
             hit = ti.select((depth > 0.0) & (push == 0.0), 1.0, 0.0)
             nx, ny, nz = nx + hit * (ax - nx), ny + hit * (ay - ny), nz + hit * (az - nz)
             push += hit * (depth + left * ti.max(-(u * ax + v * ay + w * az), 0.0))
+        # The response there, all of it as of what presses.
         u, v, w = self.change(u, v, w, nx, ny, nz, push, push)
         for axis, more in ti.static(((0, u), (1, v), (2, w))):
             store(points.position[axis], a, load(points.position[axis], a) + more)
             store(points.step[axis], a, load(points.step[axis], a) + more)
 
     @ti.func
-    def look(self, points: Template, part, b, i, slot):
-        """Planes of block b on primitive i, into a slot. Returns the substeps until one of them could be touched."""
-        a = points.lanes(b * LANES)
+    def look(self, points: Template, part, packet, i, slot):
+        """Planes of a packet on primitive i, into a slot. Returns the substeps until one of them could be touched."""
+        a = points.lanes(packet * LANES)
         q = self.scratch_of(part)
         o = self.lanes_of(slot, PLANE)
         c = self.anchor(i)
+        # 1 for key points that meet this primitive, 0 for those that are pinned, absent or spared.
         free = ti.min(load(points.inverse_mass, a) * 1e30, 1.0)
         if ti.static(self.sparing):
             met = 1 - ((load(self.spared, a) >> self.bone(i)) & 1)
             free *= ti.cast(met, ti.f32)
         if ti.static(self.long_steps):
             self.cross(points, a, i, q, free)
+        # Distances d and normals n; the slip (u, v, w) of the step past the surface.
         x, y, z = relative(points.position, a, c)
         self.measure(i, q, x, y, z)
         d, nx = load(self.scratch, q), load(self.scratch, q + LANES)
         ny, nz = load(self.scratch, q + 2 * LANES), load(self.scratch, q + 3 * LANES)
         dx, dy, dz = load_xyz(points.step, a)
         u, v, w = self.slip(i, x, y, z, dx, dy, dz)
+        # The plane n · x = offset, far below those it is not for; where the key point was, how far it may slide.
         store(self.plane, o, nx)
         store(self.plane, o + LANES, ny)
         store(self.plane, o + 2 * LANES, nz)
@@ -215,6 +226,7 @@ class Response(BodySurface):
         store(self.plane, o + PLACE + 2 * LANES, z)
         lasts = 0.0 * away if ti.static(self.long_steps) else ti.max(0.5 * away, self.slide(i))
         store(self.plane, o + LASTS, lasts + pinned)
+        # By how much the gap shrinks in a substep at most, and so in how many it could be closed.
         along = u * nx + v * ny + w * nz
         share = ti.static(GROWTH if self.long_steps else TURNING)
         rate = self.spare_step[None] + GROWTH * ti.max(-along, 0.0) + share * ti.sqrt(u * u + v * v + w * w)
@@ -231,11 +243,13 @@ class Response(BodySurface):
         o = self.lanes_of(slot, PLANE)
         q = self.scratch_of(part)
         i = self.owner[slot]
+        # The way (u, v, w) from where each key point was at the look, in the axes that the primitive had then.
         c, m = self.anchor(i), self.turned(i, float(done - self.looked[slot]))
         x, y, z = relative(points.position, a, c)
         u = m[0, 0] * x + m[1, 0] * y + m[2, 0] * z - load(self.plane, o + PLACE)
         v = m[0, 1] * x + m[1, 1] * y + m[2, 1] * z - load(self.plane, o + PLACE + LANES)
         w = m[0, 2] * x + m[1, 2] * y + m[2, 2] * z - load(self.plane, o + PLACE + 2 * LANES)
+        # Of it what is along the surface; squares, so that the sign tells.
         out = u * load(self.plane, o) + v * load(self.plane, o + LANES) + w * load(self.plane, o + 2 * LANES)
         lasts = load(self.plane, o + LASTS)
         store(self.scratch, q, u * u + v * v + w * w - out * out - lasts * lasts)
@@ -245,16 +259,17 @@ class Response(BodySurface):
         return most >= 0.0
 
     @ti.func
-    def merge(self, points: Template, b, kept, new):
-        """Slot `kept` takes, for each key point of the block, the plane of slot `new` where nearer. It moves on as the
+    def merge(self, points: Template, packet, kept, new):
+        """Slot `kept` takes, for each key point of the packet, the plane of slot `new` where nearer. It moves on as the
         primitive that has the slot, until the next look."""
         other = self.anchor(self.owner[kept])
         mine = self.anchor(self.owner[new])
         for lane in range(LANES):
             j, k = kept * PLANE * LANES + lane, new * PLANE * LANES + lane
+            # How far the key point is above either plane, and what the new offset gains from the kept anchor.
             one, two, shift = -self.plane[j + OFFSET], -self.plane[k + OFFSET], 0.0
             for c in ti.static(range(3)):
-                x = points.position[c][b * LANES + lane]
+                x = points.position[c][packet * LANES + lane]
                 one += self.plane[j + c * LANES] * (x - other[c])
                 two += self.plane[k + c * LANES] * (x - mine[c])
                 shift += self.plane[k + c * LANES] * (mine[c] - other[c])
@@ -264,22 +279,25 @@ class Response(BodySurface):
                     self.plane[j + c * LANES] = self.plane[k + c * LANES]
 
     @ti.func
-    def refresh(self, points: Template, part, b, done):
-        """Looks at those of the block's list whose time has come."""
-        base, pairs = b * SLOTS, b * self.capacity
-        used = self.used[b] & ((1 << KEPT) - 1)
+    def refresh(self, points: Template, part, packet, done):
+        """Looks at those of the packet's list whose time has come."""
+        base, pairs = packet * SLOTS, packet * self.capacity
+        # Planes that still last.
+        used = self.used[packet] & ((1 << KEPT) - 1)
         for k in range(KEPT):
             if (used >> k) & 1 == 1 and self.due[pairs + self.pair[base + k]] <= done:
                 used ^= 1 << k
+        # The others of the list, each into the first free slot, or merged with the last.
         every, soonest = int(self.every[None]), 1 << 24
-        for c in range(self.count[b]):
+        for c in range(self.count[packet]):
             if self.due[pairs + c] <= done:
                 i, k = self.list[pairs + c], 0
                 while k < KEPT + 1 and (used >> k) & 1 == 1:
                     k += 1
                 slot = base + k
-                arrives = self.look(points, part, b, i, slot)
+                arrives = self.look(points, part, packet, i, slot)
                 due = done + ti.max(int(arrives) // every, 1) * every
+                # Its planes are kept if one could touch soon: until they have turned too far, or the next look.
                 if arrives < ti.max(SOON, every):
                     self.owner[slot], self.pair[slot], self.looked[slot] = i, c, done
                     if k < KEPT:
@@ -289,48 +307,49 @@ class Response(BodySurface):
                     if k <= KEPT:
                         used |= 1 << k
                     else:
-                        self.merge(points, b, slot - 1, slot)
+                        self.merge(points, packet, slot - 1, slot)
                 self.due[pairs + c] = due
             soonest = ti.min(soonest, self.due[pairs + c])
-        self.used[b], self.next[b] = used, soonest
+        self.used[packet], self.next[packet] = used, soonest
 
     @ti.func
     def touch(self, points: Template, part, first, last, done):
-        """Response of a part, blocks number `first` to `last`, to the body at the end of substep `done`."""
+        """Response of a part, packets number `first` to `last`, to the body at the end of substep `done`."""
         base = first * SLOTS
         since = done % int(self.every[None])
         if since == 0:
             if done % int(self.wait[None]) == 0:
                 for m in range(first, last):
                     self.walk(points, part, points.packet[m], done)
+            # Whose planes last no longer looks again; all planes there are become entries.
             e = base
             for m in range(first, last):
-                b = points.packet[m]
-                used = self.used[b]
+                packet = points.packet[m]
+                used = self.used[packet]
                 if used != 0:
                     for k in range(KEPT):
-                        slot = b * SLOTS + k
+                        slot = packet * SLOTS + k
                         if (used >> k) & 1 == 1 and self.moved(points, part, slot, done):
-                            self.due[b * self.capacity + self.pair[slot]] = done
-                            self.next[b] = done
-                if self.next[b] <= done:
-                    self.refresh(points, part, b, done)
-                used = self.used[b]
+                            self.due[packet * self.capacity + self.pair[slot]] = done
+                            self.next[packet] = done
+                if self.next[packet] <= done:
+                    self.refresh(points, part, packet, done)
+                used = self.used[packet]
                 if used != 0:
                     for k in range(KEPT + 1):
                         if (used >> k) & 1 == 1:
-                            self.enter(b * SLOTS + k, e, b, done)
+                            self.enter(packet * SLOTS + k, e, packet, done)
                             e += 1
             self.entries[part * LINE] = e
         for e in range(base, self.entries[part * LINE]):
             self.respond(points, e, float(since), 0.0)
 
     @ti.func
-    def enter(self, slot, e, b, done):
+    def enter(self, slot, e, packet, done):
         """A slot's planes as entry e, turned as its primitive has."""
         i = self.owner[slot]
         m = self.turned(i, float(done - self.looked[slot]))
-        self.entry_block[e], self.entry_of[e] = b, i
+        self.entry_block[e], self.entry_of[e] = packet, i
         o = self.lanes_of(slot, PLANE)
         q = self.lanes_of(e, ENTRY)
         x, y, z = load(self.plane, o), load(self.plane, o + LANES), load(self.plane, o + 2 * LANES)
@@ -342,6 +361,7 @@ class Response(BodySurface):
     def respond(self, points: Template, e, since, again):
         """Straight-line code that ends in stores: that is what makes it vector code. since: substeps since the poses
         were worked out; anchors go on straight, normals turn to first order."""
+        # Where the surface is by now, c, and how far it has turned, t; places p and steps d of the lanes.
         a = points.lanes(self.entry_block[e] * LANES)
         o = self.lanes_of(e, ENTRY)
         i = self.entry_of[e]
@@ -349,10 +369,12 @@ class Response(BodySurface):
         c, t = self.anchor(i) + since * shift, since * turn
         px, py, pz = load_xyz(points.position, a)
         dx, dy, dz = load_xyz(points.step, a)
+        # The plane, turned: normal n, and how far the key points are from it.
         ax, ay, az = load(self.entry, o), load(self.entry, o + LANES), load(self.entry, o + 2 * LANES)
         nx, ny, nz = ax + t[1] * az - t[2] * ay, ay + t[2] * ax - t[0] * az, az + t[0] * ay - t[1] * ax
         x, y, z = px - c[0], py - c[1], pz - c[2]
         d = nx * x + ny * y + nz * z - load(self.entry, o + OFFSET)
+        # The slip (u, v, w): the step less that of the surface there.
         u, v, w = dx - shift[0], dy - shift[1], dz - shift[2]
         x, y, z = x - 0.5 * u, y - 0.5 * v, z - 0.5 * w  # half-way along the step
         u, v, w = (
@@ -363,6 +385,7 @@ class Response(BodySurface):
         if ti.static(points.sums):
             self.respond_anew(points, a, self.lanes_of(e, SUMS), again, d, nx, ny, nz, u, v, w)
         else:
+            # The push takes the approach whole, and of what was deep before `recovery`.
             depth = ti.max(self.gap[None] - d, 0.0)
             approach = ti.max(-(u * nx + v * ny + w * nz), 0.0)
             push = ti.min(depth, approach + self.recovery[None])

@@ -76,11 +76,13 @@ class BodySurface:
         """A frame's rows of `Contact.begin`; boxes of the tree from its leaves up."""
         ti.loop_config(serialize=True)
         for _ in range(1):
+            # The last row: settings. The first rows: primitives.
             for k, setting in ti.static(enumerate(self.settings)):
                 setting[None] = rows[3 * self.capacity, k]
             for i in range(self.capacity):
                 for k in range(Row.COUNT):
                     self.row[i * Row.COUNT + k] = rows[i, k]
+            # The tree, children after their parent: a leaf has its primitive's box, others that of both children.
             nodes = int(self.boxes[None])
             for back in range(nodes):
                 node = nodes - 1 - back
@@ -193,6 +195,7 @@ class BodySurface:
     def measure(self, i, q, x, y, z):
         """Signed distance [m] and normal of primitive i at points relative to its anchor, into the scratch
         lanes q, q + 1, q + 2 and q + 3. Lanes are stored half-way: what ends in stores becomes vector code."""
+        # The primitive's pose and sizes; what they mean hangs on its kind.
         row = i * Row.COUNT
         axis, across, other = self.axis(i), self.across(i), self.other(i)
         sizes = row + Row.SIZES
@@ -204,6 +207,7 @@ class BodySurface:
                     d, nx, ny, nz = cone(x, y, z, axis, across, one, two, three, four)
                     self.keep(q, d, nx, ny, nz)
                 else:
+                    # Those that are not round are measured in their own axes: along, and (px, py) across.
                     along, px, py = local(x, y, z, axis), local(x, y, z, across), local(x, y, z, other)
                     self.keep(q + 4 * LANES, along, px, py, py)
                     if ti.static(k == GRID):
@@ -217,6 +221,7 @@ class BodySurface:
                         self.keep(q + 4 * LANES, flank, nu, nv, along)
                         d, nu, nv, end = prism(flank, nu, nv, along, three, four)
                         self.keep(q, d, nu, nv, end)
+        # And their normals turned back into the world's.
         if kind != CONE:
             nu, nv, end = (
                 load(self.scratch, q + LANES),
@@ -239,6 +244,7 @@ class BodySurface:
         """Trilinear distance [m] and unit gradient at a point relative to the middle of grid i; beyond it, the way to
         it is added."""
         sizes = i * Row.COUNT + Row.SIZES
+        # The cell, and where in it (0 to 1 along each axis).
         begin, spacing = int(self.row[sizes]), self.row[sizes + 1]
         count = ti.Vector([int(self.row[sizes + 2]), int(self.row[sizes + 3]), int(self.row[sizes + 4])])
         top = ti.cast(count - 1, ti.f32)
@@ -246,6 +252,7 @@ class BodySurface:
         inside = ti.min(ti.max(place, 0.0), top)
         cell = ti.min(ti.cast(inside, ti.i32), count - 2)
         f = inside - ti.cast(cell, ti.f32)
+        # Its eight corners by their shares u v w, and what each share changes by along each axis.
         value, slope = 0.0, ti.Vector([0.0, 0.0, 0.0])
         for a, b, c in ti.static(ti.ndrange(2, 2, 2)):
             here = self.nodes[begin + ((cell[0] + a) * count[1] + cell[1] + b) * count[2] + cell[2] + c]  # pyright: ignore[reportIndexIssue]
@@ -261,6 +268,7 @@ class BodySurface:
     def slip(self, i, x, y, z, u, v, w):
         """Step (u, v, w) less that of the surface, at points relative to the anchor; its turn to second order."""
         shift, turn = self.shift(i), self.turn(i)
+        # What the turn moves a place by that ends at x: turn × x − ½ turn × (turn × x).
         ax, ay, az = turn[1] * z - turn[2] * y, turn[2] * x - turn[0] * z, turn[0] * y - turn[1] * x
         ax, ay, az = (
             ax - 0.5 * (turn[1] * az - turn[2] * ay),

@@ -119,6 +119,7 @@ class LayerFields:
     def refresh(self, points: Template, done):
         """Contacts anew, and pairs where they may not be complete before the next time."""
         x, d = ti.static(points.position, points.step)
+        # The common motion, of steps and since pairs were sought.
         step, shift, count = ti.Vector([0.0, 0.0, 0.0]), ti.Vector([0.0, 0.0, 0.0]), 0
         for p in range(self.size):
             if self.panel[p] > 0:
@@ -127,12 +128,14 @@ class LayerFields:
                 count += 1
         step /= count
         shift /= count
+        # How fast and how far the key points are at most beside it.
         fastest, farthest = 1e-20, 0.0
         for p in range(self.size):
             if self.panel[p] > 0:
                 fastest = ti.max(fastest, (self.at(d, p) - step).norm_sqr())
                 farthest = ti.max(farthest, (self.at(x, p) - self.at(self.reference, p) - shift).norm_sqr())
         fastest, farthest = _GROWTH * ti.sqrt(fastest), ti.sqrt(farthest)
+        # Contacts are held until two that approach each other could cross the band; pairs until the margin is used up.
         held = 2 * ti.cast(ti.min(ti.max(self.band / (4.0 * fastest), 1.0), LONGEST_HOLD / 2), ti.i32)
         if done == 0 or 2.0 * (farthest + held * fastest) > self.margin[None]:
             self.margin[None] = ti.min(ti.max(2.0 * FORESIGHT * fastest, self.least), self.most)
@@ -145,6 +148,7 @@ class LayerFields:
         """Pairs of key points and faces, in the order of the faces."""
         x = ti.static(points.position)
         self.searches[None] = self.searches[None] + 1
+        # Key points in the order of the cells they are in (counting sort): how many each has, where it starts, who.
         for k in range(self.start.shape[0]):
             self.start[k] = 0
         for p in range(self.size):
@@ -163,6 +167,7 @@ class LayerFields:
                 key = self.bucket[p]
                 self.order[self.cursor[key]] = p
                 self.cursor[key] = self.cursor[key] + 1
+        # Each face: the key points of its cells that are near enough, by the box around it and then by its plane.
         row = ti.static(self.width)
         found = 0
         wide = self.thickness + self.band + self.margin[None]
@@ -210,6 +215,7 @@ class LayerFields:
         found = 0
         for k in range(ti.min(self.pairs[None], self.pair_room)):
             p, f = self.pair_point[k], self.pair_face[k]
+            # All against the face's first corner a: S(u, v) = u b + v c + u v d.
             a = self.at(x, f)
             b, c = self.at(x, f + 1) - a, self.at(x, f + row) - a
             y = self.at(x, p) - a
@@ -218,6 +224,7 @@ class LayerFields:
             rise = (y - 0.5 * (b + c) - 0.25 * d).dot(across)
             room = near + 0.25 * d.norm()
             if rise * rise < room * room * across.norm_sqr():
+                # The nearest place: along u, then along v, each a line, by turns.
                 u, v = 0.5, 0.5
                 for _ in range(4):
                     along = b + v * d
@@ -245,6 +252,7 @@ class LayerFields:
         for k in range(total):
             m = k if done % 4 == 1 else total - 1 - k
             p, f = self.point[m], self.face[m]
+            # How deep the key point is, from its place on the face: the corners' mean by w.
             n = self.at(self.normal, m)
             u, v = self.u[m], self.v[m]
             w = ti.Vector([(1.0 - u) * (1.0 - v), u * (1.0 - v), (1.0 - u) * v, u * v])
@@ -252,9 +260,11 @@ class LayerFields:
             patch += w[2] * self.at(x, f + row) + w[3] * self.at(x, f + row + 1)
             depth = self.thickness - n.dot(self.at(x, p) - patch)
             if depth > 0.0:
+                # How much the pair yields to a push: Σ w²/m.
                 i = ti.Vector([inverse[f], inverse[f + 1], inverse[f + row], inverse[f + row + 1]])
                 yielding = inverse[p] + (i * w * w).sum()  # pyright: ignore[reportOptionalCall]
                 if yielding > 0.0:
+                    # Its step past that place; the push, and friction of it (Coulomb).
                     step = self.at(s, p) - w[0] * self.at(s, f) - w[1] * self.at(s, f + 1)
                     step -= w[2] * self.at(s, f + row) + w[3] * self.at(s, f + row + 1)
                     along = step.dot(n)
@@ -263,6 +273,7 @@ class LayerFields:
                     held = ti.min(self.friction * push / ti.max(slide.norm(), 1e-20), 1.0)
                     change = (push * n - held * slide) / yielding
                     move = change + MEND * (depth - push) / yielding * n
+                    # The key point by its inverse mass, the corners against it by theirs.
                     for axis in ti.static(range(3)):
                         s[axis][p] = s[axis][p] + inverse[p] * change[axis]
                         x[axis][p] = x[axis][p] + inverse[p] * move[axis]

@@ -72,10 +72,12 @@ class ThreadFields:
         along, across = 0, 0
         for c in range(self.width + 1):
             self.column[c] = 0
+        # By how much each is over what is near, along rows (x) and across (y).
         for e in range(points.cut[0], points.cut[PARTS]):
             p = points.lanes(points.packet[e] * LANES)
             store(over_x, p, self.grown(points, p, 1, points.east, x, self.pull[0]))
             store(over_y, p, self.grown(points, p, ti.static(self.width), points.north, y, self.pull[1]))
+        # A thread is listed where it or one beside it in its yarn is over; and how many each column has.
         for e in range(points.cut[0], points.cut[PARTS]):
             p = points.lanes(points.packet[e] * LANES)
             own_x, own_y = load(over_x, p), load(over_y, p)
@@ -94,6 +96,7 @@ class ThreadFields:
                     if self.near[LANES + k] > 0.0 and self.own[LANES + k] > NONE:
                         self.across[across] = p + k
                         across += 1
+        # Those along rows in the order of their columns (counting sort).
         for c in range(self.width):
             self.column[c + 1] += self.column[c]
         for k in range(along):
@@ -140,6 +143,7 @@ class ThreadFields:
             if squared > longest * longest or pull[p] > 0.0:
                 length = ti.sqrt(ti.max(squared, 1e-20))
                 scale = 1.0 / length
+                # Shares of its length: what it is too long by, what it grows by in this step, what the step loses.
                 over = 1.0 - longest * scale
                 growth = ((u[q] - u[p]) * dx + (v[q] - v[p]) * dy + (w[q] - w[p]) * dz) * scale * scale
                 slow = ti.max(ti.min(growth, over), -pull[p] * scale)
@@ -153,6 +157,7 @@ class ThreadFields:
         """Draws p and q together by a share of their distance (dx, dy, dz) [m], and their steps by another."""
         x, y, z = ti.static(*points.position)
         u, v, w = ti.static(*points.step)
+        # Each end by its share of the inverse masses.
         free = points.inverse_mass[p] + points.inverse_mass[q]
         here = points.inverse_mass[p] / ti.max(free, 1e-30)
         there = points.inverse_mass[q] / ti.max(free, 1e-30)

@@ -83,6 +83,7 @@ class TieFields:
     @ti.func
     def pull(self, points: Template, done):
         """Every tie, the first time in a substep; from then on those that were much too wide, one after the other."""
+        # How much of the frame is over. `wide` is below 0 before the first time in a substep, then what is listed.
         share = ti.cast(done + 1, ti.f32) * self.path[self.capacity, 1]
         if ti.static(self.at_once):
             if self.wide[None] < 0:
@@ -104,6 +105,7 @@ class TieFields:
     @ti.func
     def close_all(self, points: Template, share):
         """Closes all ties at once, and lists those that were wider than SLACK."""
+        # d: how much each tie, and its steps, is to come together; six numbers.
         found, count = 0, ti.cast(self.path[self.capacity, 0], ti.i32)
         for k in range(count):  # pyright: ignore[reportArgumentType]
             push, wide = self.wanted(points, k, share)
@@ -113,6 +115,7 @@ class TieFields:
                 self.listed[found] = k
                 found += 1
         self.wide[None] = found
+        # λ: d times the known matrix, by blocks of 8 × 8.
         blocks = (count + LANES - 1) // LANES
         for c in ti.static(range(6)):
             for k in range(blocks * LANES):
@@ -166,11 +169,13 @@ class TieFields:
     def wanted(self, points: Template, k, share):
         """How much tie k is to come together to the width allowed after this share of the frame, and its steps [m]; and
         whether it was wider by SLACK."""
+        # How wide the gap is and may be, and how fast it grows as a share of itself.
         push = self.measure(points, k, share)
         gap = ti.sqrt(push[0] ** 2 + push[1] ** 2 + push[2] ** 2)
         allowed = self.path[k, ALLOWED] + share * self.path[k, ALLOWED + 1]
         growth = (push[0] * push[3] + push[1] * push[4] + push[2] * push[5]) / ti.max(gap * gap, 1e-24)
         most = self.path[self.capacity, 2] / ti.max(gap, 1e-12) + ti.max(growth, 0.0)
+        # The share of it to close: what is too wide, at most what the set speed covers.
         over = ti.min(ti.max(gap - allowed, 0.0) / ti.max(gap, 1e-12), most)
         if allowed > 0.0:  # still being drawn together: no more of the step than it grows, along the gap
             for c in ti.static(range(3)):
