@@ -1,9 +1,9 @@
 """What `contact.Contact` runs inside the frame's kernel, for 8 neighbouring key points at once, a packet.
 
 Four stages, ever more often and ever cheaper: a packet's list of primitives from the tree (`walk`), with the time
-before which none of its key points can touch each; exact distances to those whose time has come (`look`), which leave a plane
-for each key point; whether one has `moved` too far for its plane; and after every substep the response to the planes
-(`respond`), which move with the primitive.
+before which none of its key points can touch each; exact distances to those whose time has come (`look`), which leave a
+plane for each key point; whether one has `moved` too far for its plane; and after every substep the response to the
+planes (`respond`), which move with the primitive.
 
 A plane lasts until its key point has slid by a hundredth of the least radius of curvature, or by half of its distance
 when it was looked at: of one that touches the normal is then off by 10 mrad, and it lies 2 µm off a limb of 40 mm.
