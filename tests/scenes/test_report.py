@@ -95,6 +95,7 @@ def test_studies_are_chosen_by_name() -> None:
         chosen("twits")
 
 
+@pytest.mark.usefixtures("keep_taichi")
 def test_a_quick_report_of_one_study(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     make_report(only="twist", quick=True, out=tmp_path / "r")
