@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from taichi_cloth.solvers.verlet import Verlet
 
 from ..measure.study import Axis, Row, Study
-from .convergence import FRAME_RATE, LENGTH, swing
 from .moved import rms
 from .solver import SIDE, run, scene
+from .swing import FRAME_RATE, LENGTH, swing
 
 __all__ = ["STUDY", "rows"]
 

@@ -206,6 +206,23 @@ class Stencil:
         return along * ux + across * nx, along * uy + across * ny, along * uz + across * nz
 
     @ti.func
+    def accelerate(self, features: Template, a, p, wind, n: Template):
+        """dx ← D dx + a h² of the lanes at p, by springs, hinges, wind and gravity, at a of `ahead`: 1, or 0 for pinned
+        and absent key points, which keep their step; and the step [m]."""
+        sx, sy, sz = load(self.step[0], p), load(self.step[1], p), load(self.step[2], p)
+        # Forces × h².
+        fx, fy, fz = self.elastic(features, a, p, n)
+        if ti.static(features.wind):
+            x, y, z = self.air(a, p, sx, sy, sz, wind, n)
+            fx, fy, fz = fx + x, fy + y, fz + z
+        inverse = load(self.inverse_mass, p)
+        free = ti.min(inverse * 1e30, 1.0)  # 1, or 0 for pinned and absent key points, which keep their step
+        dx = sx + free * ((n.kept - 1.0) * sx + inverse * fx + n.gravity_x)
+        dy = sy + free * ((n.kept - 1.0) * sy + inverse * fy + n.gravity_y)
+        dz = sz + free * ((n.kept - 1.0) * sz + inverse * fz + n.gravity_z)
+        return free, dx, dy, dz
+
+    @ti.func
     def collide(self, features: Template, free, px, py, pz, dx, dy, dz, n: Template):
         """The step (dx, dy, dz) [m] from (px, py, pz) after the fixed ball and half space. free: 0 for pinned ones."""
         if ti.static(features.sphere):

@@ -19,7 +19,7 @@ from math import isfinite
 
 from taichi_cloth.ground.errors import InputError, did_you_mean
 
-__all__ = ["MATERIALS", "Material", "known_materials", "named_material"]
+__all__ = ["MATERIALS", "Material", "named_material"]
 
 _BENDING = 98.07e-6  # N·m of 1 gf·cm²/cm
 _SHEAR = 56.2  # N/m of 1 gf/(cm·deg)
@@ -112,11 +112,6 @@ MATERIALS = {
     ),
 }
 """Presets by name; the sources stand at the head of this module."""
-
-
-def known_materials() -> tuple[str, ...]:
-    """Names of the presets."""
-    return tuple(MATERIALS)
 
 
 def named_material(name: str) -> Material:

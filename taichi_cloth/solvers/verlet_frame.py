@@ -33,22 +33,13 @@ class VerletFrame(Frame):
     def substep(self, features: Template, at, p, wind, n: Template):
         """Störmer–Verlet for the lanes at p: dx ← D dx + a h², x ← x + dx. at: which buffer of `ahead` is read, 0 or
         `size`; all around the lanes must be in it."""
-        # Where the lanes are, and the step that brought them there.
+        # Where the lanes are.
         a = self.lanes(p + at)
         here = ti.static(self.position if features.apart else self.ahead)
         q = p if ti.static(features.apart) else a
         px, py, pz = load(here[0], q), load(here[1], q), load(here[2], q)
-        sx, sy, sz = load(self.step[0], p), load(self.step[1], p), load(self.step[2], p)
-        # Forces × h², and the step that follows from them.
-        fx, fy, fz = self.elastic(features, a, p, n)
-        if ti.static(features.wind):
-            x, y, z = self.air(a, p, sx, sy, sz, wind, n)
-            fx, fy, fz = fx + x, fy + y, fz + z
-        inverse = load(self.inverse_mass, p)
-        free = ti.min(inverse * 1e30, 1.0)  # 1, or 0 for pinned and absent key points, which keep their step
-        dx = sx + free * ((n.kept - 1.0) * sx + inverse * fx + n.gravity_x)
-        dy = sy + free * ((n.kept - 1.0) * sy + inverse * fy + n.gravity_y)
-        dz = sz + free * ((n.kept - 1.0) * sz + inverse * fz + n.gravity_z)
+        # The step that forces make of the last one, and fixed shapes of that.
+        free, dx, dy, dz = self.accelerate(features, a, p, wind, n)
         dx, dy, dz = self.collide(features, free, px, py, pz, dx, dy, dz, n)
         # Where that leads to, and what is ahead of it.
         if ti.static(features.apart):

@@ -84,16 +84,7 @@ class YarnFrame(Frame):
     @ti.func
     def soft(self, p, wind, n: Template, features: Template):
         """Steps and positions of the lanes at p but for threads and contact."""
-        sx, sy, sz = load(self.step[0], p), load(self.step[1], p), load(self.step[2], p)
-        fx, fy, fz = self.elastic(features, p, p, n)
-        if ti.static(features.wind):
-            x, y, z = self.air(p, p, sx, sy, sz, wind, n)
-            fx, fy, fz = fx + x, fy + y, fz + z
-        inverse = load(self.inverse_mass, p)
-        free = ti.min(inverse * 1e30, 1.0)  # 1, or 0 for pinned and absent key points, which keep their step
-        dx = sx + free * ((n.kept - 1.0) * sx + inverse * fx + n.gravity_x)
-        dy = sy + free * ((n.kept - 1.0) * sy + inverse * fy + n.gravity_y)
-        dz = sz + free * ((n.kept - 1.0) * sz + inverse * fz + n.gravity_z)
+        _, dx, dy, dz = self.accelerate(features, p, p, wind, n)
         for axis, step in ti.static(((0, dx), (1, dy), (2, dz))):
             store(self.position[axis], p, load(self.position[axis], p) + step)
             store(self.step[axis], p, step)
