@@ -75,7 +75,8 @@ class ParticleBlocks:
     """Particles that lie in blocks already, and are drawn without a copy: whoever moves them moves the picture.
 
     blocks: (layout.rows, n / 16, 16) float32; opacity is 1 where the layout has none, and whatever must not be drawn
-    has a radius of 0 and a place among the others. yarn, part: as of Particles, (n,) with the places not drawn.
+    has a radius of 0 and a place among the others.
+    yarn, part: as of Particles, (n,) with the places not drawn.
     """
 
     blocks: NDArray[np.float32]

@@ -24,9 +24,7 @@ __all__ = [
     "png_is_whole",
     "quiet_stderr",
     "read_png",
-    "srgb_table",
     "srgb_to_linear",
-    "straight_rgba",
     "write_bytes",
     "write_png",
 ]
@@ -55,25 +53,6 @@ def srgb_to_linear(srgb: ArrayLike) -> NDArray[np.float64]:
     """Linear light of sRGB values 0..1 (IEC 61966-2-1)."""
     value = np.asarray(srgb, np.float64)
     return np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
-
-
-def srgb_table(steps: int) -> NDArray[np.uint8]:
-    """8-bit sRGB of steps + 1 evenly spaced values of linear light from 0 to 1."""
-    return (linear_to_srgb(np.arange(steps + 1) / steps) * 255 + 0.5).astype(np.uint8)
-
-
-def straight_rgba(linear: NDArray[np.floating], *, bits: int = 8) -> Pixels:
-    """A PNG's RGBA (sRGB, alpha not multiplied in) of linear premultiplied RGBA (h, w, 4), 8 or 16 bits.
-
-    Raises InputError for another number of bits.
-    """
-    if bits not in (8, 16):
-        raise InputError(f"bits: {bits}; allowed: 8 or 16")
-    alpha = np.clip(linear[..., 3:], 0, 1)
-    colour = linear_to_srgb(linear[..., :3] / np.maximum(alpha, 1e-6))
-    top = 2**bits - 1
-    scaled = np.concatenate([colour, alpha], axis=-1) * top + 0.5
-    return scaled.astype(np.uint8) if bits == 8 else scaled.astype(np.uint16)
 
 
 def write_png(path: str | Path, image: Pixels, *, compression: int = 3) -> None:

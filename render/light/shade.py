@@ -25,9 +25,10 @@ WRAP = 0.25
 class Shading:
     """Which parts of the shading there are: a compile-time switch.
 
-    shadows: the row of `light` that holds the transmittance of each light, the key first, or -1. sky: the row of
-    the share of the sky that is seen, or -1. lobes: the model of `fibre` instead of Kajiya's and Kay's. dome: the
-    sky has a horizon of another colour than its zenith.
+    shadows: the row of `light` that holds the transmittance of each light, the key first, or -1.
+    sky: the row of the share of the sky that is seen, or -1.
+    lobes: the model of `fibre` instead of Kajiya's and Kay's.
+    dome: the sky has a horizon of another colour than its zenith.
     """
 
     shadows: tuple[int, ...] = (-1,)

@@ -22,11 +22,16 @@ CONE, ELLIPTIC, GRID = 0, 1, 2
 class Row:
     """Where in its row a number of a primitive stands, or the first of three; as `Contact.begin` writes them.
 
-    KIND: CONE, ELLIPTIC or GRID. SIZES: six, what `shapes.cone` or `shapes.ellipse` and `shapes.prism` take; of a grid
-    its first node, spacing and counts. SLIDE: how far a point may slide on one plane [m]. At the start of the frame,
-    in the world: ANCHOR [m], AXIS and ACROSS (unit). SHIFT [m] and TURN [rad], in a substep. The capsule around it:
-    its RADIUS, and its ends LOW and HIGH along the axis from the anchor [m]. BOX: least and greatest corner of where it
-    comes in the frame [m]. BONE: number of the bone that carries it. COUNT: of numbers, with room to spare.
+    KIND: CONE, ELLIPTIC or GRID.
+    SIZES: six, what `shapes.cone` or `shapes.ellipse` and `shapes.prism` take; of a grid its first node, spacing and
+    counts.
+    SLIDE: how far a point may slide on one plane [m].
+    ANCHOR, AXIS, ACROSS: at the start of the frame, in the world: a place [m] and two unit directions.
+    SHIFT, TURN: of the anchor [m] and about it [rad], in a substep.
+    RADIUS, LOW, HIGH: of the capsule around it: its radius, and its ends along the axis from the anchor [m].
+    BOX: least and greatest corner of where it comes in the frame [m].
+    BONE: number of the bone that carries it.
+    COUNT: of numbers, with room to spare.
     """
 
     KIND, SIZES, SLIDE = 0, 1, 7

@@ -19,9 +19,7 @@ from taichi_cloth.render.image.image import (
     contact_sheet,
     linear_to_srgb,
     read_png,
-    srgb_table,
     srgb_to_linear,
-    straight_rgba,
     write_png,
 )
 from taichi_cloth.render.image.video import Codec, write_mp4
@@ -32,7 +30,6 @@ def test_all_256_levels_survive_linear_light() -> None:
     levels = np.arange(256)
     linear = srgb_to_linear(levels / 255)
     assert (np.round(linear_to_srgb(linear) * 255) == levels).all()
-    assert srgb_table(4096)[(linear * 4096 + 0.5).astype(int)] == pytest.approx(levels, abs=0)
     assert linear_to_srgb([-1.0, 2.0]) == pytest.approx([0, 1])
 
 
@@ -78,15 +75,6 @@ def test_images_that_are_none_are_refused(tmp_path: Path) -> None:
         read_png(tmp_path / "text.png")
     with pytest.raises(InputError, match="No such file"):
         read_png(tmp_path / "missing.png")
-
-
-def test_straight_rgba_composites_like_the_premultiplied_one() -> None:
-    linear = np.array([[[0.1, 0.2, 0.25, 0.5], [0, 0, 0, 0]]])
-    rgba = straight_rgba(linear, bits=16).astype(float) / 65535
-    assert srgb_to_linear(rgba[0, 0, :3]) * rgba[0, 0, 3] == pytest.approx([0.1, 0.2, 0.25], abs=1e-4)
-    assert straight_rgba(linear)[0, 1].tolist() == [0, 0, 0, 0]
-    with pytest.raises(InputError, match="bits"):
-        straight_rgba(linear, bits=10)
 
 
 def test_contact_sheet_places_thumbnails_in_rows(tmp_path: Path) -> None:

@@ -14,17 +14,12 @@ from scipy.spatial.transform import Rotation
 from taichi_cloth.body.skin.names import JOINTS
 from taichi_cloth.ground.errors import InputError, did_you_mean
 
-__all__ = ["JOINTS", "PARENTS", "Pose", "Skeleton", "mirror_name"]
+__all__ = ["JOINTS", "PARENTS", "Pose", "Skeleton"]
 
 F64 = NDArray[np.float64]
 
 PARENTS = (-1, 0, 1, 2, 3, 4, 3, 6, 7, 8, 3, 10, 11, 12, 0, 14, 15, 0, 17, 18)
 """Number of each joint's parent; −1 for the pelvis."""
-
-
-def mirror_name(joint: str) -> str:
-    """The same joint of the other side."""
-    return {"_l": joint[:-2] + "_r", "_r": joint[:-2] + "_l"}.get(joint[-2:], joint)
 
 
 @dataclass(frozen=True, eq=False)
