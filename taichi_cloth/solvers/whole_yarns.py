@@ -15,7 +15,10 @@ step, for damping of the time τ along the threads.
 It is solved as a LDLᵀ factorisation, 8 yarns side by side: yarns along the columns as they lie; of those along the rows
 tiles of 8 × 8 are turned on the way, so that both go through the same code.
 
-The direction n is that of the thread after the step (order 1, damps what turns, stable wherever it was tried).
+Where n leads: pushed along where it leads after the step (order 1) cloth loses energy as it turns; along where it led
+before (order 2, as SHAKE's) it is lost where it folds sharply. So it is pushed along the latter, and half of what of
+the turn differs from the mean turn of the threads beside it in the yarn; in wild substeps, that begin with a thread
+strained by 2 % beyond its crimp, along where it leads after the step.
 """
 
 from typing import Any
@@ -37,6 +40,7 @@ THREAD_NUMBERS = (
     "crimp",  # [m] of C at which it is drawn out
     "offset",  # [m] by which C seems less from then on: crimp (1 − stiff/soft)
     "bound",  # [m] of C that a strain limit leaves it
+    "calm",  # [m] of C, either way, beyond which the next substep is wild
     "mass",  # m₀ [kg]
     "damped",  # τ/h
 )
@@ -60,8 +64,10 @@ class WholeYarns:
     """Fields of the threads of a padded grid of `rows` × `width` key points, each by the first key point it joins.
 
     weight: share of the interior constant, family after family; offset: to the key point a thread leads to, of each.
-    normal: [axis], n, 0 where there is no thread. tension: λ [m], family after family. held: 1 where a strain limit
-    holds a thread. diagonal, beside, right: of the systems; beside couples a thread with the one before it.
+    normal: [axis], n, 0 where there is no thread; first that before the step, which by `turning` becomes that after it.
+    grown, growing: C, and τ/h dC [m]. strained: the largest |C| of a substep for each lane, as a share of what is calm.
+    wild: 1 in a wild substep, else 0. tension: λ [m], family after family. held: 1 where a strain limit holds a thread.
+    diagonal, beside, right: of the systems; beside couples a thread with the one before it.
     pivot: 1/d of the factorisation. change: first z, then Δλ. turned_…: the same of yarns along the rows, which lie as
     columns there, between a row of zeros before and one after.
     tile: first element of each 8 × 8 tile that holds key points, and turned_tile its place when turned, in the order of
@@ -80,6 +86,8 @@ class WholeYarns:
         self.normal = fields(3, size)
         self.weight, self.tension, self.held, self.pulled = fields(4, 2 * size)
         self.diagonal, self.beside, self.right, self.pivot, self.change = fields(5, size)
+        self.turning, self.grown, self.growing = fields(3, size), ti.field(ti.f32, size), ti.field(ti.f32, size)
+        self.strained, self.wild = ti.field(ti.f32, LANES), ti.field(ti.f32, ())
         self.turned_pivot, self.turned_change, self.turned_beside = fields(3, turned)
         self.room = fields(3, TILE)
         self.tile, self.turned_tile = (ti.field(ti.i32, size // TILE) for _ in range(2))
@@ -121,6 +129,12 @@ class WholeYarns:
         return ti.min(ti.max(p, 0), 1 << 24)
 
     @ti.func
+    def judge(self):
+        """Before a substep: whether it is wild, by how much threads were strained in the last."""
+        self.wild[None] = ti.select(largest(load(self.strained, 0)) > 1.0, 1.0, 0.0)
+        store(self.strained, 0, ti.Vector([0.0] * LANES))
+
+    @ti.func
     def begin(self, p):
         """No tension yet in this substep."""
         for family in ti.static(range(2)):
@@ -133,6 +147,8 @@ class WholeYarns:
         if family == 1:
             n = self.numbers[1]
             for e in range(first, last):
+                self.aim(points, points.lanes(packets[e] * LANES), ti.static(self.size), ti.static(self.width), n)
+            for e in range(first, last):
                 self.systems(points, points.lanes(packets[e] * LANES), ti.static(self.size), ti.static(self.width), n)
             for e in range(first, last):
                 self.down(points.lanes(packets[e] * LANES))
@@ -142,6 +158,8 @@ class WholeYarns:
                 self.push(points, points.lanes(packets[e] * LANES), ti.static(self.size), ti.static(self.width), n)
         else:
             n = self.numbers[0]
+            for e in range(first, last):
+                self.aim(points, points.lanes(packets[e] * LANES), 0, 1, n)
             for e in range(first, last):
                 self.systems(points, points.lanes(packets[e] * LANES), 0, 1, n)
             for k in range(self.tiles[None]):
@@ -153,23 +171,49 @@ class WholeYarns:
                 self.push(points, points.lanes(packets[e] * LANES), 0, 1, n)
 
     @ti.func
-    def systems(self, points: Template, p, family: Template, offset: Template, n: Template):
-        """Rows of the systems for the threads that begin at the lanes at p. family: where its fields begin."""
-        # The thread as it is: direction, elongation, and how that changed in this step.
-        q, b, s = p + offset, p - offset, family + p
-        weight = load(self.weight, s)
-        there = ti.min(weight * 1e30, 1.0)
+    def aim(self, points: Template, p, family: Template, offset: Template, n: Template):
+        """The threads that begin at the lanes at p: their direction before the step and how it turned, their
+        elongation after it, and how that changed."""
+        q, s = p + offset, family + p
+        there = ti.min(load(self.weight, s) * 1e30, 1.0)
+        # After the step, and in it.
         x = load(points.position[0], q) - load(points.position[0], p)
         y = load(points.position[1], q) - load(points.position[1], p)
         z = load(points.position[2], q) - load(points.position[2], p)
-        length = ti.sqrt(x * x + y * y + z * z + 1e-16)
-        scale = there / length
-        x, y, z = scale * x, scale * y, scale * z
-        grown = length - n.rest
         u = load(points.step[0], q) - load(points.step[0], p)
         v = load(points.step[1], q) - load(points.step[1], p)
         w = load(points.step[2], q) - load(points.step[2], p)
-        growing = n.damped * (u * x + v * y + w * z)
+        length = ti.sqrt(x * x + y * y + z * z + 1e-16)
+        scale = there / length
+        # Before it.
+        a, b, c = x - u, y - v, z - w
+        before = there / ti.sqrt(a * a + b * b + c * c + 1e-16)
+        a, b, c = before * a, before * b, before * c
+        x, y, z = scale * x, scale * y, scale * z
+        grown = length - n.rest
+        store(self.grown, p, grown)
+        store(self.growing, p, n.damped * (u * x + v * y + w * z))
+        store(self.strained, 0, ti.max(load(self.strained, 0), there * ti.abs(grown) / n.calm))
+        for axis, old, new in ti.static(((0, a, x), (1, b, y), (2, c, z))):
+            store(self.normal[axis], p, old)
+            store(self.turning[axis], p, new - old)
+
+    @ti.func
+    def systems(self, points: Template, p, family: Template, offset: Template, n: Template):
+        """Rows of the systems for the threads that begin at the lanes at p. family: where its fields begin."""
+        q, b, s = p + offset, p - offset, family + p
+        weight = load(self.weight, s)
+        there = ti.min(weight * 1e30, 1.0)
+        # Where to push: as before the step, and half of what turned otherwise than the threads beside it in the yarn.
+        behind, ahead = (
+            ti.min(load(self.weight, s - offset) * 1e30, 1.0),
+            ti.min(load(self.weight, s + offset) * 1e30, 1.0),
+        )
+        mean = 1.0 / (behind + ahead + 1e-6)
+        x, y, z = self.aimed(0, p, b, q, mean), self.aimed(1, p, b, q, mean), self.aimed(2, p, b, q, mean)
+        scale = there / ti.sqrt(x * x + y * y + z * z + 1e-16)
+        x, y, z = scale * x, scale * y, scale * z
+        grown, growing = load(self.grown, p), load(self.growing, p)
         # Its law: soft until the crimp is drawn out, then stiff; held where it is at its limit.
         tension = load(self.tension, s)
         drawn = ti.select(grown > n.crimp, 1.0, 0.0)
@@ -193,6 +237,13 @@ class WholeYarns:
         store(self.diagonal, p, there * both + (1.0 - there))
         store(self.beside, p, -more * m * along)
         store(self.right, p, -there * asked)
+
+    @ti.func
+    def aimed(self, axis: Template, p, b, q, mean):
+        """A direction's coordinate. In a wild substep that after the step, which damps what turns."""
+        turned = load(self.turning[axis], p)
+        rough = turned - mean * (load(self.turning[axis], b) + load(self.turning[axis], q))
+        return load(self.normal[axis], p) + self.wild[None] * turned + (1.0 - self.wild[None]) * 0.5 * rough
 
     @ti.func
     def down(self, p):
@@ -275,6 +326,7 @@ class WholeYarns:
         """Forgets how tight the threads from the lanes at p were: a frame follows from its state alone."""
         none = ti.Vector([0.0] * LANES)
         store(self.tight, 0, none)
+        store(self.strained, 0, none)
         for family in ti.static(range(2)):
             store(self.pulled, p + family * self.size, none)
             store(self.held, p + family * self.size, none)

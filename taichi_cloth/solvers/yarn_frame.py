@@ -47,6 +47,7 @@ class YarnFrame(Frame):
             self.yarns.loosen(self.lanes(self.packet[e] * LANES))
         turns = 2 * ti.cast(n.sweeps, ti.i32)
         for done in range(substeps):
+            self.yarns.judge()
             for part in range(PARTS):
                 self.prepare(part, done, 0, wind, values, n, features)
             for e in range(first, last):

@@ -8,13 +8,13 @@ import pytest
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.motion.forces import Forces, FrameForces, Plane, Sphere, StrainLimit
 from taichi_cloth.motion.simulation import Simulation
-from taichi_cloth.sheet.energy import elastic_forces
+from taichi_cloth.sheet.energy import elastic_energy, elastic_forces
 from taichi_cloth.sheet.materials import Material
 from taichi_cloth.sheet.pins import Pins
 from taichi_cloth.sheet.sheet import Sheet
 from taichi_cloth.sheet.springs import calibrate
 from taichi_cloth.solvers.verlet import Verlet
-from taichi_cloth.solvers.yarns import TIGHTEST, Yarns
+from taichi_cloth.solvers.yarns import TIGHTEST, WILD, Yarns
 
 SIDE = 21
 SPACING = 1 / (SIDE - 1)
@@ -77,21 +77,44 @@ def whole_families(sheet: Sheet) -> list[tuple[np.ndarray, np.ndarray, np.ndarra
     ]
 
 
-def reference(sheet: Sheet, x: np.ndarray, u: np.ndarray, *, step: float, sweeps: int, done: int) -> tuple:
-    """One substep in float64: soft springs, then both families in turns, each as one dense system."""
+def aimed(before: np.ndarray, after: np.ndarray, shape: tuple[int, int], axis: int) -> np.ndarray:
+    """Where threads (n, 3) are pushed: as before the step, and half of what turned otherwise than those beside them."""
+    turned = (after - before).reshape(*shape, 3)
+    there = np.ones(shape)
+    near = [np.zeros_like(turned) for _ in range(2)]
+    count = [np.zeros(shape) for _ in range(2)]
+    one, other = [slice(None)] * 2, [slice(None)] * 2
+    one[axis], other[axis] = slice(1, None), slice(None, -1)
+    near[0][tuple(one)], near[1][tuple(other)] = turned[tuple(other)], turned[tuple(one)]
+    count[0][tuple(one)], count[1][tuple(other)] = there[tuple(other)], there[tuple(one)]
+    mean = (near[0] + near[1]) / (count[0] + count[1] + 1e-6)[..., None]
+    out = before + 0.5 * (turned - mean).reshape(-1, 3)
+    return out / np.linalg.norm(out, axis=1, keepdims=True)
+
+
+def reference(
+    sheet: Sheet, x: np.ndarray, u: np.ndarray, *, step: float, sweeps: int, done: int, wild: bool
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """One substep in float64: soft springs, then both families in turns, each as one dense system. Returns positions,
+    steps and the largest strain that it met."""
     soft = replace(sheet, springs=replace(sheet.springs, structural_x=0.0, structural_y=0.0))
     inverse = sheet.inverse_mass[..., None]
     acceleration = elastic_forces(soft, x) * inverse + np.where(inverse > 0, [0.0, -9.81, 0.0], 0.0)
     u = np.where(inverse > 0, u + acceleration * step**2, u)
     y, u, w = (x + u).reshape(-1, 3), u.reshape(-1, 3).copy(), sheet.inverse_mass.ravel()
-    families = whole_families(sheet)
+    flat_x, families = x.reshape(-1, 3), whole_families(sheet)
     tension = [np.zeros(len(one[0])) for one in families]
+    most = 0.0
     for turn in range(2 * sweeps):
         number = (done + turn) % 2
         p, q, weight, constant, rest = families[number]
-        apart = y[q] - y[p]
+        apart, was = y[q] - y[p], flat_x[q] - flat_x[p]
         length = np.linalg.norm(apart, axis=1)
+        most = max(most, float(np.abs(length / rest - 1).max()))
         n = apart / length[:, None]
+        if not wild:
+            shape = (SIDE, SIDE - 1) if number == 0 else (SIDE - 1, SIDE)
+            n = aimed(was / np.linalg.norm(was, axis=1, keepdims=True), n, shape, 1 - number)
         jacobian = np.zeros((len(p), len(w), 3))
         rows = np.arange(len(p))
         jacobian[rows, q], jacobian[rows, p] = n, -n
@@ -103,23 +126,29 @@ def reference(sheet: Sheet, x: np.ndarray, u: np.ndarray, *, step: float, sweeps
         tension[number] += change
         move = (mobile * (flat.T @ change)).reshape(-1, 3)
         y, u = y + move, u + move
-    return y.reshape(x.shape), u.reshape(x.shape)
+    return y.reshape(x.shape), u.reshape(x.shape), most
 
 
-@pytest.mark.parametrize("stiff", [1.0, 1e4])
-def test_the_kernel_is_the_scheme_in_float64(stiff: float) -> None:
-    """A frame of two substeps from a rough start, within 1e-5 of the distance between key points."""
+@pytest.mark.parametrize(
+    ("stiff", "roughness", "ends_wild"), [(1.0, 0.005, False), (1.0, 0.05, True), (1e4, 0.005, True)]
+)
+def test_the_kernel_is_the_scheme_in_float64(stiff: float, roughness: float, ends_wild: bool) -> None:
+    """A frame of two substeps from a rough start, the second wild or not, within 1e-5 of the distance between key
+    points."""
     sheet = sheet_of(times(stiff), pinned=(-1, slice(None)))
     free = sheet.inverse_mass[..., None] > 0
-    start = upright(sheet) + np.where(free, RNG.standard_normal((SIDE, SIDE, 3)), 0.0) * 0.02 * SPACING
+    start = upright(sheet) + np.where(free, RNG.standard_normal((SIDE, SIDE, 3)), 0.0) * roughness * SPACING
     solver = Yarns(sheet, FAR, frame_rate=2000.0)
     assert solver.substeps == 2
     state = sheet.state(start)
     sheet.set_steps(state, np.where(free, RNG.standard_normal(start.shape), 0.0) * 1e-3 * SPACING)
     x, u = sheet.positions(state).astype(float), sheet.steps(state).astype(float)
     solver.advance(state, FrameForces())
+    wild = False
     for done in range(2):
-        x, u = reference(sheet, x, u, step=solver.step, sweeps=2, done=done)
+        x, u, most = reference(sheet, x, u, step=solver.step, sweeps=2, done=done, wild=wild)
+        wild = most > WILD
+    assert wild == ends_wild
     assert np.abs(sheet.positions(state) - x).max() < 1e-5 * SPACING
     assert np.abs(sheet.steps(state) - u).max() < 1e-5 * SPACING
 
@@ -167,6 +196,20 @@ def test_threads_that_cannot_be_stretched_move_alike(swings: dict[float, Simulat
     assert swings[1e6].solver.substeps == swings[1e4].solver.substeps
 
 
+def test_a_swing_keeps_its_energy() -> None:
+    """Without drag, of a sheet whose threads cannot be stretched, until its end whips round: within 1 %. Kinetic energy
+    is of the middle of a step, so is what it is told beside."""
+    sheet = sheet_of(times(1e4), pinned=(-1, slice(None)))
+    swing = simulation(sheet, level(sheet))
+    soft = replace(sheet, springs=replace(sheet.springs, structural_x=0.0, structural_y=0.0))
+    for _ in range(30):
+        swing.step()
+        positions, steps = swing.positions.astype(float), sheet.steps(swing.state).astype(float)
+        fallen = 9.81 * (sheet.mass * (positions - steps / 2)[..., 1]).sum()
+        moving = 0.5 * (sheet.mass[..., None] * (steps / swing.solver.step) ** 2).sum()
+        assert moving + fallen + elastic_energy(soft, positions) == pytest.approx(0.0, abs=0.01 * abs(fallen) + 1e-5)
+
+
 def test_a_swing_is_that_of_springs_with_many_steps(swings: dict[float, Simulation]) -> None:
     """Against Verlet at 100 × in its own, short steps: all key points, and the lowest, which is that of a whip."""
     sheet = sheet_of(times(100.0), pinned=(-1, slice(None)))
@@ -178,8 +221,8 @@ def test_a_swing_is_that_of_springs_with_many_steps(swings: dict[float, Simulati
         own.step()
         other.step()
     assert other.solver.substeps > 6 * own.solver.substeps
-    assert abs(own.positions[..., 1].min() - other.positions[..., 1].min()) < 15e-3
-    assert np.linalg.norm(own.positions - other.positions, axis=-1).mean() < 4e-3
+    assert abs(own.positions[..., 1].min() - other.positions[..., 1].min()) < 5e-3
+    assert np.linalg.norm(own.positions - other.positions, axis=-1).mean() < 1.5e-3
 
 
 def test_a_hanging_sheet_is_as_long_as_its_law_says() -> None:
