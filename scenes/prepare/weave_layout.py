@@ -8,9 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_cloth.fabric.layout import Detail, FabricLayout, lay_out, required_bytes
+from taichi_cloth.fabric.layout import Detail, FabricLayout, families_of, lay_out, required_bytes
 from taichi_cloth.fabric.templates import particle_count, particles_per_body_block
-from taichi_cloth.fabric.woven import families_of
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.ground.memory import memory_limit, require_memory
 from taichi_cloth.weave.cloth_set import fit_set, opening_spacing, square_set_diameter

@@ -27,6 +27,7 @@ __all__ = [
     "Detail",
     "FabricLayout",
     "Threads",
+    "families_of",
     "lay_out",
     "required_bytes",
 ]
@@ -135,6 +136,28 @@ def required_bytes(ends: int, picks: int, particles_per_block: float) -> int:
     """Bytes to build a fabric of that size, before anything of it is laid out."""
     blocks = ends * (picks + 1) + picks * (ends + 1)
     return int(blocks * (BLOCK_BYTES + particles_per_block * PARTICLE_BYTES))
+
+
+def families_of(
+    cloth: Interlacing,
+    spacing: tuple[F64, F64],
+    colour: tuple[NDArray, NDArray],
+    yarns: tuple[Yarn, Yarn],
+) -> tuple[Threads, Threads]:
+    """Warp ends and weft picks of a weave with its sizes, each where the room [m] of those before it puts it."""
+    thickness = (cloth.warp_diameter_m, cloth.weft_diameter_m)
+    flat = (cloth.warp_flat_m, cloth.weft_flat_m)
+    warp, weft = (
+        Threads(
+            np.concatenate([[0.0], np.cumsum((room[1:] + room[:-1]) / 2)]),
+            thick,
+            thick + wider,
+            np.asarray(shades, np.float32),
+            yarn,
+        )
+        for room, thick, wider, shades, yarn in zip(spacing, thickness, flat, colour, yarns, strict=True)
+    )
+    return warp, weft
 
 
 def lay_out(cloth: Interlacing, warp: Threads, weft: Threads, *, detail: Detail) -> FabricLayout:

@@ -1,17 +1,15 @@
 """A fabric from a draft and its yarns: the shortest way from what a weaver states to fibres."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from taichi_cloth.fabric.fabric import Fabric, build_fabric
-from taichi_cloth.fabric.layout import Detail, Threads, lay_out
+from taichi_cloth.fabric.layout import Detail, families_of, lay_out
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.weave.cloth_set import fit_set, opening_spacing
-from taichi_cloth.weave.crimp import Interlacing
 from taichi_cloth.weave.draft import Draft
 from taichi_cloth.yarn.yarn import Yarn
 
-__all__ = ["families_of", "weave_fabric"]
+__all__ = ["weave_fabric"]
 
 UNDYED = (0.72, 0.68, 0.60)  # linear
 
@@ -71,25 +69,3 @@ def weave_fabric(
     )
     families = families_of(fitted.cloth, rooms, (shades[0], shades[1]), (warp, weft))
     return build_fabric(lay_out(fitted.cloth, *families, detail=detail or Detail()))
-
-
-def families_of(
-    cloth: Interlacing,
-    spacing: tuple[NDArray, NDArray],
-    colour: tuple[NDArray, NDArray],
-    yarns: tuple[Yarn, Yarn],
-) -> tuple[Threads, Threads]:
-    """Warp ends and weft picks of a weave with its sizes, each where the room [m] of those before it puts it."""
-    thickness = (cloth.warp_diameter_m, cloth.weft_diameter_m)
-    flat = (cloth.warp_flat_m, cloth.weft_flat_m)
-    warp, weft = (
-        Threads(
-            np.concatenate([[0.0], np.cumsum((room[1:] + room[:-1]) / 2)]),
-            thick,
-            thick + wider,
-            np.asarray(shades, np.float32),
-            yarn,
-        )
-        for room, thick, wider, shades, yarn in zip(spacing, thickness, flat, colour, yarns, strict=True)
-    )
-    return warp, weft
