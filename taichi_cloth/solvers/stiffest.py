@@ -62,6 +62,7 @@ class Stiffest:
             self.room[MOST + k] = 0.0
         for e in range(work.cut[0], work.cut[PARTS]):
             p = work.lanes(work.packet[e] * LANES)
+            # The matrices of 8 key points, spring by spring; their bound, and the largest of each lane so far.
             for k in range(MOST):
                 self.room[k] = 0.0
             for k in range(self.springs[None]):
@@ -75,6 +76,7 @@ class Stiffest:
         """Adds spring k of the lanes at p: c n nᵀ, and where it is longer than at rest what holds it straight,
         c (1 − L/l) (I − n nᵀ)."""
         q = ti.min(ti.max(p + self.offset[k], 0), 1 << 24)  # the bounds tell the compiler that nothing overflows
+        # The way (x, y, z) to the other end; what the spring holds across it, and along it beyond that.
         constant = load(self.term, work.lanes(k * self.size + p))
         x = load(work.position[0], q) - load(work.position[0], p)
         y = load(work.position[1], q) - load(work.position[1], p)
@@ -98,6 +100,7 @@ class Stiffest:
         """The largest of each matrix, none of which has one below 0."""
         xx, yy, zz = load(self.room, XX), load(self.room, YY), load(self.room, ZZ)
         xy, xz, yz = load(self.room, XY), load(self.room, XZ), load(self.room, YZ)
+        # A over its trace, so that no power leaves float32; squared to A¹⁶, whose own square has the trace asked for.
         trace = xx + yy + zz
         s = 1.0 / ti.max(trace, 1e-30)
         a = squared(squared(squared(squared((xx * s, yy * s, zz * s, xy * s, xz * s, yz * s)))))
