@@ -26,9 +26,10 @@ from taichi_cloth.body.primitives.distance import newton_steps
 from taichi_cloth.constraints.contact_response import Response
 from taichi_cloth.constraints.contact_surface import CONE, ELLIPTIC, GRID, SETTINGS, Row
 from taichi_cloth.ground.arrays import Template
+from taichi_cloth.motion.capacity import capacity_of, class_of
 from taichi_cloth.motion.constraint import SharedConstraint
 from taichi_cloth.motion.forces import FrameForces
-from taichi_cloth.sheet.sheet import Sheet, SheetState
+from taichi_cloth.sheet.sheet import PAD, Sheet, SheetState
 
 __all__ = ["Contact"]
 
@@ -41,6 +42,7 @@ SPARE = 0.5  # [m/s] that a key point may gain meanwhile, beside a quarter of it
 SLIDE = 0.01  # of the least radius of curvature a key point may slide while a plane lasts
 FLAT = 0.03  # [m] of radius for which an edge between flank and cap counts at least
 TURN = 0.05  # [rad] that a plane may turn from its look on, to second order: 2 µm at 0.1 m from the anchor
+SOLIDS, NODES = 64, 1 << 16  # in the smallest class: primitives and grids, and values of all grids
 FASTEST = 20.0  # [m/s] past the body, for which a step is called short
 
 
@@ -54,14 +56,17 @@ class Contact(SharedConstraint):
 
     def __init__(self, body: Colliders, sheet: Sheet) -> None:
         self.body = body
-        self._size = int(np.prod(sheet.padded_shape))
+        self._size = capacity_of(sheet.padded_shape)
+        spared = np.zeros(sheet.shape, np.int32) if body.spared is None else body.spared
+        self._spared = np.full(sheet.padded_shape, -1, np.int32)
+        self._spared[PAD:-PAD, : sheet.shape[1]] = spared
         solids = body.solids
         self._constant = _shapes(body)
         self._thinnest = min(_thickness(row) for row in self._constant)
         self._points, self._radii = corners(solids)
         self._tree = build(self._points.mean(axis=1))
         self._bones = np.array([p.bone for p in solids])
-        self._constant[:, Row.BONE] = self._bones
+        self._constant[:, Row.BONE] = 0 if body.spared is None else self._bones
         self._anchors = np.stack([_anchor(p) for p in solids])
         self._axes = np.stack([np.stack(_axes(p)) for p in solids])
         self._capsules = np.array([_capsule(row) for row in self._constant])
@@ -70,13 +75,12 @@ class Contact(SharedConstraint):
         )
 
     @property
-    def kind(self) -> tuple[int, int, tuple[int, ...], bool, int, bool]:
+    def kind(self) -> tuple[int, int, tuple[int, ...], bool, int]:
         assert self._long_steps is not None, "a solver takes it first"
         body = self.body
-        kinds = tuple(sorted({int(k) for k in self._constant[:, 0]}))
-        capacity = -(-len(body.solids) // 16) * 16
-        nodes = sum(g.values.size for g in body.grids)
-        return self._size, capacity, kinds, self._long_steps, nodes, body.spared is not None
+        kinds = ((CONE, ELLIPTIC) if body.primitives else ()) + ((GRID,) if body.grids else ())
+        nodes = class_of(sum(g.values.size for g in body.grids), NODES) if body.grids else 1
+        return self._size, class_of(len(body.solids), SOLIDS), kinds, self._long_steps, nodes
 
     def join(self, substeps: int, step: float) -> None:
         if self._long_steps is None:  # it is compiled for these; later steps are shorter, and may be taken for long
@@ -108,10 +112,8 @@ class Contact(SharedConstraint):
         return other
 
     def fill(self, state: SheetState) -> None:
-        if self.body.grids:
-            self.fields.nodes.from_numpy(np.concatenate([g.values.ravel() for g in self.body.grids]))
-        if self.body.spared is not None:
-            self.fields.spare(self.body.spared, state.values.shape[1:])
+        values = [g.values.astype(np.float32).ravel() for g in self.body.grids] or [np.zeros(1, np.float32)]
+        self.fields.take_constant(np.concatenate(values), self._spared.ravel())
 
     def begin(self, state: SheetState, forces: FrameForces) -> None:
         super().begin(state, forces)

@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 
 from taichi_cloth.constraints.contact import Contact
 from taichi_cloth.constraints.contact_response import GROWTH, TURNING, Response
-from taichi_cloth.ground.arrays import Template
+from taichi_cloth.ground.arrays import I32x1, Template
+from taichi_cloth.motion.capacity import capacity_of
 from taichi_cloth.motion.constraint import SharedConstraint
 from taichi_cloth.motion.crew import PARTS
 from taichi_cloth.motion.forces import FrameForces
@@ -44,10 +45,8 @@ class MiddleFields:
     groups: Any
     entries: Any
 
-    def __init__(self, surface: Response, padded_shape: tuple[int, int]) -> None:
-        rows, width = padded_shape
-        self.surface, self.width = surface, width
-        self.room = max(ROOM * rows * width, LEAST)
+    def __init__(self, surface: Response, size: int) -> None:
+        self.surface, self.room = surface, max(ROOM * size, LEAST)
         self.holder: object = None
         self.solid, self.solids = ti.field(ti.i32, surface.capacity), ti.field(ti.i32, ())
         self.groups, self.most, self.entries = (ti.field(ti.i32, ()) for _ in range(3))
@@ -55,6 +54,13 @@ class MiddleFields:
         self.owner, self.due = (ti.field(ti.i32, self.room // LANES + 1) for _ in range(2))  # of each group
         self.place = ti.field(ti.f32, 6 * LANES)  # of the group at work: middles against the anchor, and their steps
         self.entry, self.plane = ti.field(ti.i32, self.room), ti.field(ti.f32, PLANE * self.room)
+
+    @ti.kernel
+    def take(self, solids: I32x1):
+        ti.loop_config(serialize=True)
+        for k in range(solids.shape[0]):
+            self.solid[k] = solids[k]
+        self.solids[None] = solids.shape[0]
 
     @ti.func
     def touch(self, points: Template, done, n: Template):
@@ -113,18 +119,18 @@ class MiddleFields:
     @ti.func
     def enlist(self, points: Template, packet, i, found):
         """Appends the springs that begin in a packet. Returns how many there are then."""
+        row = points.row[None]
         for k in range(packet * LANES, (packet + 1) * LANES):
             for family in range(FAMILIES):  # along the weft, along the warp, both diagonals of the cell
                 p, q, weight = k, k + 1, points.east[k]
                 if family == 1:
-                    q, weight = k + self.width, points.north[k]
+                    q, weight = k + row, points.north[k]
                 elif family >= 2:
                     weight = points.cell[k]
-                    p, q = k + family - 2, k + self.width + 3 - family
+                    p, q = k + family - 2, k + row + 3 - family
                 met = weight > 0.0 and points.inverse_mass[p] + points.inverse_mass[q] > 0.0
-                if ti.static(self.surface.sparing):
-                    spared = self.surface.spared[p] | self.surface.spared[q]
-                    met = met and (spared >> self.surface.bone(i)) & 1 == 0
+                spared = self.surface.spared[p] | self.surface.spared[q]
+                met = met and (spared >> self.surface.bone(i)) & 1 == 0
                 if met:
                     if found < self.room:
                         self.one[found], self.two[found] = p, q
@@ -211,15 +217,14 @@ class MiddleContact(SharedConstraint):
     whole = True
 
     def __init__(self, contact: Contact, sheet: Sheet, solids: NDArray[np.int32]) -> None:
-        self.contact, self.solids, self._shape = contact, solids, sheet.padded_shape
+        self.contact, self.solids, self._size = contact, solids, capacity_of(sheet.padded_shape)
 
     @property
-    def kind(self) -> tuple[Response, tuple[int, int]]:
-        return self.contact.fields, self._shape
+    def kind(self) -> tuple[Response, int]:
+        return self.contact.fields, self._size
 
     def fill(self, state: SheetState) -> None:
-        self.fields.solid.from_numpy(np.resize(self.solids, self.fields.solid.shape[0]))
-        self.fields.solids[None] = len(self.solids)
+        self.fields.take(self.solids)
 
     def begin(self, state: SheetState, forces: FrameForces) -> None:
         super().begin(state, forces)

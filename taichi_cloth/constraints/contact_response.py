@@ -14,15 +14,13 @@ A packet's lists and planes are its own, so parts of the sheet on several thread
 
 from typing import Any
 
-import numpy as np
 import taichi as ti
-from numpy.typing import NDArray
 
 from taichi_cloth.constraints.contact_surface import BOX, BodySurface
-from taichi_cloth.ground.arrays import Template
+from taichi_cloth.ground.arrays import F32x1, I32x1, Template
 from taichi_cloth.motion.crew import LINE, PARTS
 from taichi_cloth.motion.stencil import load, load_xyz, relative, store
-from taichi_cloth.sheet.sheet import LANES, PAD
+from taichi_cloth.sheet.sheet import LANES
 
 __all__ = ["Response"]
 
@@ -46,7 +44,7 @@ TURNING = 0.25  # share of the slip that may become approach meanwhile
 
 @ti.data_oriented
 class Response(BodySurface):
-    """What the kernel works on. sparing: whether some key points do not meet all bones."""
+    """What the kernel works on, for padded grids of up to `size` key points. spared: bits of `Colliders.spared`."""
 
     # Numbers of these are bounds of loops: type checkers would take them for matrices.
     count: Any
@@ -59,11 +57,9 @@ class Response(BodySurface):
         kinds: tuple[int, ...],
         long_steps: bool,
         nodes: int,
-        sparing: bool,
     ) -> None:
         super().__init__(capacity, kinds, nodes)
-        self.long_steps, self.sparing = long_steps, sparing
-        self.spared = ti.field(ti.i32, size if sparing else 1)
+        self.long_steps, self.spared = long_steps, ti.field(ti.i32, size)
         blocks = size // LANES
         self.count, self.next = ti.field(ti.i32, blocks), ti.field(ti.i32, blocks)
         self.list, self.due = ti.field(ti.i32, blocks * capacity), ti.field(ti.i32, blocks * capacity)
@@ -76,11 +72,15 @@ class Response(BodySurface):
         self.entry = ti.field(ti.f32, blocks * SLOTS * ENTRY * LANES)
         self.sum = ti.field(ti.f32, blocks * SLOTS * SUMS * LANES)
 
-    def spare(self, bits: NDArray[np.int32], padded_shape: tuple[int, ...]) -> None:
-        """Takes the bits of `Colliders.spared` (rows, cols)."""
-        padded = np.full(padded_shape, -1, np.int32)
-        padded[PAD : PAD + bits.shape[0], : bits.shape[1]] = bits
-        self.spared.from_numpy(padded.ravel())
+    @ti.kernel
+    def take_constant(self, values: F32x1, spared: I32x1):
+        """values: of all distance grids. spared: of the elements of the padded grid."""
+        ti.loop_config(serialize=True)
+        for k in range(values.shape[0]):
+            self.nodes[k] = values[k]
+        ti.loop_config(serialize=True)
+        for p in range(spared.shape[0]):
+            self.spared[p] = spared[p]
 
     @ti.func
     def lanes_of(self, k, numbers: Template):
@@ -102,8 +102,7 @@ class Response(BodySurface):
                 low, high = ti.min(low, here), ti.max(high, here)
                 slow, fast = ti.min(slow, step), ti.max(fast, step)
                 fastest = ti.max(fastest, step.norm_sqr())
-                if ti.static(self.sparing):
-                    spared &= self.spared[k]
+                spared &= self.spared[k]
         count, soonest = 0, 1 << 24
         if low[0] < 1e29:  # pyright: ignore[reportIndexIssue]
             # How near a box must be to be met before the next walk; the packet as a ball that moves.
@@ -122,8 +121,7 @@ class Response(BodySurface):
                     node = self.skip[node]
                 else:
                     i = self.leaf[node]
-                    if ti.static(self.sparing):  # i stays -1 where it is
-                        i |= -((spared >> self.bone(ti.max(i, 0))) & 1)
+                    i |= -((spared >> self.bone(ti.max(i, 0))) & 1)  # stays -1 where it is
                     if i >= 0:
                         # A leaf: how fast the ball slips over it at most, and so when it could touch first.
                         here = middle - self.anchor(i)
@@ -203,9 +201,8 @@ class Response(BodySurface):
         c = self.anchor(i)
         # 1 for key points that meet this primitive, 0 for those that are pinned, absent or spared.
         free = ti.min(load(points.inverse_mass, a) * 1e30, 1.0)
-        if ti.static(self.sparing):
-            met = 1 - ((load(self.spared, a) >> self.bone(i)) & 1)
-            free *= ti.cast(met, ti.f32)
+        met = 1 - ((load(self.spared, a) >> self.bone(i)) & 1)
+        free *= ti.cast(met, ti.f32)
         if ti.static(self.long_steps):
             self.cross(points, a, i, q, free)
         # Distances d and normals n; the slip (u, v, w) of the step past the surface.

@@ -27,8 +27,9 @@ import taichi as ti
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from taichi_cloth.ground.arrays import Template
+from taichi_cloth.ground.arrays import F32x1, I32x2, Int, Template
 from taichi_cloth.ground.errors import InputError
+from taichi_cloth.motion.capacity import capacity_of
 from taichi_cloth.motion.constraint import SharedConstraint
 from taichi_cloth.motion.forces import FrameForces, SelfContact
 from taichi_cloth.sheet.sheet import Sheet, SheetState
@@ -51,48 +52,40 @@ _GROWTH = 1.25  # by which the fastest key point may grow faster while contacts 
 _BITS = 5  # the grid wraps around after 2⁵ cells along each axis; what meets there by chance is told apart by distance
 _PAIRS, _CONTACTS = 128, 32  # room, for each key point
 
+LENGTHS = ("thickness", "friction", "band", "near", "least", "most", "cell")
+"""What `LayerFields` reads by name: see `ClothContact`, BAND, LEAST and MOST [m]; near: thickness and band together;
+cell: of the spatial grid."""
+
 MEND = 0.25
 """Share of the depth beyond the approach that is mended at a time."""
 
 
 @ti.data_oriented
 class LayerFields:
-    """The spatial grid, pairs and contacts of key points and faces, for sheets of one shape.
-
-    thickness, spacings [m] (least, greatest), friction, reach: see `ClothContact`. count: of key points, which there is
-    room for.
-    """
+    """The spatial grid, pairs and contacts of key points and faces, for padded grids of up to `size` elements."""
 
     # Numbers of these are bounds of loops: type checkers would take them for matrices.
     start: Any
+    used: Any
     pairs: Any
     contacts: Any
 
-    def __init__(
-        self,
-        padded_shape: tuple[int, int],
-        thickness: float,
-        friction: float,
-        spacings: tuple[float, float],
-        reach: int,
-        count: int,
-    ) -> None:
-        spacing, widest = spacings
-        self.thickness, self.friction, self.reach = thickness, friction, reach
-        self.band, self.least, self.most = BAND * spacing, LEAST * spacing, MOST * spacing
-        self.cell = widest + thickness + spacing
-        rows, self.width = padded_shape
-        self.size = rows * self.width
+    def __init__(self, size: int) -> None:
         self.holder: object = None
+        self.lengths = [ti.field(ti.f32, ()) for _ in LENGTHS]
+        self.thickness, self.friction, self.band, self.near, self.least, self.most, self.cell = self.lengths
+        # Cells of its own neighbourhood; elements of the padded grid, and the row and column of each.
+        self.reach, self.used = (ti.field(ti.i32, ()) for _ in range(2))
+        self.line, self.column = (ti.field(ti.i32, size) for _ in range(2))
         # The spatial grid: panel of each key point and each face (0: none), and key points in the order of their cells.
-        self.panel, self.patch, self.order, self.bucket = (ti.field(ti.i32, self.size) for _ in range(4))
+        self.panel, self.patch, self.order, self.bucket = (ti.field(ti.i32, size) for _ in range(4))
         self.start = ti.field(ti.i32, 2 ** (3 * _BITS) + 1)
         self.cursor = ti.field(ti.i32, 2 ** (3 * _BITS))
         # Where key points were when pairs were sought [m], and the margin then, beyond the band [m].
-        self.reference = [ti.field(ti.f32, self.size) for _ in range(3)]
+        self.reference = [ti.field(ti.f32, size) for _ in range(3)]
         self.margin = ti.field(ti.f32, ())
         # Pairs, and contacts with their normal and place on the face.
-        self.pair_room, self.contact_room = _PAIRS * count, _CONTACTS * count
+        self.pair_room, self.contact_room = _PAIRS * size, _CONTACTS * size
         self.pair_point, self.pair_face = (ti.field(ti.i32, self.pair_room) for _ in range(2))
         self.point, self.face = (ti.field(ti.i32, self.contact_room) for _ in range(2))
         self.normal = [ti.field(ti.f32, self.contact_room) for _ in range(3)]
@@ -102,13 +95,26 @@ class LayerFields:
             ti.field(ti.i32, ()) for _ in range(5)
         )
 
+    @ti.kernel
+    def take(self, width: Int, reach: Int, labels: I32x2, lengths: F32x1):
+        """labels: (2, elements of the padded grid), panels of key points and of faces. lengths: of `LENGTHS`."""
+        ti.loop_config(serialize=True)
+        for p in range(labels.shape[1]):
+            self.panel[p], self.patch[p] = labels[0, p], labels[1, p]
+            self.line[p], self.column[p] = p // width, p % width
+        ti.loop_config(serialize=True)
+        for _ in range(1):
+            self.reach[None], self.used[None] = reach, labels.shape[1]
+            for k, field in ti.static(enumerate(self.lengths)):
+                field[None] = lengths[k]
+
     @ti.func
     def at(self, field: Template, p) -> Any:
         return ti.Vector([field[0][p], field[1][p], field[2][p]])
 
     @ti.func
     def grid(self, x) -> Any:
-        return ti.floor(x / self.cell, ti.i32)
+        return ti.floor(x / self.cell[None], ti.i32)
 
     @ti.func
     def hashed(self, i, j, k):
@@ -121,7 +127,7 @@ class LayerFields:
         x, d = ti.static(points.position, points.step)
         # The common motion, of steps and since pairs were sought.
         step, shift, count = ti.Vector([0.0, 0.0, 0.0]), ti.Vector([0.0, 0.0, 0.0]), 0
-        for p in range(self.size):
+        for p in range(self.used[None]):
             if self.panel[p] > 0:
                 step += self.at(d, p)
                 shift += self.at(x, p) - self.at(self.reference, p)
@@ -130,15 +136,15 @@ class LayerFields:
         shift /= count
         # How fast and how far the key points are at most beside it.
         fastest, farthest = 1e-20, 0.0
-        for p in range(self.size):
+        for p in range(self.used[None]):
             if self.panel[p] > 0:
                 fastest = ti.max(fastest, (self.at(d, p) - step).norm_sqr())
                 farthest = ti.max(farthest, (self.at(x, p) - self.at(self.reference, p) - shift).norm_sqr())
         fastest, farthest = _GROWTH * ti.sqrt(fastest), ti.sqrt(farthest)
         # Contacts are held until two that approach each other could cross the band; pairs until the margin is used up.
-        held = 2 * ti.cast(ti.min(ti.max(self.band / (4.0 * fastest), 1.0), LONGEST_HOLD / 2), ti.i32)
+        held = 2 * ti.cast(ti.min(ti.max(self.band[None] / (4.0 * fastest), 1.0), LONGEST_HOLD / 2), ti.i32)
         if done == 0 or 2.0 * (farthest + held * fastest) > self.margin[None]:
-            self.margin[None] = ti.min(ti.max(2.0 * FORESIGHT * fastest, self.least), self.most)
+            self.margin[None] = ti.min(ti.max(2.0 * FORESIGHT * fastest, self.least[None]), self.most[None])
             self.search(points)
         self.meet(points)
         self.until[None] = done + held
@@ -151,7 +157,7 @@ class LayerFields:
         # Key points in the order of the cells they are in (counting sort): how many each has, where it starts, who.
         for k in range(self.start.shape[0]):
             self.start[k] = 0
-        for p in range(self.size):
+        for p in range(self.used[None]):
             if self.panel[p] > 0:
                 g = self.grid(self.at(x, p))
                 key = self.hashed(g[0], g[1], g[2])
@@ -162,16 +168,16 @@ class LayerFields:
         for k in range(1, self.start.shape[0]):
             self.start[k] = self.start[k] + self.start[k - 1]
             self.cursor[k - 1] = self.start[k - 1]
-        for p in range(self.size):
+        for p in range(self.used[None]):
             if self.panel[p] > 0:
                 key = self.bucket[p]
                 self.order[self.cursor[key]] = p
                 self.cursor[key] = self.cursor[key] + 1
         # Each face: the key points of its cells that are near enough, by the box around it and then by its plane.
-        row = ti.static(self.width)
+        row = points.row[None]
         found = 0
-        wide = self.thickness + self.band + self.margin[None]
-        for f in range(self.size):
+        wide = self.near[None] + self.margin[None]
+        for f in range(self.used[None]):
             if self.patch[f] > 0:
                 a, b, c, d = (
                     self.at(x, f),
@@ -182,7 +188,7 @@ class LayerFields:
                 low = ti.min(ti.min(a, b), ti.min(c, d)) - wide
                 high = ti.max(ti.max(a, b), ti.max(c, d)) + wide
                 g0, g1 = self.grid(low), ti.min(self.grid(high), self.grid(low) + 7)
-                fi, fj = f // row, f % row
+                fi, fj = self.line[f], self.column[f]
                 across = (b + d - a - c).cross(c + d - a - b)  # 4 × the area vector of the face
                 room = wide + 0.25 * (a + d - b - c).norm()  # a face that is not flat leaves its plane by so much
                 most, middle = room * room * across.norm_sqr(), 0.25 * (a + b + c + d)
@@ -192,8 +198,8 @@ class LayerFields:
                             key = self.hashed(i, j, k)
                             for o in range(self.start[key], self.start[key + 1]):
                                 p = self.order[o]
-                                di, dj = p // row - fi, p % row - fj
-                                other = ti.max(ti.abs(2 * di - 1), ti.abs(2 * dj - 1)) > 2 * self.reach + 1
+                                di, dj = self.line[p] - fi, self.column[p] - fj
+                                other = ti.max(ti.abs(2 * di - 1), ti.abs(2 * dj - 1)) > 2 * self.reach[None] + 1
                                 if other or self.panel[p] != self.patch[f]:  # nested: `and` works out all of it
                                     y = self.at(x, p)
                                     if (y >= low).all() and (y <= high).all():
@@ -210,8 +216,8 @@ class LayerFields:
         """Contacts of the pairs: the nearest point of each face by turns in u and v, and the normal towards the key
         point."""
         x = ti.static(points.position)
-        row = ti.static(self.width)
-        near = self.thickness + self.band
+        row = points.row[None]
+        near = self.near[None]
         found = 0
         for k in range(ti.min(self.pairs[None], self.pair_room)):
             p, f = self.pair_point[k], self.pair_face[k]
@@ -247,7 +253,7 @@ class LayerFields:
     def solve(self, points: Template, done):
         """Every contact once, in turns from the first to the last and from the last to the first."""
         x, s, inverse = ti.static(points.position, points.step, points.inverse_mass)
-        row = ti.static(self.width)
+        row = points.row[None]
         total = self.contacts[None]
         for k in range(total):
             m = k if done % 4 == 1 else total - 1 - k
@@ -258,7 +264,7 @@ class LayerFields:
             w = ti.Vector([(1.0 - u) * (1.0 - v), u * (1.0 - v), (1.0 - u) * v, u * v])
             patch = w[0] * self.at(x, f) + w[1] * self.at(x, f + 1)
             patch += w[2] * self.at(x, f + row) + w[3] * self.at(x, f + row + 1)
-            depth = self.thickness - n.dot(self.at(x, p) - patch)
+            depth = self.thickness[None] - n.dot(self.at(x, p) - patch)
             if depth > 0.0:
                 # How much the pair yields to a push: Σ w²/m.
                 i = ti.Vector([inverse[f], inverse[f + 1], inverse[f + row], inverse[f + row + 1]])
@@ -270,7 +276,7 @@ class LayerFields:
                     along = step.dot(n)
                     push = ti.min(depth, ti.max(-along, 0.0))
                     slide = step - along * n
-                    held = ti.min(self.friction * push / ti.max(slide.norm(), 1e-20), 1.0)
+                    held = ti.min(self.friction[None] * push / ti.max(slide.norm(), 1e-20), 1.0)
                     change = (push * n - held * slide) / yielding
                     move = change + MEND * (depth - push) / yielding * n
                     # The key point by its inverse mass, the corners against it by theirs.
@@ -308,7 +314,7 @@ class ClothContact(SharedConstraint):
                 f"({4 * spacing:g} m)"
             )
         self.reach = 1 + ceil(pi / 2 * options.thickness / spacing)  # half a circle of that diameter is a tight fold
-        self._shape, self._count = sheet.padded_shape, int(sheet.present.sum())
+        self._width, self._size = sheet.width, capacity_of(sheet.padded_shape)
         labels = np.asarray(ndimage.label(sheet.cells, np.ones((3, 3)))[0])  # pyright: ignore[reportIndexIssue]
         corners = [np.pad(labels, ((i, 1 - i), (j, 1 - j))) for i in (0, 1) for j in (0, 1)]
         panels, faces = np.maximum.reduce(corners), corners[0]
@@ -316,15 +322,18 @@ class ClothContact(SharedConstraint):
             apart = np.logical_not(ndimage.binary_dilation(seams, np.ones((3, 3)), iterations=self.reach))
             panels = panels * apart
             faces = faces * np.pad(apart[:-1, :-1] & apart[1:, :-1] & apart[:-1, 1:] & apart[1:, 1:], ((0, 1), (0, 1)))
-        self._labels = [sheet.padded(labels).astype(np.int32).ravel() for labels in (panels, faces)]
+        self._labels = np.stack([sheet.padded(labels).astype(np.int32).ravel() for labels in (panels, faces)])
 
     @property
-    def kind(self) -> tuple[tuple[int, int], float, float, tuple[float, float], int, int]:
-        return self._shape, self.options.thickness, self.options.friction, self._spacings, self.reach, self._count
+    def kind(self) -> tuple[int]:
+        return (self._size,)
 
     def fill(self, state: SheetState) -> None:
-        self.fields.panel.from_numpy(self._labels[0])
-        self.fields.patch.from_numpy(self._labels[1])
+        (spacing, widest), thickness, band = self._spacings, self.options.thickness, BAND * self._spacings[0]
+        lengths = {"thickness": thickness, "friction": self.options.friction, "band": band, "near": thickness + band}
+        lengths |= {"least": LEAST * spacing, "most": MOST * spacing, "cell": widest + thickness + spacing}
+        named = np.array([lengths[name] for name in LENGTHS], np.float32)
+        self.fields.take(self._width, self.reach, self._labels, named)
 
     def begin(self, state: SheetState, forces: FrameForces) -> None:
         super().begin(state, forces)

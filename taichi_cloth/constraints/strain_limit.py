@@ -15,9 +15,10 @@ enough where five that begin anew left more. Pulls are part of the state: a run 
 import taichi as ti
 
 from taichi_cloth.ground.arrays import Template
+from taichi_cloth.motion.capacity import capacity_of
 from taichi_cloth.motion.constraint import SharedConstraint
 from taichi_cloth.motion.crew import PARTS
-from taichi_cloth.motion.stencil import largest, load, store
+from taichi_cloth.motion.stencil import largest, load, near, store
 from taichi_cloth.sheet.sheet import LANES, Sheet, SheetState
 
 __all__ = ["ThreadLimit"]
@@ -43,19 +44,18 @@ class ThreadFields:
     and those across, in the order of their rows. So a sweep goes along every yarn from end to end, but the threads next
     to each other in a list are of different yarns, and a processor need not wait for one to begin with the next."""
 
-    def __init__(self, rows: int, width: int) -> None:
-        self.width = width
+    def __init__(self, size: int) -> None:
         self.holder: object = None
         self.turn = ti.field(ti.i32, ())
-        self.pull = tuple(ti.field(ti.f32, rows * width) for _ in range(2))  # by how much in a substep [m]
+        self.pull = tuple(ti.field(ti.f32, size) for _ in range(2))  # by how much in a substep [m]
         self.count = ti.field(ti.i32, 2)
-        self.found, self.along, self.across = (ti.field(ti.i32, rows * width) for _ in range(3))
-        self.column = ti.field(ti.i32, width + 1)
-        self.over = tuple(ti.field(ti.f32, rows * width) for _ in range(2))
+        self.found, self.found_at, self.along, self.across = (ti.field(ti.i32, size) for _ in range(4))
+        self.column = ti.field(ti.i32, size // LANES + 1)
+        self.over = tuple(ti.field(ti.f32, size) for _ in range(2))
         self.own, self.near = ti.field(ti.f32, 2 * LANES), ti.field(ti.f32, 2 * LANES)
 
     @ti.func
-    def grown(self, points: Template, p, offset: Template, weight: Template, near, pull: Template):
+    def grown(self, points: Template, p, offset, weight: Template, near, pull: Template):
         """By how much the squared length of the threads to p + offset is above `near`² [m²], more where they are drawn
         together; NONE where none is."""
         x, y, z = points.away(points.position, p, offset)
@@ -70,39 +70,40 @@ class ThreadFields:
         x, y = n.longest_x - NEAR * n.spacing_x, n.longest_y - NEAR * n.spacing_y
         over_x, over_y = ti.static(*self.over)
         along, across = 0, 0
-        for c in range(self.width + 1):
+        row = points.row[None]
+        for c in range(row + 1):
             self.column[c] = 0
         # By how much each is over what is near, along rows (x) and across (y).
         for e in range(points.cut[0], points.cut[PARTS]):
             p = points.lanes(points.packet[e] * LANES)
             store(over_x, p, self.grown(points, p, 1, points.east, x, self.pull[0]))
-            store(over_y, p, self.grown(points, p, ti.static(self.width), points.north, y, self.pull[1]))
+            store(over_y, p, self.grown(points, p, row, points.north, y, self.pull[1]))
         # A thread is listed where it or one beside it in its yarn is over; and how many each column has.
         for e in range(points.cut[0], points.cut[PARTS]):
             p = points.lanes(points.packet[e] * LANES)
             own_x, own_y = load(over_x, p), load(over_y, p)
-            near_x = ti.max(load(over_x, p - 1), own_x, load(over_x, p + 1))
-            near_y = ti.max(load(over_y, p - self.width), own_y, load(over_y, p + self.width))
+            near_x = ti.max(load(over_x, near(p - 1)), own_x, load(over_x, near(p + 1)))
+            near_y = ti.max(load(over_y, near(p - row)), own_y, load(over_y, near(p + row)))
             if largest(ti.max(near_x, near_y)) > 0.0:
                 store(self.own, 0, own_x)
                 store(self.own, LANES, own_y)
                 store(self.near, 0, near_x)
                 store(self.near, LANES, near_y)
+                first = p % row
                 for k in range(LANES):
                     if self.near[k] > 0.0 and self.own[k] > NONE:
-                        self.found[along] = p + k
-                        self.column[(p + k) % self.width + 1] += 1
+                        self.found[along], self.found_at[along] = p + k, first + k
+                        self.column[first + k + 1] += 1
                         along += 1
                     if self.near[LANES + k] > 0.0 and self.own[LANES + k] > NONE:
                         self.across[across] = p + k
                         across += 1
         # Those along rows in the order of their columns (counting sort).
-        for c in range(self.width):
+        for c in range(row):
             self.column[c + 1] += self.column[c]
         for k in range(along):
-            p = self.found[k]
-            c = p % self.width
-            self.along[self.column[c]] = p
+            c = self.found_at[k]
+            self.along[self.column[c]] = self.found[k]
             self.column[c] += 1
         self.count[0], self.count[1] = along, across
 
@@ -110,10 +111,10 @@ class ThreadFields:
     def pull_again(self, points: Template):
         """Draws together the threads of the lists as in the last substep."""
         self.pull_all(points, self.along, self.count[0], 1, self.pull[0])
-        self.pull_all(points, self.across, self.count[1], self.width, self.pull[1])
+        self.pull_all(points, self.across, self.count[1], points.row[None], self.pull[1])
 
     @ti.func
-    def pull_all(self, points: Template, listed: Template, count, offset: Template, pull: Template):
+    def pull_all(self, points: Template, listed: Template, count, offset, pull: Template):
         x, y, z = ti.static(*points.position)
         for k in range(count):
             p = listed[k]
@@ -128,10 +129,10 @@ class ThreadFields:
     def shorten(self, points: Template, back, n: Template):
         """Every thread of the lists once, from their first to their last or back."""
         self.shorten_all(points, self.along, self.count[0], 1, n.longest_x, self.pull[0], back)
-        self.shorten_all(points, self.across, self.count[1], self.width, n.longest_y, self.pull[1], back)
+        self.shorten_all(points, self.across, self.count[1], points.row[None], n.longest_y, self.pull[1], back)
 
     @ti.func
-    def shorten_all(self, points: Template, listed: Template, count, offset: Template, longest, pull: Template, back):
+    def shorten_all(self, points: Template, listed: Template, count, offset, longest, pull: Template, back):
         """To `longest` [m] where a thread is longer, or lets it grow to that where it was pulled too much."""
         x, y, z = ti.static(*points.position)
         u, v, w = ti.static(*points.step)
@@ -185,11 +186,11 @@ class ThreadLimit(SharedConstraint):
     remembers = 2
 
     def __init__(self, sheet: Sheet) -> None:
-        self._shape = sheet.padded_shape
+        self._size = capacity_of(sheet.padded_shape)
 
     @property
-    def kind(self) -> tuple[int, int]:
-        return self._shape
+    def kind(self) -> tuple[int]:
+        return (self._size,)
 
     def rescale(self, state: SheetState, share: float) -> None:
         state.values[6:8] *= share**2  # what a force does in a step

@@ -25,12 +25,13 @@ import taichi as ti
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from taichi_cloth.ground.arrays import F32x2, Template
+from taichi_cloth.ground.arrays import F32x2, I32x2, Template
 from taichi_cloth.ground.cache import digest
 from taichi_cloth.ground.errors import InputError
+from taichi_cloth.motion.capacity import class_of
 from taichi_cloth.motion.constraint import SharedConstraint
 from taichi_cloth.motion.forces import FrameForces
-from taichi_cloth.motion.stencil import load, store
+from taichi_cloth.motion.stencil import load, near, store
 from taichi_cloth.sheet.sheet import LANES, PAD, Sheet, SheetState
 
 __all__ = ["Ties"]
@@ -69,16 +70,35 @@ class TieFields:
         self.row, self.path = ti.field(ti.f32, (capacity, ROW)), ti.field(ti.f32, (capacity + 1, PATH))
         self.node = ti.field(ti.i32, (capacity, NODES))
         if at_once:
-            self.answer = ti.field(ti.f32, capacity * capacity)
+            self.answer, self.stride = ti.field(ti.f32, capacity * capacity), ti.field(ti.i32, ())
             self.apart, self.push = ti.field(ti.f32, 6 * capacity), ti.field(ti.f32, 6 * capacity)
         self.holder: object = None
         self.wide, self.listed = ti.field(ti.i32, ()), ti.field(ti.i32, capacity)
 
     @ti.kernel
     def take(self, path: F32x2):
+        """For a frame; its last row is of all ties."""
         ti.loop_config(serialize=True)  # less work than to wake threads
         for i, j in ti.ndrange(path.shape[0], path.shape[1]):
-            self.path[i, j] = path[i, j]
+            self.path[i if i < path.shape[0] - 1 else self.capacity, j] = path[i, j]
+
+    @ti.kernel
+    def take_constant(self, node: I32x2, row: F32x2, answer: F32x2):
+        """answer: (ties, ties) in whole lanes with 0, where they are closed at once."""
+        ti.loop_config(serialize=True)
+        for k in range(node.shape[0]):
+            for j in range(NODES):
+                self.node[k, j] = node[k, j]
+            for j in range(ROW):
+                self.row[k, j] = row[k, j]
+        if ti.static(self.at_once):
+            ti.loop_config(serialize=True)
+            for k in range(answer.shape[0]):
+                for m in range(answer.shape[1]):
+                    self.answer[k * answer.shape[1] + m] = answer[k, m]
+                for c in ti.static(range(6)):
+                    self.apart[c * self.capacity + k] = 0.0
+            self.stride[None] = answer.shape[1]
 
     @ti.func
     def pull(self, points: Template, done):
@@ -134,7 +154,7 @@ class TieFields:
         o = at + q
         a, b, c = load(self.push, o), load(self.push, o + n), load(self.push, o + 2 * n)
         for j in ti.static(range(LANES)):
-            row = load(self.answer, (m + j) * n + q)
+            row = load(self.answer, near((m + j) * self.stride[None] + q))
             a = a + row * self.apart[at + m + j]
             b = b + row * self.apart[at + n + m + j]
             c = c + row * self.apart[at + 2 * n + m + j]
@@ -244,8 +264,8 @@ class Ties(SharedConstraint):
 
     @property
     def kind(self) -> tuple[int, bool, bool]:
-        """Room for ties; a sheet's seams and what it is held by do not share one."""
-        return -(-self.count // 256) * 256, self.repeated, self.answer is not None
+        """Room for ties, in whole lanes; a sheet's seams and what it is held by do not share one."""
+        return class_of(self.count, MOST_AT_ONCE) + 2 * LANES, self.repeated, self.answer is not None
 
     def _answer(self, inverse: NDArray[np.float32], compliance: F64) -> F64:
         """(n, n): from all gaps to the pushes D λ of all ties, which `share` hands on to their key points."""
@@ -281,11 +301,9 @@ class Ties(SharedConstraint):
         self.substeps, self.reach = substeps, self.speed * step * substeps
 
     def fill(self, state: SheetState) -> None:
-        fields, more = self.fields, ((0, self.fields.capacity - self.count), (0, 0))
-        fields.node.from_numpy(np.pad(self.index, more))
-        fields.row.from_numpy(np.pad(np.concatenate([self.weight, self.share], axis=1).astype(np.float32), more))
-        if self.answer is not None:
-            fields.answer.from_numpy(np.pad(self.answer.T.astype(np.float32), more[0]).ravel())
+        row = np.concatenate([self.weight, self.share], axis=1).astype(np.float32)
+        answer = np.zeros((1, 1), np.float32) if self.answer is None else self.answer.T.astype(np.float32)
+        self.fields.take_constant(self.index, row, np.pad(answer, (0, -len(answer) % LANES)))
 
     def begin(self, state: SheetState, forces: FrameForces) -> None:
         super().begin(state, forces)
@@ -293,11 +311,11 @@ class Ties(SharedConstraint):
         start = self.targets(frame.start if frame else None)
         end = self.targets(frame.end if frame else None)
         now = self._widths(state, start)
-        path = np.zeros((fields.capacity + 1, PATH), np.float32)
-        path[: self.count, :3], path[: self.count, 3:ALLOWED] = start, end - start
+        path = np.zeros((self.count + 1, PATH), np.float32)
+        path[:-1, :3], path[:-1, 3:ALLOWED] = start, end - start
         allowed = np.where((now > CLOSED) & self.repeated, now, 0.0)
-        path[: self.count, ALLOWED] = allowed
-        path[: self.count, ALLOWED + 1] = np.maximum(allowed - self.reach, 0.0) - allowed
+        path[:-1, ALLOWED] = allowed
+        path[:-1, ALLOWED + 1] = np.maximum(allowed - self.reach, 0.0) - allowed
         most = np.inf if self.repeated else self.reach / self.substeps
         path[-1, :3] = self.count, 1.0 / self.substeps, most
         fields.take(path)

@@ -17,12 +17,11 @@ from typing import Any
 
 import numpy as np
 import taichi as ti
-from numpy.typing import NDArray
 
-from taichi_cloth.ground.arrays import F32x3, Float, Int, Template
+from taichi_cloth.ground.arrays import F32x1, F32x3, Float, I32x1, Int, Template
 from taichi_cloth.motion.constraint import Constraint
 from taichi_cloth.motion.crew import PARTS, Crew, parts_of
-from taichi_cloth.motion.numbers import Numbers
+from taichi_cloth.motion.numbers import NUMBERS, Numbers
 from taichi_cloth.motion.stencil import Stencil
 from taichi_cloth.sheet.sheet import LANES, Sheet, SheetState
 
@@ -33,7 +32,7 @@ _CHUNK = 1024  # iterations a thread: Taichi gives it 512 or more
 
 @ti.data_oriented
 class Frame(Stencil):
-    """Fields and kernel of a frame for sheets of one shape: they share them, and compile once.
+    """Fields and kernel of a frame for sheets of up to so many elements: they share them, and compile once.
 
     numbers: of a step. packet: 8 neighbouring key points each, by the number of their lanes in the padded grid; cut:
     which of them are whose part. holder: whose constants are in the fields, the host's to use. sums: whether it goes
@@ -43,27 +42,27 @@ class Frame(Stencil):
     sums = False
     cut: Any  # its numbers are bounds of loops: type checkers would take them for matrices
 
-    def __init__(self, padded_shape: tuple[int, int], threads: int, constraints: tuple[Constraint, ...]) -> None:
-        rows, width = padded_shape
-        super().__init__(rows * width, width)
-        self.rows, self.constraints, self.crew = rows, constraints, Crew(threads)
+    def __init__(self, size: int, threads: int, constraints: tuple[Constraint, ...]) -> None:
+        super().__init__(size)
+        self.constraints, self.crew = constraints, Crew(threads)
         self.numbers = Numbers.field(shape=())
-        self.packet, self.cut = ti.field(ti.i32, rows * width // LANES), ti.field(ti.i32, PARTS + 1)
+        self._number = [self.numbers.get_member_field(name) for name in NUMBERS]
+        self.packet, self.cut = ti.field(ti.i32, size // LANES), ti.field(ti.i32, PARTS + 1)
         self.holder: object = None
 
     def fill(self, sheet: Sheet, state: SheetState, numbers: dict[str, float]) -> None:
         """Takes what stays the same from frame to frame."""
-        self._take_model(np.stack([sheet.padded(v) for v in (*sheet.weights, sheet.inverse_mass)]), state.values)
-        self._take_parts(sheet.padded(sheet.present) > 0)
-        self.numbers[None] = Numbers(**numbers)
+        model = np.stack([sheet.padded(v) for v in (*sheet.weights, sheet.inverse_mass)])
+        named = np.array([numbers[name] for name in NUMBERS], np.float32)
+        self._take(model, state.values, *parts_of(sheet.padded(sheet.present) > 0), named)
 
     @ti.kernel
-    def _take_model(self, model: F32x3, values: F32x3):
+    def _take(self, model: F32x3, values: F32x3, packets: I32x1, cuts: I32x1, named: F32x1):
         """Weights, and the state, with what lies around the sheet."""
         ti.loop_config(serialize=True)
-        for i in range(self.rows):
-            for j in range(self.width):
-                p = i * self.width + j
+        for i in range(values.shape[1]):
+            for j in range(values.shape[2]):
+                p = i * values.shape[2] + j
                 self.east[p] = model[0, i, j]
                 self.north[p] = model[1, i, j]
                 self.cell[p] = model[2, i, j]
@@ -73,12 +72,15 @@ class Frame(Stencil):
                     self.ahead[c][p] = values[c, i, j]
                     self.ahead[c][p + self.size] = values[c, i, j]
                     self.step[c][p] = values[3 + c, i, j]
-
-    def _take_parts(self, present: NDArray[np.bool_]) -> None:
-        """present: (rows, width)."""
-        packets, cuts = parts_of(present)
-        self.packet.from_numpy(np.pad(packets, (0, self.packet.shape[0] - len(packets))))
-        self.cut.from_numpy(cuts)
+        ti.loop_config(serialize=True)
+        for _ in range(1):
+            self.row[None] = values.shape[2]
+            for e in range(packets.shape[0]):
+                self.packet[e] = packets[e]
+            for part in range(cuts.shape[0]):
+                self.cut[part] = cuts[part]
+            for k, number in ti.static(enumerate(self._number)):
+                number[None] = named[k]
 
     @ti.kernel
     def run(
@@ -155,7 +157,7 @@ class Frame(Stencil):
         """The state of a part's key points from what the host holds."""
         for e in range(self.cut[part], self.cut[part + 1]):
             p = self.lanes(self.packet[e] * LANES)
-            i, j = p // self.width, p % self.width
+            i, j = p // self.row[None], p % self.row[None]
             for c in ti.static(range(3)):
                 for k in range(LANES):
                     self.position[c][p + k] = values[c, i, j + k]
@@ -172,7 +174,7 @@ class Frame(Stencil):
             p = self.lanes(self.packet[e] * LANES)
             if ti.static(not features.apart):
                 self.settle(p, at)
-            i, j = p // self.width, p % self.width
+            i, j = p // self.row[None], p % self.row[None]
             for c in ti.static(range(3)):
                 for k in range(LANES):
                     values[c, i, j + k] = self.position[c][p + k]

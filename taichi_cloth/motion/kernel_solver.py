@@ -8,6 +8,7 @@ import numpy as np
 
 from taichi_cloth.ground import runtime
 from taichi_cloth.ground.errors import InputError
+from taichi_cloth.motion.capacity import capacity_of
 from taichi_cloth.motion.constraint import Constraint
 from taichi_cloth.motion.crew import PARTS, Pace
 from taichi_cloth.motion.forces import Forces, FrameForces
@@ -90,8 +91,8 @@ class KernelSolver(Solver):
             one.rescale(state, share)
 
     def advance(self, state: SheetState, forces: FrameForces) -> None:
-        generation, shape = runtime.generation(), self.sheet.padded_shape
-        frame = _frame(generation, self.frame_of, shape, self.threads, self.constraints)
+        size = capacity_of(self.sheet.padded_shape)
+        frame = _frame(runtime.generation(), self.frame_of, size, self.threads, self.constraints)
         if frame.holder != (self, self.substeps):
             self.fill(frame, state)
             frame.holder = self, self.substeps
@@ -119,9 +120,9 @@ class KernelSolver(Solver):
 def _frame(
     generation: int,
     frame_of: type[Frame],
-    padded_shape: tuple[int, int],
+    size: int,
     threads: int,
     constraints: tuple[Constraint, ...],
 ) -> Frame:
-    """Sheets of one shape share it. generation: of the Taichi runtime; a new start throws all fields away."""
-    return frame_of(padded_shape, threads, constraints)
+    """Sheets of one class share it. generation: of the Taichi runtime; a new start throws all fields away."""
+    return frame_of(size, threads, constraints)

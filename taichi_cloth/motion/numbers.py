@@ -8,7 +8,7 @@ import taichi as ti
 from taichi_cloth.motion.forces import Forces
 from taichi_cloth.sheet.sheet import Sheet
 
-__all__ = ["Numbers", "numbers_of"]
+__all__ = ["NUMBERS", "Numbers", "numbers_of"]
 
 NUMBERS = (
     *("structural_x", "structural_y", "diagonal", "second_x", "second_y", "hinge_x", "hinge_y"),  # × h² [N s²/m = kg]

@@ -1,8 +1,8 @@
 """One substep of 8 neighbouring key points: springs, hinges, air, contact. Straight-line code without a branch.
 
 LLVM turns it into vector instructions because the 8 lanes are loaded from consecutive elements of separate fields,
-rows have a width known at compile time, and fast_math is off. All of that is needed: each one missing costs a factor
-of two to four, silently.
+what is added to their number is bounded (`near`), and fast_math is off. All of that is needed: each one missing costs a
+factor of two to four, silently. How long rows are is read when it runs: sheets of any shape share the code.
 
 Everything is scaled so that inverse mass × sum is a displacement: constants come multiplied by h².
 
@@ -76,20 +76,28 @@ def push_out(nx, ny, nz, depth, friction, dx, dy, dz):
     return dx + depth * nx - held * tx, dy + depth * ny - held * ty, dz + depth * nz - held * tz
 
 
+@ti.func
+def near(p):
+    """Element p of a padded grid. The bounds tell the compiler that nothing overflows."""
+    return ti.min(ti.max(p, 0), 1 << 24)
+
+
 @ti.data_oriented
 class Stencil:
-    """Work memory for substeps, and the weights. `size` elements; rows of `width`.
+    """Work memory for substeps, and the weights. `size` elements, of which a sheet has its padded grid in the first.
+
+    row: width of the grid.
 
     position, step: [axis] fields [m]. ahead: [axis], position and what is moved within the lag of the stress [m], both
     buffers one after the other: element p of the second is size + p, so that one copy of the code serves both. east,
     north, cell: weights of `Sheet`. inverse_mass: [1/kg].
     """
 
-    def __init__(self, size: int, width: int) -> None:
+    def __init__(self, size: int) -> None:
         def fields(count: int, buffers: int = 1) -> list[ti.Field]:
             return [ti.field(ti.f32, buffers * size) for _ in range(count)]
 
-        self.size, self.width = size, width
+        self.size, self.row = size, ti.field(ti.i32, ())
         self.position, self.step, self.ahead = fields(3), fields(3), fields(3, 2)
         self.east, self.north, self.cell, self.inverse_mass = fields(4)
 
@@ -99,14 +107,11 @@ class Stencil:
         return ti.min(ti.max(p // LANES, 0), 1 << 24) * LANES
 
     @ti.func
-    def away(self, place: Template, p, offset: Template):
+    def away(self, place: Template, p, offset):
         """Vector from the lanes at p to those at p + offset. place: position or ahead."""
         x, y, z = ti.static(*place)
-        return (
-            load(x, p + offset) - load(x, p),
-            load(y, p + offset) - load(y, p),
-            load(z, p + offset) - load(z, p),
-        )
+        q = near(p + offset)
+        return load(x, q) - load(x, p), load(y, q) - load(y, p), load(z, q) - load(z, p)
 
     @ti.func
     def lead(self, p, n: Template):
@@ -121,19 +126,19 @@ class Stencil:
             store(self.position[axis], p, load(self.ahead[axis], self.lanes(p + at)))
 
     @ti.func
-    def spring(self, a, offset: Template, constant, rest):
+    def spring(self, a, offset, constant, rest):
         """Pull of the spring to the key point at a + offset."""
         x, y, z = self.away(self.ahead, a, offset)
         factor = constant * (1.0 - rest / ti.sqrt(ti.max(x * x + y * y + z * z, 1e-20)))
         return factor * x, factor * y, factor * z
 
     @ti.func
-    def bend(self, a, p, offset: Template, weight: Template, beta):
+    def bend(self, a, p, offset, weight: Template, beta):
         """Pull of the three hinges that p is part of, in the direction of neighbours at ±offset."""
-        before, here = load(weight, p - offset), load(weight, p)
-        c_minus = ti.min(load(weight, p - 2 * offset), before)
+        before, here = load(weight, near(p - offset)), load(weight, p)
+        c_minus = ti.min(load(weight, near(p - 2 * offset)), before)
         c_here = ti.min(before, here)
-        c_plus = ti.min(here, load(weight, p + offset))
+        c_plus = ti.min(here, load(weight, near(p + offset)))
         x1, y1, z1 = self.away(self.ahead, a, offset)
         x2, y2, z2 = self.away(self.ahead, a, 2 * offset)
         x_1, y_1, z_1 = self.away(self.ahead, a, -offset)
@@ -145,10 +150,10 @@ class Stencil:
         )
 
     @ti.func
-    def second(self, a, p, offset: Template, weight: Template, k, rest):
+    def second(self, a, p, offset, weight: Template, k, rest):
         """Pull of the paper's two springs to the second neighbours at ±2 offset."""
-        ahead = ti.min(load(weight, p), load(weight, p + offset))
-        behind = ti.min(load(weight, p - offset), load(weight, p - 2 * offset))
+        ahead = ti.min(load(weight, p), load(weight, near(p + offset)))
+        behind = ti.min(load(weight, near(p - offset)), load(weight, near(p - 2 * offset)))
         x, y, z = self.spring(a, 2 * offset, k * ahead, rest)
         u, v, w = self.spring(a, -2 * offset, k * behind, rest)
         return x + u, y + v, z + w
@@ -156,20 +161,20 @@ class Stencil:
     @ti.func
     def elastic(self, features: Template, a, p, n: Template):
         """Pull of all springs and hinges on the lanes at p, at a of `ahead`."""
-        row = ti.static(self.width)
+        row = self.row[None]
         x, y, z = ti.Vector([0.0] * LANES), ti.Vector([0.0] * LANES), ti.Vector([0.0] * LANES)
         if ti.static(features.threads):
-            e, w = load(self.east, p), load(self.east, p - 1)
+            e, w = load(self.east, p), load(self.east, near(p - 1))
             x, y, z = self.spring(a, 1, n.structural_x * e, n.spacing_x)
             u, v, t = self.spring(a, -1, n.structural_x * w, n.spacing_x)
             x, y, z = x + u, y + v, z + t
-            e, w = load(self.north, p), load(self.north, p - row)
+            e, w = load(self.north, p), load(self.north, near(p - row))
             u, v, t = self.spring(a, row, n.structural_y * e, n.spacing_y)
             x, y, z = x + u, y + v, z + t
             u, v, t = self.spring(a, -row, n.structural_y * w, n.spacing_y)
             x, y, z = x + u, y + v, z + t
         for corner, cell in ti.static(((row + 1, 0), (-row - 1, -row - 1), (row - 1, -1), (1 - row, -row))):
-            c = n.diagonal * load(self.cell, p + cell)
+            c = n.diagonal * load(self.cell, near(p + cell))
             u, v, t = self.spring(a, corner, c, n.diagonal_length)
             x, y, z = x + u, y + v, z + t
         if ti.static(features.hinges):
@@ -187,9 +192,9 @@ class Stencil:
     @ti.func
     def air(self, a, p, dx, dy, dz, wind, n: Template):
         """Drag and lift of the wind × h². The area vector is that of the cells around, so it is right at edges too."""
-        row = ti.static(self.width)
-        e, w = ti.min(2.0 * load(self.east, p), 1.0), ti.min(2.0 * load(self.east, p - 1), 1.0)
-        s, t = ti.min(2.0 * load(self.north, p), 1.0), ti.min(2.0 * load(self.north, p - row), 1.0)
+        row = self.row[None]
+        e, w = ti.min(2.0 * load(self.east, p), 1.0), ti.min(2.0 * load(self.east, near(p - 1)), 1.0)
+        s, t = ti.min(2.0 * load(self.north, p), 1.0), ti.min(2.0 * load(self.north, near(p - row)), 1.0)
         x1, y1, z1 = self.away(self.ahead, a, 1)
         x2, y2, z2 = self.away(self.ahead, a, -1)
         ax, ay, az = e * x1 - w * x2, e * y1 - w * y2, e * z1 - w * z2

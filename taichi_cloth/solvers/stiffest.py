@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
-from taichi_cloth.ground.arrays import Template
+from taichi_cloth.ground.arrays import F32x1, F32x2, I32x1, Int, Template
 from taichi_cloth.motion.crew import PARTS
-from taichi_cloth.motion.stencil import largest, load, store
+from taichi_cloth.motion.stencil import largest, load, near, store
 from taichi_cloth.sheet.sheet import LANES
 from taichi_cloth.solvers.stability import FrequencyBound
 
@@ -27,8 +27,8 @@ XX, YY, ZZ, XY, XZ, YZ, MOST = (k * LANES for k in range(7))
 
 @ti.data_oriented
 class Stiffest:
-    """The terms of a padded grid of `size` elements, spring by spring, so that their code is compiled once; and room
-    for the matrices of 8 neighbouring key points, six numbers each, and for the largest bound so far."""
+    """The terms of a padded grid of up to `size` elements, spring by spring, so that their code is compiled once; and
+    room for the matrices of 8 neighbouring key points, six numbers each, and for the largest bound so far."""
 
     def __init__(self, size: int) -> None:
         self.size = size
@@ -40,7 +40,7 @@ class Stiffest:
     def take(self, bound: FrequencyBound, step: float) -> None:
         """The terms of a sheet's bound × step² [s²]."""
         sheet = bound.sheet
-        terms = np.zeros((SPRINGS, self.size), np.float32)
+        terms = np.zeros((SPRINGS + 1, sheet.padded_shape[0] * sheet.width), np.float32)
         offsets, rests = np.zeros(SPRINGS, np.int32), np.ones(SPRINGS, np.float32)
         for k, (link, first, second) in enumerate(bound.terms):
             (i, j), (down, along) = ([w.start for w in window] for window in (link.one, link.two))
@@ -49,11 +49,21 @@ class Stiffest:
                 term[window] = step**2 * values
                 terms[n] = sheet.padded(term).ravel()
                 offsets[n], rests[n] = way * ((down - i) * sheet.width + along - j), link.rest
-        self.springs[None] = 2 * len(bound.terms)
-        self.offset.from_numpy(offsets)
-        self.rest.from_numpy(rests)
-        self.term.from_numpy(terms.ravel())
-        self.bend.from_numpy(sheet.padded(step**2 * bound.bend).ravel())
+        terms[SPRINGS] = sheet.padded(step**2 * bound.bend).ravel()
+        self._take(2 * len(bound.terms), offsets, rests, terms)
+
+    @ti.kernel
+    def _take(self, springs: Int, offsets: I32x1, rests: F32x1, terms: F32x2):
+        """terms: (SPRINGS + 1, elements of the padded grid), the last the terms of bending."""
+        ti.loop_config(serialize=True)
+        for k in range(SPRINGS):
+            self.offset[k], self.rest[k] = offsets[k], rests[k]
+            for p in range(terms.shape[1]):
+                self.term[k * self.size + p] = terms[k, p]
+        ti.loop_config(serialize=True)
+        for p in range(terms.shape[1]):
+            self.bend[p] = terms[SPRINGS, p]
+        self.springs[None] = springs
 
     @ti.func
     def find(self, work: Template):
@@ -75,7 +85,7 @@ class Stiffest:
     def spring(self, work: Template, p, k):
         """Adds spring k of the lanes at p: c n nᵀ, and where it is longer than at rest what holds it straight,
         c (1 − L/l) (I − n nᵀ)."""
-        q = ti.min(ti.max(p + self.offset[k], 0), 1 << 24)  # the bounds tell the compiler that nothing overflows
+        q = near(p + self.offset[k])
         # The way (x, y, z) to the other end; what the spring holds across it, and along it beyond that.
         constant = load(self.term, work.lanes(k * self.size + p))
         x = load(work.position[0], q) - load(work.position[0], p)

@@ -16,8 +16,8 @@ __all__ = ["VerletFrame"]
 class VerletFrame(Frame):
     """stiff: the terms of the sheet's `FrequencyBound`."""
 
-    def __init__(self, padded_shape: tuple[int, int], threads: int, constraints: tuple[Constraint, ...]) -> None:
-        super().__init__(padded_shape, threads, constraints)
+    def __init__(self, size: int, threads: int, constraints: tuple[Constraint, ...]) -> None:
+        super().__init__(size, threads, constraints)
         self.stiff = Stiffest(self.size)
 
     @ti.func

@@ -27,8 +27,8 @@ import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
 
-from taichi_cloth.ground.arrays import Template
-from taichi_cloth.motion.stencil import largest, load, store
+from taichi_cloth.ground.arrays import F32x2, I32x2, Int, Template
+from taichi_cloth.motion.stencil import largest, load, near, store
 from taichi_cloth.sheet.sheet import LANES
 
 __all__ = ["ThreadNumbers", "WholeYarns"]
@@ -61,8 +61,9 @@ TILE = LANES * LANES
 
 @ti.data_oriented
 class WholeYarns:
-    """Fields of the threads of a padded grid of `rows` × `width` key points, each by the first key point it joins.
+    """Fields of the threads of a padded grid of up to `size` key points, each by the first key point it joins.
 
+    row: width of the grid. tall: its rows, of whole tiles.
     weight: share of the interior constant, family after family; offset: to the key point a thread leads to, of each.
     normal: [axis], n, 0 where there is no thread; first that before the step, which by `turning` becomes that after it.
     grown, growing: C, and τ/h dC [m]. strained: the largest |C| of a substep for each lane, as a share of what is calm.
@@ -75,9 +76,7 @@ class WholeYarns:
     one. tight: the largest of these in this frame, for each lane.
     """
 
-    def __init__(self, rows: int, width: int) -> None:
-        self.width, self.tall = width, -(-rows // LANES) * LANES
-        size, turned = self.tall * width, self.tall * (width + 2)
+    def __init__(self, size: int) -> None:
 
         def fields(count: int, of: int) -> list[ti.Field]:
             return [ti.field(ti.f32, of) for _ in range(count)]
@@ -88,45 +87,58 @@ class WholeYarns:
         self.diagonal, self.beside, self.right, self.pivot, self.change = fields(5, size)
         self.turning, self.grown, self.growing = fields(3, size), ti.field(ti.f32, size), ti.field(ti.f32, size)
         self.strained, self.wild = ti.field(ti.f32, LANES), ti.field(ti.f32, ())
-        self.turned_pivot, self.turned_change, self.turned_beside = fields(3, turned)
+        self.turned_pivot, self.turned_change, self.turned_beside = fields(3, size)
+        self._forgotten = (  # turned ones, and those of one family and of both
+            (self.turned_pivot, self.turned_change, self.turned_beside),
+            (*self.normal, *self.turning, self.beside, self.right, self.pivot, self.change),
+            (self.tension, self.held, self.pulled),
+        )
         self.room = fields(3, TILE)
         self.tile, self.turned_tile = (ti.field(ti.i32, size // TILE) for _ in range(2))
+        self.row: Any = ti.field(ti.i32, ())
+        self.tall: Any = ti.field(ti.i32, ())
         self.tiles: Any = ti.field(ti.i32, ())
         self.tight = ti.field(ti.f32, LANES)
         self.numbers = ThreadNumbers.field(shape=2)
+        self._number = [self.numbers.get_member_field(name) for name in THREAD_NUMBERS]
 
     def take(self, present: NDArray, east: NDArray, north: NDArray, numbers: list[dict[str, float]]) -> None:
         """present, east, north: key points and weights of `Sheet` in the padded grid. numbers: of `ThreadNumbers`, of
         threads along rows and along columns."""
-        for field in (
-            *self.normal,
-            self.tension,
-            self.held,
-            self.pulled,
-            self.beside,
-            self.right,
-            self.pivot,
-            self.change,
-        ):
-            field.fill(0.0)
-        for field in (self.turned_pivot, self.turned_change, self.turned_beside):
-            field.fill(0.0)
-        self.diagonal.fill(1.0)
-        more = ((0, self.tall - len(present)), (0, 0))
-        self.weight.from_numpy(np.concatenate([np.pad(one, more).ravel() for one in (east, north)]))
-        tiles = np.pad(present > 0, more).reshape(self.tall // LANES, LANES, self.width // LANES, LANES)
+        rows, width = present.shape
+        high = -(-rows // LANES)
+        more = ((0, high * LANES - rows), (0, 0))
+        tiles = np.pad(present > 0, more).reshape(high, LANES, width // LANES, LANES)
         column, row = np.nonzero(tiles.any(axis=(1, 3)).T)
-        spare = (0, self.tile.shape[0] - len(row))
-        self.tile.from_numpy(np.pad(row * LANES * self.width + column * LANES, spare).astype(np.int32))
-        self.turned_tile.from_numpy(np.pad((column * LANES + 1) * self.tall + row * LANES, spare).astype(np.int32))
-        self.tiles[None] = len(row)
-        for family, values in enumerate(numbers):
-            self.numbers[family] = ThreadNumbers(**values)
+        places = row * LANES * width + column * LANES, (column * LANES + 1) * high * LANES + row * LANES
+        weights = np.stack([np.pad(one, more).ravel() for one in (east, north)])
+        named = np.array([[one[name] for name in THREAD_NUMBERS] for one in numbers], np.float32)
+        self._take(width, weights, np.stack(places).astype(np.int32), named)
 
-    @ti.func
-    def near(self, p):
-        """An element of the padded grid. The bounds tell the compiler that nothing overflows."""
-        return ti.min(ti.max(p, 0), 1 << 24)
+    @ti.kernel
+    def _take(self, width: Int, weights: F32x2, places: I32x2, named: F32x2):
+        """weights: (family, elements of whole tiles). places: of tiles, and of the same turned. No yarn pulls yet."""
+        ti.loop_config(serialize=True)
+        for p in range(weights.shape[1]):
+            for family in ti.static(range(2)):
+                self.weight[p + family * self.size] = weights[family, p]
+                for field in ti.static(self._forgotten[2]):
+                    field[p + family * self.size] = 0.0
+            for field in ti.static(self._forgotten[1]):
+                field[p] = 0.0
+            self.diagonal[p] = 1.0
+        ti.loop_config(serialize=True)
+        for p in range(weights.shape[1] // width * (width + 2)):
+            for field in ti.static(self._forgotten[0]):
+                field[p] = 0.0
+        ti.loop_config(serialize=True)
+        for k in range(places.shape[1]):
+            self.tile[k], self.turned_tile[k] = places[0, k], places[1, k]
+        ti.loop_config(serialize=True)
+        for family in range(2):
+            for k, number in ti.static(enumerate(self._number)):
+                number[family] = named[family, k]
+        self.row[None], self.tall[None], self.tiles[None] = width, weights.shape[1] // width, places.shape[1]
 
     @ti.func
     def judge(self):
@@ -144,18 +156,19 @@ class WholeYarns:
     def solve(self, points: Template, family, packets: Template, first, last):
         """One sweep over the yarns of a family, 0 along the rows and 1 along the columns, through packets of lanes
         number `first` to `last`, in the order of their rows."""
+        row, tall = self.row[None], self.tall[None]
         if family == 1:
             n = self.numbers[1]
             for e in range(first, last):
-                self.aim(points, points.lanes(packets[e] * LANES), ti.static(self.size), ti.static(self.width), n)
+                self.aim(points, points.lanes(packets[e] * LANES), ti.static(self.size), row, n)
             for e in range(first, last):
-                self.systems(points, points.lanes(packets[e] * LANES), ti.static(self.size), ti.static(self.width), n)
+                self.systems(points, points.lanes(packets[e] * LANES), ti.static(self.size), row, n)
             for e in range(first, last):
-                self.down(points.lanes(packets[e] * LANES))
+                self.down(points.lanes(packets[e] * LANES), row)
             for e in range(first, last):
-                self.up(points.lanes(packets[first + last - 1 - e] * LANES))
+                self.up(points.lanes(packets[first + last - 1 - e] * LANES), row)
             for e in range(first, last):
-                self.push(points, points.lanes(packets[e] * LANES), ti.static(self.size), ti.static(self.width), n)
+                self.push(points, points.lanes(packets[e] * LANES), ti.static(self.size), row, n)
         else:
             n = self.numbers[0]
             for e in range(first, last):
@@ -163,10 +176,10 @@ class WholeYarns:
             for e in range(first, last):
                 self.systems(points, points.lanes(packets[e] * LANES), 0, 1, n)
             for k in range(self.tiles[None]):
-                self.turned_down(points.lanes(self.tile[k]), points.lanes(self.turned_tile[k]))
+                self.turned_down(points.lanes(self.tile[k]), points.lanes(self.turned_tile[k]), row, tall)
             for k in range(self.tiles[None]):
                 m = self.tiles[None] - 1 - k
-                self.turned_up(points.lanes(self.tile[m]), points.lanes(self.turned_tile[m]))
+                self.turned_up(points.lanes(self.tile[m]), points.lanes(self.turned_tile[m]), row, tall)
             for e in range(first, last):
                 self.push(points, points.lanes(packets[e] * LANES), 0, 1, n)
 
@@ -174,7 +187,9 @@ class WholeYarns:
     def aim(self, points: Template, p, family: Template, offset: Template, n: Template):
         """The threads that begin at the lanes at p: their direction before the step and how it turned, their
         elongation after it, and how that changed."""
-        q, s = p + offset, family + p
+        fixed = ti.static(isinstance(offset, int))  # and needs no bounds
+        q = p + offset if ti.static(fixed) else near(p + offset)
+        s = family + p
         there = ti.min(load(self.weight, s) * 1e30, 1.0)
         # After the step, and in it.
         x = load(points.position[0], q) - load(points.position[0], p)
@@ -201,13 +216,18 @@ class WholeYarns:
     @ti.func
     def systems(self, points: Template, p, family: Template, offset: Template, n: Template):
         """Rows of the systems for the threads that begin at the lanes at p. family: where its fields begin."""
-        q, b, s = p + offset, p - offset, family + p
+        fixed = ti.static(isinstance(offset, int))  # and needs no bounds
+        q = p + offset if ti.static(fixed) else near(p + offset)
+        b = p - offset if ti.static(fixed) else near(p - offset)
+        s = family + p
+        before = s - offset if ti.static(fixed) else near(s - offset)
+        after = s + offset if ti.static(fixed) else near(s + offset)
         weight = load(self.weight, s)
         there = ti.min(weight * 1e30, 1.0)
         # Where to push: as before the step, and half of what turned otherwise than the threads beside it in the yarn.
         behind, ahead = (
-            ti.min(load(self.weight, s - offset) * 1e30, 1.0),
-            ti.min(load(self.weight, s + offset) * 1e30, 1.0),
+            ti.min(load(self.weight, before) * 1e30, 1.0),
+            ti.min(load(self.weight, after) * 1e30, 1.0),
         )
         mean = 1.0 / (behind + ahead + 1e-6)
         x, y, z = self.aimed(0, p, b, q, mean), self.aimed(1, p, b, q, mean), self.aimed(2, p, b, q, mean)
@@ -246,33 +266,34 @@ class WholeYarns:
         return load(self.normal[axis], p) + self.wild[None] * turned + (1.0 - self.wild[None]) * 0.5 * rough
 
     @ti.func
-    def down(self, p):
+    def down(self, p, row):
         """Factorises the rows of the lanes at p, those before them done: L d Lᵀ, and z of L z = right."""
-        b = self.near(p - self.width)
+        b = near(p - row)
         beside, pivot = load(self.beside, p), load(self.pivot, b)
         store(self.pivot, p, 1.0 / ti.max(load(self.diagonal, p) - beside * beside * pivot, LEAST))
         store(self.change, p, load(self.right, p) - beside * pivot * load(self.change, b))
 
     @ti.func
-    def up(self, p):
+    def up(self, p, row):
         """Δλ of the lanes at p, those after them done."""
-        q = self.near(p + self.width)
+        q = near(p + row)
         store(
             self.change, p, load(self.pivot, p) * (load(self.change, p) - load(self.beside, q) * load(self.change, q))
         )
 
     @ti.func
-    def turned_down(self, p, t):
+    def turned_down(self, p, t, row, tall):
         """`down` of the yarns along the rows in the tile at p, which when turned is at t."""
         diagonal, beside, right = ti.static(*self.room)
         for k in range(LANES):
+            a = near(p + k * row)
             for c in range(LANES):
-                diagonal[c * LANES + k] = self.diagonal[p + k * self.width + c]
-                beside[c * LANES + k] = self.beside[p + k * self.width + c]
-                right[c * LANES + k] = self.right[p + k * self.width + c]
+                diagonal[c * LANES + k] = self.diagonal[a + c]
+                beside[c * LANES + k] = self.beside[a + c]
+                right[c * LANES + k] = self.right[a + c]
         for c in range(LANES):
-            q = self.near(t + c * self.tall)
-            b = self.near(q - self.tall)
+            q = near(t + c * tall)
+            b = near(q - tall)
             m = c * LANES
             off, pivot = load(beside, m), load(self.turned_pivot, b)
             store(self.turned_pivot, q, 1.0 / ti.max(load(diagonal, m) - off * off * pivot, LEAST))
@@ -280,26 +301,28 @@ class WholeYarns:
             store(self.turned_beside, q, off)
 
     @ti.func
-    def turned_up(self, p, t):
+    def turned_up(self, p, t, row, tall):
         """`up` of the same, and Δλ back to where its threads lie."""
         change = ti.static(self.room[0])
         for back in range(LANES):
             c = LANES - 1 - back
-            q = self.near(t + c * self.tall)
-            a = self.near(q + self.tall)
+            q = near(t + c * tall)
+            a = near(q + tall)
             new = load(self.turned_pivot, q) * (
                 load(self.turned_change, q) - load(self.turned_beside, a) * load(self.turned_change, a)
             )
             store(self.turned_change, q, new)
             store(change, c * LANES, new)
         for k in range(LANES):
+            b = near(p + k * row)
             for c in range(LANES):
-                self.change[p + k * self.width + c] = change[c * LANES + k]
+                self.change[b + c] = change[c * LANES + k]
 
     @ti.func
     def push(self, points: Template, p, family: Template, offset: Template, n: Template):
         """What the threads before and after the lanes at p move them by; and how tight the latter are."""
-        b, s = p - offset, family + p
+        b = p - offset if ti.static(isinstance(offset, int)) else near(p - offset)
+        s = family + p
         before, after, m = load(self.change, b), load(self.change, p), n.mass * load(points.inverse_mass, p)
         tension = load(self.tension, s) + after
         store(self.tension, s, tension)
@@ -314,7 +337,8 @@ class WholeYarns:
     def pull(self, points: Template, p, family: Template):
         """At the end of a substep: how tight threads are, for what the wave along a taut string asks of the step."""
         n = self.numbers[family]
-        q, s = p + ti.static(self.width if family else 1), p + ti.static(family * self.size)
+        q = p + 1 if ti.static(family == 0) else near(p + self.row[None])
+        s = p + ti.static(family * self.size)
         mobile = n.mass * ti.max(load(points.inverse_mass, p), load(points.inverse_mass, q))
         before = load(self.pulled, s)
         pulled = before + (-load(self.tension, s) * mobile / n.rest - before) / AVERAGED

@@ -32,9 +32,9 @@ class YarnFrame(Frame):
 
     sums = True
 
-    def __init__(self, padded_shape: tuple[int, int], threads: int, constraints: tuple[Constraint, ...]) -> None:
-        super().__init__(padded_shape, threads, constraints)
-        self.yarns = WholeYarns(self.rows, self.width)
+    def __init__(self, size: int, threads: int, constraints: tuple[Constraint, ...]) -> None:
+        super().__init__(size, threads, constraints)
+        self.yarns = WholeYarns(size)
         self.pressed = [ti.field(ti.f32, self.size) for _ in (BALL, FLOOR)]
         self.rubbed = [[ti.field(ti.f32, self.size) for _ in range(3)] for _ in (BALL, FLOOR)]
 

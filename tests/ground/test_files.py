@@ -115,6 +115,8 @@ BOMBS = {
 
 PROGRAM = """
 import json, resource, sys
+sys.path.insert(0, sys.argv[1])
+from fuzz import peak_mb
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.scenes import __main__ as command_line
 resource.setrlimit(resource.RLIMIT_AS, (6_000_000_000, 6_000_000_000))
@@ -128,7 +130,7 @@ for arguments in json.load(sys.stdin):
             print(line, file=sys.stderr)
     else:
         status = command_line._status(arguments)
-    print(status, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1000)
+    print(status, peak_mb())
 """
 
 
@@ -144,7 +146,11 @@ def test_refusing_a_file_takes_little_memory(tmp_path: Path) -> None:
         )  # fmt: skip
     commands.append(["plan", "swatch", "--set", "x={" + "a." * 30_000 + "a=1}"])
     done = subprocess.run(
-        [sys.executable, "-c", PROGRAM], input=json.dumps(commands), capture_output=True, text=True, check=False
+        [sys.executable, "-c", PROGRAM, str(FUZZ.parent)],
+        input=json.dumps(commands),
+        capture_output=True,
+        text=True,
+        check=False,
     )
     said, ends = done.stderr.splitlines(), [line.split() for line in done.stdout.splitlines()]
     assert len(said) == len(ends) == len(commands), done.stderr[-2000:]

@@ -124,13 +124,17 @@ class Garment:
         self, sheet: Sheet, places: F64, held: NDArray[np.bool_], bones: NDArray, speed: float
     ) -> tuple[Ties, ...]:
         """Those holds that are `held`, at `places` (n, 3) [m], carried by `bones` (n,), and the seams; where there are
-        any."""
+        any.
+
+        A garment with holds of which none is held has one that holds nothing, so that its kernel is the one it is worn
+        with."""
         seams, seam_weights = self.seams()
         nodes, weights = self.holds()[:2]
         out = []
-        if held.any():
-            carried = {"places": places[held], "bones": bones[held], "repeated": False}
-            out.append(Ties(sheet, nodes[held], weights[held], speed=speed, **carried))
+        if len(nodes):
+            chosen = held if held.any() else np.arange(len(held)) == 0
+            carried = {"places": places[chosen], "bones": bones[chosen], "repeated": False}
+            out.append(Ties(sheet, nodes[chosen], weights[chosen] * held[chosen, None], speed=speed, **carried))
         if len(seams):
             out.append(Ties(sheet, seams, seam_weights, speed=speed))
         return tuple(out)
