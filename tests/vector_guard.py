@@ -47,7 +47,7 @@ def roots() -> Roots:
     """Counts them in the optimised code that Taichi writes to a folder when asked."""
     with tempfile.TemporaryDirectory() as folder:
         environment = os.environ | {"TI_PRINT_KERNEL_LLVM_IR_OPTIMIZED": "1"}
-        command = [sys.executable, "-c", _FRAME]
+        command = [sys.executable, "-P", "-c", _FRAME]
         subprocess.run(command, cwd=folder, env=environment, capture_output=True, check=True, timeout=600)
         text = "\n".join(path.read_text() for path in Path(folder).glob("*.ll"))
     widths = [int(width or 1) for width in re.findall(r"call (?:<(\d+) x )?float>? @llvm\.sqrt", text)]

@@ -225,6 +225,6 @@ def many_blocks() -> str:
 def test_the_same_bytes_with_one_thread_and_two(taichi_runtime: Runtime) -> None:
     """Here, and in a process of its own, as Taichi starts anew: with one thread, unless that is all there are here."""
     other = 1 if taichi_runtime.threads > 1 else 2
-    command = [sys.executable, "-c", THREADS, str(other), str(Path(__file__).parent)]
+    command = [sys.executable, "-P", "-c", THREADS, str(other), str(Path(__file__).parent)]
     said = subprocess.run(command, capture_output=True, text=True, check=True).stdout
     assert said.split() == [many_blocks()]

@@ -146,7 +146,7 @@ def test_refusing_a_file_takes_little_memory(tmp_path: Path) -> None:
         )  # fmt: skip
     commands.append(["plan", "swatch", "--set", "x={" + "a." * 30_000 + "a=1}"])
     done = subprocess.run(
-        [sys.executable, "-c", PROGRAM, str(FUZZ.parent)],
+        [sys.executable, "-P", "-c", PROGRAM, str(FUZZ.parent)],
         input=json.dumps(commands),
         capture_output=True,
         text=True,

@@ -95,7 +95,7 @@ def test_two_runs_cannot_write_into_one_folder_and_a_killed_one_does_not_block(t
         "held = OutputFolder(Path(sys.argv[1])); held.make(); print('held', flush=True); time.sleep(600)"
     )
     folder = tmp_path / "out"
-    with subprocess.Popen([sys.executable, "-c", code, str(folder)], stdout=subprocess.PIPE, text=True) as other:
+    with subprocess.Popen([sys.executable, "-P", "-c", code, str(folder)], stdout=subprocess.PIPE, text=True) as other:
         try:
             assert other.stdout is not None
             assert other.stdout.readline() == "held\n"
