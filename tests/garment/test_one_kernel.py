@@ -48,6 +48,6 @@ def test_garments_after_the_first_compile_nothing(monkeypatch: pytest.MonkeyPatc
     shapes = {sew_and_wear("tshirt", "male")}
     assert made.count("Frame.run") <= 1
     made.clear()
-    shapes |= {sew_and_wear(*one) for one in (("tshirt", "female"), ("skirt", "female"), ("dress", "female"))}
+    shapes |= {sew_and_wear(name, "female") for name in ("tshirt", "skirt", "dress")}
     assert len(shapes) == 4
     assert made == []
