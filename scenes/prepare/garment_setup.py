@@ -29,6 +29,7 @@ from taichi_cloth.motion.forces import Forces
 from taichi_cloth.motion.simulation import Simulation
 
 from ..scene.body_section import BodySection, prepare_body, prepare_motion
+from ..scene.cloth_schema import SolverSection
 from ..scene.garment_schema import GarmentSection
 from ..scene.schema import FabricSection, Scene, WeavePatch
 from ..scene.section import PATTERN_FILE
@@ -91,7 +92,7 @@ def dress(scene: Scene, each: Progress | None = None) -> Dressed:
     parts = dressed_parts(scene)
     colliders = _colliders(scene, parts)
     limit = forces_of(scene.forces).strain_limit
-    solver = scene.solver.name if scene.solver else "verlet"
+    solver = (scene.solver or SolverSection()).name
     made_of = digest(VERSION, solver, parts.garment, limit, colliders.made_of(), list(parts.primitives))
 
     def make() -> dict[str, np.ndarray]:
@@ -175,6 +176,7 @@ def garment_simulation(
     colliders = replace(colliders, spared=met)
     forces: Forces = replace(forces_of(scene.forces), body=colliders)
     names = garment.holds()[3]
+    solver = scene.solver or SolverSection()
     bones = np.array([dressed.body.skeleton.index(name) for name in names], np.int64)
     return garment.simulation(
         forces,
@@ -183,8 +185,8 @@ def garment_simulation(
         held=np.ones(len(names), bool),
         bones=bones,
         frame_rate=float(scene.output.fps),
-        safety=scene.solver.safety if scene.solver else 0.9,
-        solver=scene.solver.name if scene.solver else "verlet",
+        safety=solver.safety,
+        solver=solver.name,
         choose=choose,
     )
 

@@ -12,7 +12,7 @@ from taichi_cloth.fabric.layout import Detail, FabricLayout, families_of, lay_ou
 from taichi_cloth.fabric.templates import particle_count, particles_per_body_block
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.ground.memory import memory_limit, require_memory
-from taichi_cloth.weave.cloth_set import fit_set, opening_spacing, square_set_diameter
+from taichi_cloth.weave.cloth_set import fit_set, set_sizes, square_set_diameter
 from taichi_cloth.weave.crimp import Interlacing
 from taichi_cloth.weave.draft import Draft
 from taichi_cloth.yarn.yarn import Yarn
@@ -104,33 +104,18 @@ def _woven(
 ) -> tuple[Interlacing, tuple[F64, F64], tuple[str, ...]]:
     """The weave with its sizes, the room of each thread [m] of the warp and the weft, and a note of what it took to
     make the threads fit; or the refusal, as asked."""
-    thick = (draft.warp_thickness_m, draft.weft_thickness_m)
-    diameter = [
-        np.full(n, yarn.woven_diameter) if stated is None else stated
-        for n, yarn, stated in zip((draft.ends, draft.picks), yarns, thick, strict=True)
-    ]
-    spacing = []  # the scene's threads/cm, else the draft's, else what just fits
-    for own, other, per_cm, stated in (
-        (diameter[0], diameter[1], section.ends_per_cm, draft.warp_spacing_m),
-        (diameter[1], diameter[0], section.picks_per_cm, draft.weft_spacing_m),
-    ):
-        if per_cm is not None:
-            spacing.append(np.full(len(own), 0.01 / per_cm))
-        elif stated is not None:
-            spacing.append(np.asarray(stated, np.float64))
-        else:
-            spacing.append(opening_spacing(own, other, section.flattening))
-    rooms = (spacing[0], spacing[1])
+    asked = (section.ends_per_cm, section.picks_per_cm)
+    diameter, rooms = set_sizes(draft, (yarns[0].woven_diameter, yarns[1].woven_diameter), asked, section.flattening)
     fitted = fit_set(
         draft.warp_up,
         rooms,
-        (diameter[0], diameter[1]),
+        diameter,
         flattening=section.flattening,
         balance=section.balance,
     )
     if fitted.thinned == 1.0 and fitted.balance == section.balance:
         return fitted.cloth, rooms, ()
-    per_cm = f"{0.01 / spacing[0].min():.1f} ends/cm and {0.01 / spacing[1].min():.1f} picks/cm"
+    per_cm = f"{0.01 / rooms[0].min():.1f} ends/cm and {0.01 / rooms[1].min():.1f} picks/cm"
     if fitted.thinned == 1.0:
         note = f"{per_cm} can only be woven with the warp taking {100 * fitted.balance:.0f} % of the crimp"
         return fitted.cloth, rooms, (note,)

@@ -5,7 +5,7 @@ import numpy as np
 from taichi_cloth.fabric.fabric import Fabric, build_fabric
 from taichi_cloth.fabric.layout import Detail, families_of, lay_out
 from taichi_cloth.ground.errors import InputError
-from taichi_cloth.weave.cloth_set import fit_set, opening_spacing
+from taichi_cloth.weave.cloth_set import fit_set, set_sizes
 from taichi_cloth.weave.draft import Draft
 from taichi_cloth.yarn.yarn import Yarn
 
@@ -37,26 +37,12 @@ def weave_fabric(
     Raises InputError where the threads jam, with the thickness that would fit.
     """
     weft = weft or warp
-    diameter = tuple(
-        np.full(count, yarn.woven_diameter) if stated is None else stated
-        for count, yarn, stated in (
-            (draft.ends, warp, draft.warp_thickness_m),
-            (draft.picks, weft, draft.weft_thickness_m),
-        )
-    )
-    spacing = []
-    for own, other, per_cm, stated in (
-        (*diameter, ends_per_cm, draft.warp_spacing_m),
-        (*diameter[::-1], picks_per_cm, draft.weft_spacing_m),
-    ):
-        if per_cm is not None and not (np.isfinite(per_cm) and per_cm > 0):
-            raise InputError(f"weave_fabric: {per_cm!r} threads/cm; allowed: above 0, or None for what just fits")
-        if per_cm is not None:
-            spacing.append(np.full(len(own), 0.01 / per_cm))
-        else:
-            spacing.append(opening_spacing(own, other, flattening) if stated is None else np.asarray(stated))
-    rooms = (spacing[0], spacing[1])
-    fitted = fit_set(draft.warp_up, rooms, (diameter[0], diameter[1]), flattening=flattening, balance=0.5)
+    per_cm = (ends_per_cm, picks_per_cm)
+    for asked in per_cm:
+        if asked is not None and not (np.isfinite(asked) and asked > 0):
+            raise InputError(f"weave_fabric: {asked!r} threads/cm; allowed: above 0, or None for what just fits")
+    diameter, rooms = set_sizes(draft, (warp.woven_diameter, weft.woven_diameter), per_cm, flattening)
+    fitted = fit_set(draft.warp_up, rooms, diameter, flattening=flattening, balance=0.5)
     if fitted.thinned < 1.0:
         raise InputError(
             f"weave_fabric: threads of {1e3 * float(diameter[0].max()):.3f} mm (warp) and "

@@ -40,7 +40,7 @@ class KernelSolver(Solver):
     """Fields of `Forces` that it sees to itself, beside gravity, wind and fixed shapes."""
 
     springs_are_threads = True
-    """Whether the threads are springs of the stencil."""
+    """Whether the threads are springs of the stencil. Otherwise what solves them moves key points after it."""
 
     def __init__(
         self,
@@ -68,8 +68,8 @@ class KernelSolver(Solver):
             wind=forces.wind is not None,
             sphere=forces.sphere is not None,
             plane=forces.plane is not None,
-            leads=not constraints,
-            apart=bool(constraints) or sheet.material.fibre_damping > 0,
+            leads=self.springs_are_threads and not constraints,
+            apart=not self.springs_are_threads or bool(constraints) or sheet.material.fibre_damping > 0,
         )
         self.take_steps(substeps)
         self._pace = Pace(self.threads)

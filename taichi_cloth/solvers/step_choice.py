@@ -11,6 +11,7 @@ from math import ceil
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_cloth.ground.errors import InputError
 from taichi_cloth.sheet.sheet import Sheet
 from taichi_cloth.solvers.stability import FrequencyBound, highest_frequency, longest_step
 
@@ -29,10 +30,16 @@ ROUGH = 1e-2
 class StepChoice:
     """Of one sheet, for frames of 1/frame_rate [s]. safety: share of the stable limit.
 
+    Raises InputError on either where it can be none.
+
     frequency: ω_max [rad/s] that steps were last chosen for. seen: the bound then [rad/s], 0 at rest.
     """
 
     def __init__(self, sheet: Sheet, *, frame_rate: float, safety: float) -> None:
+        if not (np.isfinite(frame_rate) and frame_rate > 0):
+            raise InputError(f"solver.frame_rate: {frame_rate!r}; allowed: above 0")
+        if not 0 < safety <= 1:
+            raise InputError(f"solver.safety: {safety!r}; allowed: above 0, at most 1")
         self.sheet, self.frame_rate, self.safety = sheet, frame_rate, safety
         self.frequency, self.seen = highest_frequency(sheet), 0.0
         self.bound = FrequencyBound(sheet)

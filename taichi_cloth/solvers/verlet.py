@@ -44,10 +44,6 @@ class Verlet(KernelSolver):
         threads: int | None = None,
         constraints: tuple[Constraint, ...] = (),
     ) -> None:
-        if not (np.isfinite(frame_rate) and frame_rate > 0):
-            raise InputError(f"solver.frame_rate: {frame_rate!r}; allowed: above 0")
-        if not 0 < safety <= 1:
-            raise InputError(f"solver.safety: {safety!r}; allowed: above 0, at most 1")
         if sheet.material.curved:
             raise InputError('solver.name: "verlet" has springs of one stiffness; threads with a curve need "yarns"')
         self.choice = StepChoice(sheet, frame_rate=frame_rate, safety=safety)

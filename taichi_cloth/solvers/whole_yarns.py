@@ -55,6 +55,7 @@ HELD = 0.9
 """Share of a strain limit down to which a thread at it stays held while its pull is more than its own."""
 
 AVERAGED = 8.0
+"""Substeps over which the pull of a thread is averaged."""
 
 TILE = LANES * LANES
 
@@ -64,7 +65,7 @@ class WholeYarns:
     """Fields of the threads of a padded grid of up to `size` key points, each by the first key point it joins.
 
     row: width of the grid. tall: its rows, of whole tiles.
-    weight: share of the interior constant, family after family; offset: to the key point a thread leads to, of each.
+    weight: share of the interior constant, family after family.
     normal: [axis], n, 0 where there is no thread; first that before the step, which by `turning` becomes that after it.
     grown, growing: C, and τ/h dC [m]. strained: the largest |C| of a substep for each lane, as a share of what is calm.
     wild: 1 in a wild substep, else 0. tension: λ [m], family after family. held: 1 where a strain limit holds a thread.
@@ -77,7 +78,6 @@ class WholeYarns:
     """
 
     def __init__(self, size: int) -> None:
-
         def fields(count: int, of: int) -> list[ti.Field]:
             return [ti.field(ti.f32, of) for _ in range(count)]
 

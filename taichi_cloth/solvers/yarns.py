@@ -69,7 +69,6 @@ class Yarns(KernelSolver):
         substeps = self.choice.substeps(step or longest)
         self._least = substeps
         super().__init__(sheet, forces, frame_rate=frame_rate, substeps=substeps, threads=1, constraints=constraints)
-        self.features = replace(self.features, leads=False, apart=True)
 
     def take_steps(self, substeps: int) -> None:
         super().take_steps(substeps)

@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_cloth.weave.crimp import Interlacing
+from taichi_cloth.weave.draft import Draft
 from taichi_cloth.weave.jamming import fit_balance, fit_diameters
 
-__all__ = ["OPENING", "Fitted", "fit_set", "opening_spacing", "square_set_diameter"]
+__all__ = ["OPENING", "Fitted", "fit_set", "opening_spacing", "set_sizes", "square_set_diameter"]
 
 F64 = NDArray[np.float64]
 
@@ -32,6 +33,30 @@ def opening_spacing(own: F64, other: F64, flattening: float) -> F64:
     root = float(np.sqrt(flattening))
     passing = 0.5 * np.sqrt(3.0) * (float(own.max()) + float(other.max())) / root
     return np.full(len(own), OPENING * (passing + float(own.max()) * (root - 1.0 / root)))
+
+
+def set_sizes(
+    draft: Draft, diameter: tuple[float, float], per_cm: tuple[float | None, float | None], flattening: float
+) -> tuple[tuple[F64, F64], tuple[F64, F64]]:
+    """Diameters [m] of the warp ends and the weft picks, the draft's own or `diameter`; and the room of each [m]: that
+    of so many a centimetre, else the draft's, else what just fits."""
+    thick = (draft.warp_thickness_m, draft.weft_thickness_m)
+    warp, weft = (
+        np.full(count, own) if stated is None else stated
+        for count, own, stated in zip((draft.ends, draft.picks), diameter, thick, strict=True)
+    )
+    spacing = []
+    for own, other, asked, stated in (
+        (warp, weft, per_cm[0], draft.warp_spacing_m),
+        (weft, warp, per_cm[1], draft.weft_spacing_m),
+    ):
+        if asked is not None:
+            spacing.append(np.full(len(own), 0.01 / asked))
+        elif stated is not None:
+            spacing.append(np.asarray(stated, np.float64))
+        else:
+            spacing.append(opening_spacing(own, other, flattening))
+    return (warp, weft), (spacing[0], spacing[1])
 
 
 @dataclass(frozen=True)
