@@ -18,7 +18,6 @@ from taichi_cloth.sheet.materials import Material, named_material
 from taichi_cloth.sheet.pins import Pins
 from taichi_cloth.sheet.sheet import Sheet
 from taichi_cloth.sheet.springs import calibrate
-from taichi_cloth.solvers.implicit import Implicit
 from taichi_cloth.solvers.named import named_solver
 
 from ..scene.cloth_schema import BodyPinSection, ClothSection, ForcesSection, PinsSection, SolverSection
@@ -119,8 +118,6 @@ def solver_of(sheet: Sheet, forces: Forces, section: SolverSection | None, *, fr
     too long, and on forces that the solver or the sheet cannot have."""
     section = section or SolverSection()
     step = None if section.step_ms is None else 1e-3 * section.step_ms
-    if section.name == "implicit":
-        return Implicit(sheet, forces, frame_rate=frame_rate, step=step)
     kind = named_solver(section.name)
     constraints = constraints_for(sheet, forces, answered=kind.answers)
     return kind(sheet, forces, frame_rate=frame_rate, step=step, safety=section.safety, constraints=constraints)

@@ -2,7 +2,7 @@
 
 from typing import Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from taichi_cloth.body.skin.names import JOINTS
 from taichi_cloth.fabric.follow_rule import FollowRule
@@ -154,16 +154,18 @@ class ForcesSection(Section):
 
 
 class SolverSection(Section):
-    """`implicit` is for sheets so stiff that the longest step of `verlet` is hopeless (docs/solvers.md)."""
+    """`yarns` is for threads so stiff that the longest step of `verlet` is hopeless (docs/solvers.md)."""
 
-    name: Literal["verlet", "yarns", "implicit"] = "verlet"
-    step_ms: Positive | None = Field(
-        default=None, description="longest substep; default: what the springs allow, or 1/240 s if implicit [ms]"
-    )
-    safety: Share = Field(default=0.9, gt=0, description="share of the longest stable step, of verlet")
+    name: Literal["verlet", "yarns"] = "verlet"
+    step_ms: Positive | None = Field(default=None, description="longest substep; default: what the springs allow [ms]")
+    safety: Share = Field(default=0.9, gt=0, description="share of the longest stable step")
 
-    @model_validator(mode="after")
-    def implicit_has_no_limit(self) -> "SolverSection":
-        if self.name == "implicit" and "safety" in self.model_fields_set:
-            raise ValueError('safety is a share of a limit that "implicit" has not; leave it out, or name step_ms')
-        return self
+    @field_validator("name", mode="before")
+    @classmethod
+    def implicit_is_gone(cls, name: object) -> object:
+        if name == "implicit":
+            raise ValueError(
+                'there is no "implicit" any more; name "yarns", in which threads of any stiffness cost what soft ones '
+                'cost, or "verlet"'
+            )
+        return name

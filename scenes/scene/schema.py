@@ -278,8 +278,6 @@ class Scene(Section):
     def garment_is_whole(self) -> "Scene":
         if not self.garment:
             return self
-        if self.solver and self.solver.name == "implicit":
-            raise ValueError('solver.name: "implicit" has no body, and a [garment] has; use "verlet", or leave it out')
         if self.cloth or self.twist:
             raise ValueError("a scene shows one of [garment], [cloth] and [twist]; leave the others out")
         if self.garment.representation == "fibre" and not self.weave:

@@ -21,8 +21,7 @@ from taichi_cloth.sheet.materials import Material, named_material
 from taichi_cloth.sheet.pins import Pins
 from taichi_cloth.sheet.sheet import Sheet
 from taichi_cloth.sheet.springs import calibrate
-from taichi_cloth.solvers.implicit import Implicit
-from taichi_cloth.solvers.verlet import Verlet
+from taichi_cloth.solvers.named import named_solver
 
 from .outcome import NEITHER, STABLE, Outcome, refused
 
@@ -30,7 +29,7 @@ __all__ = ["SOLVERS", "STARTS", "Cell", "cells", "ran"]
 
 F64 = NDArray[np.float64]
 SIDE, POINTS, SECONDS = 0.3, 12, 5.0
-SOLVERS = ("verlet", "implicit")
+SOLVERS = ("verlet", "yarns")
 STIFFNESS = tuple(10.0**k for k in range(9))
 STEPS = (1 / 240, 1 / 60, 1 / 10)  # [s]
 RATIOS = (1e3, 1e6)
@@ -54,9 +53,9 @@ MADE = 0.05
 
 @dataclass(frozen=True, kw_only=True)
 class Cell:
-    """stiffness: × cotton shirting. frame: time between two frames [s]; the implicit solver takes it as its step.
-    ratio: of the heaviest and the lightest key point's mass. spacing: of key points [m]. limited: springs carry a
-    quarter of the tensile stiffness, and a strain limit holds the rest, as in garments."""
+    """stiffness: × cotton shirting. frame: time between two frames [s]. ratio: of the heaviest and the lightest key
+    point's mass. spacing: of key points [m]. limited: springs carry a quarter of the tensile stiffness, and a strain
+    limit holds the rest, as in garments."""
 
     solver: str
     start: str = "held"
@@ -205,12 +204,9 @@ def ran(cell: Cell, seconds: float = SECONDS) -> Outcome:
     try:
         sheet = _sheet(cell)
         x, velocity, forces = _start(cell, sheet)
-        rate = 1 / cell.frame
-        solver = (
-            Verlet(sheet, forces, frame_rate=rate, constraints=constraints_for(sheet, forces))
-            if cell.solver == "verlet"
-            else Implicit(sheet, forces, frame_rate=rate, step=cell.frame)
-        )
+        kind = named_solver(cell.solver)
+        constraints = constraints_for(sheet, forces, answered=kind.answers)
+        solver = kind(sheet, forces, frame_rate=1 / cell.frame, constraints=constraints)
         pins = _pins(cell, sheet, x) if sheet.pinned.any() else ()
         simulation = Simulation(sheet, solver, forces=forces, positions=x, velocities=velocity, pins=pins)
         energies = [_energy(simulation)]

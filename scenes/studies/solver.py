@@ -21,7 +21,6 @@ from taichi_cloth.motion.solver import Solver
 from taichi_cloth.sheet.materials import named_material
 from taichi_cloth.sheet.sheet import Sheet
 from taichi_cloth.sheet.springs import calibrate
-from taichi_cloth.solvers.implicit import STEP, Implicit
 from taichi_cloth.solvers.verlet import Verlet
 from taichi_cloth.solvers.yarns import Yarns
 
@@ -55,9 +54,6 @@ SWEEPS = (1, 2, 4)
 
 SOFT = 1.0
 """Factor of all moduli up to which whole yarns are tried: their step is that of shear and bending."""
-
-SUBSTEPS = (1, 2, 4, 8)
-"""Steps a frame of the implicit solver."""
 
 
 def scene(case: str, stiffness: float, points: int, threads: float = 1.0) -> tuple[Sheet, Forces, NDArray[np.float64]]:
@@ -124,14 +120,6 @@ def solver_rows(
         )
     if stiffness <= SOFT:
         yield from (row(*found) for found in yarn_runs(sheet, forces, start, seconds, fewer=fewer))
-    if threads > 1:
-        return
-    for method, order in (("implicit, order 2", 2), ("implicit, order 1", 1)):
-        for substeps in SUBSTEPS[::2] if fewer else SUBSTEPS:
-            solver = Implicit(sheet, forces, frame_rate=FRAME_RATE, step=1 / FRAME_RATE / substeps, order=order)
-            usual_step = order == 2 and abs(solver.step - STEP) < 1e-9
-            step = f"1/{round(1 / solver.step)} s"
-            yield row(method, step, solver.step, *run(sheet, forces, start, solver, seconds), usual_step)
 
 
 def yarn_runs(
@@ -156,14 +144,13 @@ def rows(quick: bool) -> Iterator[Row]:
 
 STUDY = Study(
     name="solver",
-    title="Solvers: Verlet, whole yarns, and the stiff one",
+    title="Solvers: Verlet and whole yarns",
     about="Cotton shirting of 0.5 m × 0.5 m, bent to an arc, held at two corners and let go (hang, 0.3 s) or laid on a "
     "ball (drape, 0.15 s); all moduli × a factor, or those of the threads alone. Error: root mean square distance of "
     "key points from Verlet in float64 at a tenth of its longest step, at the same physical time; dashed, that "
     "reference against itself with twice the step. Where Verlet's line stays level far above that, float32 is what is "
     "left: differences grow as cotton buckles. The skirt (in full only): the built-in one, from its rest; reference: "
-    "Verlet in float32 at an eighth of the scene's step, or at a quarter with springs that carry the whole stiffness. "
-    "The stiff solver is not there: it has neither seams, nor a body, nor a strain limit.",
+    "Verlet in float32 at an eighth of the scene's step, or at a quarter with springs that carry the whole stiffness.",
     error=Axis("error, rms", "mm", 1e3),
     time=Axis("CPU time for a simulated second", "ms", 1e3),
     rows=rows,
@@ -171,8 +158,6 @@ STUDY = Study(
         "Verlet": "its error is a small part of what the spacing of key points costs, which no step mends",
         "whole yarns, 2 sweeps": "shorter steps gain what they cost; more sweeps gain nothing while cloth hangs, and "
         "a fresh fold asks for two",
-        "implicit, order 2": "longer steps are off by so much that cloth folds elsewhere, which is seen, and shorter "
-        "ones take about as much longer as they gain",
         "Verlet, strain limit": "a share below 1 is cloth that gives until the crimp of its yarns is drawn out, and "
         "steps twice as long are worth a few millimetres of that",
     },

@@ -108,16 +108,15 @@ class Simulation:
         if rounding > allowed:
             raise InputError(
                 f"solver: steps of {self.solver.step:.2g} s are so short that rounding alone would shake key points at "
-                f'{rounding:.2g} m/s (allowed: {allowed:.2g}); use solver.name = "implicit", a softer or heavier '
-                "material, or wider spacing"
+                f"{rounding:.2g} m/s (allowed: {allowed:.2g}); use {self.solver.instead}a softer or heavier material, "
+                "or wider spacing"
             )
 
     def _first_steps(self, positions: NDArray[np.float64], velocities: ArrayLike) -> None:
-        """x(0) − x(−h) = v h − a h²/2, which makes the start of second order, as the rest; v h if not staggered."""
+        """x(0) − x(−h) = v h − a h²/2, which makes the start of second order, as the rest."""
         sheet, h = self.sheet, self.solver.step
         steps = h * np.where(sheet.inverse_mass[..., None] > 0, np.broadcast_to(velocities, positions.shape), 0.0)
-        if self.solver.staggered:
-            steps -= self.solver.accelerations(sheet, positions, self.forces.gravity) * h**2 / 2
+        steps -= self.solver.accelerations(sheet, positions, self.forces.gravity) * h**2 / 2
         sheet.set_steps(self.state, steps)
 
     def step(self) -> None:
@@ -162,10 +161,10 @@ class Simulation:
             return
         where, what = fault
         i, j = (int(k) for k in np.argwhere(where)[0])
-        number, other = self.frame + 1, 'solver.name = "implicit", ' if self.solver.staggered else ""
+        number = self.frame + 1
         raise Unstable(
             f"frame {number}: key point ({i}, {j}) {what}; the state of frame {self.frame} is kept. "
-            f"Use {other}a smaller solver.safety, a stiffer material, slower pins, or weaker forces",
+            f"Use {self.solver.instead}a smaller solver.safety, a stiffer material, slower pins, or weaker forces",
             number,
         )
 
@@ -182,7 +181,7 @@ class Simulation:
             here = np.pad(family == family.max(), [(0, n - m) for n, m in zip(sheet.shape, family.shape, strict=True)])
             strain = f"{100 * family.max():.0f} % (allowed: {100 * self._longest:.0f} %)"
             return here, f"hangs on a thread stretched by {strain}"
-        slip = sheet.largest_slip(state) if self.solver.staggered else 0.0
+        slip = sheet.largest_slip(state)
         if not slip <= LARGEST_SLIP:
             moved = np.where(sheet.present, np.linalg.norm(sheet.steps(state), axis=-1), 0.0)
             return moved == moved.max(), (

@@ -21,8 +21,8 @@ class Solver(ABC):
     step: float
     """Length of a step [s]."""
 
-    staggered: bool = True
-    """Whether the steps in the state belong to the time half a step before that of the positions."""
+    instead: str = ""
+    """What to name in its place, as a scene does, where its steps prove hopeless."""
 
     constraints: tuple[Constraint, ...] = ()
     """What acts on key points beside springs, after each step."""

@@ -32,6 +32,7 @@ class Verlet(KernelSolver):
     """
 
     frame_of = VerletFrame
+    instead = 'solver.name = "yarns", '
 
     def __init__(
         self,

@@ -74,6 +74,10 @@ class Yarns(KernelSolver):
         super().take_steps(substeps)
         self.numbers["sweeps"] = float(self.sweeps)
 
+    @property
+    def settings(self) -> tuple[object, ...]:
+        return (self.sweeps,)
+
     def rounding(self, ulp: float) -> float:
         m = self.sheet.material
         return rounding_speed(self.step, ulp, air_damping=m.air_damping, fibre_damping=m.fibre_damping)

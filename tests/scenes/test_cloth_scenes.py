@@ -255,7 +255,7 @@ def test_pulled_edges_part_by_what_the_scene_says() -> None:
         (["solver.step_ms=5"], "at most"),
         (["forces.strain_limit.passes=102"], "101"),
         (["forces.self_contact.thickness_mm=100"], "4 times"),
-        (["forces.self_contact={}", "solver.name=implicit"], "verlet"),
+        (["solver.name=implicit"], 'solver.name: there is no "implicit" any more; name "yarns"'),
         (["forces.sphere.radius_m=-1"], "radius_m"),
         (["output.frame=120"], "119"),
     ],
