@@ -43,7 +43,7 @@ class Plan:
 
 ORDER = (
     *("fibre lattice", "yarn", "hairs", "twist", "weave", "fibre blocks"),
-    *("body", "pattern", "sheet", "seams", "solver", "pins", "wind", "strain limit", "contact"),
+    *("body", "pattern", "sheet", "seams", "solver", "solver's cost", "pins", "wind", "strain limit", "contact"),
     *("thin limbs", "cloth on cloth", "motion"),
     *("light pass", "occlusion", "floor", "meshes", "splatter", "passes"),
 )

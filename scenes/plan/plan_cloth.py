@@ -5,11 +5,13 @@ from collections.abc import Sequence
 from taichi_cloth.body.colliders.colliders import Solid
 from taichi_cloth.constraints.thin_limbs import let_through, thinnest_held
 from taichi_cloth.motion.forces import Forces
+from taichi_cloth.motion.solver import Solver
+from taichi_cloth.solvers.choice import Choice
 
-from ..prepare.sheet_setup import forces_of, sheet_of, solver_of, standing_in
+from ..prepare.sheet_setup import choice_of, forces_of, sheet_of, solver_of, standing_in
 from ..scene.schema import Scene
 
-__all__ = ["force_stages", "sheet_stages", "thin_limbs"]
+__all__ = ["force_stages", "sheet_stages", "solver_stages", "thin_limbs"]
 
 THIN = "thin limbs"
 
@@ -23,6 +25,20 @@ def thin_limbs(solids: Sequence[Solid], diagonal: float, gap: float) -> tuple[di
     least = 1e3 * thinnest_held(diagonal, gap, middles=True)
     parts = ", ".join(dict.fromkeys(solids[number].part or f"number {number}" for number in thin))
     return {THIN: f"the middles of springs meet {parts}; enough from {least:.1f} mm radius on"}, {}
+
+
+def solver_stages(choice: Choice, solver: Solver, scene: Scene) -> dict[str, str]:
+    """Who moves the sheet, by how many steps, and what that costs beside the other solver."""
+    rate = scene.output.fps
+    costs = ", ".join(
+        f"{name} {'about ' * (number == 0)}{cost.milliseconds(rate):,.3g} ms a frame ({cost.substeps(rate):,} substeps)"
+        for number, (name, cost) in enumerate(choice.costs.items())
+    )
+    return {
+        "solver": f"{choice.name}, {solver.substeps} substeps a frame of 1/{rate} s, {1e6 * solver.step:.1f} µs each; "
+        f"{scene.output.frames} frames",
+        "solver's cost": f"{costs}; threads up to {choice.ratio:,.3g} times as stiff as shear; {choice.why}",
+    }
 
 
 def force_stages(forces: Forces) -> tuple[dict[str, str], dict[str, str]]:
@@ -53,9 +69,8 @@ def sheet_stages(scene: Scene) -> tuple[dict[str, str], dict[str, str]]:
             f"{cloth.rows} × {cloth.columns} key points, {1e3 * s.spacing_x:.1f} × {1e3 * s.spacing_y:.1f} mm apart, "
             f"{cloth.material}, {1e3 * material.density:.0f} g/m²; bending by {law}"
         ),
-        "solver": f"{(scene.solver.name if scene.solver else 'verlet')}, {solver.substeps} substeps a frame of "
-        f"1/{scene.output.fps} s, {1e6 * solver.step:.1f} µs each; {scene.output.frames} frames",
     }
+    built |= solver_stages(choice_of(sheet, forces, scene.solver), solver, scene)
     left: dict[str, str] = {}
     held = int(sheet.pinned.sum())
     body, standing = scene.body, standing_in(scene)

@@ -2,10 +2,15 @@
 
 from math import hypot
 
-from ..prepare.garment_setup import dressed_parts, motion_of, woven_garment
+from taichi_cloth.garment.sewn.sew import Garment
+from taichi_cloth.motion.forces import Forces
+from taichi_cloth.solvers.named import named_solver
+
+from ..prepare.garment_setup import dressed_parts, garment_choice, motion_of, woven_garment
 from ..prepare.sheet_setup import forces_of
+from ..scene.cloth_schema import SolverSection
 from ..scene.schema import Scene
-from .plan_cloth import force_stages, thin_limbs
+from .plan_cloth import force_stages, solver_stages, thin_limbs
 
 __all__ = ["garment_stages"]
 
@@ -31,6 +36,7 @@ def garment_stages(scene: Scene) -> tuple[dict[str, str], dict[str, str], int, S
     }
     if section.weaves:
         built["weaves"] = ", ".join(f"{name}: {draft}" for name, draft in section.weaves.items())
+    built |= _solver(scene, parts.garment)
     left = {}
     if moves.name == "rest":
         left["motion"] = 'body.motion is "rest": the garment hangs as it was sewn'
@@ -47,3 +53,10 @@ def garment_stages(scene: Scene) -> tuple[dict[str, str], dict[str, str], int, S
     if cloth is None:
         left["fibre blocks"] = 'garment.representation is "mesh"'
     return built, left, atlas.key_points, cloth
+
+
+def _solver(scene: Scene, garment: Garment) -> dict[str, str]:
+    choice, safety = garment_choice(scene, garment), (scene.solver or SolverSection()).safety
+    kind = named_solver(choice.name)
+    solver = kind(garment.moving(), Forces(), frame_rate=float(scene.output.fps), safety=safety)
+    return solver_stages(choice, solver, scene)

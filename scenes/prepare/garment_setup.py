@@ -27,6 +27,7 @@ from taichi_cloth.ground.errors import InputError
 from taichi_cloth.motion.constraint import Constraint
 from taichi_cloth.motion.forces import Forces
 from taichi_cloth.motion.simulation import Simulation
+from taichi_cloth.solvers.choice import Choice
 
 from ..scene.body_section import BodySection, prepare_body, prepare_motion
 from ..scene.cloth_schema import SolverSection
@@ -34,13 +35,14 @@ from ..scene.garment_schema import GarmentSection
 from ..scene.schema import FabricSection, Scene, WeavePatch
 from ..scene.section import PATTERN_FILE
 from .body_setup import grids_of, primitives_of
-from .sheet_setup import forces_of, material_of
+from .sheet_setup import choice_of, forces_of, material_of
 
 __all__ = [
     "Dressed",
     "Parts",
     "dress",
     "dressed_parts",
+    "garment_choice",
     "garment_of",
     "garment_simulation",
     "motion_of",
@@ -92,7 +94,7 @@ def dress(scene: Scene, each: Progress | None = None) -> Dressed:
     parts = dressed_parts(scene)
     colliders = _colliders(scene, parts)
     limit = forces_of(scene.forces).strain_limit
-    solver = (scene.solver or SolverSection()).name
+    solver = garment_choice(scene, parts.garment).name
     made_of = digest(VERSION, solver, parts.garment, limit, colliders.made_of(), list(parts.primitives))
 
     def make() -> dict[str, np.ndarray]:
@@ -103,6 +105,11 @@ def dress(scene: Scene, each: Progress | None = None) -> Dressed:
     numbers = {name: arrays[name].item() for name in ("gap", "depth", "stretch", "speed", "frames")}
     worn = Worn(positions=arrays["positions"], places=arrays["places"], **numbers)
     return Dressed(parts.body, parts.primitives, parts.grids, parts.garment, worn, found)
+
+
+def garment_choice(scene: Scene, garment: Garment) -> Choice:
+    """The solver that moves a garment, and sews it."""
+    return choice_of(garment.moving(), forces_of(scene.forces), scene.solver, seams=True)
 
 
 def garment_of(section: GarmentSection, body: Body) -> Garment:
@@ -186,7 +193,7 @@ def garment_simulation(
         bones=bones,
         frame_rate=float(scene.output.fps),
         safety=solver.safety,
-        solver=solver.name,
+        solver=garment_choice(scene, garment).name,
         choose=choose,
     )
 

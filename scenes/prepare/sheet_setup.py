@@ -18,6 +18,7 @@ from taichi_cloth.sheet.materials import Material, named_material
 from taichi_cloth.sheet.pins import Pins
 from taichi_cloth.sheet.sheet import Sheet
 from taichi_cloth.sheet.springs import calibrate
+from taichi_cloth.solvers.choice import Choice, choose
 from taichi_cloth.solvers.named import named_solver
 
 from ..scene.cloth_schema import BodyPinSection, ClothSection, ForcesSection, PinsSection, SolverSection
@@ -28,6 +29,7 @@ if TYPE_CHECKING:  # only a scene with a body loads it
     from .body_setup import Standing
 
 __all__ = [
+    "choice_of",
     "forces_of",
     "material_of",
     "sheet_of",
@@ -113,12 +115,20 @@ def forces_of(section: ForcesSection | None) -> Forces:
     )
 
 
-def solver_of(sheet: Sheet, forces: Forces, section: SolverSection | None, *, frame_rate: float) -> Solver:
-    """The solver that the scene names. It needs no Taichi before its first frame. Raises InputError on a step that is
-    too long, and on forces that the solver or the sheet cannot have."""
+def choice_of(sheet: Sheet, forces: Forces, section: SolverSection | None, *, seams: bool = False) -> Choice:
+    """The solver of a sheet, which the scene names or which costs less, and what each costs."""
     section = section or SolverSection()
     step = None if section.step_ms is None else 1e-3 * section.step_ms
-    kind = named_solver(section.name)
+    best = choose(sheet, forces, seams=seams, safety=section.safety, step=step)
+    return best if section.name == "auto" else replace(best, name=section.name, why="the scene names it")
+
+
+def solver_of(sheet: Sheet, forces: Forces, section: SolverSection | None, *, frame_rate: float) -> Solver:
+    """The solver of `choice_of`. It needs no Taichi before its first frame. Raises InputError on a step that is too
+    long, and on forces that the solver or the sheet cannot have."""
+    section = section or SolverSection()
+    step = None if section.step_ms is None else 1e-3 * section.step_ms
+    kind = named_solver(choice_of(sheet, forces, section).name)
     constraints = constraints_for(sheet, forces, answered=kind.answers)
     return kind(sheet, forces, frame_rate=frame_rate, step=step, safety=section.safety, constraints=constraints)
 

@@ -154,9 +154,11 @@ class ForcesSection(Section):
 
 
 class SolverSection(Section):
-    """`yarns` is for threads so stiff that the longest step of `verlet` is hopeless (docs/solvers.md)."""
+    """Who moves the sheet, and by how long steps (docs/solvers.md)."""
 
-    name: Literal["verlet", "yarns"] = "verlet"
+    name: Literal["auto", "verlet", "yarns"] = Field(
+        default="auto", description="default: verlet or yarns, whichever takes less time for the sheet at equal error"
+    )
     step_ms: Positive | None = Field(default=None, description="longest substep; default: what the springs allow [ms]")
     safety: Share = Field(default=0.9, gt=0, description="share of the longest stable step")
 

@@ -24,7 +24,7 @@ Bending laws:
   has no stiffness near the flat state; it stores the energy of B at one curvature κ₀ only: q = 16 B b / (a⁵ κ₀²).
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from math import hypot, isfinite, sqrt
 from typing import Literal, get_args
 
@@ -68,6 +68,26 @@ class Springs:
     @property
     def diagonal_length(self) -> float:
         return hypot(self.spacing_x, self.spacing_y)
+
+    @property
+    def without_threads(self) -> "Springs":
+        """What is soft in cloth: shear and bending."""
+        return replace(self, structural_x=0.0, structural_y=0.0)
+
+    def drawn(self, material: Material) -> "Springs":
+        """Once the crimp of threads is drawn out, of a material whose threads get stiffer then; what diagonals add
+        stays what it is."""
+        a, b = self.spacing_x, self.spacing_y
+        more_x, more_y = (
+            max(drawn - soft, 0.0)
+            for drawn, soft in (
+                (material.drawn_weft, material.tensile_weft),
+                (material.drawn_warp, material.tensile_warp),
+            )
+        )
+        return replace(
+            self, structural_x=self.structural_x + more_x * b / a, structural_y=self.structural_y + more_y * a / b
+        )
 
 
 def calibrate(

@@ -15,7 +15,7 @@ from taichi_cloth.ground.errors import InputError
 from taichi_cloth.sheet.sheet import Sheet
 from taichi_cloth.solvers.stability import FrequencyBound, highest_frequency, longest_step
 
-__all__ = ["StepChoice"]
+__all__ = ["ROUGH", "StepChoice", "substeps_of"]
 
 NEAR = 0.97
 """Share of the stable limit up to which a step is left as it is where the limit shrinks as the shape changes."""
@@ -25,6 +25,12 @@ GROWTH = 1.02
 
 ROUGH = 1e-2
 """Tolerance with which the square of that frequency is worked out on the way: a frame waits for it."""
+
+
+def substeps_of(frame_rate: float, step: float) -> int:
+    """Of a frame of 1/frame_rate [s], each of at most `step` [s]: two at a time, for paired constraints. 1e-9: a frame
+    that is just so many steps is not one more."""
+    return max(2, 2 * ceil(1 / frame_rate / step / 2 - 1e-9))
 
 
 class StepChoice:
@@ -55,9 +61,8 @@ class StepChoice:
         return self.safety * self.limit
 
     def substeps(self, step: float) -> int:
-        """Of a frame, each of at most `step` [s]: two at a time, for paired constraints. 1e-9: a frame that is
-        just so many steps is not one more."""
-        return max(2, 2 * ceil(1 / self.frame_rate / step / 2 - 1e-9))
+        """Of a frame, each of at most `step` [s]."""
+        return substeps_of(self.frame_rate, step)
 
     def crossed(self, step: float, bound: float) -> bool:
         """Whether a shape of that bound [rad/s] has to be looked at by `look`."""

@@ -59,7 +59,7 @@ class Yarns(KernelSolver):
         sweeps: int = SWEEPS,
         constraints: tuple[Constraint, ...] = (),
     ) -> None:
-        soft = replace(sheet, springs=replace(sheet.springs, structural_x=0.0, structural_y=0.0))
+        soft = replace(sheet, springs=sheet.springs.without_threads)
         self.sweeps, self._soft = sweeps, soft
         self.choice = StepChoice(soft, frame_rate=frame_rate, safety=safety)
         self.tight = 0.0
@@ -87,12 +87,11 @@ class Yarns(KernelSolver):
         s, m, limit = self.sheet.springs, self.sheet.material, self.forces.strain_limit
         mass = m.density * s.spacing_x * s.spacing_y
         squared = self.numbers["structural_x"] / s.structural_x  # h², less what the air takes meanwhile
-        out = []
-        for constant, rest, across, soft, stiff, crimp in (
-            (s.structural_x, s.spacing_x, s.spacing_y, m.tensile_weft, m.drawn_weft, m.crimp_weft),
-            (s.structural_y, s.spacing_y, s.spacing_x, m.tensile_warp, m.drawn_warp, m.crimp_warp),
+        straight, out = s.drawn(m), []
+        for constant, drawn, rest, stiff, crimp in (
+            (s.structural_x, straight.structural_x, s.spacing_x, m.drawn_weft, m.crimp_weft),
+            (s.structural_y, straight.structural_y, s.spacing_y, m.drawn_warp, m.crimp_warp),
         ):
-            drawn = constant + max(stiff - soft, 0.0) * across / rest  # what diagonals add stays what it is
             at = crimp * rest if stiff > 0 else NEVER
             out.append(
                 {

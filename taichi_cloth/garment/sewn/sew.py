@@ -69,6 +69,12 @@ class Garment:
         m, (a, b) = material or self.material, self.atlas.spacing
         return Sheet.of_cells(self.atlas.cells, material=m, springs=calibrate(m, spacing_x=a, spacing_y=b))
 
+    def moving(self, air_damping: float | None = None) -> Sheet:
+        """The sheet as it moves. air_damping: instead of the material's [1/s]."""
+        own = self.material
+        air = own.air_damping if air_damping is None else air_damping
+        return self.sheet(replace(own, air_damping=air, fibre_damping=max(own.fibre_damping, LAG)))
+
     def seams(self) -> tuple[I64, F64]:
         """Points along all seams, a key point's distance apart: blends (n, 8, 2) and (n, 8) that are 0 when closed."""
         nodes, weights = [], []
@@ -156,10 +162,7 @@ class Garment:
     ) -> Simulation:
         """The garment in motion from `positions`, seams and holds tied. choose: of the arguments of `constraints_for`,
         and in its place. solver: see `named_solver`."""
-        own = self.material
-        air = own.air_damping if air_damping is None else air_damping
-        material = replace(own, air_damping=air, fibre_damping=max(own.fibre_damping, LAG))
-        sheet = self.sheet(material)
+        sheet = self.moving(air_damping)
         ties = self.ties(sheet, places, held, bones, speed)
         kind = named_solver(solver)
         sewn = self.sewn() if forces.self_contact else None

@@ -1,0 +1,95 @@
+"""Which solver a sheet gets that names none: the one that takes less time at equal error.
+
+A simulated second takes key points × substeps × what a solver takes for one of these. Verlet's substeps follow from the
+stiffest springs, which threads are, and those of whole yarns from the soft ones; but one of theirs takes three times as
+long. So they win where threads are more than some ten times as stiff as shear (docs/solvers.md).
+
+Equal error: both take the steps that they take by themselves, with which cloth that is let go is within half a
+millimetre of the reference after 0.3 s. What Verlet does worse at any step is no question of cost: its springs are of
+one stiffness, and its strain limit leaves threads longer than it says.
+
+The choice follows from the sheet and not from the machine it is on: the same scene makes the same bytes.
+"""
+
+from dataclasses import dataclass, replace
+
+from taichi_cloth.motion.forces import Forces
+from taichi_cloth.motion.kernel_solver import WORTH_THREADS
+from taichi_cloth.sheet.sheet import Sheet
+from taichi_cloth.solvers.stability import highest_frequency, longest_step
+from taichi_cloth.solvers.step_choice import ROUGH, substeps_of
+from taichi_cloth.solvers.yarns import LONGEST
+
+__all__ = ["Choice", "Cost", "choose"]
+
+NANOSECONDS = {"verlet": (12.0, 18.5), "yarns": (47.0, 60.0)}
+"""What a key point takes in a substep on one core, without seams and with them. Medians of CPU time, both solvers on
+the same sheet in turn, frame by frame: `flag`, `drape`, `hanging`, `stretch`, `sheet-walk` and `drape-body` (9 to 15
+and 37 to 59, ratio 3.6 to 4.1), `tshirt` at rest (ratio 3.3). Times are of one machine; only their ratio decides."""
+
+SECOND_CORE = 1.7
+"""By how much a second core makes Verlet faster; whole yarns, and cloth with seams, keep to one."""
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Of one solver for one sheet. step: the longest [s]. share: time it takes over time that passes in the scene."""
+
+    step: float
+    share: float
+
+    def substeps(self, frame_rate: float) -> int:
+        """Of a frame of 1/frame_rate [s]."""
+        return substeps_of(frame_rate, self.step)
+
+    def milliseconds(self, frame_rate: float) -> float:
+        """Of a frame, with whole substeps."""
+        return 1e3 * self.share * self.step * self.substeps(frame_rate)
+
+
+@dataclass(frozen=True)
+class Choice:
+    """name: of the solver. why: in a few words. costs: of each, by name; of Verlet with threads as stiff as they get.
+    ratio: how many times as stiff as shear that is; infinite without shear."""
+
+    name: str
+    why: str
+    costs: dict[str, Cost]
+    ratio: float
+
+
+def choose(
+    sheet: Sheet, forces: Forces, *, seams: bool = False, safety: float = 0.9, step: float | None = None
+) -> Choice:
+    """safety, step: of both, see `Verlet`. Needs no Taichi."""
+    springs, material = sheet.springs, sheet.material
+    stiff = replace(sheet, springs=springs.drawn(material))
+    soft = replace(sheet, springs=springs.without_threads)
+    asked = step or LONGEST
+    steps = {
+        "verlet": min(_longest(stiff, safety), step or 1.0),
+        "yarns": min(_longest(soft, safety), asked, LONGEST),
+    }
+    points = int(sheet.present.sum())
+    shared = points >= WORTH_THREADS and not seams
+    costs = {
+        name: Cost(
+            longest,
+            1e-9 * points * NANOSECONDS[name][seams] / longest / (SECOND_CORE if name == "verlet" and shared else 1.0),
+        )
+        for name, longest in steps.items()
+    }
+    most = max(material.tensile_warp, material.tensile_weft, material.drawn_warp, material.drawn_weft)
+    ratio = most / material.shear if material.shear else float("inf")
+    if material.curved:
+        return Choice("yarns", "threads get stiffer as their crimp is drawn out", costs, ratio)
+    if forces.strain_limit is not None:
+        return Choice("yarns", "they hold a strain limit in the same solve", costs, ratio)
+    name = min(costs, key=lambda one: costs[one].share)
+    return Choice(name, "it takes less time at equal error", costs, ratio)
+
+
+def _longest(sheet: Sheet, safety: float) -> float:
+    m = sheet.material
+    frequency = highest_frequency(sheet, tolerance=ROUGH)
+    return safety * longest_step(frequency, fibre_damping=m.fibre_damping, air_damping=m.air_damping)
