@@ -21,7 +21,7 @@ from ..measure.study import Row, Study
 __all__ = ["STUDIES", "chosen", "make_report"]
 
 STUDIES = ("solver", "spacing", "interpolation", "contact", "twist", "fibres", "splat", "stages")
-"""Each a module here, with a `STUDY`, or a `section` where there is nothing to draw."""
+"""Each a module here, with a `STUDY`, or with `sections` of its own."""
 
 
 def chosen(only: str | None) -> list[str]:
@@ -52,7 +52,7 @@ def make_report(*, only: str | None, quick: bool, out: Path, arch: Any = "cpu", 
         for name in names:
             bar.update(task, description=name)
             start = time.perf_counter()
-            sections.append(_section(name, quick, lambda text: bar.update(task, description=text)))
+            sections += _sections(name, quick, lambda text: bar.update(task, description=text))
             bar.console.print(f"{name}: {time.perf_counter() - start:.0f} s", highlight=False)
             bar.advance(task)
     minutes = (time.perf_counter() - begun) / 60
@@ -68,16 +68,16 @@ def make_report(*, only: str | None, quick: bool, out: Path, arch: Any = "cpu", 
     write_report(sections, out, title="Error against run time", facts=facts)
 
 
-def _section(name: str, quick: bool, say: Callable[[str], object]) -> Section:
+def _sections(name: str, quick: bool, say: Callable[[str], object]) -> list[Section]:
     module = import_module(f".{name}", __package__)
     if not hasattr(module, "STUDY"):
-        return module.section(quick, say)
+        return module.sections(quick, say)
     study: Study = module.STUDY
     rows: list[Row] = []
     for row in study.rows(quick):
         rows.append(row)
         say(f"{name}: {row.panel}, {row.method}, {row.knob}"[:70])
-    return section_of(study, rows, draw(study, rows))
+    return [section_of(study, rows, draw(study, rows))]
 
 
 def _load() -> str:

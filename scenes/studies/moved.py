@@ -11,14 +11,18 @@ from taichi_cloth.motion.simulation import Simulation
 __all__ = ["rms", "timed"]
 
 
-def timed(make: Callable[[], Simulation], seconds: float) -> tuple[Simulation, float]:
+def timed(
+    make: Callable[[], Simulation], seconds: float, each: Callable[[Simulation], object] | None = None
+) -> tuple[Simulation, float]:
     """A simulation after so many seconds [s], and the CPU time [s] a simulated second. A frame before, of one of its
-    own, compiles."""
+    own, compiles. each: looks at every frame."""
     make().step()
     simulation = make()
     begun = time.process_time()
     for _ in range(round(seconds / simulation.frame_time)):
         simulation.step()
+        if each is not None:
+            each(simulation)
     return simulation, (time.process_time() - begun) / simulation.time
 
 

@@ -1,163 +1,247 @@
-"""Error against run time of the solvers.
+"""Error against run time of the solvers: by motion and by stretch, over time, where they cross, and of a garment."""
 
-Two cases of cotton shirting, 0.5 m × 0.5 m, bent to an arc at the start, so that which way it folds is not left to
-rounding: *hang*, held at two corners and let go, and *drape*, laid on a ball. Stiffness: all moduli × a factor.
-Reference: Verlet in float64 (`reference.py`). Error: root mean square of the distance between key points and
-their places in the reference, at the same physical time. In some panels the threads alone are stiffer than those of the
-preset, as real ones are once their crimp is drawn out.
-"""
-
-from collections.abc import Iterator
-from dataclasses import replace
-from math import asin
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from math import nan
 
 import numpy as np
-from numpy.typing import NDArray
 
-from taichi_cloth.ground.errors import InputError, Unstable
-from taichi_cloth.motion.forces import Forces, Sphere
-from taichi_cloth.motion.simulation import Simulation
-from taichi_cloth.motion.solver import Solver
-from taichi_cloth.sheet.materials import named_material
-from taichi_cloth.sheet.sheet import Sheet
-from taichi_cloth.sheet.springs import calibrate
-from taichi_cloth.solvers.verlet import Verlet
-from taichi_cloth.solvers.yarns import Yarns
+from ..measure.curves import Panel, draw_curves
+from ..measure.diagram import draw
+from ..measure.page import Section, csv_text, section_of
+from ..measure.study import Axis, Row, Study
+from .solvers import worn
+from .solvers.cases import CASES, FRAME_RATE, Case, Judged, case_of, judged, motion_error, stretch_error
+from .solvers.crossing import CASE, NAMES, NEAR, Cost, costs, crossing
+from .solvers.reference import reference
+from .solvers.settings import settings
 
-from ..measure.study import Axis, Row, Study, microseconds
-from . import worn
-from .moved import rms, timed
-from .reference import reference
+__all__ = ["Tried", "sections", "tried"]
 
-__all__ = ["CASES", "STUDY", "rows", "run", "scene", "solver_rows"]
+Say = Callable[[str], object]
+THREADS = (1.0, 1e2, 1e4)
+"""Factors of the threads' stiffness."""
 
-CASES = {"hang": 0.3, "drape": 0.15}
-"""Simulated time [s] after which the error is taken; later the folds depend on rounding."""
+POINTS, FEW = 24, 12
+"""Key points along each side, in full and quickly."""
 
-ALL_MODULI = (0.01, 1.0, 1e4)
-THREADS = (100.0, 1e4)
-FULL = [
-    (case, stiffness, threads)
-    for case in CASES
-    for stiffness, threads in (*((k, 1.0) for k in ALL_MODULI), *((1.0, k) for k in THREADS))
-]
-"""Case, factor of all moduli, factor of the threads'."""
+SHARE = 0.2
+"""The reference's step in longest stable ones."""
 
-QUICK = [("hang", 1.0, 1.0), ("hang", 1.0, 100.0), ("drape", 1.0, 1.0)]
-SIDE, ARC = 0.5, 0.4  # [m], of the sheet and radius of the arc
-FRAME_RATE = 60.0
-VERLET = (1, 2, 4, 8)
-"""Parts into which the step that Verlet, or whole yarns, take by themselves is cut."""
+NEARLY, FLOAT32 = (1, 2), 1.5e-8
+"""Seeds of references with twice the step that start up to so far off [m], which float32 cannot tell: no solver in
+float32 is nearer to the reference than they are."""
 
-SWEEPS = (1, 2, 4)
-"""Over warp and weft, a substep of whole yarns."""
+SHOWN_OVER_TIME = 160
+"""Substeps of a scheme that is not in the program and is drawn over time."""
 
-SOFT = 1.0
-"""Factor of all moduli up to which whole yarns are tried: their step is that of shear and bending."""
+FALL = (0.1, 0.2, 0.3, 0.4)
+"""Times [s] at which the table says how high the cloth is."""
 
-
-def scene(case: str, stiffness: float, points: int, threads: float = 1.0) -> tuple[Sheet, Forces, NDArray[np.float64]]:
-    """Sheet of points × points, forces and start of a case. stiffness, threads: factors of all moduli, and of those of
-    the threads beside that."""
-    base = named_material("cotton-shirting")
-    factors = dict.fromkeys(("shear", "bending_warp", "bending_weft"), stiffness)
-    factors |= dict.fromkeys(("tensile_warp", "tensile_weft"), stiffness * threads)
-    material = replace(base, **{name: factor * getattr(base, name) for name, factor in factors.items()})
-    spacing = SIDE / (points - 1)
-    pinned = np.zeros((points, points), bool)
-    if case == "hang":
-        pinned[0, [0, -1]] = True
-    springs = calibrate(material, spacing_x=spacing, spacing_y=spacing)
-    sheet = Sheet.rectangle(points, points, material=material, springs=springs, pinned=pinned)
-    flat = sheet.flat()
-    bend = 2 * asin(spacing / 2 / ARC) / spacing  # chords as long as threads, so that none is strained
-    angle = (flat[..., 0] - SIDE / 2) * bend
-    up = 1.0 if case == "hang" else -1.0
-    start = np.stack([ARC * np.sin(angle), up * ARC * (1 - np.cos(angle)), SIDE / 2 - flat[..., 1]], axis=-1)
-    ball = Sphere(centre=(0.013, -0.13, 0.021), radius=0.125)
-    return sheet, Forces(sphere=ball if case == "drape" else None), start
+ABOUT = (
+    "Cotton shirting of 0.5 m × 0.5 m, bent to an arc, held at two corners and let go (hang) or laid on a ball "
+    "(drape), for 0.4 s; the stiffness of its threads × 1, 100 and 10,000. Reference: Verlet in float64 at a fifth of its "
+    "longest step; dashed, that reference against itself with twice the step and a start that float32 cannot tell from "
+    "it (15 nm off), below which nothing can be told apart. "
+    "Whole yarns push threads along the program's blend, or along n(y); a point is a number of substeps of a frame of "
+    "1/60 s. XPBD and the one stable sweep are not in the program: plain loops in float64, so that their times are good "
+    "to a factor of two. "
+)
 
 
-def run(
-    sheet: Sheet, forces: Forces, start: NDArray[np.float64], solver: Solver, seconds: float
-) -> tuple[NDArray[np.float64] | None, float]:
-    """Positions at the end, None where the run was refused or stopped, and the CPU time [s] a simulated second."""
-    try:
-        simulation, cost = timed(lambda: Simulation(sheet, solver, forces=forces, positions=start), seconds)
-    except (InputError, Unstable):
-        return None, float("nan")
-    return simulation.positions.astype(np.float64), cost
+@dataclass(frozen=True, eq=False)
+class Tried:
+    """A method in a case. run: None where it was refused, or lost. cost: CPU time [s] a simulated second."""
+
+    case: Case
+    method: str
+    substeps: int
+    run: Judged | None
+    cost: float
+    default: bool = False
+
+    def row(self, error: Callable[[Judged, Judged], float], best: Judged) -> Row:
+        off = nan if self.run is None else error(self.run, best)
+        step, knob = 1 / FRAME_RATE / self.substeps, f"{self.substeps} substeps"
+        return Row(panel=self.case.panel, method=self.method, knob=knob, value=step, error=off, seconds=self.cost,
+                   default=self.default)  # fmt: skip
 
 
-def solver_rows(
-    case: str, stiffness: float, *, threads: float = 1.0, points: int = 24, share: float = 0.1, fewer: bool = False
-) -> Iterator[Row]:
-    """Rows of one case at one stiffness: factors as of `scene`. share: the reference's step in longest stable ones. The
-    first row is the reference with a step twice as long, without a time: below its error nothing can be told apart."""
-    sheet, forces, start = scene(case, stiffness, points, threads)
-    seconds = CASES[case]
-    best, count = reference(sheet, forces, start, seconds, share=share)
-    if not np.isfinite(best).all():
-        raise InputError(
-            f"report: the reference of {case} × {stiffness:g} is not finite; use a softer or coarser sheet"
-        )
-    what = f"{stiffness:g} × cotton" if threads == 1 else f"cotton, threads × {threads:g}"
-    panel = f"{case}, {what}, {points} × {points}"
-
-    def row(
-        method: str, knob: str, step: float, positions: NDArray[np.float64] | None, cost: float, usual: bool
-    ) -> Row:
-        error = float("nan") if positions is None else rms(positions, best)
-        return Row(panel=panel, method=method, knob=knob, value=step, error=error, seconds=cost, default=usual)
-
-    coarse, _ = reference(sheet, forces, start, seconds, share=2 * share)
-    yield row("reference", "reference, step × 2", 2 * seconds / count, coarse, float("nan"), False)
-    usual = Verlet(sheet, forces, frame_rate=FRAME_RATE)
-    for parts in VERLET[:2] if fewer else VERLET:
-        solver = Verlet(sheet, forces, frame_rate=FRAME_RATE, step=usual.step / parts)
-        yield row(
-            "Verlet", microseconds(solver.step), solver.step, *run(sheet, forces, start, solver, seconds), parts == 1
-        )
-    if stiffness <= SOFT:
-        yield from (row(*found) for found in yarn_runs(sheet, forces, start, seconds, fewer=fewer))
+def tried(quick: bool) -> Iterator[Tried]:
+    """Case by case, first the reference, then those that tell how sure it is, then everything else."""
+    points = FEW if quick else POINTS
+    for name, frames in CASES.items():
+        for threads in THREADS:
+            case = case_of(name, points, threads=threads)
+            for seed in (0, *NEARLY):
+                off = FLOAT32 * np.random.Generator(np.random.Philox(key=seed)).uniform(-1, 1, case.start.shape)
+                start, share = (case.start + off, 2 * SHARE) if seed else (case.start, SHARE)
+                course, count = reference(case.sheet, case.forces, start, case.seconds, share=share, frames=frames)
+                yield Tried(case, "reference", count // frames, judged(case.sheet, course), nan)
+            for one in settings(case, quick=quick):
+                course, cost = one.tried()
+                run = None if course is None else judged(case.sheet, course)
+                yield Tried(case, one.method, one.substeps, run, cost, one.default)
 
 
-def yarn_runs(
-    sheet: Sheet, forces: Forces, start: NDArray[np.float64], seconds: float, *, fewer: bool
-) -> Iterator[tuple[str, str, float, NDArray[np.float64] | None, float, bool]]:
-    """Runs of whole yarns, by sweeps and steps: method, knob, step [s], positions, cost, whether it is the default."""
-    usual = Yarns(sheet, forces, frame_rate=FRAME_RATE)
-    for sweeps in SWEEPS[:2] if fewer else SWEEPS:
-        for parts in VERLET[:2] if fewer else VERLET[:3]:
-            solver = Yarns(sheet, forces, frame_rate=FRAME_RATE, step=usual.step / parts, sweeps=sweeps)
-            method = f"whole yarns, {sweeps} sweep{'s' * (sweeps > 1)}"
-            found, cost = run(sheet, forces, start, solver, seconds)
-            yield method, microseconds(solver.step), solver.step, found, cost, parts == 1 and sweeps == usual.sweeps
-
-
-def rows(quick: bool) -> Iterator[Row]:
-    for case, stiffness, threads in QUICK if quick else FULL:
-        yield from solver_rows(case, stiffness, threads=threads, points=12 if quick else 24, fewer=quick)
+def sections(quick: bool, say: Say) -> list[Section]:
+    """All of the page that is about solvers."""
+    found: dict[str, list[Tried]] = {}
+    for one in tried(quick):
+        found.setdefault(one.case.panel, []).append(one)
+        say(f"solver: {one.case.panel}, {one.method}, {one.substeps}"[:70])
+    out = [_against_time(study, found, error) for study, error in ((MOTION, motion_error), (STRETCH, stretch_error))]
+    out.append(_over_time(found))
+    several: list[Cost] = []
+    for cost in costs(quick):
+        several.append(cost)
+        say(f"solver: crossing, {cost.points} × {cost.points}, {cost.ratio:g}, {cost.solver}"[:70])
+    rows = list(_crossing_rows(several))
+    out.append(section_of(CROSSING, rows, draw(CROSSING, rows)))
     if not quick:
-        yield from worn.rows()
+        rows = list(worn.rows())
+        out.append(section_of(WORN, rows, draw(WORN, rows)))
+    return out
 
 
-STUDY = Study(
+def _against_time(study: Study, found: dict[str, list[Tried]], error: Callable[[Judged, Judged], float]) -> Section:
+    rows = []
+    for panel, runs in found.items():
+        best = runs[0].run
+        assert best is not None
+        off = [error(one.run, best) for one in runs[1:] if one.run is not None and one.method == study.floor]
+        rows.append(
+            Row(panel=panel, method=study.floor, knob="the reference's own uncertainty", error=max(off), seconds=nan)
+        )
+        rows += [one.row(error, best) for one in runs if one.method != study.floor]
+    return section_of(study, rows, draw(study, rows))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Moment:
+    """A frame of a run: heights [m], and strain of a thread that all but 1 % stay below."""
+
+    panel: str
+    method: str
+    substeps: int
+    time: float
+    mean_height: float
+    lowest: float
+    strain: float
+
+
+def _over_time(found: dict[str, list[Tried]]) -> Section:
+    panels, times, table, moments = [], [], [], []
+    for panel, runs in found.items():
+        best, *nearly = (one.run for one in runs if one.method == MOTION.floor and one.run is not None)
+        time = (np.arange(len(best.mean)) + 1) / FRAME_RATE
+        shown = {one.method: one.run for one in _shown(runs) if one.run is not None}
+        for what, part in (("mean height", "mean"), ("lowest point", "lowest")):
+            here = getattr(best, part)
+            lines = {name: 1e3 * (getattr(run, part) - here) for name, run in shown.items()}
+            # what two references are apart at some time they were able to be at any time before, too
+            off = np.max([np.abs(getattr(one, part) - here) for one in nearly], axis=0)
+            panels.append(Panel(f"{panel}: {what}", lines, np.maximum.accumulate(1e3 * off)))
+            times.append(time)
+        for one in runs:
+            if one.run is None:
+                continue
+            at = [int(np.argmin(np.abs(time - moment))) for moment in FALL]
+            means, lows = ([f"{1e3 * part[k]:.1f}" for k in at] for part in (one.run.mean, one.run.lowest))
+            strain = f"{100 * one.run.strain.max():.2g} %"
+            table.append((panel, one.method, str(one.substeps), ", ".join(means), ", ".join(lows), strain))
+            moments += [
+                Moment(panel=panel, method=one.method, substeps=one.substeps, time=float(t), mean_height=float(m),
+                       lowest=float(low), strain=float(s))
+                for t, m, low, s in zip(time, one.run.mean, one.run.lowest, one.run.strain, strict=True)
+            ]  # fmt: skip
+    return Section(
+        name="solver_fall",
+        title="Solvers: how the cloth falls",
+        about="The same runs over time: how much higher than in the reference the cloth is in the mean, and its lowest "
+        "point. Grey: how far references that float32 cannot tell apart have parted until then. What is above falls too "
+        "slowly.",
+        sentences=[],
+        head=("panel", "method", "substeps", *(
+            f"{what} at {', '.join(f'{t:g}' for t in FALL)} s [mm]" for what in ("mean height", "lowest point")
+        ), "greatest strain of 99 %"),
+        table=table,
+        csv=csv_text(moments),
+        image=draw_curves(panels, times, ("time [s]", "higher than the reference by [mm]")),
+    )  # fmt: skip
+
+
+def _shown(runs: list[Tried]) -> Iterator[Tried]:
+    """The default of each method that has one, and of others what takes about as long."""
+    for one in runs:
+        if one.default or one.substeps == SHOWN_OVER_TIME and one.method not in {r.method for r in runs if r.default}:
+            yield one
+
+
+def _crossing_rows(found: list[Cost]) -> Iterator[Row]:
+    """Cost takes the place of the error, and the ratio that of time."""
+    for points in dict.fromkeys(one.points for one in found):
+        panel = f"{CASE}, {points} × {points}"
+        for name in NAMES:
+            for one in (one for one in found if (one.points, one.solver) == (points, name)):
+                yield Row(panel=panel, method=name, knob=f"{one.substeps} substeps", error=one.seconds,
+                          seconds=one.ratio)  # fmt: skip
+        at = crossing(found, points)
+        if at == at:
+            near = {name: [one for one in found if (one.points, one.solver) == (points, name)] for name in NAMES}
+            cost = [
+                np.exp(np.interp(np.log(at), np.log([o.ratio for o in near[n]]), np.log([o.seconds for o in near[n]])))
+                for n in NAMES
+            ]
+            yield Row(panel=panel, method="they cross", knob=f"{at:.2g} ×", error=float(cost[0]), seconds=at)
+
+
+MOTION = Study(
     name="solver",
-    title="Solvers: Verlet and whole yarns",
-    about="Cotton shirting of 0.5 m × 0.5 m, bent to an arc, held at two corners and let go (hang, 0.3 s) or laid on a "
-    "ball (drape, 0.15 s); all moduli × a factor, or those of the threads alone. Error: root mean square distance of "
-    "key points from Verlet in float64 at a tenth of its longest step, at the same physical time; dashed, that "
-    "reference against itself with twice the step. Where Verlet's line stays level far above that, float32 is what is "
-    "left: differences grow as cotton buckles. The skirt (in full only): the built-in one, from its rest; reference: "
-    "Verlet in float32 at an eighth of the scene's step, or at a quarter with springs that carry the whole stiffness.",
-    error=Axis("error, rms", "mm", 1e3),
+    title="Solvers: motion",
+    about=ABOUT + "Error: how far the mean height is from the reference's, root mean square over all "
+    "frames. Single key points are not compared: where cotton folds they part like weather.",
+    error=Axis("error of mean height, rms", "mm", 1e3),
     time=Axis("CPU time for a simulated second", "ms", 1e3),
-    rows=rows,
+    rows=lambda quick: iter(()),
+    why={
+        "Verlet": "its step is the longest that is stable",
+        "yarns, blend, 2 sweeps": "shorter steps gain less than they cost, and a fresh fold asks for two sweeps",
+    },
+)
+
+STRETCH = Study(
+    name="solver_stretch",
+    title="Solvers: stretch",
+    about="The same runs. Error: how far the strain that 99 % of the threads stay below is from the reference's, root "
+    "mean square over all frames.",
+    error=Axis("error of strain, rms", "%", 100.0),
+    time=MOTION.time,
+    rows=MOTION.rows,
+    why=MOTION.why,
+)
+
+CROSSING = Study(
+    name="solver_crossing",
+    title="Solvers: where they cross",
+    about="The hanging sheet with threads 3 to 300 times as stiff as its shear, which stays cotton's: CPU time of a "
+    f"frame of 1/60 s, of the cheapest setting whose motion is within {1e3 * NEAR:g} mm of the reference's (above; "
+    "Verlet: its longest stable step). Verlet pays the root of the ratio, whole yarns pay nothing.",
+    error=Axis("CPU time a frame", "ms", 1e3),
+    time=Axis("stiffness of threads, in that of shear", "", 1.0),
+    rows=MOTION.rows,
+)
+
+WORN = Study(
+    name="solver_worn",
+    title="Solvers: a garment",
+    about="The built-in skirt, from its rest. Reference: Verlet in float32 at an eighth of the scene's step, or at a "
+    "quarter with springs that carry the whole stiffness. Error: root mean square distance of key points.",
+    error=Axis("error, rms", "mm", 1e3),
+    time=MOTION.time,
+    rows=lambda quick: worn.rows(),
     why={
         "Verlet": "its error is a small part of what the spacing of key points costs, which no step mends",
-        "whole yarns, 2 sweeps": "shorter steps gain what they cost; more sweeps gain nothing while cloth hangs, and "
-        "a fresh fold asks for two",
         "Verlet, strain limit": "a share below 1 is cloth that gives until the crimp of its yarns is drawn out, and "
         "steps twice as long are worth a few millimetres of that",
     },

@@ -19,7 +19,7 @@ from ..scene.load import built_in_scenes, load_scene
 from ..scene.schema import Scene
 from .stage_probe import Probe
 
-__all__ = ["FORCED", "StageRow", "probed", "section"]
+__all__ = ["FORCED", "StageRow", "probed", "sections"]
 
 SIZE = "320x240"
 QUICK = ("yarn",)
@@ -143,7 +143,7 @@ def _start_up(states: Sequence[tuple[str, int]]) -> list[str]:
     return out
 
 
-def section(quick: bool, say: Callable[[str], object]) -> Section:
+def sections(quick: bool, say: Callable[[str], object]) -> list[Section]:
     """The table of scenes."""
     names = [n for n in built_in_scenes() if n in QUICK or not quick]
     rows: list[StageRow] = []
@@ -163,17 +163,27 @@ def section(quick: bool, say: Callable[[str], object]) -> Section:
         table.append(
             (row.scene, f"with {row.forced}" if row.forced else "", *numbers, more if row.forced else row.stages)
         )
-    return Section(
-        name="stages",
-        title="Pay only for what a scene uses",
-        about=f"Each scene in a process of its own, one thread, pictures of {SIZE.replace('x', ' × ')} px; below it "
-        "the same scene with something it has no use for forced on where it changes nothing that is seen: what "
-        "leaving it out saves. Kernels: compiled or loaded, each variant once. Fields: of Taichi, most "
-        "of them the picture's and the particles'. A frame: moved, 0 where nothing moves, and drawn, fibres laid where "
-        "they go; CPU times, medians of up to twelve and up to three frames, which differ by some percent from run to "
-        "run: what is forced on is compared by the one that it is a part of.",
-        sentences=_start_up(() if quick else (("cold", 30), ("warm", 5))),
-        head=("scene", "forced on", "kernels", "fields [MB]", "moved [ms]", "drawn [ms]", "built, or what it costs"),
-        table=table,
-        csv=csv_text(rows),
-    )
+    return [
+        Section(
+            name="stages",
+            title="Pay only for what a scene uses",
+            about=f"Each scene in a process of its own, one thread, pictures of {SIZE.replace('x', ' × ')} px; below it "
+            "the same scene with something it has no use for forced on where it changes nothing that is seen: what "
+            "leaving it out saves. Kernels: compiled or loaded, each variant once. Fields: of Taichi, most "
+            "of them the picture's and the particles'. A frame: moved, 0 where nothing moves, and drawn, fibres laid where "
+            "they go; CPU times, medians of up to twelve and up to three frames, which differ by some percent from run to "
+            "run: what is forced on is compared by the one that it is a part of.",
+            sentences=_start_up(() if quick else (("cold", 30), ("warm", 5))),
+            head=(
+                "scene",
+                "forced on",
+                "kernels",
+                "fields [MB]",
+                "moved [ms]",
+                "drawn [ms]",
+                "built, or what it costs",
+            ),
+            table=table,
+            csv=csv_text(rows),
+        )
+    ]
