@@ -19,16 +19,17 @@ LINEAR = 1.0
 
 @dataclass(frozen=True, eq=False)
 class Panel:
-    """title. lines: by method, differences from the reference, one a time. unsure: half the width of the band in which
-    the reference itself may lie, at each time."""
+    """title. time [s]. lines: by method, differences from the reference, one a time. unsure: half the width of the band
+    in which the reference itself may lie, at each time."""
 
     title: str
+    time: NDArray[np.float64]
     lines: Mapping[str, NDArray[np.float64]]
     unsure: NDArray[np.float64]
 
 
-def draw_curves(panels: Sequence[Panel], times: Sequence[NDArray[np.float64]], words: tuple[str, str]) -> bytes:
-    """A PNG, panels two abreast. times [s]: of each panel. words: of the axes. Needs matplotlib."""
+def draw_curves(panels: Sequence[Panel], methods: Sequence[str], words: tuple[str, str]) -> bytes:
+    """A PNG, panels two abreast. methods: in the order of their colours. words: of the axes. Needs matplotlib."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg  # pyright: ignore[reportMissingImports]
     from matplotlib.figure import Figure  # pyright: ignore[reportMissingImports]
     from matplotlib.ticker import FuncFormatter  # pyright: ignore[reportMissingImports]
@@ -37,15 +38,14 @@ def draw_curves(panels: Sequence[Panel], times: Sequence[NDArray[np.float64]], w
     figure = Figure(figsize=(2 * WIDTH, HEIGHT * rows + 0.7), layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.subplots(rows, 2, squeeze=False).ravel()
-    methods = list(dict.fromkeys(method for panel in panels for method in panel.lines))
     found: dict[str, Any] = {}
-    for axis, panel, time in zip(axes, panels, times, strict=False):
-        band = axis.fill_between(time, -panel.unsure, panel.unsure, color="0.86", lw=0)
+    for axis, panel in zip(axes, panels, strict=False):
+        band = axis.fill_between(panel.time, -panel.unsure, panel.unsure, color="0.86", lw=0)
         found["the reference, ± its own uncertainty"] = band
         axis.axhline(0.0, color="0.55", lw=1.0)
         for method, line in panel.lines.items():
             colour = COLOURS[methods.index(method) % len(COLOURS)]
-            (found[method],) = axis.plot(time, line, color=colour, lw=1.6)
+            (found[method],) = axis.plot(panel.time, line, color=colour, lw=1.6)
         axis.set_yscale("symlog", linthresh=LINEAR)
         axis.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}".replace("-", "−")))
         axis.set_title(panel.title, fontsize=11)

@@ -40,12 +40,11 @@ FALL = (0.1, 0.2, 0.3, 0.4)
 
 ABOUT = (
     "Cotton shirting of 0.5 m × 0.5 m, bent to an arc, held at two corners and let go (hang) or laid on a ball "
-    "(drape), for 0.4 s; the stiffness of its threads × 1, 100 and 10,000. Reference: Verlet in float64 at a fifth of its "
-    "longest step; dashed, that reference against itself with twice the step and a start that float32 cannot tell from "
-    "it (15 nm off), below which nothing can be told apart. "
-    "Whole yarns push threads along the program's blend, or along n(y); a point is a number of substeps of a frame of "
-    "1/60 s. XPBD and the one stable sweep are not in the program: plain loops in float64, so that their times are good "
-    "to a factor of two. "
+    "(drape), for 0.4 s; the stiffness of its threads × 1, 100 and 10,000. Reference: Verlet in float64 at a fifth of "
+    "its longest step; dashed, that reference against itself with twice the step and a start that float32 cannot tell "
+    "from it (15 nm off), below which nothing can be told apart. Whole yarns push threads along the program's blend, "
+    "or along n(y). The number beside a point is that of substeps of a frame of 1/60 s. XPBD and the one stable sweep "
+    "are not in the program: plain loops in float64, whose times are good to a factor of two. "
 )
 
 
@@ -62,7 +61,7 @@ class Tried:
 
     def row(self, error: Callable[[Judged, Judged], float], best: Judged) -> Row:
         off = nan if self.run is None else error(self.run, best)
-        step, knob = 1 / FRAME_RATE / self.substeps, f"{self.substeps} substeps"
+        step, knob = 1 / FRAME_RATE / self.substeps, f"{self.substeps}"
         return Row(panel=self.case.panel, method=self.method, knob=knob, value=step, error=off, seconds=self.cost,
                    default=self.default)  # fmt: skip
 
@@ -131,7 +130,8 @@ class Moment:
 
 
 def _over_time(found: dict[str, list[Tried]]) -> Section:
-    panels, times, table, moments = [], [], [], []
+    panels, table, moments = [], [], []
+    methods = list(dict.fromkeys(one.method for runs in found.values() for one in runs))
     for panel, runs in found.items():
         best, *nearly = (one.run for one in runs if one.method == MOTION.floor and one.run is not None)
         time = (np.arange(len(best.mean)) + 1) / FRAME_RATE
@@ -141,8 +141,7 @@ def _over_time(found: dict[str, list[Tried]]) -> Section:
             lines = {name: 1e3 * (getattr(run, part) - here) for name, run in shown.items()}
             # what two references are apart at some time they were able to be at any time before, too
             off = np.max([np.abs(getattr(one, part) - here) for one in nearly], axis=0)
-            panels.append(Panel(f"{panel}: {what}", lines, np.maximum.accumulate(1e3 * off)))
-            times.append(time)
+            panels.append(Panel(f"{panel}: {what}", time, lines, np.maximum.accumulate(1e3 * off)))
         for one in runs:
             if one.run is None:
                 continue
@@ -158,23 +157,24 @@ def _over_time(found: dict[str, list[Tried]]) -> Section:
     return Section(
         name="solver_fall",
         title="Solvers: how the cloth falls",
-        about="The same runs over time: how much higher than in the reference the cloth is in the mean, and its lowest "
-        "point. Grey: how far references that float32 cannot tell apart have parted until then. What is above falls too "
-        "slowly.",
+        about="The same runs over time: how much higher than in the reference the cloth is in the mean, and its "
+        "lowest point. Grey: how far references that float32 cannot tell apart have parted until then. What is above "
+        "falls too slowly.",
         sentences=[],
         head=("panel", "method", "substeps", *(
             f"{what} at {', '.join(f'{t:g}' for t in FALL)} s [mm]" for what in ("mean height", "lowest point")
         ), "greatest strain of 99 %"),
         table=table,
         csv=csv_text(moments),
-        image=draw_curves(panels, times, ("time [s]", "higher than the reference by [mm]")),
+        image=draw_curves(panels, methods[1:], ("time [s]", "higher than the reference by [mm]")),
     )  # fmt: skip
 
 
 def _shown(runs: list[Tried]) -> Iterator[Tried]:
     """The default of each method that has one, and of others what takes about as long."""
+    own = {one.method for one in runs if one.default}
     for one in runs:
-        if one.default or one.substeps == SHOWN_OVER_TIME and one.method not in {r.method for r in runs if r.default}:
+        if one.default or (one.method not in own and one.substeps == SHOWN_OVER_TIME):
             yield one
 
 
@@ -184,7 +184,7 @@ def _crossing_rows(found: list[Cost]) -> Iterator[Row]:
         panel = f"{CASE}, {points} × {points}"
         for name in NAMES:
             for one in (one for one in found if (one.points, one.solver) == (points, name)):
-                yield Row(panel=panel, method=name, knob=f"{one.substeps} substeps", error=one.seconds,
+                yield Row(panel=panel, method=name, knob=f"{one.substeps}", error=one.seconds,
                           seconds=one.ratio)  # fmt: skip
         at = crossing(found, points)
         if at == at:
@@ -193,7 +193,7 @@ def _crossing_rows(found: list[Cost]) -> Iterator[Row]:
                 np.exp(np.interp(np.log(at), np.log([o.ratio for o in near[n]]), np.log([o.seconds for o in near[n]])))
                 for n in NAMES
             ]
-            yield Row(panel=panel, method="they cross", knob=f"{at:.2g} ×", error=float(cost[0]), seconds=at)
+            yield Row(panel=panel, method="they cross", knob=f"{at:.0f} ×", error=float(cost[0]), seconds=at)
 
 
 MOTION = Study(
@@ -226,7 +226,7 @@ CROSSING = Study(
     title="Solvers: where they cross",
     about="The hanging sheet with threads 3 to 300 times as stiff as its shear, which stays cotton's: CPU time of a "
     f"frame of 1/60 s, of the cheapest setting whose motion is within {1e3 * NEAR:g} mm of the reference's (above; "
-    "Verlet: its longest stable step). Verlet pays the root of the ratio, whole yarns pay nothing.",
+    "Verlet: its longest stable step; numbers: substeps). Verlet pays the root of the ratio, whole yarns pay nothing.",
     error=Axis("CPU time a frame", "ms", 1e3),
     time=Axis("stiffness of threads, in that of shear", "", 1.0),
     rows=MOTION.rows,

@@ -163,27 +163,18 @@ def sections(quick: bool, say: Callable[[str], object]) -> list[Section]:
         table.append(
             (row.scene, f"with {row.forced}" if row.forced else "", *numbers, more if row.forced else row.stages)
         )
-    return [
-        Section(
-            name="stages",
-            title="Pay only for what a scene uses",
-            about=f"Each scene in a process of its own, one thread, pictures of {SIZE.replace('x', ' × ')} px; below it "
-            "the same scene with something it has no use for forced on where it changes nothing that is seen: what "
-            "leaving it out saves. Kernels: compiled or loaded, each variant once. Fields: of Taichi, most "
-            "of them the picture's and the particles'. A frame: moved, 0 where nothing moves, and drawn, fibres laid where "
-            "they go; CPU times, medians of up to twelve and up to three frames, which differ by some percent from run to "
-            "run: what is forced on is compared by the one that it is a part of.",
-            sentences=_start_up(() if quick else (("cold", 30), ("warm", 5))),
-            head=(
-                "scene",
-                "forced on",
-                "kernels",
-                "fields [MB]",
-                "moved [ms]",
-                "drawn [ms]",
-                "built, or what it costs",
-            ),
-            table=table,
-            csv=csv_text(rows),
-        )
-    ]
+    one = Section(
+        name="stages",
+        title="Pay only for what a scene uses",
+        about=f"Each scene in a process of its own, one thread, pictures of {SIZE.replace('x', ' × ')} px; below it "
+        "the same scene with something it has no use for forced on where it changes nothing that is seen: what "
+        "leaving it out saves. Kernels: compiled or loaded, each variant once. Fields: of Taichi, most "
+        "of them the picture's and the particles'. A frame: moved, 0 where nothing moves, and drawn, fibres laid where "
+        "they go; CPU times, medians of up to twelve and up to three frames, which differ by some percent from run to "
+        "run: what is forced on is compared by the one that it is a part of.",
+        sentences=_start_up(() if quick else (("cold", 30), ("warm", 5))),
+        head=("scene", "forced on", "kernels", "fields [MB]", "moved [ms]", "drawn [ms]", "built, or what it costs"),
+        table=table,
+        csv=csv_text(rows),
+    )
+    return [one]

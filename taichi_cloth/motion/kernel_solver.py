@@ -93,9 +93,9 @@ class KernelSolver(Solver):
     def advance(self, state: SheetState, forces: FrameForces) -> None:
         size = capacity_of(self.sheet.padded_shape)
         frame = _frame(runtime.generation(), self.frame_of, size, self.threads, self.constraints)
-        if frame.holder != (self, self.substeps):
+        if frame.holder != (self, self.numbers):
             self.fill(frame, state)
-            frame.holder = self, self.substeps
+            frame.holder = self, self.numbers
         first, last = np.asarray(forces.wind_start), np.asarray(forces.wind_end)
         wind, change = first.tolist(), ((last - first) / self.substeps).tolist()
         for one in self.constraints:

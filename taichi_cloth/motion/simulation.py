@@ -2,7 +2,8 @@
 
 A frame is, in this order: pins take their next place, the solver moves the state on (`solvers/`), and the state is
 checked. A frame for which the solver's steps prove too long is taken again with shorter ones. A state that is not
-finite or stretched beyond belief even then stops the run; the last good one is kept.
+finite or stretched beyond belief even then stops the run; the last good one is kept. A start that no cloth survives is
+brought to rest before the first frame, or refused.
 
 Units: SI. Time is counted in frames, so that a run that was resumed is the run that was left alone, byte for byte.
 """
@@ -80,8 +81,15 @@ class Simulation:
                 raise InputError("pins.path: at 0 s it is not where the sheet starts; allowed: 1e-6 m off")
         self._made_for = self._fingerprint()
         solver.shorten(self.state, self.state)
-        self._first_steps(np.asarray(positions, np.float64), velocities)
-        self._longest = max(LARGEST_STRETCH, *(1.01 * float(part.max()) for part in sheet.stretch(self.positions)))
+        self._velocities = velocities
+        self._strained, self._longest = solver.overstrained(self.state), LARGEST_STRETCH
+        if not self._strained:
+            self._longest = max(self._longest, *(1.01 * float(part.max()) for part in sheet.stretch(self.positions)))
+            self._start(np.asarray(positions, np.float64))
+
+    def _start(self, positions: NDArray[np.float64]) -> None:
+        """From positions (rows, cols, 3) [m] that cloth can have."""
+        self._first_steps(positions, self._velocities)
         self._check_rounding()
 
     @property
@@ -120,7 +128,12 @@ class Simulation:
         sheet.set_steps(self.state, steps)
 
     def step(self) -> None:
-        """One frame. Raises Unstable, with the state as it was before the frame."""
+        """One frame. Raises Unstable, with the state as it was before the frame; InputError where it is the first, and
+        the start is one that no cloth survives, nor can be brought to rest."""
+        if self._strained:
+            self.solver.settle(self.state)
+            self._strained = False
+            self._start(self.positions.astype(np.float64))
         while True:
             moved = self._moved()
             try:
@@ -217,7 +230,7 @@ class Simulation:
         if made_for != self._made_for or values.shape != self.state.values.shape or values.dtype != np.float32:
             raise InputError(f"{path}: saved by a simulation of another sheet, forces or step; start it anew")
         self.state = SheetState(values)
-        self.frame = frame
+        self.frame, self._strained = frame, self._strained and frame == 0
         self.solver.go_on(found)
 
     def _fingerprint(self) -> str:

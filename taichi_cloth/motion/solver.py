@@ -45,6 +45,14 @@ class Solver(ABC):
         """
         return False
 
+    def overstrained(self, state: SheetState) -> bool:
+        """Whether threads are strained beyond what cloth survives at this start, so that it has to be settled."""
+        return False
+
+    def settle(self, state: SheetState) -> None:
+        """Brings such a start to rest, in place, before the first frame. Raises InputError where that cannot be."""
+        assert not self.overstrained(state)
+
     @property
     def found(self) -> tuple[float, ...]:
         """What a run has found out about its steps, for one that goes on from it."""

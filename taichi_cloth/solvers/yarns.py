@@ -19,6 +19,7 @@ from taichi_cloth.motion.kernel_solver import KernelSolver
 from taichi_cloth.sheet.sheet import Sheet, SheetState
 from taichi_cloth.solvers.stability import rounding_speed
 from taichi_cloth.solvers.step_choice import StepChoice
+from taichi_cloth.solvers.strained_start import overstrain, settle
 from taichi_cloth.solvers.yarn_frame import YarnFrame
 
 __all__ = ["Yarns"]
@@ -140,6 +141,12 @@ class Yarns(KernelSolver):
         before = self.step
         self.take_steps(min(substeps, MOST_SUBSTEPS))
         self.rescale(state, before)
+
+    def overstrained(self, state: SheetState) -> bool:
+        return overstrain(self.sheet, self.sheet.positions(state)) > 1
+
+    def settle(self, state: SheetState) -> None:
+        settle(self, state)
 
     def accelerations(self, sheet: Sheet, positions: NDArray, gravity: tuple[float, float, float]) -> NDArray:
         """Without the threads: what they pull follows from what pulls at them, not from where they are."""

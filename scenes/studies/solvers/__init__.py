@@ -1,1 +1,1 @@
-"""What the study of solvers is made of: cases, the reference and schemes beside it, how motion is judged, the crossing."""
+"""What the study of solvers is made of: cases, the reference and schemes beside it, settings, the crossing."""

@@ -12,7 +12,7 @@ __all__ = ["NAMES", "Cost", "costs", "crossing"]
 
 RATIOS = (3.0, 10.0, 30.0, 100.0, 300.0)
 SIZES = (24, 48, 80)
-QUICK = ((3.0, 30.0, 300.0), (12,))
+QUICK = ((3.0, 30.0, 300.0), (24,))
 """Ratios and sizes."""
 
 NEAR = 5e-4

@@ -1,11 +1,11 @@
-"""The reference of the solvers' diagrams, Störmer–Verlet in float64, and beside it, in the same plain loops, two schemes
-that are not in the program: XPBD and one stable sweep.
+"""The reference of the solvers' diagrams, Störmer–Verlet in float64, and in the same plain loops two schemes that are
+not in the program: XPBD and one stable sweep.
 
 float32 will not do for very stiff sheets: at 10⁴ × cotton a step of 0.4 µs moves a key point by less than float32 tells
 apart at half a metre where it is slower than 4 cm/s. The springs are those of `energy.links`.
 
     Verlet      all springs explicitly
-    XPBD        (Macklin et al. 2016) shear and bending explicitly, then threads one by one, in colours, as often as named
+    XPBD        (Macklin et al. 2016) shear and bending explicitly, then threads one by one, in colours
     one sweep   forces of all springs where key points would be without them, over m/h² + c Σk: stable at any step
 """
 

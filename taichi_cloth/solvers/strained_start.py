@@ -1,0 +1,102 @@
+"""Starts that no cloth survives: crumpled, shuffled, stretched tenfold, in one point. They rest before time begins.
+
+What breaks a thread bounds what a start may ask of it: longer by half no textile fibre but elastane is whole, shorter
+by half it lies in a fold that the grid cannot show, and no thread holds more energy than it takes to tear it. Let go,
+such a start would throw the sheet about at the speed of sound in its threads, a motion that nobody asked for. So frames
+of the solver's own draw threads to their length as in treacle: nothing falls, steps are forgotten at once, so that no
+speed is made, and soft springs act by a twentieth. The body and fixed shapes push as ever.
+"""
+
+from dataclasses import replace
+from math import ceil, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_cloth.ground.errors import InputError
+from taichi_cloth.motion.forces import FrameForces
+from taichi_cloth.motion.kernel_solver import KernelSolver
+from taichi_cloth.motion.numbers import numbers_of
+from taichi_cloth.sheet.materials import Material
+from taichi_cloth.sheet.sheet import Sheet, SheetState
+
+__all__ = ["overstrain", "settle"]
+
+LONGEST = 0.5
+"""Strain, either way. Morton & Hearle, "Physical Properties of Textile Fibres": cotton breaks at 7 %, wool and
+polyester at up to 40 and 50 %."""
+
+ROUGH = 0.02
+"""Strain, either way, that every start may have: a rough mesh is drawn straight within a substep, whatever its threads
+would hold."""
+
+TEARING = 1.5e4
+"""Energy [J/kg] that tears a cotton thread, at most (ibid.: work of rupture of 5 to 15 mN/tex)."""
+
+THICK = 20.0
+"""Of treacle: c h, so that e⁻²⁰ of a step is left after the next."""
+
+SUBSTEPS = 20_000
+"""That a start may take."""
+
+CALM = (0.1, 0.01)
+"""When it is at rest: strain, in what a thread survives, and how far key points still move in a frame, in spacings."""
+
+NUDGE = 1e-3
+"""Of the spacing: by so much key points are moved at random first, for threads between two at one place have no
+direction, and a sheet folded into a line no way out of it."""
+
+
+def survived(material: Material) -> tuple[float, float]:
+    """Largest strain, either way, of weft and warp that a start may have."""
+
+    def most(stiffness: float, drawn: float, crimp: float) -> float:
+        torn = sqrt(2 * TEARING * material.density / max(stiffness, drawn))
+        return min(LONGEST, max(ROUGH, torn + (crimp if drawn > 0 else 0.0)))
+
+    weft = most(material.tensile_weft, material.drawn_weft, material.crimp_weft)
+    return weft, most(material.tensile_warp, material.drawn_warp, material.crimp_warp)
+
+
+def overstrain(sheet: Sheet, positions: NDArray) -> float:
+    """The largest strain of a thread at positions (rows, cols, 3) [m], either way, in what it survives."""
+    parts = zip(sheet.stretch(positions), survived(sheet.material), strict=True)
+    return max(float(np.abs(part).max(initial=0.0)) / most for part, most in parts)
+
+
+def settle(solver: KernelSolver, state: SheetState) -> None:
+    """Draws threads to their length, in place; the state is at rest then. Raises InputError where they stay longer or
+    shorter than they survive, as between pins that are too far apart."""
+    sheet, usual = solver.sheet, solver.numbers
+    thick = replace(sheet, material=replace(sheet.material, air_damping=THICK / solver.step))
+    weightless = replace(solver.forces, gravity=(0.0, 0.0, 0.0))
+    solver.numbers = usual | numbers_of(thick, weightless, solver.step) | {"sweeps": usual["sweeps"]}
+    forces = replace(
+        solver.forces.during(0.0, 0.0), wind_start=FrameForces().wind_start, wind_end=FrameForces().wind_end
+    )
+    spacing = min(sheet.springs.spacing_x, sheet.springs.spacing_y)
+    random = np.random.Generator(np.random.Philox(key=23)).uniform(-1, 1, (*sheet.shape, 3))
+    x = sheet.positions(state) + NUDGE * spacing * np.where(sheet.inverse_mass[..., None] > 0, random, 0.0)
+    begun = overstrain(sheet, sheet.positions(state))
+    nudged = sheet.state(x)
+    state.values[:3] = nudged.values[:3]
+    try:
+        for _ in range(ceil(SUBSTEPS / solver.substeps)):
+            before = sheet.positions(state)
+            sheet.set_steps(state, np.zeros_like(before))
+            solver.advance(state, forces)
+            after = sheet.positions(state)
+            moved = np.abs(np.where(sheet.present[..., None], after - before, 0.0)).max() / spacing
+            if overstrain(sheet, after) < CALM[0] or moved < CALM[1]:
+                break
+    finally:
+        solver.numbers = usual
+    sheet.set_steps(state, np.zeros_like(sheet.positions(state)))
+    left = overstrain(sheet, sheet.positions(state))
+    if not left <= 1:
+        weft, warp = survived(sheet.material)
+        raise InputError(
+            f"start: threads are strained by up to {begun:.3g} times what they survive ({100 * warp:.3g} % along the "
+            f"warp, {100 * weft:.3g} % along the weft), and still by {left:.3g} times after a damped start; let pins "
+            "be no further apart than the cloth between them, and key points lie about where their neighbours do"
+        )
