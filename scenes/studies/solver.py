@@ -32,9 +32,6 @@ NEARLY, FLOAT32 = (1, 2), 1.5e-8
 """Seeds of references with twice the step that start up to so far off [m], which float32 cannot tell: no solver in
 float32 is nearer to the reference than they are."""
 
-SHOWN_OVER_TIME = 160
-"""Substeps of a scheme that is not in the program and is drawn over time."""
-
 FALL = (0.1, 0.2, 0.3, 0.4)
 """Times [s] at which the table says how high the cloth is."""
 
@@ -58,6 +55,7 @@ class Tried:
     run: Judged | None
     cost: float
     default: bool = False
+    shown: bool = False
 
     def row(self, error: Callable[[Judged, Judged], float], best: Judged) -> Row:
         off = nan if self.run is None else error(self.run, best)
@@ -80,7 +78,7 @@ def tried(quick: bool) -> Iterator[Tried]:
             for one in settings(case, quick=quick):
                 course, cost = one.tried()
                 run = None if course is None else judged(case.sheet, course)
-                yield Tried(case, one.method, one.substeps, run, cost, one.default)
+                yield Tried(case, one.method, one.substeps, run, cost, one.default, one.shown)
 
 
 def sections(quick: bool, say: Say) -> list[Section]:
@@ -135,7 +133,7 @@ def _over_time(found: dict[str, list[Tried]]) -> Section:
     for panel, runs in found.items():
         best, *nearly = (one.run for one in runs if one.method == MOTION.floor and one.run is not None)
         time = (np.arange(len(best.mean)) + 1) / FRAME_RATE
-        shown = {one.method: one.run for one in _shown(runs) if one.run is not None}
+        shown = {one.method: one.run for one in runs if one.shown and one.run is not None}
         for what, part in (("mean height", "mean"), ("lowest point", "lowest")):
             here = getattr(best, part)
             lines = {name: 1e3 * (getattr(run, part) - here) for name, run in shown.items()}
@@ -168,14 +166,6 @@ def _over_time(found: dict[str, list[Tried]]) -> Section:
         csv=csv_text(moments),
         image=draw_curves(panels, methods[1:], ("time [s]", "higher than the reference by [mm]")),
     )  # fmt: skip
-
-
-def _shown(runs: list[Tried]) -> Iterator[Tried]:
-    """The default of each method that has one, and of others what takes about as long."""
-    own = {one.method for one in runs if one.default}
-    for one in runs:
-        if one.default or (one.method not in own and one.substeps == SHOWN_OVER_TIME):
-            yield one
 
 
 def _crossing_rows(found: list[Cost]) -> Iterator[Row]:

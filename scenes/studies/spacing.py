@@ -6,11 +6,12 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_cloth.motion.simulation import Simulation
 from taichi_cloth.solvers.verlet import Verlet
 
+from ..measure.moved import rms, timed
 from ..measure.study import Axis, Row, Study
-from .moved import rms
-from .solver import SIDE, run, scene
+from .solvers.cases import SIDE, case_of
 from .swing import FRAME_RATE, LENGTH, swing
 
 __all__ = ["STUDY", "rows"]
@@ -50,10 +51,13 @@ def _hang_rows(cells: tuple[int, ...], finer: int) -> Iterator[Row]:
 
 
 def _hang(cells: int) -> tuple[NDArray[np.float64], float]:
-    sheet, forces, start = scene("hang", 1.0, cells + 1)
-    found, cost = run(sheet, forces, start, Verlet(sheet, forces), HANG_SECONDS)
-    assert found is not None  # Verlet's own step is stable
-    return found, cost
+    case = case_of("hang", cells + 1)
+
+    def make() -> Simulation:
+        return Simulation(case.sheet, Verlet(case.sheet, case.forces), forces=case.forces, positions=case.start)
+
+    simulation, cost = timed(make, HANG_SECONDS)
+    return simulation.positions.astype(np.float64), cost
 
 
 def _row(panel: str, spacing: float, error: float, cost: float, default: bool) -> Row:

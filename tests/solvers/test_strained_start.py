@@ -57,13 +57,12 @@ def test_a_start_that_no_cloth_survives_comes_to_rest(start: str) -> None:
     sheet = sheet_of(REAL, 0)
     run = started(sheet, bad_starts(sheet.flat())[start])
     assert run.solver.overstrained(run.state)
-    fastest = 0.0
+    speeds = []
     for _ in range(180):
         run.step()
-        speed = np.linalg.norm(sheet.steps(run.state), axis=-1) / run.solver.step
-        fastest = max(fastest, float(speed.max()))
-    assert fastest < 60.0
-    assert speed.mean() < 0.1
+        speeds.append(np.linalg.norm(sheet.steps(run.state), axis=-1) / run.solver.step)
+    assert np.max(speeds) < 60.0
+    assert speeds[-1].mean() < 0.1
     assert max(float(np.abs(part).max()) for part in sheet.stretch(run.positions)) < 1e-3
 
 

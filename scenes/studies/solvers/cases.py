@@ -18,7 +18,7 @@ from taichi_cloth.sheet.materials import named_material
 from taichi_cloth.sheet.sheet import Sheet
 from taichi_cloth.sheet.springs import calibrate
 
-__all__ = ["CASES", "FRAME_RATE", "Case", "Judged", "case_of", "judged", "motion_error", "stretch_error"]
+__all__ = ["CASES", "FRAME_RATE", "SIDE", "Case", "Judged", "case_of", "judged", "motion_error", "stretch_error"]
 
 F64 = NDArray[np.float64]
 CASES = {"hang": 24, "drape": 24}

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from math import isfinite, log, nan
 
-from .cases import CASES, Case, case_of, judged, motion_error
+from .cases import CASES, Case, Judged, case_of, judged, motion_error
 from .reference import reference
 from .settings import Setting, verlet, yarns
 
@@ -29,7 +29,8 @@ RUNS = 3
 @dataclass(frozen=True, kw_only=True)
 class Cost:
     """Of `solver` on points × points key points whose threads are `ratio` times as stiff as their shear: substeps a
-    frame of the cheapest setting that keeps the error [m], and its CPU time [s] a frame, the least of a few runs."""
+    frame of the cheapest setting that keeps the error [m], and its CPU time [s] a frame, the least of a few runs; nan
+    where none does."""
 
     solver: str
     points: int
@@ -47,20 +48,18 @@ def costs(quick: bool) -> Iterator[Cost]:
             frames = CASES[CASE]
             best = judged(case.sheet, reference(case.sheet, case.forces, case.start, case.seconds, frames=frames)[0])
             for name, tried in zip(NAMES, ([verlet(case)], [yarns(case, count) for count in FINER]), strict=True):
-                for setting in tried:
-                    cost = _cost(name, points, ratio, case, setting, best)
-                    if cost.error <= NEAR:
-                        break
-                yield cost
+                near = (_run(case, setting, best) for setting in tried)
+                count, error, seconds = next((one for one in near if one[1] <= NEAR), (0, nan, nan))
+                yield Cost(solver=name, points=points, ratio=ratio, substeps=count, error=error, seconds=seconds)
 
 
-def _cost(name: str, points: int, ratio: float, case: Case, setting: Setting, best) -> Cost:
+def _run(case: Case, setting: Setting, best: Judged) -> tuple[int, float, float]:
+    """Substeps, error [m], and CPU time [s] a frame."""
     course, seconds = setting.tried()
     error = nan if course is None else motion_error(judged(case.sheet, course), best)
     if course is not None:
         seconds = min(seconds, *(setting.tried()[1] for _ in range(RUNS - 1)))
-    per_frame = seconds * case.seconds / CASES[CASE]
-    return Cost(solver=name, points=points, ratio=ratio, substeps=setting.substeps, error=error, seconds=per_frame)
+    return setting.substeps, error, seconds * case.seconds / CASES[CASE]
 
 
 def crossing(found: list[Cost], points: int) -> float:

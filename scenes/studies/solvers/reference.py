@@ -82,8 +82,8 @@ def _run(
             for s in range(ti.select(counts[1] == XPBD, counts[2], 0), constant.shape[0]):
                 i, j, n, longer = _pull(ends, rest, x, s)
                 for a in ti.static(range(3)):
-                    f[i, a] += constant[s] * longer * n[a]
-                    f[j, a] -= constant[s] * longer * n[a]
+                    f[i, a] += constant[s] * longer * n[a]  # pyright: ignore[reportIndexIssue]
+                    f[j, a] -= constant[s] * longer * n[a]  # pyright: ignore[reportIndexIssue]
             for s in range(beta.shape[0]):
                 i, j, k = corners[s, 0], corners[s, 1], corners[s, 2]
                 for a in range(3):
@@ -111,10 +111,10 @@ def _run(
                         change = -(longer + give * tension[s]) / (inverse[i] + inverse[j] + give)
                         tension[s] += change
                         for a in ti.static(range(3)):
-                            x[i, a] -= inverse[i] * change * n[a]
-                            u[i, a] -= inverse[i] * change * n[a]
-                            x[j, a] += inverse[j] * change * n[a]
-                            u[j, a] += inverse[j] * change * n[a]
+                            x[i, a] -= inverse[i] * change * n[a]  # pyright: ignore[reportIndexIssue]
+                            u[i, a] -= inverse[i] * change * n[a]  # pyright: ignore[reportIndexIssue]
+                            x[j, a] += inverse[j] * change * n[a]  # pyright: ignore[reportIndexIssue]
+                            u[j, a] += inverse[j] * change * n[a]  # pyright: ignore[reportIndexIssue]
             for p in range(inverse.shape[0]):
                 if inverse[p] > 0:
                     n = ti.Vector([x[p, 0] - world[4], x[p, 1] - world[5], x[p, 2] - world[6]])

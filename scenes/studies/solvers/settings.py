@@ -13,7 +13,7 @@ from taichi_cloth.motion.solver import Solver
 from taichi_cloth.solvers.verlet import Verlet
 from taichi_cloth.solvers.yarns import Yarns
 
-from ..moved import timed
+from ...measure.moved import timed
 from .cases import CASES, FRAME_RATE, Case
 from .reference import Scheme, scheme_course
 
@@ -26,6 +26,9 @@ SUBSTEPS = (20, None, 80, 160)
 
 SWEEPS = (2, 1, 3, 4)
 OTHERS = {XPBD: (40, 160, 640), ONE_SWEEP: (160, 640)}
+SHOWN = 160
+"""Substeps with which these stand beside the others over time."""
+
 SCHEMES: dict[str, Scheme] = {XPBD: "XPBD", ONE_SWEEP: "one sweep"}
 PARTS = (1, 2)
 """Into which the step that Verlet takes by itself is cut."""
@@ -37,12 +40,14 @@ STIFFEST_VERLET = 1e3
 @dataclass(frozen=True)
 class Setting:
     """method: a line of the diagram. substeps: of a frame. default: whether a scene that names the method gets it.
-    run: positions (frames, rows, cols, 3) [m] and CPU time [s] a simulated second. Raises InputError, Unstable."""
+    shown: whether it stands for its method over time. run: positions (frames, rows, cols, 3) [m] and CPU time [s] a
+    simulated second; raises InputError or Unstable where the solver does."""
 
     method: str
     substeps: int
     run: Callable[[], tuple[F64, float]] = field(repr=False)
     default: bool = False
+    shown: bool = False
 
     def tried(self) -> tuple[F64 | None, float]:
         """None where the run was refused, or lost."""
@@ -81,15 +86,15 @@ def verlet(case: Case, parts: int = 1) -> Setting:
         step = usual.step / parts
         return _moved(case, lambda: Verlet(case.sheet, case.forces, frame_rate=FRAME_RATE, step=step))
 
-    return Setting(VERLET, parts * usual.substeps, run, parts == 1)
+    return Setting(VERLET, parts * usual.substeps, run, parts == 1, parts == 1)
 
 
 def yarns(
-    case: Case, substeps: int | None = None, *, sweeps: int = 2, kind: type[Yarns] = Yarns, method: str = ""
+    case: Case, substeps: int | None = None, *, sweeps: int = SWEEPS[0], kind: type[Yarns] = Yarns, method: str = ""
 ) -> Setting:
     """With so many substeps, at least: a taut thread may ask for more. None: as many as they take by themselves."""
     usual = kind(case.sheet, case.forces, frame_rate=FRAME_RATE)
-    default = kind is Yarns and sweeps == usual.sweeps and substeps is None
+    shown = sweeps == usual.sweeps and substeps is None
     substeps = substeps or usual.substeps
 
     def solver() -> Yarns:
@@ -100,7 +105,7 @@ def yarns(
         return kind(case.sheet, case.forces, frame_rate=FRAME_RATE, step=1 / FRAME_RATE / substeps, sweeps=sweeps)
 
     method = method or f"yarns, blend, {sweeps} sweep{'s' * (sweeps > 1)}"
-    return Setting(method, substeps, lambda: _moved(case, solver), default)
+    return Setting(method, substeps, lambda: _moved(case, solver), shown and kind is Yarns, shown)
 
 
 def _plain(case: Case, method: str, substeps: int) -> Setting:
@@ -111,7 +116,7 @@ def _plain(case: Case, method: str, substeps: int) -> Setting:
         course = scheme_course(case.sheet, case.forces, case.start, case.seconds, **options)
         return course, (process_time() - begun) / case.seconds
 
-    return Setting(method, substeps, run)
+    return Setting(method, substeps, run, shown=substeps == SHOWN)
 
 
 def _moved(case: Case, solver: Callable[[], Solver]) -> tuple[F64, float]:

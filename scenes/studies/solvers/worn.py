@@ -9,10 +9,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ...measure.moved import rms, timed
 from ...measure.study import Row, microseconds
 from ...prepare.garment_setup import Dressed, dress, dressed_parts, garment_simulation
 from ...scene.load import load_scene
-from ..moved import rms, timed
 
 __all__ = ["SECONDS", "rows"]
 
