@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 
 from taichi_cloth.constraints.contact import Contact
 from taichi_cloth.constraints.contact_response import GROWTH, TURNING, Response
-from taichi_cloth.ground.arrays import I32x1, Template
+from taichi_cloth.ground.arrays import Float, I32x1, Int, Template
+from taichi_cloth.ground.routine import routine
 from taichi_cloth.motion.capacity import capacity_of
 from taichi_cloth.motion.constraint import SharedConstraint
 from taichi_cloth.motion.crew import PARTS
@@ -62,13 +63,14 @@ class MiddleFields:
             self.solid[k] = solids[k]
         self.solids[None] = solids.shape[0]
 
-    @ti.func
-    def touch(self, points: Template, done, n: Template):
-        """Response of the middles at the end of substep `done`, to poses that `Contact` has just brought up to date."""
+    @routine
+    def touch(self, points: Template, done: Int, reach: Float):
+        """Response of the middles at the end of substep `done`, to poses that `Contact` has just brought up to date.
+        reach: of a spring [m], at most."""
         since = done % int(self.surface.every[None])
         if since == 0:
             if done % int(self.surface.wait[None]) == 0:
-                self.seek(points, done, n)
+                self.seek(points, done, reach)
             self.entries[None] = 0
             for g in range(self.groups[None]):
                 if self.due[g] <= done:
@@ -76,14 +78,14 @@ class MiddleFields:
         for e in range(self.entries[None]):
             self.respond(points, e, float(since))
 
-    @ti.func
-    def seek(self, points: Template, done, n: Template):
+    @routine
+    def seek(self, points: Template, done: Int, reach: Float):
         """Lists the springs whose middles could reach a thin solid before the next time."""
         found = 0
         for s in range(self.solids[None]):
             i, begun = self.solid[s], found // LANES
             for e in range(points.cut[0], points.cut[PARTS]):
-                if self.near(points, points.packet[e], i, n.diagonal_length):
+                if self.near(points, points.packet[e], i, reach):
                     found = self.enlist(points, points.packet[e], i, found)
             while found % LANES != 0:  # a group is of one solid; the rest of the last is empty
                 if found < self.room:
@@ -137,8 +139,8 @@ class MiddleFields:
                     found += 1
         return found
 
-    @ti.func
-    def look(self, points: Template, g, done):
+    @routine
+    def look(self, points: Template, g: Int, done: Int):
         """Distances of a group from its solid, and when to look again; planes for those that could touch before."""
         i, every = self.owner[g], int(self.surface.every[None])
         c, q = self.surface.anchor(i), self.surface.scratch_of(0)
@@ -240,4 +242,4 @@ class MiddleContact(SharedConstraint):
 
     @ti.func
     def correct_whole(self, points: Template, done, n: Template):
-        self.fields.touch(points, done, n)
+        self.fields.touch(points, done, n.diagonal_length)

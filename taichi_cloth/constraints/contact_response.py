@@ -17,9 +17,10 @@ from typing import Any
 import taichi as ti
 
 from taichi_cloth.constraints.contact_surface import BOX, BodySurface
-from taichi_cloth.ground.arrays import F32x1, I32x1, Template
+from taichi_cloth.ground.arrays import F32x1, Float, I32x1, Int, Template
+from taichi_cloth.ground.routine import routine
 from taichi_cloth.motion.crew import LINE, PARTS
-from taichi_cloth.motion.stencil import load, load_xyz, relative, store
+from taichi_cloth.motion.stencil import Lanes, load, load_xyz, relative, store
 from taichi_cloth.sheet.sheet import LANES
 
 __all__ = ["Response"]
@@ -87,8 +88,8 @@ class Response(BodySurface):
         """The first lane of slot or entry k, of so many numbers; bounds tell the compiler that nothing overflows."""
         return ti.min(ti.max(k, 0), 1 << 22) * numbers * LANES
 
-    @ti.func
-    def walk(self, points: Template, part, packet, done):
+    @routine
+    def walk(self, points: Template, part: Int, packet: Int, done: Int):
         """A packet's list: what it can reach until the next walk, by boxes and then by capsules, and when."""
         # The packet: the box of its free key points, that of their steps, the longest step.
         low, high = ti.Vector([1e30, 1e30, 1e30]), ti.Vector([-1e30, -1e30, -1e30])
@@ -164,8 +165,8 @@ class Response(BodySurface):
         held = ti.min(self.friction[None] * pressed / ti.sqrt(u * u + v * v + w * w + 1e-30), 1.0)
         return push * nx - held * u, push * ny - held * v, push * nz - held * w
 
-    @ti.func
-    def cross(self, points: Template, a, i, q, free):
+    @routine
+    def cross(self, points: Template, a: Int, i: Int, q: Int, free: Lanes):
         """Where a long step of the lanes at a meets the primitive on its way it is pushed back to the first such place:
         so far that it stays outside."""
         # Places against the anchor and steps past the surface; pieces of a quarter of the thinnest primitive.
@@ -192,8 +193,8 @@ class Response(BodySurface):
             store(points.position[axis], a, load(points.position[axis], a) + more)
             store(points.step[axis], a, load(points.step[axis], a) + more)
 
-    @ti.func
-    def look(self, points: Template, part, packet, i, slot):
+    @routine
+    def look(self, points: Template, part: Int, packet: Int, i: Int, slot: Int) -> Float:
         """Planes of a packet on primitive i, into a slot. Returns the substeps until one of them could be touched."""
         a = points.lanes(packet * LANES)
         q = self.scratch_of(part)
@@ -275,8 +276,8 @@ class Response(BodySurface):
                 for c in range(4):
                     self.plane[j + c * LANES] = self.plane[k + c * LANES]
 
-    @ti.func
-    def refresh(self, points: Template, part, packet, done):
+    @routine
+    def refresh(self, points: Template, part: Int, packet: Int, done: Int):
         """Looks at those of the packet's list whose time has come."""
         base, pairs = packet * SLOTS, packet * self.capacity
         # Planes that still last.
@@ -309,8 +310,8 @@ class Response(BodySurface):
             soonest = ti.min(soonest, self.due[pairs + c])
         self.used[packet], self.next[packet] = used, soonest
 
-    @ti.func
-    def touch(self, points: Template, part, first, last, done):
+    @routine
+    def touch(self, points: Template, part: Int, first: Int, last: Int, done: Int):
         """Response of a part, packets number `first` to `last`, to the body at the end of substep `done`."""
         base = first * SLOTS
         since = done % int(self.every[None])
@@ -338,8 +339,7 @@ class Response(BodySurface):
                             self.enter(packet * SLOTS + k, e, packet, done)
                             e += 1
             self.entries[part * LINE] = e
-        for e in range(base, self.entries[part * LINE]):
-            self.respond(points, e, float(since), 0.0)
+        self.respond_all(points, part, first, since, 0)
 
     @ti.func
     def enter(self, slot, e, packet, done):
@@ -426,6 +426,10 @@ class Response(BodySurface):
     @ti.func
     def touch_again(self, points: Template, part, first, done):
         """`touch` once more in a substep, after others have moved key points."""
-        since = done % int(self.every[None])
+        self.respond_all(points, part, first, done % int(self.every[None]), 1)
+
+    @routine
+    def respond_all(self, points: Template, part: Int, first: Int, since: Int, again: Int):
+        """Of all entries of a part; arguments as of `respond`."""
         for e in range(first * SLOTS, self.entries[part * LINE]):
-            self.respond(points, e, float(since), 1.0)
+            self.respond(points, e, float(since), float(again))

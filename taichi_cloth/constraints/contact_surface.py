@@ -9,9 +9,10 @@ from typing import Any
 import taichi as ti
 
 from taichi_cloth.body.primitives.shapes import cone, ellipse, local, prism
-from taichi_cloth.ground.arrays import F32x2, Template
+from taichi_cloth.ground.arrays import F32x2, Int, Template
+from taichi_cloth.ground.routine import routine
 from taichi_cloth.motion.crew import LINE, PARTS
-from taichi_cloth.motion.stencil import load, store
+from taichi_cloth.motion.stencil import Lanes, load, store
 from taichi_cloth.sheet.sheet import LANES
 
 __all__ = ["CONE", "ELLIPTIC", "GRID", "SETTINGS", "BodySurface", "Row"]
@@ -177,8 +178,8 @@ class BodySurface:
             ]
         )
 
-    @ti.func
-    def follow(self, done):
+    @routine
+    def follow(self, done: Int):
         """Poses at the end of substep `done`: anchors on a line, axes turned about one vector (Rodrigues)."""
         for i in range(int(self.solids[None])):
             anchor = self.vector(i, Row.ANCHOR) + (done + 1.0) * self.shift(i)
@@ -196,8 +197,8 @@ class BodySurface:
                 self.pose[i * POSE + 6 + k] = across[k]
                 self.pose[i * POSE + 9 + k] = other[k]
 
-    @ti.func
-    def measure(self, i, q, x, y, z):
+    @routine
+    def measure(self, i: Int, q: Int, x: Lanes, y: Lanes, z: Lanes):
         """Signed distance [m] and normal of primitive i at points relative to its anchor, into the scratch
         lanes q, q + 1, q + 2 and q + 3. Lanes are stored half-way: what ends in stores becomes vector code."""
         # The primitive's pose and sizes; what they mean hangs on its kind.

@@ -29,6 +29,7 @@ from scipy import ndimage
 
 from taichi_cloth.ground.arrays import F32x1, I32x2, Int, Template
 from taichi_cloth.ground.errors import InputError
+from taichi_cloth.ground.routine import routine
 from taichi_cloth.motion.capacity import capacity_of
 from taichi_cloth.motion.constraint import SharedConstraint
 from taichi_cloth.motion.forces import FrameForces, SelfContact
@@ -121,8 +122,8 @@ class LayerFields:
         mask = ti.static(2**_BITS - 1)
         return ((i & mask) << (2 * _BITS)) | ((j & mask) << _BITS) | (k & mask)
 
-    @ti.func
-    def refresh(self, points: Template, done):
+    @routine
+    def refresh(self, points: Template, done: Int):
         """Contacts anew, and pairs where they may not be complete before the next time."""
         x, d = ti.static(points.position, points.step)
         # The common motion, of steps and since pairs were sought.
@@ -149,7 +150,7 @@ class LayerFields:
         self.meet(points)
         self.until[None] = done + held
 
-    @ti.func
+    @routine
     def search(self, points: Template):
         """Pairs of key points and faces, in the order of the faces."""
         x = ti.static(points.position)
@@ -211,7 +212,7 @@ class LayerFields:
                                             found += 1
         self.pairs[None] = found
 
-    @ti.func
+    @routine
     def meet(self, points: Template):
         """Contacts of the pairs: the nearest point of each face by turns in u and v, and the normal towards the key
         point."""
@@ -249,8 +250,8 @@ class LayerFields:
         self.contacts[None] = ti.min(found, self.contact_room)
         self.most_contacts[None] = ti.max(self.most_contacts[None], found)
 
-    @ti.func
-    def solve(self, points: Template, done):
+    @routine
+    def solve(self, points: Template, done: Int):
         """Every contact once, in turns from the first to the last and from the last to the first."""
         x, s, inverse = ti.static(points.position, points.step, points.inverse_mass)
         row = points.row[None]

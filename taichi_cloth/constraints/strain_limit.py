@@ -14,7 +14,8 @@ enough where five that begin anew left more. Pulls are part of the state: a run 
 
 import taichi as ti
 
-from taichi_cloth.ground.arrays import Template
+from taichi_cloth.ground.arrays import Float, Int, Template
+from taichi_cloth.ground.routine import routine
 from taichi_cloth.motion.capacity import capacity_of
 from taichi_cloth.motion.constraint import SharedConstraint
 from taichi_cloth.motion.crew import PARTS
@@ -63,11 +64,11 @@ class ThreadFields:
         over = x * x + y * y + z * z - near * near + 1e12 * load(pull, p)
         return there * over + (1.0 - there) * NONE
 
-    @ti.func
-    def seek(self, points: Template, n: Template):
+    @routine
+    def seek(self, points: Template, x: Float, y: Float):
         """Lists the threads near the limit or drawn together, and those before and after each in its yarn, which may be
-        short because it is long: key points that are drawn back and forth between them."""
-        x, y = n.longest_x - NEAR * n.spacing_x, n.longest_y - NEAR * n.spacing_y
+        short because it is long: key points that are drawn back and forth between them. x, y: lengths that are near the
+        limit, along rows and across [m]."""
         over_x, over_y = ti.static(*self.over)
         along, across = 0, 0
         row = points.row[None]
@@ -107,7 +108,7 @@ class ThreadFields:
             self.column[c] += 1
         self.count[0], self.count[1] = along, across
 
-    @ti.func
+    @routine
     def pull_again(self, points: Template):
         """Draws together the threads of the lists as in the last substep."""
         self.pull_all(points, self.along, self.count[0], 1, self.pull[0])
@@ -125,11 +126,11 @@ class ThreadFields:
                 share = pull[p] / ti.sqrt(ti.max(dx * dx + dy * dy + dz * dz, 1e-20))
                 self.draw(points, p, q, dx, dy, dz, share, share)
 
-    @ti.func
-    def shorten(self, points: Template, back, n: Template):
-        """Every thread of the lists once, from their first to their last or back."""
-        self.shorten_all(points, self.along, self.count[0], 1, n.longest_x, self.pull[0], back)
-        self.shorten_all(points, self.across, self.count[1], points.row[None], n.longest_y, self.pull[1], back)
+    @routine
+    def shorten(self, points: Template, back: Int, x: Float, y: Float):
+        """Every thread of the lists once, from their first to their last or back, to x along rows and y across [m]."""
+        self.shorten_all(points, self.along, self.count[0], 1, x, self.pull[0], back)
+        self.shorten_all(points, self.across, self.count[1], points.row[None], y, self.pull[1], back)
 
     @ti.func
     def shorten_all(self, points: Template, listed: Template, count, offset, longest, pull: Template, back):
@@ -210,11 +211,11 @@ class ThreadLimit(SharedConstraint):
     @ti.func
     def warm_start(self, points: Template, done, n: Template):
         if done % 2 == 0:  # what comes near within a substep is seen to in the next
-            self.fields.seek(points, n)
+            self.fields.seek(points, n.longest_x - NEAR * n.spacing_x, n.longest_y - NEAR * n.spacing_y)
         self.fields.pull_again(points)
         self.fields.turn[None] = done
 
     @ti.func
     def correct_whole(self, points: Template, done, n: Template):
-        self.fields.shorten(points, self.fields.turn[None] % 2, n)
+        self.fields.shorten(points, self.fields.turn[None] % 2, n.longest_x, n.longest_y)
         self.fields.turn[None] += 1

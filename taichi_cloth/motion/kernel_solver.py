@@ -101,7 +101,8 @@ class KernelSolver(Solver):
         for one in self.constraints:
             one.begin(state, forces)
         threads, begin = self._pace.threads(), perf_counter()
-        with runtime.plain_code():  # half the time to compile, and as fast a frame
+        routines = bool(self.constraints) or not self.springs_are_threads
+        with runtime.plain_code(routines=routines):  # half the time to compile, and as fast a frame
             frame.run(state.values, *wind, *change, self.substeps, threads, self.features)  # pyright: ignore[reportCallIssue]
             self._pace.took(perf_counter() - begin)
             self.look(frame)

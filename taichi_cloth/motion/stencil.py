@@ -14,13 +14,20 @@ that, positions are what is ahead, and are not kept beside it within a frame.
 """
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import taichi as ti
 
 from taichi_cloth.ground.arrays import Template
 from taichi_cloth.sheet.sheet import LANES
 
-__all__ = ["Features", "Stencil"]
+__all__ = ["Features", "Lanes", "Stencil"]
+
+if TYPE_CHECKING:
+    Lanes = Any
+else:
+    Lanes = ti.types.vector(LANES, ti.f32)
+"""Of 8 neighbouring key points a number each, as the argument of a routine."""
 
 
 @dataclass(frozen=True)

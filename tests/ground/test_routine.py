@@ -1,0 +1,56 @@
+"""Routines: what they change is seen by the loop that calls them, called as on a CPU or copied as elsewhere."""
+
+from types import SimpleNamespace
+
+import pytest
+import taichi as ti
+
+from taichi_cloth.ground import routine as place
+from taichi_cloth.ground import runtime
+from taichi_cloth.ground.arrays import Float, Int
+from taichi_cloth.ground.routine import routine
+
+
+@ti.data_oriented
+class Sums:
+    def __init__(self) -> None:
+        self.total = ti.field(ti.f32, ())
+
+    @ti.func
+    def up_to(self, k):
+        out = 0
+        for i in range(k):
+            out += i
+        return out
+
+    @routine
+    def add(self, k: Int) -> Float:
+        for _ in range(2):
+            self.total[None] = self.total[None] + k
+        return float(self.up_to(k))
+
+    @ti.kernel
+    def run(self) -> Float:
+        """The field is read in the loop that calls what changes it, and the routine has a loop of a function within."""
+        out = 0.0
+        ti.loop_config(serialize=True)
+        for _ in range(1):
+            for k in range(4):
+                out += self.add(k) + self.total[None]
+        return out
+
+
+@pytest.mark.parametrize("arch", [None, ti.vulkan])
+def test_what_a_routine_changes_is_seen_by_its_caller(monkeypatch: pytest.MonkeyPatch, arch: object) -> None:
+    """Totals 0, 2, 6, 12 beside the sums 0, 0, 1, 3 of the numbers below each."""
+    if arch is not None:
+        monkeypatch.setattr(place, "current_cfg", lambda: SimpleNamespace(arch=arch))
+    sums = Sums()
+    with runtime.plain_code(routines=True):
+        assert sums.run() == 0 + 2 + 6 + 12 + 0 + 0 + 1 + 3
+    assert sums.total[None] == 12
+
+
+def test_a_kernel_that_keeps_fields_in_registers_may_call_none() -> None:
+    with pytest.raises(ti.TaichiCompilationError, match="add: what it changes would not be seen"):
+        Sums().run()
