@@ -70,7 +70,8 @@ def settle(solver: KernelSolver, state: SheetState) -> None:
     sheet, usual = solver.sheet, solver.numbers
     thick = replace(sheet, material=replace(sheet.material, air_damping=THICK / solver.step))
     weightless = replace(solver.forces, gravity=(0.0, 0.0, 0.0))
-    solver.numbers = usual | numbers_of(thick, weightless, solver.step) | {"sweeps": usual["sweeps"]}
+    whole = {} if usual["diagonal"] else {"diagonal": 0.0}  # as chains, not as springs
+    solver.numbers = usual | numbers_of(thick, weightless, solver.step) | {"sweeps": usual["sweeps"]} | whole
     forces = replace(
         solver.forces.during(0.0, 0.0), wind_start=FrameForces().wind_start, wind_end=FrameForces().wind_end
     )

@@ -12,41 +12,46 @@ constraints of a yarn at once instead of one by one; Goldenthal et al. 2007 solv
 which is well conditioned however stiff the thread: α → 0 is one that cannot be stretched. dC: how C changed in this
 step, for damping of the time τ along the threads.
 
-It is solved as a LDLᵀ factorisation, 8 yarns side by side: yarns along the columns as they lie; of those along the rows
-tiles of 8 × 8 are turned on the way, so that both go through the same code.
+It is solved as a LDLᵀ factorisation, 8 yarns side by side: yarns along the columns as they lie; those along the rows
+are read across 8 rows at once, and their factors lie turned, so that both go through the same recursion. A family is
+gone through forth and back in one go each, everything that a key point needs in turn, while it is in the cache. The
+second sweep of a substep takes the factors of the first, unless a thread's law has changed by so much that the old
+matrix would overshoot; directions and right sides are those of where key points are by then.
 
 Where n leads: pushed along where it leads after the step (order 1) cloth loses energy as it turns; along where it led
 before (order 2, as SHAKE's) it is lost where it folds sharply. So it is pushed along the latter, and half of what of
 the turn differs from the mean turn of the threads beside it in the yarn; in wild substeps, that begin with a thread
-strained by 2 % beyond its crimp, along where it leads after the step.
+strained by 2 % beyond its crimp, along where it leads after the step, which is then looked at in each sweep.
 """
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
 
-from taichi_cloth.ground.arrays import F32x2, I32x2, Int, Template
+from taichi_cloth.ground.arrays import F32x2, F32x3, I32x2, Int, Template
 from taichi_cloth.motion.stencil import largest, load, near, store
 from taichi_cloth.sheet.sheet import LANES
 
-__all__ = ["ThreadNumbers", "WholeYarns"]
+__all__ = ["NEVER", "Family", "WholeYarns"]
 
 THREAD_NUMBERS = (
     "rest",  # L [m]
+    "slimmer",  # 1/L
     "soft",  # α before the thread's crimp is drawn out, and of a linear one
     "stiff",  # α from then on
     "crimp",  # [m] of C at which it is drawn out
     "offset",  # [m] by which C seems less from then on: crimp (1 − stiff/soft)
-    "bound",  # [m] of C that a strain limit leaves it
-    "calm",  # [m] of C, either way, beyond which the next substep is wild
+    "bound",  # [m] of C that a strain limit leaves it, NEVER without one
+    "calm",  # 1/[m], of the C, either way, beyond which the next substep is wild
     "mass",  # m₀ [kg]
     "damped",  # τ/h
 )
+"""Of the threads of a family, in a field: changing them compiles nothing."""
 
 ThreadNumbers: Any = ti.types.struct(**dict.fromkeys(THREAD_NUMBERS, ti.f32))
-"""Of the threads along the rows (0) and of those along the columns (1), in a field: changing them compiles nothing."""
 
 LEAST = 1e-6
 """Of a pivot: what rounding may leave of one that is 0."""
@@ -55,90 +60,145 @@ HELD = 0.9
 """Share of a strain limit down to which a thread at it stays held while its pull is more than its own."""
 
 AVERAGED = 8.0
-"""Substeps over which the pull of a thread is averaged."""
+"""Substeps over which the pull of a thread is averaged. It is looked at in every other one."""
+
+NEVER = 1e6  # [m] that no thread grows by
+
+OVERSHOOT = 0.5
+"""Share of a row's diagonal by which α may have changed since its matrix was factorised: the old one is used again."""
 
 TILE = LANES * LANES
+DELAY = 8
+"""Packets between what stores and what reads across them: a processor waits for stores of another width."""
+
+
+@dataclass(frozen=True)
+class Family:
+    """Threads that run alike. step: rows and columns from one key point of a yarn to the next. weight: in the padded
+    grid, of the thread that begins at each key point, 0 where there is none. numbers: of `ThreadNumbers`."""
+
+    step: tuple[int, int]
+    weight: NDArray[np.float32]
+    numbers: dict[str, float]
 
 
 @ti.data_oriented
 class WholeYarns:
-    """Fields of the threads of a padded grid of up to `size` key points, each by the first key point it joins.
+    """Fields of the threads of a padded grid of up to `size` key points, each by the first key point it joins. Those of
+    a family lie `size` elements after those of the one before; family 0 is that along the rows.
 
-    row: width of the grid. tall: its rows, of whole tiles.
-    weight: share of the interior constant, family after family.
-    normal: [axis], n, 0 where there is no thread; first that before the step, which by `turning` becomes that after it.
-    grown, growing: C, and τ/h dC [m]. strained: the largest |C| of a substep for each lane, as a share of what is calm.
-    wild: 1 in a wild substep, else 0. tension: λ [m], family after family. held: 1 where a strain limit holds a thread.
-    diagonal, beside, right: of the systems; beside couples a thread with the one before it.
-    pivot: 1/d of the factorisation. change: first z, then Δλ. turned_…: the same of yarns along the rows, which lie as
-    columns there, between a row of zeros before and one after.
-    tile: first element of each 8 × 8 tile that holds key points, and turned_tile its place when turned, in the order of
-    columns. pulled: −λ r/L of each thread, family after family, averaged over some AVERAGED substeps: a blow is over in
-    one. tight: the largest of these in this frame, for each lane.
+    families: how many. row: width of the grid. tall: its rows, of whole tiles. offset: [family], elements from one key
+    point of a yarn to the next.
+    count: packets of lanes that hold key points. order: first those in the order of tiles, column of tiles after
+    column, then in that of rows. lag: [family], packets in its order from any to the last that it has neighbours in.
+    closes: of packets in the order of tiles, the tile that they are the last of, or −1. tile: first element of each 8 ×
+    8 tile that holds key points, and turned_tile its place when turned: yarns along the rows lie as columns there,
+    between a row of zeros before and one after.
+    slack: 1 over the share of the interior constant, and 0 where there is no thread. mean: ½ over how many threads are
+    beside it in its yarn. tension: λ [m]. held: 1 where a strain limit holds a thread. pulled: −λ r/L of each thread,
+    averaged over some AVERAGED substeps: a blow is over in one. tight: the largest of these in this frame, for each
+    lane.
+    normal: [axis], n, 0 where there is no thread. compliance: α, when it was last factorised. beside: what couples a
+    thread with the one before it, and pivot: 1/d of the factorisation, both turned for family 0.
+    Of the family at work: turning, [axis], by how much n turns in this step. grown, growing: C, and τ/h dC [m].
+    diagonal, coupling, right: of the systems, as they lie. change: first z, then Δλ; turned_change: the same turned.
+    strained: the largest |C| of a substep for each lane, as a share of what is calm. wild: 1 in a wild substep, else 0.
+    differs: above 0 where a factorisation is too old.
     """
 
-    def __init__(self, size: int) -> None:
+    def __init__(self, size: int, families: int) -> None:
         def fields(count: int, of: int) -> list[ti.Field]:
             return [ti.field(ti.f32, of) for _ in range(count)]
 
-        self.size = size
-        self.normal = fields(3, size)
-        self.weight, self.tension, self.held, self.pulled = fields(4, 2 * size)
-        self.diagonal, self.beside, self.right, self.pivot, self.change = fields(5, size)
-        self.turning, self.grown, self.growing = fields(3, size), ti.field(ti.f32, size), ti.field(ti.f32, size)
-        self.strained, self.wild = ti.field(ti.f32, LANES), ti.field(ti.f32, ())
-        self.turned_pivot, self.turned_change, self.turned_beside = fields(3, size)
-        self._forgotten = (  # turned ones, and those of one family and of both
-            (self.turned_pivot, self.turned_change, self.turned_beside),
-            (*self.normal, *self.turning, self.beside, self.right, self.pivot, self.change),
-            (self.tension, self.held, self.pulled),
+        self.size, self.families, every = size, families, families * size
+        self.normal = fields(3, every)
+        self.slack, self.mean, self.tension, self.held, self.pulled = fields(5, every)
+        self.compliance, self.beside, self.pivot = fields(3, every)
+        self.turning = fields(3, size)
+        self.grown, self.growing, self.diagonal, self.coupling, self.right, self.turned_change = fields(6, size)
+        self.change: Any = ti.field(ti.f32, size)
+        self._forgotten = (  # of each family, and of the one at work
+            (*self.normal, self.tension, self.held, self.pulled, self.beside, self.pivot),
+            (*self.turning, self.coupling, self.right, self.change, self.turned_change),
         )
-        self.room = fields(3, TILE)
+        self.strained, self.differs, self.tight = fields(3, LANES)
+        self.wild = ti.field(ti.f32, ())
+        self.order, self.closes = (ti.field(ti.i32, 6 * (size // LANES)) for _ in range(2))
         self.tile, self.turned_tile = (ti.field(ti.i32, size // TILE) for _ in range(2))
-        self.row: Any = ti.field(ti.i32, ())
-        self.tall: Any = ti.field(ti.i32, ())
-        self.tiles: Any = ti.field(ti.i32, ())
-        self.tight = ti.field(ti.f32, LANES)
-        self.numbers = ThreadNumbers.field(shape=2)
+        self.offset: Any = ti.field(ti.i32, families)
+        self.lag: Any = ti.field(ti.i32, families)
+        self.row, self.tall, self.count = (ti.field(ti.i32, ()) for _ in range(3))
+        self.numbers = ThreadNumbers.field(shape=families)
         self._number = [self.numbers.get_member_field(name) for name in THREAD_NUMBERS]
 
-    def take(self, present: NDArray, east: NDArray, north: NDArray, numbers: list[dict[str, float]]) -> None:
-        """present, east, north: key points and weights of `Sheet` in the padded grid. numbers: of `ThreadNumbers`, of
-        threads along rows and along columns."""
+    def take(self, present: NDArray, families: list[Family]) -> None:
+        """present: key points of `Sheet` in the padded grid. families: first that along the rows."""
         rows, width = present.shape
         high = -(-rows // LANES)
-        more = ((0, high * LANES - rows), (0, 0))
-        tiles = np.pad(present > 0, more).reshape(high, LANES, width // LANES, LANES)
-        column, row = np.nonzero(tiles.any(axis=(1, 3)).T)
-        places = row * LANES * width + column * LANES, (column * LANES + 1) * high * LANES + row * LANES
-        weights = np.stack([np.pad(one, more).ravel() for one in (east, north)])
-        named = np.array([[one[name] for name in THREAD_NUMBERS] for one in numbers], np.float32)
-        self._take(width, weights, np.stack(places).astype(np.int32), named)
+        filled = np.pad(present > 0, ((0, high * LANES - rows), (0, 0))).reshape(high, LANES, -1, LANES)
+        packets = np.any(filled, axis=3)
+        # In the order of rows, and in that of tiles.
+        row, column = np.nonzero(packets.reshape(high * LANES, -1))
+        by_rows = row * (width // LANES) + column
+        column, tile, row = np.nonzero(packets.transpose(2, 0, 1))
+        by_tiles = (tile * LANES + row) * (width // LANES) + column
+        last = np.append((np.diff(column * high + tile) != 0), True)
+        closes = np.where(last, np.cumsum(last) - 1, -1)
+        places = tile * LANES * width + column * LANES, (column * LANES + 1) * high * LANES + tile * LANES
+        # How far ahead the neighbours of a packet may lie.
+        offsets = [one.step[0] * width + one.step[1] for one in families]
+        orders = (by_tiles, *[by_rows] * (len(families) - 1))
+        lags = [_reach(order, far, high * LANES * width) for order, far in zip(orders, offsets, strict=True)]
+        weights = np.stack([np.pad(one.weight, ((0, high * LANES - rows), (0, 0))).ravel() for one in families])
+        there = weights > 0
+        slack = np.divide(1.0, weights, out=np.zeros_like(weights), where=there)
+        beside = np.stack(
+            [np.roll(one, far) * 1.0 + np.roll(one, -far) for one, far in zip(there, offsets, strict=True)]
+        )
+        named = np.array([[one.numbers[name] for name in THREAD_NUMBERS] for one in families], np.float32)
+        self._take(
+            width,
+            np.stack([slack, 0.5 / (beside + 1e-6)]).astype(np.float32),
+            np.stack([by_tiles, by_rows, closes]).astype(np.int32),
+            np.stack(places)[:, last].astype(np.int32),
+            np.array([offsets, lags], np.int32),
+            named,
+        )
 
     @ti.kernel
-    def _take(self, width: Int, weights: F32x2, places: I32x2, named: F32x2):
-        """weights: (family, elements of whole tiles). places: of tiles, and of the same turned. No yarn pulls yet."""
+    def _take(self, width: Int, weights: F32x3, orders: I32x2, places: I32x2, reach: I32x2, named: F32x2):
+        """weights: slack and mean, (2, family, elements of whole tiles). orders: both of packets, and closes. places:
+        of tiles, and of the same turned. reach: offset and lag of each family. No yarn pulls yet."""
         ti.loop_config(serialize=True)
-        for p in range(weights.shape[1]):
-            for family in ti.static(range(2)):
-                self.weight[p + family * self.size] = weights[family, p]
-                for field in ti.static(self._forgotten[2]):
-                    field[p + family * self.size] = 0.0
-            for field in ti.static(self._forgotten[1]):
-                field[p] = 0.0
+        for p in range(weights.shape[2]):
+            for family in ti.static(range(self.families)):
+                self.slack[p + family * self.size] = weights[0, family, p]
+                self.mean[p + family * self.size] = weights[1, family, p]
             self.diagonal[p] = 1.0
         ti.loop_config(serialize=True)
-        for p in range(weights.shape[1] // width * (width + 2)):
-            for field in ti.static(self._forgotten[0]):
+        for p in range(weights.shape[2] // width * (width + 2)):  # of those turned, with what is around
+            for field in ti.static(self._forgotten[1]):
                 field[p] = 0.0
+            for family in ti.static(range(self.families)):
+                for field in ti.static(self._forgotten[0]):
+                    field[p + family * self.size] = 0.0
+        ti.loop_config(serialize=True)
+        for e in range(ti.static(6 * (self.size // LANES))):
+            self.order[e], self.closes[e] = 0, -1
+        ti.loop_config(serialize=True)
+        for e in range(orders.shape[1]):
+            for way in ti.static(range(2)):
+                self.order[e + ti.static((3 * way + 1) * (self.size // LANES))] = orders[way, e]
+            self.closes[e + ti.static(self.size // LANES)] = orders[2, e]
         ti.loop_config(serialize=True)
         for k in range(places.shape[1]):
             self.tile[k], self.turned_tile[k] = places[0, k], places[1, k]
         ti.loop_config(serialize=True)
-        for family in range(2):
+        for family in range(self.families):
+            self.offset[family], self.lag[family] = reach[0, family], reach[1, family]
             for k, number in ti.static(enumerate(self._number)):
                 number[family] = named[family, k]
-        self.row[None], self.tall[None], self.tiles[None] = width, weights.shape[1] // width, places.shape[1]
+        self.row[None], self.tall[None], self.count[None] = width, weights.shape[2] // width, orders.shape[1]
 
     @ti.func
     def judge(self):
@@ -147,50 +207,80 @@ class WholeYarns:
         store(self.strained, 0, ti.Vector([0.0] * LANES))
 
     @ti.func
-    def begin(self, p):
-        """No tension yet in this substep."""
-        for family in ti.static(range(2)):
-            store(self.tension, p + family * self.size, ti.Vector([0.0] * LANES))
+    def loosen(self, p):
+        """Forgets how tight the threads from the lanes at p were: a frame follows from its state alone."""
+        none = ti.Vector([0.0] * LANES)
+        store(self.tight, 0, none)
+        store(self.strained, 0, none)
+        for family in ti.static(range(self.families)):
+            store(self.pulled, p + family * self.size, none)
+            store(self.held, p + family * self.size, none)
+            store(self.tension, p + family * self.size, none)
 
     @ti.func
-    def solve(self, points: Template, family, packets: Template, first, last):
-        """One sweep over the yarns of a family, 0 along the rows and 1 along the columns, through packets of lanes
-        number `first` to `last`, in the order of their rows."""
-        row, tall = self.row[None], self.tall[None]
-        if family == 1:
-            n = self.numbers[1]
-            for e in range(first, last):
-                self.aim(points, points.lanes(packets[e] * LANES), ti.static(self.size), row, n)
-            for e in range(first, last):
-                self.systems(points, points.lanes(packets[e] * LANES), ti.static(self.size), row, n)
-            for e in range(first, last):
-                self.down(points.lanes(packets[e] * LANES), row)
-            for e in range(first, last):
-                self.up(points.lanes(packets[first + last - 1 - e] * LANES), row)
-            for e in range(first, last):
-                self.push(points, points.lanes(packets[e] * LANES), ti.static(self.size), row, n)
-        else:
-            n = self.numbers[0]
-            for e in range(first, last):
-                self.aim(points, points.lanes(packets[e] * LANES), 0, 1, n)
-            for e in range(first, last):
-                self.systems(points, points.lanes(packets[e] * LANES), 0, 1, n)
-            for k in range(self.tiles[None]):
-                self.turned_down(points.lanes(self.tile[k]), points.lanes(self.turned_tile[k]), row, tall)
-            for k in range(self.tiles[None]):
-                m = self.tiles[None] - 1 - k
-                self.turned_up(points.lanes(self.tile[m]), points.lanes(self.turned_tile[m]), row, tall)
-            for e in range(first, last):
-                self.push(points, points.lanes(packets[e] * LANES), 0, 1, n)
+    def tightest(self):
+        return largest(load(self.tight, 0))
 
     @ti.func
-    def aim(self, points: Template, p, family: Template, offset: Template, n: Template):
+    def solve(self, points: Template, family, sweep, pulls):
+        """A sweep over the yarns of a family, the first of a substep being 0. pulls: whether to look how tight they are
+        after it."""
+        count, lag, n = self.count[None], self.lag[family], self.numbers[family]
+        base, offset = family * self.size, self.offset[family]
+        begin = ti.select(family == 0, ti.static(self.size // LANES), ti.static(4 * (self.size // LANES)))
+        carried = ti.select(sweep == 0, 0.0, 1.0)  # nothing pulls yet in the first
+        limited = n.bound < NEVER
+        anew = sweep == 0 or self.wild[None] > 0.0
+        if not anew:
+            store(self.differs, 0, ti.Vector([0.0] * LANES))
+            for e in range(begin - lag, begin + count):
+                self.aim(points, self.lanes(e + lag), base, offset, n)
+                p = self.lanes(e)
+                self.straighten(points, p, base, offset)
+                self.ask(points, p, base, offset, carried, n, False)
+                if limited:
+                    self.hold(points, p, base, n, False)
+                if family > 0:
+                    self.down(points, p, base, offset, False)
+                elif self.closes[e] >= 0:
+                    self.turned_down(self.tile[self.closes[e]], self.turned_tile[self.closes[e]], False)
+            anew = largest(load(self.differs, 0)) > 0.0
+        if anew:
+            for e in range(begin - lag - DELAY, begin + count):
+                self.aim(points, self.lanes(e + lag + DELAY), base, offset, n)
+                self.straighten(points, self.lanes(e + DELAY), base, offset)
+                self.ask(points, self.lanes(e + DELAY), base, offset, carried, n, True)
+                if limited:
+                    self.hold(points, self.lanes(e + DELAY), base, n, True)
+                p = self.lanes(e)
+                self.couple(points, p, base, offset, n)
+                if family > 0:
+                    self.down(points, p, base, offset, True)
+                elif self.closes[e] >= 0:
+                    self.turned_down(self.tile[self.closes[e]], self.turned_tile[self.closes[e]], True)
+        for back in range(count + lag):
+            e = begin + count - 1 - back
+            if family > 0:
+                self.up(points, self.lanes(e), base, offset)
+            elif self.closes[e] >= 0:
+                self.turned_up(self.tile[self.closes[e]], self.turned_tile[self.closes[e]])
+            p = self.lanes(e + lag)
+            self.push(points, p, base, offset, carried, n)
+            if limited:
+                self.let_go(points, p, base, n)
+            if pulls:
+                self.pull(points, p, base, offset, n)
+
+    @ti.func
+    def lanes(self, e):
+        """First element of packet number e in the orders."""
+        return ti.min(ti.max(self.order[e], 0), 1 << 21) * LANES
+
+    @ti.func
+    def aim(self, points: Template, p, base, offset, n: Template):
         """The threads that begin at the lanes at p: their direction before the step and how it turned, their
         elongation after it, and how that changed."""
-        fixed = ti.static(isinstance(offset, int))  # and needs no bounds
-        q = p + offset if ti.static(fixed) else near(p + offset)
-        s = family + p
-        there = ti.min(load(self.weight, s) * 1e30, 1.0)
+        q, s = near(p + offset), points.lanes(base + p)
         # After the step, and in it.
         x = load(points.position[0], q) - load(points.position[0], p)
         y = load(points.position[1], q) - load(points.position[1], p)
@@ -199,162 +289,164 @@ class WholeYarns:
         v = load(points.step[1], q) - load(points.step[1], p)
         w = load(points.step[2], q) - load(points.step[2], p)
         length = ti.sqrt(x * x + y * y + z * z + 1e-16)
-        scale = there / length
-        # Before it.
-        a, b, c = x - u, y - v, z - w
-        before = there / ti.sqrt(a * a + b * b + c * c + 1e-16)
-        a, b, c = before * a, before * b, before * c
-        x, y, z = scale * x, scale * y, scale * z
-        grown = length - n.rest
-        store(self.grown, p, grown)
-        store(self.growing, p, n.damped * (u * x + v * y + w * z))
-        store(self.strained, 0, ti.max(load(self.strained, 0), there * ti.abs(grown) / n.calm))
-        for axis, old, new in ti.static(((0, a, x), (1, b, y), (2, c, z))):
-            store(self.normal[axis], p, old)
-            store(self.turning[axis], p, new - old)
+        scale = ti.min(load(self.slack, s), 1.0) / length
+        store(self.grown, p, length - n.rest)
+        store(self.growing, p, n.damped * scale * (u * x + v * y + w * z))
+        back = ti.select(self.wild[None] > 0.0, 0.0, 0.5)
+        for axis, apart, change in ti.static(((0, x, u), (1, y, v), (2, z, w))):
+            store(self.normal[axis], s, scale * (apart - back * change))
+            store(self.turning[axis], p, scale * change)
 
     @ti.func
-    def systems(self, points: Template, p, family: Template, offset: Template, n: Template):
-        """Rows of the systems for the threads that begin at the lanes at p. family: where its fields begin."""
-        fixed = ti.static(isinstance(offset, int))  # and needs no bounds
-        q = p + offset if ti.static(fixed) else near(p + offset)
-        b = p - offset if ti.static(fixed) else near(p - offset)
-        s = family + p
-        before = s - offset if ti.static(fixed) else near(s - offset)
-        after = s + offset if ti.static(fixed) else near(s + offset)
-        weight = load(self.weight, s)
-        there = ti.min(weight * 1e30, 1.0)
-        # Where to push: as before the step, and half of what turned otherwise than the threads beside it in the yarn.
-        behind, ahead = (
-            ti.min(load(self.weight, before) * 1e30, 1.0),
-            ti.min(load(self.weight, after) * 1e30, 1.0),
-        )
-        mean = 1.0 / (behind + ahead + 1e-6)
-        x, y, z = self.aimed(0, p, b, q, mean), self.aimed(1, p, b, q, mean), self.aimed(2, p, b, q, mean)
-        scale = there / ti.sqrt(x * x + y * y + z * z + 1e-16)
-        x, y, z = scale * x, scale * y, scale * z
+    def straighten(self, points: Template, p, base, offset):
+        """Where to push: as before the step, and half of what turned otherwise than the threads beside it in the yarn.
+        In a wild substep as after the step, which damps what turns."""
+        b, q, s = near(p - offset), near(p + offset), points.lanes(base + p)
+        share = ti.select(self.wild[None] > 0.0, 0.0, 1.0) * load(self.mean, s)
+        x = load(self.normal[0], s) - share * (load(self.turning[0], b) + load(self.turning[0], q))
+        y = load(self.normal[1], s) - share * (load(self.turning[1], b) + load(self.turning[1], q))
+        z = load(self.normal[2], s) - share * (load(self.turning[2], b) + load(self.turning[2], q))
+        scale = ti.min(load(self.slack, s), 1.0) / ti.sqrt(x * x + y * y + z * z + 1e-16)
+        for axis, value in ti.static(((0, x), (1, y), (2, z))):
+            store(self.normal[axis], s, scale * value)
+
+    @ti.func
+    def ask(self, points: Template, p, base, offset, carried, n: Template, anew: Template):
+        """The right sides, and the diagonals where they are made anew."""
+        s = points.lanes(base + p)
+        slack = load(self.slack, s)
+        there = ti.min(slack, 1.0)
         grown, growing = load(self.grown, p), load(self.growing, p)
-        # Its law: soft until the crimp is drawn out, then stiff; held where it is at its limit.
-        tension = load(self.tension, s)
+        # Its law: soft until the crimp is drawn out, then stiff.
         drawn = ti.select(grown > n.crimp, 1.0, 0.0)
-        compliance = (n.soft + drawn * (n.stiff - n.soft)) / ti.max(weight, 1e-6)
-        seems = grown - drawn * n.offset
-        was = load(self.held, s)
-        over = ti.select(grown > n.bound * (1.0 - (1.0 - HELD) * was), 1.0, 0.0)
-        store(self.held, s, over)
-        asked = seems + growing + compliance * tension
-        asked += over * (grown - n.bound - asked)
-        compliance *= 1.0 - over
-        # The row of its yarn's system, and the coupling with the thread before it.
-        m = n.mass * load(points.inverse_mass, p)
-        more = 1.0 + n.damped * (1.0 - over)
-        both = more * (m + n.mass * load(points.inverse_mass, q)) + compliance
-        store(self.normal[0], p, x)
-        store(self.normal[1], p, y)
-        store(self.normal[2], p, z)
-        # Along the rows, the thread before that of a lane is the one of the lane before: only now it is there.
-        along = x * load(self.normal[0], b) + y * load(self.normal[1], b) + z * load(self.normal[2], b)
-        store(self.diagonal, p, there * both + (1.0 - there))
-        store(self.beside, p, -more * m * along)
+        compliance = (n.soft + drawn * (n.stiff - n.soft)) * slack
+        asked = grown - drawn * n.offset + growing + compliance * (carried * load(self.tension, s))
         store(self.right, p, -there * asked)
+        m = n.mass * load(points.inverse_mass, p)
+        mobile = (1.0 + n.damped) * (m + n.mass * load(points.inverse_mass, near(p + offset)))
+        if ti.static(anew):
+            store(self.diagonal, p, there * (mobile + compliance) + (1.0 - there))
+            store(self.compliance, s, compliance)
+            store(self.strained, 0, ti.max(load(self.strained, 0), there * ti.abs(grown) * n.calm))
+        else:
+            old = load(self.compliance, s)
+            differs = there * (ti.abs(compliance - old) - OVERSHOOT * (mobile + old))
+            store(self.differs, 0, ti.max(load(self.differs, 0), differs))
 
     @ti.func
-    def aimed(self, axis: Template, p, b, q, mean):
-        """A direction's coordinate. In a wild substep that after the step, which damps what turns."""
-        turned = load(self.turning[axis], p)
-        rough = turned - mean * (load(self.turning[axis], b) + load(self.turning[axis], q))
-        return load(self.normal[axis], p) + self.wild[None] * turned + (1.0 - self.wild[None]) * 0.5 * rough
+    def hold(self, points: Template, p, base, n: Template, anew: Template):
+        """Threads at their limit, in place of their law."""
+        s = points.lanes(base + p)
+        was, grown = load(self.held, s), load(self.grown, p)
+        there = ti.min(load(self.slack, s), 1.0)
+        over = there * ti.select(grown > n.bound * (1.0 - (1.0 - HELD) * was), 1.0, 0.0)
+        store(self.held, s, over)
+        right = load(self.right, p)
+        store(self.right, p, right + over * (n.bound - grown - right))
+        if ti.static(anew):
+            store(self.diagonal, p, load(self.diagonal, p) - over * load(self.compliance, s))
+        else:
+            store(self.differs, 0, ti.max(load(self.differs, 0), ti.abs(over - was)))
 
     @ti.func
-    def down(self, p, row):
-        """Factorises the rows of the lanes at p, those before them done: L d Lᵀ, and z of L z = right."""
-        b = near(p - row)
-        beside, pivot = load(self.beside, p), load(self.pivot, b)
-        store(self.pivot, p, 1.0 / ti.max(load(self.diagonal, p) - beside * beside * pivot, LEAST))
-        store(self.change, p, load(self.right, p) - beside * pivot * load(self.change, b))
+    def let_go(self, points: Template, p, base, n: Template):
+        """A limit lets go of what pulls less than the thread itself would."""
+        s = points.lanes(base + p)
+        own = -load(self.tension, s) * n.stiff * load(self.slack, s)
+        store(self.held, s, ti.select(own > n.bound, load(self.held, s), 0.0))
 
     @ti.func
-    def up(self, p, row):
-        """Δλ of the lanes at p, those after them done."""
-        q = near(p + row)
-        store(
-            self.change, p, load(self.pivot, p) * (load(self.change, p) - load(self.beside, q) * load(self.change, q))
+    def couple(self, points: Template, p, base, offset, n: Template):
+        """The coupling with the thread before, where both are there."""
+        s, b = points.lanes(base + p), near(base + p - offset)
+        along = (
+            load(self.normal[0], s) * load(self.normal[0], b)
+            + load(self.normal[1], s) * load(self.normal[1], b)
+            + load(self.normal[2], s) * load(self.normal[2], b)
         )
+        m = n.mass * load(points.inverse_mass, p)
+        store(self.coupling, p, -(1.0 + n.damped) * m * along)
 
     @ti.func
-    def turned_down(self, p, t, row, tall):
+    def down(self, points: Template, p, base, offset, anew: Template):
+        """Factorises the rows of the lanes at p, those before them done: L d Lᵀ, and z of L z = right."""
+        s, b = points.lanes(base + p), near(p - offset)
+        if ti.static(anew):
+            beside = load(self.coupling, p)
+            store(self.beside, s, beside)
+            less = beside * beside * load(self.pivot, near(base + p - offset))
+            store(self.pivot, s, 1.0 / ti.max(load(self.diagonal, p) - less, LEAST))
+        less = load(self.beside, s) * load(self.pivot, near(base + p - offset)) * load(self.change, b)
+        store(self.change, p, load(self.right, p) - less)
+
+    @ti.func
+    def up(self, points: Template, p, base, offset):
+        """Δλ of the lanes at p, those after them done."""
+        q, s = near(p + offset), points.lanes(base + p)
+        after = load(self.beside, near(base + p + offset)) * load(self.change, q)
+        store(self.change, p, load(self.pivot, s) * (load(self.change, p) - after))
+
+    @ti.func
+    def turned_down(self, p, t, anew: Template):
         """`down` of the yarns along the rows in the tile at p, which when turned is at t."""
-        diagonal, beside, right = ti.static(*self.room)
-        for k in range(LANES):
-            a = near(p + k * row)
-            for c in range(LANES):
-                diagonal[c * LANES + k] = self.diagonal[a + c]
-                beside[c * LANES + k] = self.beside[a + c]
-                right[c * LANES + k] = self.right[a + c]
+        row, tall = self.row[None], self.tall[None]
         for c in range(LANES):
-            q = near(t + c * tall)
-            b = near(q - tall)
-            m = c * LANES
-            off, pivot = load(beside, m), load(self.turned_pivot, b)
-            store(self.turned_pivot, q, 1.0 / ti.max(load(diagonal, m) - off * off * pivot, LEAST))
-            store(self.turned_change, q, load(right, m) - off * pivot * load(self.turned_change, b))
-            store(self.turned_beside, q, off)
+            a, q, b = p + c, near(t + c * tall), near(t + c * tall - tall)
+            if ti.static(anew):
+                beside, diagonal = self.across(self.coupling, a, row), self.across(self.diagonal, a, row)
+                store(self.beside, q, beside)
+                store(self.pivot, q, 1.0 / ti.max(diagonal - beside * beside * load(self.pivot, b), LEAST))
+            less = load(self.beside, q) * load(self.pivot, b) * load(self.turned_change, b)
+            store(self.turned_change, q, self.across(self.right, a, row) - less)
 
     @ti.func
-    def turned_up(self, p, t, row, tall):
+    def turned_up(self, p, t):
         """`up` of the same, and Δλ back to where its threads lie."""
-        change = ti.static(self.room[0])
+        row, tall = self.row[None], self.tall[None]
         for back in range(LANES):
             c = LANES - 1 - back
-            q = near(t + c * tall)
-            a = near(q + tall)
-            new = load(self.turned_pivot, q) * (
-                load(self.turned_change, q) - load(self.turned_beside, a) * load(self.turned_change, a)
-            )
+            q, a = near(t + c * tall), near(t + c * tall + tall)
+            after = load(self.beside, a) * load(self.turned_change, a)
+            new = load(self.pivot, q) * (load(self.turned_change, q) - after)
             store(self.turned_change, q, new)
-            store(change, c * LANES, new)
-        for k in range(LANES):
-            b = near(p + k * row)
-            for c in range(LANES):
-                self.change[b + c] = change[c * LANES + k]
+            for k in ti.static(range(LANES)):
+                self.change[p + c + k * row] = new[k]  # pyright: ignore[reportIndexIssue]
 
     @ti.func
-    def push(self, points: Template, p, family: Template, offset: Template, n: Template):
-        """What the threads before and after the lanes at p move them by; and how tight the latter are."""
-        b = p - offset if ti.static(isinstance(offset, int)) else near(p - offset)
-        s = family + p
+    def across(self, field: Template, p, row):
+        """Element p of 8 rows, each `row` after the one before."""
+        return ti.Vector([field[p + k * row] for k in ti.static(range(LANES))])
+
+    @ti.func
+    def push(self, points: Template, p, base, offset, carried, n: Template):
+        """What the threads before and after the lanes at p move them by."""
+        b, s = near(p - offset), points.lanes(base + p)
         before, after, m = load(self.change, b), load(self.change, p), n.mass * load(points.inverse_mass, p)
-        tension = load(self.tension, s) + after
+        tension = carried * load(self.tension, s) + after
         store(self.tension, s, tension)
-        own = n.bound * load(self.weight, s)  # a limit lets go of what pulls less than the thread itself would
-        store(self.held, s, ti.select(tension * n.stiff < -own, load(self.held, s), 0.0))
         for axis in ti.static(range(3)):
-            move = m * (before * load(self.normal[axis], b) - after * load(self.normal[axis], p))
+            move = m * (before * load(self.normal[axis], near(base + p - offset)) - after * load(self.normal[axis], s))
             store(points.position[axis], p, load(points.position[axis], p) + move)
             store(points.step[axis], p, load(points.step[axis], p) + move)
 
     @ti.func
-    def pull(self, points: Template, p, family: Template):
+    def pull(self, points: Template, p, base, offset, n: Template):
         """At the end of a substep: how tight threads are, for what the wave along a taut string asks of the step."""
-        n = self.numbers[family]
-        q = p + 1 if ti.static(family == 0) else near(p + self.row[None])
-        s = p + ti.static(family * self.size)
-        mobile = n.mass * ti.max(load(points.inverse_mass, p), load(points.inverse_mass, q))
-        before = load(self.pulled, s)
-        pulled = before + (-load(self.tension, s) * mobile / n.rest - before) / AVERAGED
+        s = points.lanes(base + p)
+        mobile = n.mass * ti.max(load(points.inverse_mass, p), load(points.inverse_mass, near(p + offset)))
+        was = load(self.pulled, s)
+        pulled = was - (load(self.tension, s) * mobile * n.slimmer + was) * ti.static(2.0 / AVERAGED)
         store(self.pulled, s, pulled)
         store(self.tight, 0, ti.max(load(self.tight, 0), pulled))
 
-    @ti.func
-    def loosen(self, p):
-        """Forgets how tight the threads from the lanes at p were: a frame follows from its state alone."""
-        none = ti.Vector([0.0] * LANES)
-        store(self.tight, 0, none)
-        store(self.strained, 0, none)
-        for family in ti.static(range(2)):
-            store(self.pulled, p + family * self.size, none)
-            store(self.held, p + family * self.size, none)
 
-    @ti.func
-    def tightest(self):
-        return largest(load(self.tight, 0))
+def _reach(order: NDArray, offset: int, size: int) -> int:
+    """How many packets further in an order the neighbours of one may lie, at `offset` elements from its lanes. order:
+    packets' numbers in a grid of `size` elements."""
+    number = np.full(size // LANES + 2, -1)
+    number[order] = np.arange(len(order))
+    most = 0
+    for lane in (0, LANES - 1):
+        at = number[np.clip((order * LANES + lane + offset) // LANES, 0, size // LANES)]
+        most = max(most, int((at - np.arange(len(order)))[at >= 0].max(initial=0)))
+    return most

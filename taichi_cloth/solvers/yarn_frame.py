@@ -4,7 +4,8 @@
         move      shear, bending, gravity, wind: where key points would be without their threads
         touch     fixed shapes, the body
         of each sweep:
-            solve     the yarns of one family, then those of the other; who begins alternates
+            solve     the yarns of one family, then those of the other; who begins alternates. Where shear is stiff
+                      the diagonals are families too
             touch     again; what it pushed and held in this substep may grow or be taken back
 
 Contact and friction are sums over the substep: taken anew in each sweep they would hold several times as much.
@@ -20,7 +21,7 @@ from taichi_cloth.motion.stencil import load, store
 from taichi_cloth.sheet.sheet import LANES
 from taichi_cloth.solvers.whole_yarns import WholeYarns
 
-__all__ = ["YarnFrame"]
+__all__ = ["ChainFrame", "YarnFrame"]
 
 BALL, FLOOR = 0, 1
 
@@ -31,10 +32,11 @@ class YarnFrame(Frame):
     this substep, and its friction [m]."""
 
     sums = True
+    families = 2
 
     def __init__(self, size: int, threads: int, constraints: tuple[Constraint, ...]) -> None:
         super().__init__(size, threads, constraints)
-        self.yarns = WholeYarns(size)
+        self.yarns = WholeYarns(size, self.families)
         self.pressed = [ti.field(ti.f32, self.size) for _ in (BALL, FLOOR)]
         self.rubbed = [[ti.field(ti.f32, self.size) for _ in range(3)] for _ in (BALL, FLOOR)]
 
@@ -45,7 +47,8 @@ class YarnFrame(Frame):
             self.read(part, 0, 0, wind, values, n, features)
         for e in range(first, last):
             self.yarns.loosen(self.lanes(self.packet[e] * LANES))
-        turns = 2 * ti.cast(n.sweeps, ti.i32)
+        families = ti.static(self.families)
+        turns = families * ti.cast(n.sweeps, ti.i32)
         for done in range(substeps):
             self.yarns.judge()
             for part in range(PARTS):
@@ -53,13 +56,14 @@ class YarnFrame(Frame):
             for e in range(first, last):
                 self.soft(self.lanes(self.packet[e] * LANES), wind + done * change, n, features)
             for turn in range(turns + 1):
-                if turn % 2 == 0:
+                if turn % families == 0:
                     self.correct_all(turn, turns, done, n, features)
                 if turn < turns:
-                    self.yarns.solve(self, (done + turn) % 2, self.packet, first, last)
-            for e in range(first, last):
-                for family in ti.static(range(2)):
-                    self.yarns.pull(self, self.lanes(self.packet[e] * LANES), family)
+                    family = turn % families
+                    if done % 2 == 1:
+                        family = families - 1 - family
+                    pulls = turn >= turns - families and done % 2 == 1
+                    self.yarns.solve(self, family, turn // families, pulls)
         for part in range(PARTS):
             self.write(part, substeps, 0, wind, values, n, features)
 
@@ -91,7 +95,6 @@ class YarnFrame(Frame):
             store(self.step[axis], p, step)
         # Nothing pulls, presses or rubs yet.
         none = ti.Vector([0.0] * LANES)
-        self.yarns.begin(p)
         for shape, there in ti.static(((BALL, features.sphere), (FLOOR, features.plane))):
             if ti.static(there):
                 store(self.pressed[shape], p, none)
@@ -144,3 +147,10 @@ class YarnFrame(Frame):
         for _ in range(1):
             most = self.yarns.tightest()
         return most
+
+
+@ti.data_oriented
+class ChainFrame(YarnFrame):
+    """The diagonals as chains: whole lines of shear springs are solved like yarns."""
+
+    families = 4

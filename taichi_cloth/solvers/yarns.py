@@ -3,6 +3,9 @@
 Shear and bending of cloth are soft, its threads are not. So its step is that of the soft springs, whatever the threads
 are made of: it costs the same at 10³ and at 10⁹ N/m. `whole_yarns.py` has the systems, `yarn_frame.py` the order.
 
+Where shear is stiff too (coated cloth, bias-bonded cloth), the diagonals are chains that are solved the same way,
+and bending alone sets the step.
+
 Beside the soft springs there is one more limit: a taut thread is a string, whose wave across is explicit. A frame in
 which −λ/L = h² T/(m L) of a thread comes above ¼ is taken again with more substeps.
 """
@@ -10,6 +13,7 @@ which −λ/L = h² T/(m L) of a thread comes above ¼ is taken again with more 
 from dataclasses import replace
 from math import ceil, sqrt
 
+import numpy as np
 from numpy.typing import NDArray
 
 from taichi_cloth.ground.errors import InputError
@@ -20,7 +24,8 @@ from taichi_cloth.sheet.sheet import Sheet, SheetState
 from taichi_cloth.solvers.stability import rounding_speed
 from taichi_cloth.solvers.step_choice import StepChoice
 from taichi_cloth.solvers.strained_start import overstrain, settle
-from taichi_cloth.solvers.yarn_frame import YarnFrame
+from taichi_cloth.solvers.whole_yarns import NEVER, Family
+from taichi_cloth.solvers.yarn_frame import ChainFrame, YarnFrame
 
 __all__ = ["Yarns"]
 
@@ -32,20 +37,21 @@ after 0.3 s at this one, and by 0.2 mm at half of it (`report --only solver`).""
 TIGHTEST = 0.25
 """−λ/L of a thread up to which the wave along it is stable."""
 
+CHAINED = 1.8
+"""What a substep costs with chains of diagonals, in substeps without: 79 × 79 key points, two sweeps."""
+
 MOST_SUBSTEPS = 4096
-WORTH = 0.8
+WORTH = 0.9
 """Share of the substeps from which on fewer are taken again."""
 
 WILD = 0.02
 """Strain of a thread, beyond its crimp, that makes a substep wild (`whole_yarns.py`)."""
 
-NEVER = 1e6  # [m] that no thread grows by
-
 
 class Yarns(KernelSolver):
-    """sweeps: over both families, a substep. step, safety: as of `Verlet`, of the soft springs."""
+    """sweeps: over all families, a substep. step, safety: as of `Verlet`, of the springs that are not solved whole.
+    chains: whether the diagonals are, too; None: where that is cheaper."""
 
-    frame_of = YarnFrame
     answers = ("strain_limit",)
     springs_are_threads = False
 
@@ -58,13 +64,20 @@ class Yarns(KernelSolver):
         step: float | None = None,
         safety: float = 0.9,
         sweeps: int = SWEEPS,
+        chains: bool | None = None,
         constraints: tuple[Constraint, ...] = (),
     ) -> None:
+        self.sweeps, self.tight = sweeps, 0.0
         soft = replace(sheet, springs=sheet.springs.without_threads)
-        self.sweeps, self._soft = sweeps, soft
-        self.choice = StepChoice(soft, frame_rate=frame_rate, safety=safety)
-        self.tight = 0.0
-        longest = min(self.choice.longest, LONGEST)
+        choice = StepChoice(soft, frame_rate=frame_rate, safety=safety)
+        longest = min(choice.longest, LONGEST)
+        if chains or (chains is None and CHAINED * longest < LONGEST):
+            bending = replace(soft, springs=replace(soft.springs, diagonal=0.0))
+            other = StepChoice(bending, frame_rate=frame_rate, safety=safety)
+            if chains or CHAINED * longest < min(other.longest, LONGEST):
+                soft, choice, longest = bending, other, min(other.longest, LONGEST)
+        self._soft, self.choice, self.chains = soft, choice, soft.springs.diagonal < sheet.springs.diagonal
+        self.frame_of = ChainFrame if self.chains else YarnFrame
         if step is not None and not 0 < step <= longest:
             raise InputError(f"solver.step: {step!r} s; allowed: above 0, at most {longest:.4g} s")
         substeps = self.choice.substeps(step or longest)
@@ -73,47 +86,51 @@ class Yarns(KernelSolver):
 
     def take_steps(self, substeps: int) -> None:
         super().take_steps(substeps)
-        self.numbers["sweeps"] = float(self.sweeps)
+        self.numbers |= {"sweeps": float(self.sweeps)} | ({"diagonal": 0.0} if self.chains else {})
 
     @property
     def settings(self) -> tuple[object, ...]:
-        return (self.sweeps,)
+        return self.sweeps, self.chains
 
     def rounding(self, ulp: float) -> float:
         m = self.sheet.material
         return rounding_speed(self.step, ulp, air_damping=m.air_damping, fibre_damping=m.fibre_damping)
 
-    def _threads(self) -> list[dict[str, float]]:
-        """Of the weft, along the rows, and of the warp, along the columns: the values of `ThreadNumbers`."""
-        s, m, limit = self.sheet.springs, self.sheet.material, self.forces.strain_limit
+    def families(self) -> list[Family]:
+        """Weft, along the rows, and warp, along the columns; and the diagonals, if they are chains."""
+        sheet, s, m, limit = self.sheet, self.sheet.springs, self.sheet.material, self.forces.strain_limit
+        east, north, cell = (sheet.padded(one) for one in sheet.weights)
         mass = m.density * s.spacing_x * s.spacing_y
         squared = self.numbers["structural_x"] / s.structural_x  # h², less what the air takes meanwhile
+        shared = {"mass": mass, "damped": m.fibre_damping / self.step}
         straight, out = s.drawn(m), []
-        for constant, drawn, rest, stiff, crimp in (
-            (s.structural_x, straight.structural_x, s.spacing_x, m.drawn_weft, m.crimp_weft),
-            (s.structural_y, straight.structural_y, s.spacing_y, m.drawn_warp, m.crimp_warp),
+        for step, weight, constant, drawn, rest, stiff, crimp in (
+            ((0, 1), east, s.structural_x, straight.structural_x, s.spacing_x, m.drawn_weft, m.crimp_weft),
+            ((1, 0), north, s.structural_y, straight.structural_y, s.spacing_y, m.drawn_warp, m.crimp_warp),
         ):
             at = crimp * rest if stiff > 0 else NEVER
-            out.append(
-                {
-                    "rest": rest,
-                    "soft": mass / (constant * squared),
-                    "stiff": mass / (drawn * squared),
-                    "crimp": at,
-                    "offset": at * (1 - constant / drawn),
-                    "bound": rest * limit.strain if limit else NEVER,
-                    "calm": rest * WILD + (at if stiff > 0 else 0.0),
-                    "mass": mass,
-                    "damped": m.fibre_damping / self.step,
-                }
-            )
+            numbers = {
+                "rest": rest,
+                "slimmer": 1 / rest,
+                "soft": mass / (constant * squared),
+                "stiff": mass / (drawn * squared),
+                "crimp": at,
+                "offset": at * (1 - constant / drawn),
+                "bound": rest * limit.strain if limit else NEVER,
+                "calm": 1 / (rest * WILD + (at if stiff > 0 else 0.0)),
+            }
+            out.append(Family(step, weight, numbers | shared))
+        if self.chains:
+            rest, compliance = s.diagonal_length, mass / (s.diagonal * squared)
+            numbers = {"rest": rest, "slimmer": 1 / rest, "soft": compliance, "stiff": compliance, "offset": 0.0}
+            numbers |= {"crimp": NEVER, "bound": NEVER, "calm": 1 / NEVER}  # no shear of cloth is too much
+            out.append(Family((1, 1), cell, numbers | shared))
+            out.append(Family((1, -1), np.roll(cell, 1, axis=1), numbers | shared))
         return out
 
     def fill(self, frame: YarnFrame, state: SheetState) -> None:
         super().fill(frame, state)
-        sheet = self.sheet
-        east, north = (sheet.padded(one) for one in sheet.weights[:2])
-        frame.yarns.take(sheet.padded(sheet.present), east, north, self._threads())
+        frame.yarns.take(self.sheet.padded(self.sheet.present), self.families())
 
     def look(self, frame: YarnFrame) -> None:
         self.tight = frame.tightest()
@@ -149,7 +166,7 @@ class Yarns(KernelSolver):
         settle(self, state)
 
     def accelerations(self, sheet: Sheet, positions: NDArray, gravity: tuple[float, float, float]) -> NDArray:
-        """Without the threads: what they pull follows from what pulls at them, not from where they are."""
+        """Without what is solved whole: what that pulls follows from what pulls at it, not from where it is."""
         return super().accelerations(self._soft, positions, gravity)
 
     @property

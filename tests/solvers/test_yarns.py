@@ -1,6 +1,6 @@
 """Whole yarns against the same scheme in float64 with dense systems, against closed forms, and against themselves."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -71,63 +71,86 @@ def largest(sheet: Sheet, positions: np.ndarray) -> float:
     return max(float(part.max()) for part in sheet.stretch(positions))
 
 
-def whole_families(sheet: Sheet) -> list[tuple[np.ndarray, np.ndarray, np.ndarray, float, float]]:
-    """Of weft and warp: first and second key points (threads,), weights, spring constant [N/m], rest length [m]."""
-    number = np.arange(SIDE * SIDE).reshape(SIDE, SIDE)
+@dataclass(frozen=True)
+class Threads:
+    """first, second: key points (threads,) that each joins. before, after: the threads beside it in its yarn, or −1.
+    weight: of each; constant [N/m]; rest [m]."""
+
+    first: np.ndarray
+    second: np.ndarray
+    before: np.ndarray
+    after: np.ndarray
+    weight: np.ndarray
+    constant: float
+    rest: float
+
+    @classmethod
+    def along(cls, down: int, right: int, weight: np.ndarray, constant: float, rest: float) -> "Threads":
+        """weight: (SIDE, SIDE), of the thread from each key point to the one `down` rows and `right` columns on."""
+        row, column = np.nonzero(weight)
+        first, second = row * SIDE + column, (row + down) * SIDE + column + right
+        begins, ends = np.full(SIDE * SIDE, -1), np.full(SIDE * SIDE, -1)
+        begins[first], ends[second] = np.arange(len(first)), np.arange(len(first))
+        return cls(first, second, ends[first], begins[second], weight[row, column], constant, rest)
+
+    def aimed(self, before: np.ndarray, after: np.ndarray) -> np.ndarray:
+        """Where threads (n, 3) are pushed: as before the step, by lengths after it, and half of what turned otherwise
+        than those beside them."""
+        turned = after - before
+        beside = np.stack([np.where(one[:, None] >= 0, turned[one], 0.0) for one in (self.before, self.after)])
+        count = (self.before >= 0).astype(float) + (self.after >= 0) + 1e-6
+        out = before + 0.5 * (turned - beside.sum(axis=0) / count[:, None])
+        return out / np.linalg.norm(out, axis=1, keepdims=True)
+
+
+def whole_families(sheet: Sheet, chains: bool) -> list[Threads]:
     s = sheet.springs
-    east, north = sheet.weights[0][:, :-1], sheet.weights[1][:-1]
-    return [
-        (number[:, :-1].ravel(), number[:, 1:].ravel(), east.ravel(), s.structural_x, s.spacing_x),
-        (number[:-1].ravel(), number[1:].ravel(), north.ravel(), s.structural_y, s.spacing_y),
+    east, north, cell = sheet.weights
+    families = [
+        Threads.along(0, 1, east, s.structural_x, s.spacing_x),
+        Threads.along(1, 0, north, s.structural_y, s.spacing_y),
     ]
-
-
-def aimed(before: np.ndarray, after: np.ndarray, shape: tuple[int, int], axis: int) -> np.ndarray:
-    """Where threads (n, 3) are pushed: as before the step, and half of what turned otherwise than those beside them."""
-    turned = (after - before).reshape(*shape, 3)
-    there = np.ones(shape)
-    near = [np.zeros_like(turned) for _ in range(2)]
-    count = [np.zeros(shape) for _ in range(2)]
-    one, other = [slice(None)] * 2, [slice(None)] * 2
-    one[axis], other[axis] = slice(1, None), slice(None, -1)
-    near[0][tuple(one)], near[1][tuple(other)] = turned[tuple(other)], turned[tuple(one)]
-    count[0][tuple(one)], count[1][tuple(other)] = there[tuple(other)], there[tuple(one)]
-    mean = (near[0] + near[1]) / (count[0] + count[1] + 1e-6)[..., None]
-    out = before + 0.5 * (turned - mean).reshape(-1, 3)
-    return out / np.linalg.norm(out, axis=1, keepdims=True)
+    if chains:
+        families.append(Threads.along(1, 1, cell, s.diagonal, s.diagonal_length))
+        families.append(Threads.along(1, -1, np.roll(cell, 1, axis=1), s.diagonal, s.diagonal_length))
+    return families
 
 
 def reference(
-    sheet: Sheet, x: np.ndarray, u: np.ndarray, *, step: float, sweeps: int, done: int, wild: bool
+    sheet: Sheet, x: np.ndarray, u: np.ndarray, *, step: float, sweeps: int, done: int, wild: bool, chains: bool
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    """One substep in float64: soft springs, then both families in turns, each as one dense system. Returns positions,
-    steps and the largest strain that it met."""
+    """One substep in float64: soft springs, then the families in turns, each as one dense system, whose matrix is that
+    of its first sweep unless the substep is wild. Returns positions, steps and the largest strain of the first sweep.
+    """
     soft = softened(sheet)
+    if chains:
+        soft = replace(soft, springs=replace(soft.springs, diagonal=0.0))
     inverse = sheet.inverse_mass[..., None]
     acceleration = elastic_forces(soft, x) * inverse + np.where(inverse > 0, [0.0, -9.81, 0.0], 0.0)
     u = np.where(inverse > 0, u + acceleration * step**2, u)
     y, u, w = (x + u).reshape(-1, 3), u.reshape(-1, 3).copy(), sheet.inverse_mass.ravel()
-    flat_x, families = x.reshape(-1, 3), whole_families(sheet)
-    tension = [np.zeros(len(one[0])) for one in families]
-    most = 0.0
-    for turn in range(2 * sweeps):
-        number = (done + turn) % 2
-        p, q, weight, constant, rest = families[number]
-        apart, was = y[q] - y[p], flat_x[q] - flat_x[p]
+    flat_x, families = x.reshape(-1, 3), whole_families(sheet, chains)
+    tension = [np.zeros(len(one.first)) for one in families]
+    most, matrices = 0.0, {}
+    for turn in range(len(families) * sweeps):
+        number = turn % len(families) if done % 2 == 0 else len(families) - 1 - turn % len(families)
+        one = families[number]
+        apart, was = y[one.second] - y[one.first], flat_x[one.second] - flat_x[one.first]
         length = np.linalg.norm(apart, axis=1)
-        most = max(most, float(np.abs(length / rest - 1).max()))
+        if number < 2 and (turn < len(families) or wild):
+            most = max(most, float(np.abs(length / one.rest - 1).max()))
         n = apart / length[:, None]
         if not wild:
-            shape = (SIDE, SIDE - 1) if number == 0 else (SIDE - 1, SIDE)
-            n = aimed(was / np.linalg.norm(was, axis=1, keepdims=True), n, shape, 1 - number)
-        jacobian = np.zeros((len(p), len(w), 3))
-        rows = np.arange(len(p))
-        jacobian[rows, q], jacobian[rows, p] = n, -n
-        flat = jacobian.reshape(len(p), -1)
+            n = one.aimed(was / length[:, None], n)
+        jacobian = np.zeros((len(length), len(w), 3))
+        rows = np.arange(len(length))
+        jacobian[rows, one.second], jacobian[rows, one.first] = n, -n
+        flat = jacobian.reshape(len(length), -1)
         mobile = np.repeat(w, 3)
-        compliance = 1 / (constant * weight * step**2)  # in λ of a force × h²
-        matrix = (flat * mobile) @ flat.T + np.diag(compliance)
-        change = np.linalg.solve(matrix, -(length - rest + compliance * tension[number]))
+        compliance = 1 / (one.constant * one.weight * step**2)  # in λ of a force × h²
+        if number not in matrices or wild:
+            matrices[number] = (flat * mobile) @ flat.T + np.diag(compliance)
+        change = np.linalg.solve(matrices[number], -(length - one.rest + compliance * tension[number]))
         tension[number] += change
         move = (mobile * (flat.T @ change)).reshape(-1, 3)
         y, u = y + move, u + move
@@ -135,15 +158,16 @@ def reference(
 
 
 @pytest.mark.parametrize(
-    ("stiff", "roughness", "ends_wild"), [(1.0, 0.005, False), (1.0, 0.05, True), (1e4, 0.005, True)]
+    ("stiff", "roughness", "ends_wild", "chains"),
+    [(1.0, 0.005, False, False), (1.0, 0.05, True, False), (1e4, 0.005, True, False), (1e4, 0.001, False, True)],
 )
-def test_the_kernel_is_the_scheme_in_float64(stiff: float, roughness: float, ends_wild: bool) -> None:
+def test_the_kernel_is_the_scheme_in_float64(stiff: float, roughness: float, ends_wild: bool, chains: bool) -> None:
     """A frame of two substeps from a rough start, the second wild or not, within 1e-5 of the distance between key
     points."""
     sheet = sheet_of(times(stiff), pinned=(-1, slice(None)))
     free = sheet.inverse_mass[..., None] > 0
     start = upright(sheet) + np.where(free, RNG.standard_normal((SIDE, SIDE, 3)), 0.0) * roughness * SPACING
-    solver = Yarns(sheet, FAR, frame_rate=2000.0)
+    solver = Yarns(sheet, FAR, frame_rate=2000.0, chains=chains)
     assert solver.substeps == 2
     state = sheet.state(start)
     sheet.set_steps(state, np.where(free, RNG.standard_normal(start.shape), 0.0) * 1e-3 * SPACING)
@@ -151,11 +175,24 @@ def test_the_kernel_is_the_scheme_in_float64(stiff: float, roughness: float, end
     solver.advance(state, FrameForces())
     wild = False
     for done in range(2):
-        x, u, most = reference(sheet, x, u, step=solver.step, sweeps=2, done=done, wild=wild)
+        x, u, most = reference(sheet, x, u, step=solver.step, sweeps=2, done=done, wild=wild, chains=chains)
         wild = most > WILD
     assert wild == ends_wild
     assert np.abs(sheet.positions(state) - x).max() < 1e-5 * SPACING
     assert np.abs(sheet.steps(state) - u).max() < 1e-5 * SPACING
+
+
+def test_stiff_shear_is_solved_whole_where_that_is_cheaper() -> None:
+    """Cloth a hundred times as stiff in shear moves with as few substeps, as it does with the many of its springs."""
+    sheet = sheet_of(replace(times(1e4), shear=100 * CLOTH.shear), pinned=(-1, slice(None)))
+    whole = simulation(sheet, level(sheet))
+    springs = simulation(sheet, level(sheet), chains=False)
+    soft = simulation(sheet_of(times(1e4), pinned=(-1, slice(None))), level(sheet))
+    assert whole.solver.substeps <= soft.solver.substeps < springs.solver.substeps / 2
+    for _ in range(20):
+        whole.step()
+        springs.step()
+    assert np.linalg.norm(whole.positions - springs.positions, axis=-1).max() < 2e-3
 
 
 def test_each_sweep_leaves_a_share_of_the_error() -> None:

@@ -1,7 +1,7 @@
 """Every solver and scheme at every setting that the study of solvers tries, and its run."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from time import process_time
 
 import numpy as np
@@ -11,6 +11,7 @@ from taichi_cloth.ground.errors import InputError, Unstable
 from taichi_cloth.motion.simulation import Simulation
 from taichi_cloth.motion.solver import Solver
 from taichi_cloth.solvers.verlet import Verlet
+from taichi_cloth.solvers.whole_yarns import Family
 from taichi_cloth.solvers.yarns import Yarns
 
 from ...measure.moved import timed
@@ -61,8 +62,8 @@ class Setting:
 class _AlongNow(Yarns):
     """Threads pushed along where they lead after the substep, n(y), in every substep but the first of a frame."""
 
-    def _threads(self) -> list[dict[str, float]]:
-        return [one | {"calm": 1e-9 * one["rest"]} for one in super()._threads()]
+    def families(self) -> list[Family]:
+        return [replace(one, numbers=one.numbers | {"calm": 1e9 / one.numbers["rest"]}) for one in super().families()]
 
 
 def settings(case: Case, *, quick: bool) -> Iterator[Setting]:
