@@ -24,7 +24,7 @@ from taichi_cloth.solvers.verlet import Verlet
 from taichi_cloth.sheet.springs import calibrate
 
 runtime.start("cpu", threads=1, cache=False)
-cotton = named_material("cotton-shirting")
+cotton = named_material("cotton-shirting").linear
 springs = calibrate(cotton, spacing_x=0.25, spacing_y=0.25)
 sheet = Sheet.rectangle(5, 5, material=cotton, springs=springs, pinned=np.eye(5)[:1].T)
 Verlet(sheet, Forces(), frame_rate=200.0).advance(sheet.state(sheet.flat()), FrameForces())

@@ -60,7 +60,7 @@ def sheet_stages(scene: Scene) -> tuple[dict[str, str], dict[str, str]]:
     """Stages that are built, with what of, and those left out, with why. Raises InputError as building would."""
     cloth = scene.cloth
     assert cloth is not None
-    sheet, forces = sheet_of(cloth), forces_of(scene.forces)
+    sheet, forces = sheet_of(cloth, scene.solver), forces_of(scene.forces)
     solver = solver_of(sheet, forces, scene.solver, frame_rate=float(scene.output.fps))
     s, material = sheet.springs, sheet.material
     law = "hinges" if s.law == "hinge" else "springs to second neighbours"

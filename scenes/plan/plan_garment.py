@@ -56,7 +56,8 @@ def garment_stages(scene: Scene) -> tuple[dict[str, str], dict[str, str], int, S
 
 
 def _solver(scene: Scene, garment: Garment) -> dict[str, str]:
-    choice, safety = garment_choice(scene, garment), (scene.solver or SolverSection()).safety
+    section = scene.solver or SolverSection()
+    choice, step = garment_choice(scene, garment), None if section.step_ms is None else 1e-3 * section.step_ms
     kind = named_solver(choice.name)
-    solver = kind(garment.moving(), Forces(), frame_rate=float(scene.output.fps), safety=safety)
+    solver = kind(garment.moving(), Forces(), frame_rate=float(scene.output.fps), step=step, safety=section.safety)
     return solver_stages(choice, solver, scene)

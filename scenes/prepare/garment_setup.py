@@ -49,7 +49,7 @@ __all__ = [
     "woven_garment",
 ]
 
-VERSION = 5
+VERSION = 8
 """Of what is kept on disk: raised whenever the same scene would come to another rest."""
 
 Progress = Callable[[str, int, int], None]
@@ -78,15 +78,16 @@ def dressed_parts(scene: Scene) -> Parts:
     """Body, primitives and garment of a scene; the last few are remembered. Raises InputError."""
     assert scene.garment is not None
     body = (scene.body or BodySection()).model_dump_json()
-    return _parts(scene.garment.model_dump_json(), body)
+    return _parts(scene.garment.model_dump_json(), body, (scene.solver or SolverSection()).model_dump_json())
 
 
 @lru_cache(maxsize=4)
-def _parts(garment: str, body: str) -> Parts:
+def _parts(garment: str, body: str, solver: str) -> Parts:
     section, worn_by = GarmentSection.model_validate_json(garment), BodySection.model_validate_json(body)
+    moved_by = SolverSection.model_validate_json(solver)
     figure = prepare_body(worn_by)
     grids = grids_of(figure) if worn_by.contact == "grid" else ()
-    return Parts(figure, primitives_of(figure, worn_by.primitives), grids, garment_of(section, figure))
+    return Parts(figure, primitives_of(figure, worn_by.primitives), grids, garment_of(section, figure, moved_by))
 
 
 def dress(scene: Scene, each: Progress | None = None) -> Dressed:
@@ -103,7 +104,7 @@ def dress(scene: Scene, each: Progress | None = None) -> Dressed:
 
     arrays, found = kept("worn", made_of, make)
     numbers = {name: arrays[name].item() for name in ("gap", "depth", "stretch", "speed", "frames")}
-    worn = Worn(positions=arrays["positions"], places=arrays["places"], **numbers)
+    worn = Worn(positions=arrays["positions"], **numbers)
     return Dressed(parts.body, parts.primitives, parts.grids, parts.garment, worn, found)
 
 
@@ -112,8 +113,8 @@ def garment_choice(scene: Scene, garment: Garment) -> Choice:
     return choice_of(garment.moving(), forces_of(scene.forces), scene.solver, seams=True)
 
 
-def garment_of(section: GarmentSection, body: Body) -> Garment:
-    """A pattern, fitted to the body and cut. Raises InputError."""
+def garment_of(section: GarmentSection, body: Body, solver: SolverSection | None = None) -> Garment:
+    """A pattern, fitted to the body and cut. solver: see `material_of`. Raises InputError."""
     figure = figure_of(body)
     pattern: Pattern
     if PATTERN_FILE.fits(section.pattern):
@@ -131,7 +132,7 @@ def garment_of(section: GarmentSection, body: Body) -> Garment:
         for name in getattr(section, key):
             if name not in names:
                 raise InputError(f"garment.{key}: no panel {name!r}; known: {', '.join(names)}")
-    return Garment(pattern, cut(pattern, spacing_for(pattern, section.key_points)), material_of(section))
+    return Garment(pattern, cut(pattern, spacing_for(pattern, section.key_points)), material_of(section, solver))
 
 
 def woven_garment(scene: Scene, atlas: Atlas) -> Scene:
@@ -188,10 +189,9 @@ def garment_simulation(
     return garment.simulation(
         forces,
         dressed.worn.positions,
-        places=dressed.worn.places,
-        held=np.ones(len(names), bool),
         bones=bones,
         frame_rate=float(scene.output.fps),
+        step=None if solver.step_ms is None else 1e-3 * solver.step_ms,
         safety=solver.safety,
         solver=garment_choice(scene, garment).name,
         choose=choose,

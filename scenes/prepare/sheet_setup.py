@@ -54,7 +54,6 @@ UNITS = {  # a key of cloth.properties: the field of Material, and its unit in S
     "density_g_per_m2": ("density", 1e-3),
     "air_damping_per_s": ("air_damping", 1.0),
     "fibre_damping_ms": ("fibre_damping", 1e-3),
-    "tensile_share": ("tensile_share", 1.0),
 }
 
 
@@ -74,15 +73,22 @@ def woven_scene(scene: Scene) -> Scene:
     )
 
 
-def material_of(cloth: ClothSection | GarmentSection) -> Material:
-    """The preset with what the scene changes. Raises InputError."""
-    given = {key: value for key, value in cloth.properties.model_dump().items() if value is not None}
-    return replace(named_material(cloth.material), **{UNITS[k][0]: UNITS[k][1] * v for k, v in given.items()})
+def material_of(cloth: ClothSection | GarmentSection, solver: SolverSection | None = None) -> Material:
+    """The preset with what the scene changes. Threads whose stiffness a scene names are linear unless it says from when
+    on they get stiffer; where it names Verlet, which has springs of one stiffness, those of the preset are too.
+    Raises InputError."""
+    given = {UNITS[k][0]: UNITS[k][1] * v for k, v in cloth.properties.model_dump().items() if v is not None}
+    preset = named_material(cloth.material)
+    for family in ("warp", "weft"):
+        if f"tensile_{family}" in given or (solver is not None and solver.name == "verlet"):
+            preset = replace(preset, **{f"drawn_{family}": 0.0, f"crimp_{family}": 0.0})
+    return replace(preset, **given)
 
 
-def sheet_of(cloth: ClothSection) -> Sheet:
-    """The sheet with its springs and pins. Raises InputError where no springs make such a sheet."""
-    material = material_of(cloth)
+def sheet_of(cloth: ClothSection, solver: SolverSection | None = None) -> Sheet:
+    """The sheet with its springs and pins. solver: see `material_of`. Raises InputError where no springs make such a
+    sheet."""
+    material = material_of(cloth, solver)
     springs = calibrate(
         material,
         spacing_x=cloth.width_m / (cloth.columns - 1),
@@ -148,7 +154,7 @@ def sheet_simulation(scene: Scene, body: "Standing | None" = None) -> Simulation
     """The scene's sheet, ready to move by one frame of the video at a time. body: `standing_in` of the same scene."""
     cloth = scene.cloth
     assert cloth is not None
-    sheet, forces = sheet_of(cloth), forces_of(scene.forces)
+    sheet, forces = sheet_of(cloth, scene.solver), forces_of(scene.forces)
     if body is not None:
         forces = replace(forces, body=body.colliders)
     positions = start_of(cloth, seed=scene.seed)

@@ -33,11 +33,16 @@ class PropertiesSection(Section):
     density_g_per_m2: Positive | None = None
     air_damping_per_s: float | None = Field(default=None, ge=0, description="share of the velocity lost [1/s]")
     fibre_damping_ms: float | None = Field(default=None, ge=0, description="lag of the stress in the threads [ms]")
-    tensile_share: Share | None = Field(
-        default=None,
-        gt=0,
-        description="of the tensile stiffness that springs carry; below 1 [forces.strain_limit] holds the rest",
-    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def share_is_gone(cls, data: object) -> object:
+        if isinstance(data, dict) and "tensile_share" in data:
+            raise ValueError(
+                "there is no tensile_share any more: threads of any stiffness cost the same; leave it out, and name "
+                "[forces.strain_limit] if they may grow by no more than that"
+            )
+        return data
 
 
 class BodyPinSection(Section):

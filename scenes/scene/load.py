@@ -16,9 +16,9 @@ from taichi_cloth.ground.files import read_text, shown_path
 from taichi_cloth.weave.colour_order import colour
 
 from ...render.data.finish import finish_for
-from .scene_files import files_named, places
+from .scene_files import files_named
 from .schema import Scene
-from .section import DRAFT_FILE, PATTERN_FILE, SPRITE_FILE, NamesFile
+from .section import DRAFT_FILE, SPRITE_FILE, NamesFile
 
 __all__ = ["built_in_scenes", "load_scene", "make_scene"]
 
@@ -28,8 +28,6 @@ WIF_BRINGS = {
     "yarn": ("count_tex", "count_ne"),
     "weft_yarn": ("count_tex", "count_ne"),
 }
-PATTERN_PASSES = 5
-"""Of the strain limit for a pattern from a file: the built-in scenes' one or two were found for their own garments."""
 LARGEST_SCENE_FILE = 1_000_000
 LONGEST_LIST = 50_000
 """Values: what is wrong with each would be a line of its own."""
@@ -52,8 +50,7 @@ def load_scene(name: str, overrides: list[str] | None = None) -> Scene:
     """A built-in scene by name or a TOML file by path, with `key=value` overrides as on the command line.
 
     A WIF file brings its own size, colours, spacing and thickness: when `weave.draft` is overridden with one, what
-    the scene says of these for its own draft is dropped; further overrides still hold. With a pattern from a file,
-    `garment.pattern`, its strain limit takes PATTERN_PASSES, likewise.
+    the scene says of these for its own draft is dropped; further overrides still hold.
     Raises InputError, one line: which file, key and value, what is allowed, and the nearest right spelling.
 
     >>> load_scene("swatch", ["weave.draft=satin-5", "output.views=4"]).output.views
@@ -70,10 +67,6 @@ def load_scene(name: str, overrides: list[str] | None = None) -> Scene:
                 _drop(data, section, (other,))
     for text in overrides or []:
         _override(data, text)
-    if _names(given, "garment.pattern", PATTERN_FILE):
-        for name, limit, key in places(data, ("forces", "strain_limit", "passes")):
-            if not _said(given, name):
-                limit[key] = PATTERN_PASSES
     for name, table, key in files_named(data) if folder else ():
         if not _said(given, name):
             table[key] = str(folder / table[key])  # a path in a file is meant from where the file lies

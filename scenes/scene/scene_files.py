@@ -11,7 +11,7 @@ from pydantic import BaseModel
 from .schema import Scene
 from .section import NamesFile
 
-__all__ = ["file_hashes", "file_keys", "files_named", "places"]
+__all__ = ["file_hashes", "file_keys", "files_named"]
 
 Key = tuple[str, ...]
 
@@ -39,7 +39,7 @@ def _marked(kind: Any, marks: Sequence[Any]) -> Iterator[tuple[Key, NamesFile]]:
             yield from _marked(part, ())
 
 
-def places(data: Any, keys: Sequence[str], above: str = "") -> Iterator[tuple[str, Any, Any]]:
+def _places(data: Any, keys: Sequence[str], above: str = "") -> Iterator[tuple[str, Any, Any]]:
     """Where a scene's data state a key, * for any: its whole name, the table or list it is in, and its place there."""
     found = list(data) if isinstance(data, dict) else list(range(len(data))) if isinstance(data, list) else []
     for place in found:
@@ -48,13 +48,13 @@ def places(data: Any, keys: Sequence[str], above: str = "") -> Iterator[tuple[st
         if len(keys) == 1:
             yield f"{above}{place}", data, place
         else:
-            yield from places(data[place], keys[1:], f"{above}{place}.")
+            yield from _places(data[place], keys[1:], f"{above}{place}.")
 
 
 def files_named(data: Any) -> Iterator[tuple[str, Any, Any]]:
-    """`places` of a scene's data, as they stand in TOML, whose text is the path of a file."""
+    """`_places` of a scene's data, as they stand in TOML, whose text is the path of a file."""
     for key, mark in file_keys():
-        for name, table, place in places(data, key):
+        for name, table, place in _places(data, key):
             if isinstance(table[place], str) and mark.fits(table[place]):
                 yield name, table, place
 

@@ -70,7 +70,7 @@ def _yarn() -> str:
 
 def _slivers() -> str:
     """A sheet whose outer cells are a millionth cloth, let go for a second."""
-    material, shares = named_material("cotton-shirting"), np.ones((11, 11))
+    material, shares = named_material("cotton-shirting").linear, np.ones((11, 11))
     shares[0], shares[:, -1] = 1e-6, 1e-3
     sheet = Sheet.of_cells(shares, material=material, springs=calibrate(material, spacing_x=0.02, spacing_y=0.02))
     simulation = Simulation(sheet, Verlet(sheet, Forces()), forces=Forces(), positions=sheet.flat())
@@ -98,16 +98,8 @@ def _dart() -> str:
     """A seam whose two edges meet in a point, moved for half a second."""
     panel = _panel((0, 0), (0.2, 0), (0.2, 0.2), (0.11, 0.2), (0.1, 0.05), (0.09, 0.2), (0, 0.2))
     pattern = Pattern("dart", (panel,), (Seam(Side("p", 3), Side("p", 4)),))
-    garment = Garment(pattern, cut(pattern, (0.01, 0.01)), named_material("cotton-shirting"))
-    none = np.zeros(0)
-    simulation = garment.simulation(
-        Forces(gravity=(0.0, 0.0, 0.0)),
-        garment.atlas.start(),
-        places=np.zeros((0, 3)),
-        held=none.astype(bool),
-        bones=none.astype(int),
-        frame_rate=60.0,
-    )
+    garment = Garment(pattern, cut(pattern, (0.01, 0.01)), named_material("cotton-shirting").linear)
+    simulation = garment.simulation(Forces(gravity=(0.0, 0.0, 0.0)), garment.atlas.start(), frame_rate=60.0)
     for _ in range(30):
         simulation.step()
     _finite(simulation.positions[simulation.sheet.present])
@@ -184,7 +176,7 @@ def _springs() -> str:
 
 def _limit(points: int, pulled: float = 0.0, **changes: float) -> str:
     """pulled: strain both ways of a sheet whose whole border is held there."""
-    material = replace(named_material("cotton-shirting"), **changes)
+    material = replace(named_material("cotton-shirting").linear, **changes)
     held = np.zeros((points, points), bool)
     held[0] = True
     if pulled:

@@ -111,15 +111,16 @@ class _Loaded(Sheet):
 
 
 def _material(cell: Cell) -> Material:
-    base = named_material("cotton-shirting")
+    base = named_material("cotton-shirting").linear
     names = ("tensile_warp", "tensile_weft", "shear", "bending_warp", "bending_weft")
     scaled = {name: cell.stiffness * getattr(base, name) for name in names}
-    share = SHARE if cell.limited else 1.0
+    if cell.limited:
+        scaled |= {name: SHARE * scaled[name] for name in ("tensile_warp", "tensile_weft")}
     density = 0.0 if cell.start == "no mass" else base.density
     if cell.start == "pulled":  # diagonals that are stiffer than threads turn towards the pull
         scaled["tensile_warp"] = scaled["tensile_weft"]
         scaled["shear"] = 3 * scaled["tensile_weft"]
-    return replace(base, **scaled, density=density, air_damping=4.0, tensile_share=share)
+    return replace(base, **scaled, density=density, air_damping=4.0)
 
 
 def _sheet(cell: Cell) -> Sheet:

@@ -106,7 +106,7 @@ def _sheet(threads: int, k: int) -> Sheet:
     """Of a cloth of threads × threads with a key point every k, as `drape` has it."""
     scene = load_scene("drape")
     assert scene.cloth is not None
-    material = replace(material_of(scene.cloth), air_damping=AIR)
+    material = replace(material_of(scene.cloth).linear, air_damping=AIR)
     points = (threads - 1) // k + 1
     springs = calibrate(material, spacing_x=k * PITCH, spacing_y=k * PITCH)
     return Sheet.rectangle(points, points, material=material, springs=springs)

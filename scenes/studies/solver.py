@@ -225,14 +225,12 @@ CROSSING = Study(
 WORN = Study(
     name="solver_worn",
     title="Solvers: a garment",
-    about="The built-in skirt, from its rest. Reference: Verlet in float32 at an eighth of the scene's step, or at a "
-    "quarter with springs that carry the whole stiffness. Error: root mean square distance of key points.",
+    about="The built-in skirt, from its rest, as the body sets off walking. Reference: whole yarns at an eighth of the "
+    "scene's step. Error: root mean square distance of key points.",
     error=Axis("error, rms", "mm", 1e3),
     time=MOTION.time,
     rows=lambda quick: worn.rows(),
     why={
-        "Verlet": "its error is a small part of what the spacing of key points costs, which no step mends",
-        "Verlet, strain limit": "a share below 1 is cloth that gives until the crimp of its yarns is drawn out, and "
-        "steps twice as long are worth a few millimetres of that",
+        "whole yarns": "its error is a small part of what the spacing of key points costs, which no step mends",
     },
 )

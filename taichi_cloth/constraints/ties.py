@@ -106,7 +106,7 @@ class TieFields:
         # How much of the frame is over. `wide` is below 0 before the first time in a substep, then what is listed.
         share = ti.cast(done + 1, ti.f32) * self.path[self.capacity, 1]
         if ti.static(self.at_once):
-            if self.wide[None] < 0:
+            if self.wide[None] < 0 or ti.static(points.sums and not self.repeated):  # yarns pull again at what is held
                 self.close_all(points, share)
             elif ti.static(self.repeated):
                 for m in range(self.wide[None]):

@@ -59,12 +59,6 @@ class Simulation:
         velocities: ArrayLike = 0.0,
         pins: tuple[Pins, ...] = (),
     ) -> None:
-        share = sheet.material.tensile_share
-        if share < 1 and forces.strain_limit is None:
-            raise InputError(
-                f"material.tensile_share: {share:g} without forces.strain_limit; nothing would hold the threads: "
-                "add the limit, or leave the share at 1"
-            )
         held = np.zeros(sheet.shape, bool)
         for group in pins:
             if np.shape(group.mask) != sheet.shape or (held & group.mask).any():

@@ -114,7 +114,7 @@ def calibrate(
         if not (isfinite(value) and value > 0):
             raise InputError(f"springs.{name}: {value!r}; allowed: a finite number above 0")
     a, b, g = spacing_x, spacing_y, material.shear
-    e_x, e_y = (material.tensile_share * e for e in (material.tensile_weft, material.tensile_warp))
+    e_x, e_y = material.tensile_weft, material.tensile_warp
     c_y = (e_y + sqrt(e_y**2 + 4 * g**2 * e_y / e_x)) / 2
     c_x = c_y * e_x / e_y
     q_x = q_y = h_x = h_y = 0.0

@@ -175,7 +175,7 @@ class Device:
 
     def __init__(self, primitive: Primitive) -> None:
         body = Colliders(primitives=(primitive,))
-        cotton = MATERIALS["cotton-shirting"]
+        cotton = MATERIALS["cotton-shirting"].linear
         sheet = Sheet.rectangle(2, 2, material=cotton, springs=calibrate(cotton, spacing_x=0.1, spacing_y=0.1))
         self.contact = Contact(body, sheet)
         self.contact.join(2, 1e-4)

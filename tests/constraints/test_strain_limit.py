@@ -146,13 +146,6 @@ def test_seams_and_threads_that_pull_against_each_other_both_hold() -> None:
     assert np.abs(x[-1] - x[-2]).max() * 60 < 0.02
 
 
-def test_springs_of_a_share_need_the_limit() -> None:
-    soft = strip(tensile_share=0.5)
-    with pytest.raises(InputError, match=r"material\.tensile_share: 0\.5 without forces\.strain_limit"):
-        simulate(soft)
-    simulate(soft, forces=Forces(strain_limit=LIMIT))
-
-
 def test_limits_that_cannot_be_are_refused() -> None:
     for options in ({"strain": -0.1}, {"passes": 102}, {"passes": 0}):
         with pytest.raises(InputError, match="strain_limit"):

@@ -72,7 +72,7 @@ def test_atlas_of_a_garment(name):
     for di, dj in ((0, 1), (1, 0), (1, 1)):  # no key points of two panels are neighbours
         one, two = owner[: owner.shape[0] - di, : owner.shape[1] - dj], owner[di:, dj:]
         assert not ((one >= 0) & (two >= 0) & (one != two)).any()
-    garment = Garment(pattern, atlas, MATERIALS["cotton-shirting"])
+    garment = Garment(pattern, atlas, MATERIALS["cotton-shirting"].linear)
     nodes, weights = garment.seams()
     assert np.abs(weights.sum(axis=1)).max() < 1e-9
     start = atlas.start()
@@ -87,7 +87,7 @@ def test_a_panel_smaller_than_a_cell_is_refused():
 
 
 def test_shares_of_cells_keep_the_stable_step():
-    material = MATERIALS["cotton-shirting"]
+    material = MATERIALS["cotton-shirting"].linear
     springs = calibrate(material, spacing_x=0.015, spacing_y=0.015)
     atlas = cut(Pattern("p", (disc(),), ()), (0.015, 0.015))
     whole = Verlet(Sheet.rectangle(14, 14, material=material, springs=springs), forces=no_forces())
@@ -104,7 +104,7 @@ def no_forces():
 @pytest.fixture(scope="module")
 def pair():
     """Two panels of one cell, 3 cm apart, tied at the middles of two facing edges, at rest."""
-    material = replace(MATERIALS["cotton-shirting"], air_damping=0.0)
+    material = replace(MATERIALS["cotton-shirting"].linear, air_damping=0.0)
     cells = np.array([[1.0, 0.0, 0.0, 0.5]])
     springs = calibrate(material, spacing_x=0.01, spacing_y=0.01)
     sheet = Sheet.of_cells(cells, material=material, springs=springs)
@@ -281,7 +281,7 @@ def test_fitting_scales_lifts_and_holds():
     tee = fitted(read_garmentcode(folder_ / "tee.json"), figure)
     top = max(p.place.points(p.outline)[:, 1].max() for p in tee.panels)
     assert top == pytest.approx(figure.neck_height + 0.02)  # where it starts
-    assert {hold.bone for hold in tee.holds} == {"clavicle_l", "clavicle_r"}
+    assert not tee.holds
     wide = 4 * np.abs(tee.panel("front").outline[:, 0]).max()
     assert wide > 1.04 * figure.chest
 

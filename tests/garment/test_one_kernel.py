@@ -1,6 +1,5 @@
 """Garments of any shape, on any body, are moved by kernels that the first of them compiled."""
 
-import numpy as np
 import pytest
 from taichi.lang.kernel_impl import Kernel
 
@@ -24,12 +23,9 @@ def sew_and_wear(name: str, gender: Gender) -> tuple[int, int]:
     body = prepare_body(BodySection(gender=gender))
     colliders = Colliders(primitives=primitives_of(body))
     pattern = draft(name, figure_of(body))
-    garment = Garment(pattern, cut(pattern, spacing_for(pattern, KEY_POINTS)), MATERIALS["cotton-shirting"])
+    garment = Garment(pattern, cut(pattern, spacing_for(pattern, KEY_POINTS)), MATERIALS["cotton-shirting"].linear)
     worn = sew(garment, colliders, limit=LIMIT, closing=2, settling=2)
-    held = np.ones(len(worn.places), bool)
-    forces = Forces(body=colliders, strain_limit=LIMIT)
-    bones = np.full(len(held), -1)
-    simulation = garment.simulation(forces, worn.positions, places=worn.places, held=held, bones=bones)
+    simulation = garment.simulation(Forces(body=colliders, strain_limit=LIMIT), worn.positions)
     simulation.step()
     return simulation.sheet.padded_shape
 

@@ -31,7 +31,7 @@ from taichi_cloth.sheet.materials import MATERIALS
 SAMPLES = {file.stem: file for file in sorted((Path(__file__).parents[1] / "data" / "patterns").glob("*.json"))}
 KEY_POINTS = 800
 CLOTH = replace(
-    MATERIALS["cotton-shirting"], tensile_warp=500.0, tensile_weft=500.0, bending_warp=60e-6, bending_weft=60e-6
+    MATERIALS["cotton-shirting"].linear, tensile_warp=500.0, tensile_weft=500.0, bending_warp=60e-6, bending_weft=60e-6
 )
 LIMIT = StrainLimit(strain=0.03, passes=3)
 
@@ -73,17 +73,13 @@ def test_a_skirt_starts_closed_and_clear_of_the_body():
 
 @pytest.mark.parametrize("name", SAMPLES)
 def test_patterns_of_others_are_wide_enough_and_face_outwards(name):
-    """Right sides away from the body; skirts held at the waist's height; shoulders held by the shoulder blades."""
+    """Right sides away from the body; skirts held at the waist's height; tops by nothing but what they lie on."""
     _, _, own = figure("female")
     pattern = pattern_of(name, "female")
-    assert pattern.holds
-    bones = {hold.bone for hold in pattern.holds}
+    assert {hold.bone for hold in pattern.holds} == ({"pelvis"} if name.startswith("skirt") else set())
     if name.startswith("skirt"):
-        assert bones == {"pelvis"}
         band = sum(length(pattern.edge(hold.side)) for hold in pattern.holds)
         assert 1.0 < band / own.waist < 1.35
-    else:
-        assert bones == {"clavicle_l", "clavicle_r"}
     for panel in pattern.panels:
         grid = panel.outline.mean(axis=0) + np.array([[0.0, 0.0], [0.01, 0.0], [0.0, 0.01]])
         p = panel.place.points(grid)
@@ -123,7 +119,7 @@ def test_darts_too_narrow_for_their_key_points_are_named(spacing, why, wish):
     pattern = Pattern("dart", (panel,), (Seam(Side("front", 3), Side("front", 4), alike=False),))
     garment = Garment(pattern, cut(pattern, (spacing, spacing)), CLOTH)
     flat = garment.atlas.start().astype(np.float32)
-    worn = Worn(flat, np.zeros((0, 3)), gap=0.02, depth=0.0, stretch=0.0, speed=0.0, frames=0)
+    worn = Worn(flat, gap=0.02, depth=0.0, stretch=0.0, speed=0.0, frames=0)
     assert misfit(garment, worn) == f"a seam of front stays 20.0 mm open (allowed 2){why}{wish}"
     deep = replace(worn, gap=0.0, depth=0.01)
     assert misfit(garment, deep) == f"cloth lies 10.0 mm in the body (allowed 3){wish}"
@@ -248,8 +244,6 @@ def test_what_walks_is_not_torn(name, gender, contact, frames):
     simulation = garment.simulation(
         Forces(body=moving, strain_limit=LIMIT),
         worn.positions,
-        places=worn.places,
-        held=np.ones(len(names), bool),
         bones=np.array([body.skeleton.index(name) for name in names]),
         frame_rate=30.0,
     )

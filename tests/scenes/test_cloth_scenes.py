@@ -16,7 +16,7 @@ from taichi_cloth.scenes.picture.view import View
 from taichi_cloth.scenes.plan.plan import plan
 from taichi_cloth.scenes.prepare.sheet_setup import forces_of, material_of, sheet_simulation, start_of
 from taichi_cloth.scenes.scene.load import load_scene
-from taichi_cloth.sheet.materials import named_material
+from taichi_cloth.sheet.materials import Material, named_material
 
 SCENES = ("drape", "flag", "hanging", "stretch")
 SMALL = ["cloth.rows=9", "cloth.columns=9", "cloth.threads_per_key_point=2", "output.frames=4"]
@@ -221,6 +221,23 @@ def test_properties_replace_those_of_the_preset() -> None:
     assert material_of(cloth).tensile_warp == named_material("denim").tensile_warp
 
 
+def test_threads_whose_stiffness_a_scene_names_are_linear_and_so_are_all_of_verlet() -> None:
+    """Unless the scene says from when on they get stiffer."""
+
+    def material(*changes: str) -> Material:
+        scene = load_scene("drape", list(changes))
+        assert scene.cloth is not None
+        return material_of(scene.cloth, scene.solver)
+
+    preset, warp = named_material("cotton-shirting"), "cloth.properties.tensile_warp_n_per_m=1e9"
+    assert (preset.drawn_warp, preset.drawn_weft) == (material().drawn_warp, material().drawn_weft)
+    assert (material(warp).drawn_warp, material(warp).drawn_weft) == (0.0, preset.drawn_weft)
+    curve = ["cloth.properties.drawn_warp_n_per_m=2e9", "cloth.properties.crimp_warp_percent=1"]
+    assert (material(warp, *curve).drawn_warp, material(warp, *curve).crimp_warp) == (2e9, 0.01)
+    assert not material("solver.name=verlet").curved
+    assert material("solver.name=verlet").tensile_warp == preset.tensile_warp
+
+
 def test_pleats_keep_the_length_of_the_sheet() -> None:
     """Width over that of the pleats is the fullness, to 1 %; no thread is stretched by more than the chords' 2 %."""
     scene = load_scene("hanging")
@@ -257,6 +274,7 @@ def test_pulled_edges_part_by_what_the_scene_says() -> None:
         (["forces.self_contact.thickness_mm=100"], "4 times"),
         (["solver.name=implicit"], 'solver.name: there is no "implicit" any more; name "yarns"'),
         (["forces.sphere.radius_m=-1"], "radius_m"),
+        (["cloth.properties.tensile_share=0.5"], "there is no tensile_share any more"),
         (["output.frame=120"], "119"),
     ],
 )

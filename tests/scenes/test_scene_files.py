@@ -176,19 +176,6 @@ def test_a_malformed_command_is_refused(arguments: list[str], says: str, refused
         assert words.lower() in line.lower()
 
 
-def test_a_pattern_from_a_file_gets_more_passes_of_the_strain_limit() -> None:
-    """Unless they are stated; built-in scenes take as many as their own garments need."""
-
-    def passes(*overrides: str) -> int | None:
-        forces = load_scene("tshirt", list(overrides)).forces
-        return forces.strain_limit.passes if forces and forces.strain_limit else None
-
-    assert passes() == 2
-    assert passes("garment.pattern=own.json") == 5
-    assert passes("garment.pattern=own.json", "forces.strain_limit.passes=3") == 3
-    assert passes("garment.pattern=skirt") == 2
-
-
 def test_a_scene_of_nothing_is_the_default_fibre(tmp_path: Path) -> None:
     (tmp_path / "empty.toml").write_bytes(b"")
     assert load_scene(str(tmp_path / "empty.toml")).subject == "fibre"

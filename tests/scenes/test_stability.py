@@ -76,7 +76,7 @@ def small(**changes: float) -> Sheet:
     from taichi_cloth.sheet.materials import named_material
     from taichi_cloth.sheet.springs import calibrate
 
-    material = replace(named_material("cotton-shirting"), **changes)
+    material = replace(named_material("cotton-shirting").linear, **changes)
     held = np.zeros((12, 12), bool)  # of the shape of the matrix' sheets: one kernel
     held[0] = True
     springs = calibrate(material, spacing_x=0.02, spacing_y=0.02)

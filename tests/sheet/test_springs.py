@@ -97,14 +97,27 @@ def test_no_key_point_of_a_cut_sheet_is_lighter_than_the_corner_of_a_cell() -> N
     assert sheet.mass[1, 1] == pytest.approx(3.02 * quarter)
 
 
-def test_springs_that_carry_a_share_are_those_of_a_softer_fabric() -> None:
-    """In tension only: the shear and bending of the sheet stay what they are."""
-    springs = [
-        calibrate(replace(PLAIN, **changes), spacing_x=0.01, spacing_y=0.012)
-        for changes in ({"tensile_share": 0.25}, {"tensile_warp": 12.5, "tensile_weft": 12.5})
-    ]
-    assert springs[0] == springs[1]
-    assert springs[0].structural_x < 0.25 * calibrate(PLAIN, spacing_x=0.01, spacing_y=0.012).structural_x
+def test_threads_whose_crimp_is_drawn_out_are_those_of_a_stiffer_fabric() -> None:
+    """In tension along the threads only, and those of a linear fabric are what they were."""
+    springs = calibrate(replace(PLAIN, shear=0.0), spacing_x=0.01, spacing_y=0.012)
+    stiff = replace(PLAIN, shear=0.0, tensile_warp=7e4, tensile_weft=5e4)
+    drawn = springs.drawn(replace(PLAIN, shear=0.0, drawn_warp=7e4, drawn_weft=5e4, crimp_warp=0.02))
+    assert drawn == calibrate(stiff, spacing_x=0.01, spacing_y=0.012)
+    assert springs.drawn(PLAIN) == springs
+    assert (springs.without_threads.structural_x, springs.without_threads.structural_y) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("name", MATERIALS)
+def test_presets_grow_at_490_newtons_a_metre_as_cloth_does_on_a_tensile_tester(name: str) -> None:
+    """Between one and five percent: the crimp, and a little more."""
+    m = MATERIALS[name]
+    for soft, stiff, crimp in (
+        (m.tensile_warp, m.drawn_warp, m.crimp_warp),
+        (m.tensile_weft, m.drawn_weft, m.crimp_weft),
+    ):
+        strain = crimp + (490.0 - soft * crimp) / stiff
+        assert 0.01 < crimp < strain < 0.05
+    assert not m.linear.curved
 
 
 def test_refusals_are_one_line() -> None:
@@ -112,7 +125,6 @@ def test_refusals_are_one_line() -> None:
         (lambda: named_material("denin"), 'did you mean "denim"'),
         (lambda: replace(PLAIN, density=0.0), "material.density: 0.0; allowed: a finite number, above 0"),
         (lambda: replace(PLAIN, shear=-1.0), "0 or more"),
-        (lambda: replace(PLAIN, tensile_share=0.0), "material.tensile_share: 0.0; allowed: above 0, at most 1"),
         (lambda: calibrate(PLAIN, spacing_x=0.0, spacing_y=0.1), "springs.spacing_x"),
         (lambda: calibrate(PLAIN, spacing_x=1, spacing_y=1, bending="hinges"), 'did you mean "hinge"'),  # pyright: ignore
         (lambda: calibrate(PLAIN, spacing_x=0.001, spacing_y=0.001, bending="spring"), 'use bending "hinge"'),

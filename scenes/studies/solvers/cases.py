@@ -53,7 +53,7 @@ class Case:
 
 def case_of(name: str, points: int, *, threads: float = 1.0, ratio: float | None = None) -> Case:
     """A sheet of points × points. ratio: of the threads' stiffness to that of shear, instead of cotton's."""
-    base = named_material("cotton-shirting")
+    base = named_material("cotton-shirting").linear
     kept = {key: threads * getattr(base, key) for key in ("tensile_warp", "tensile_weft")}
     if ratio is not None:
         kept = dict.fromkeys(kept, ratio * base.shear)

@@ -157,13 +157,7 @@ def _tshirt(f: Figure, cut: Cut) -> Pattern:
         *_sides("right_sleeve", "front", ((2, 6),)),
         *_sides("right_sleeve", "back", ((3, 2),)),
     ]
-    return Pattern("tshirt", tuple(panels), tuple(seams), _shoulders())
-
-
-def _shoulders() -> tuple[Hold, ...]:
-    """Both edges of the shoulder seams of a top, carried by the shoulder blades' bones."""
-    left, right = (Side("front", 3), Side("back", 5)), (Side("front", 5), Side("back", 3))
-    return (*(Hold(side, "clavicle_l") for side in left), *(Hold(side, "clavicle_r") for side in right))
+    return Pattern("tshirt", tuple(panels), tuple(seams))
 
 
 def _sides(a: str, b: str, edges: tuple[tuple[int, int], ...]) -> list[Seam]:
@@ -217,7 +211,7 @@ def _skirt(f: Figure, cut: Cut) -> Pattern:
         _sector(name, waist / 2, hem / 2, long, f, back=name == "back", height=f.waist_height)
         for name in ("front", "back")
     ]
-    band = tuple(Hold(Side(name, 2), "pelvis", early=True) for name in ("front", "back"))
+    band = tuple(Hold(Side(name, 2), "pelvis") for name in ("front", "back"))
     return Pattern("skirt", tuple(panels), tuple(_sides("front", "back", ((1, 3), (3, 1)))), band)
 
 
@@ -248,7 +242,7 @@ def _dress(f: Figure, cut: Cut) -> Pattern:
         *_sides("front", "skirt_front", ((0, 2),)),
         *_sides("back", "skirt_back", ((0, 2),)),
     ]
-    return Pattern("dress", tuple(panels), tuple(seams), _shoulders())
+    return Pattern("dress", tuple(panels), tuple(seams))
 
 
 def _trousers(f: Figure, cut: Cut) -> Pattern:
@@ -288,7 +282,7 @@ def _trousers(f: Figure, cut: Cut) -> Pattern:
             place = Flat(turn, np.array([0.0, f.waist_height, away]))
             panels.append(Panel(f"{side}_{name}", tuple(edges), place, hems=(0,)))
             round_waist = Wrap(middle_of_waist, UP, FRONT if name == "front" else -FRONT, ring)
-            band.append(Hold(Side(f"{side}_{name}", 2 if mirrored > 0 else 3), "pelvis", early=True, place=round_waist))
+            band.append(Hold(Side(f"{side}_{name}", 2 if mirrored > 0 else 3), "pelvis", place=round_waist))
 
     def edge(panel: str, part: int) -> Side:
         """part: 1 outer, 3 centre, 4 inner; a mirrored loop counts the other way."""

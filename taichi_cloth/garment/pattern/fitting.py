@@ -71,8 +71,7 @@ def fitted(pattern: Pattern, figure: Figure) -> Pattern:
         if own > 0.4 * girth:  # less: the garment ends above, or is sewn of parts that do not meet yet
             need = max(need, (1 + EASE) * float(girth) / own)
     _check(pattern, need * figure.chest / OWN_CHEST)
-    out = _along_arms(_clear(out.scaled(need, 1.0), figure), figure)
-    return replace(out, holds=_shoulders(out, figure))
+    return _along_arms(_clear(out.scaled(need, 1.0), figure), figure)
 
 
 def _graded(pattern: Pattern, figure: Figure) -> Pattern:
@@ -292,21 +291,6 @@ def _sewn(pattern: Pattern, panel: str) -> set[int]:
     return {s.edge for seam in pattern.seams for s in (seam.first, seam.second) if s.panel == panel}
 
 
-def _shoulders(pattern: Pattern, figure: Figure) -> tuple[Hold, ...]:
-    """Seams of the trunk's panels on top of the shoulders."""
-    holds = []
-    sleeves = _sleeves(pattern, figure)
-    for seam in pattern.seams:
-        sides = (seam.first, seam.second)
-        if any(s.panel in sleeves for s in sides):
-            continue
-        ends = np.concatenate([_at(pattern, s) for s in sides])
-        x = float(ends[:, 0].mean())
-        if ends[:, 1].min() > figure.shoulder_height - 0.06 and 0.02 < abs(x) < figure.shoulder / 2 + 0.03:
-            holds += [Hold(side, "clavicle_l" if x > 0 else "clavicle_r") for side in sides]
-    return tuple(holds)
-
-
 def _band(pattern: Pattern) -> list[Side]:
     """The free edges near the top of a pattern."""
     sewn = {(s.panel, s.edge) for seam in pattern.seams for s in (seam.first, seam.second)}
@@ -357,4 +341,4 @@ def _round_waist(pattern: Pattern, figure: Figure) -> Pattern:
         change[side.panel] = Wrap(
             origin, UP, np.array([0.0, 0.0, 1.0]), ring, middle=middle, taper=taper, at=at, top=top
         )
-    return replace(_placed(pattern, change), holds=tuple(Hold(side, "pelvis", early=True) for side in band))
+    return replace(_placed(pattern, change), holds=tuple(Hold(side, "pelvis") for side in band))

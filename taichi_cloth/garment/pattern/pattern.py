@@ -175,15 +175,12 @@ class Seam:
 
 @dataclass(frozen=True)
 class Hold:
-    """An edge that the body carries (paper 4.1: the shoulders): attached rigidly to a bone, by name.
-
-    early: from the start, as a waistband, and where `place` has the edge (None: where its panel starts); otherwise
-    where it comes to rest.
+    """An edge that the body carries, as a waistband: attached rigidly to a bone, by name, where `place` has the edge
+    (None: where its panel starts). Tops need none: they hang on the shoulders by friction.
     """
 
     side: Side
     bone: str
-    early: bool = False
     place: Flat | Wrap | Cone | None = None
 
 

@@ -36,6 +36,8 @@ SHARE = 0.2
 """Of a panel's key points that lie nearest to a limb that the panel is of."""
 CLOSE = 0.02
 """From a limb of another panel at which a key point still rests on it [m]."""
+ABOVE = 0.06
+"""The same while the garment is sewn and may yet come down on it [m]."""
 FACING = 0.5
 """Cosine between the normals of two surfaces below which there is a fold between them."""
 NEARER = 0.005
@@ -81,7 +83,7 @@ def _met(distance: F64, normal: F64, of: NDArray[np.bool_], moving: bool) -> NDA
     points = np.arange(distance.shape[1])
     own = np.flatnonzero(of)[distance[of].argmin(axis=0)]
     along = np.einsum("kna,na->kn", normal, normal[own, points])
-    other = (distance < CLOSE) & ~of[:, None]
+    other = (distance < (CLOSE if moving else ABOVE)) & ~of[:, None]
     out = of[:, None] | (other & (along > FACING))
     fold = np.where(~of[:, None] & (along <= FACING), distance, np.inf)
     across, there = fold.min(axis=0), fold.argmin(axis=0)

@@ -42,10 +42,6 @@ DEEPEST = 3e-3
 TAUT = 0.08
 """Largest strain at rest of a garment that fits."""
 
-CARRIED = 0.25, 0.75
-"""From where to where of its length an edge is held that is held where it rests: its ends, at neck and armhole, go with
-the cloth around them."""
-
 CLOSING = 240  # frames at most
 SETTLING = 300
 SWINGING = 120
@@ -103,44 +99,36 @@ class Garment:
         """Number of each seam's last tie in `seams`, (seams,)."""
         return np.cumsum(self._counts()) - 1
 
-    def holds(self) -> tuple[I64, F64, F64, list[str], NDArray[np.bool_]]:
-        """Points of the edges that the body carries: blends (n, 4, 2) and (n, 4), where those that are early belong
-        (n, 3) [m], the name of the bone of each, and whether it is held from the start or only once the garment
-        rests."""
-        nodes, weights, places, bones, early = [], [], [], [], []
+    def holds(self) -> tuple[I64, F64, F64, list[str]]:
+        """Points of the edges that the body carries: blends (n, 4, 2) and (n, 4), where they belong (n, 3) [m], and the
+        name of the bone of each."""
+        nodes, weights, places, bones = [], [], [], []
         for hold in self.pattern.holds:
             edge = self.pattern.edge(hold.side)
             count = max(2, int(np.ceil(length(edge) / max(self.atlas.spacing))) + 1)
-            points = along(edge, np.linspace(0.0, 1.0, count) if hold.early else np.linspace(*CARRIED, count))
+            points = along(edge, np.linspace(0.0, 1.0, count))
             n, w = self._embedded(hold.side, points)
             nodes.append(n)
             weights.append(w)
             places.append((hold.place or self.pattern.panel(hold.side.panel).place).points(points))
             bones += [hold.bone] * count
-            early += [hold.early] * count
         if not nodes:
-            return np.zeros((0, 4, 2), np.int64), np.zeros((0, 4)), np.zeros((0, 3)), [], np.zeros(0, bool)
-        return np.concatenate(nodes), np.concatenate(weights), np.concatenate(places), bones, np.array(early)
+            return np.zeros((0, 4, 2), np.int64), np.zeros((0, 4)), np.zeros((0, 3)), []
+        return np.concatenate(nodes), np.concatenate(weights), np.concatenate(places), bones
 
     def _embedded(self, side: Side, points: F64) -> tuple[I64, F64]:
         piece = self.atlas.panel(side.panel)
         return piece.embed(turned(points, piece.panel.grain))
 
-    def ties(
-        self, sheet: Sheet, places: F64, held: NDArray[np.bool_], bones: NDArray, speed: float
-    ) -> tuple[Ties, ...]:
-        """Those holds that are `held`, at `places` (n, 3) [m], carried by `bones` (n,), and the seams; where there are
-        any.
-
-        A garment with holds of which none is held has one that holds nothing, so that its kernel is the one it is worn
-        with."""
+    def ties(self, sheet: Sheet, bones: NDArray, speed: float) -> tuple[Ties, ...]:
+        """Holds, carried by `bones` (n,), and seams, where there are any. A garment without holds has one that holds
+        nothing, so that its kernel is that of all garments."""
         seams, seam_weights = self.seams()
-        nodes, weights = self.holds()[:2]
-        out = []
-        if len(nodes):
-            chosen = held if held.any() else np.arange(len(held)) == 0
-            carried = {"places": places[chosen], "bones": bones[chosen], "repeated": False}
-            out.append(Ties(sheet, nodes[chosen], weights[chosen] * held[chosen, None], speed=speed, **carried))
+        nodes, weights, places, _ = self.holds()
+        if not len(nodes):
+            nodes, weights, places = np.zeros((1, 4, 2), np.int64), np.zeros((1, 4)), np.zeros((1, 3))
+            bones = np.full(1, -1)
+        out = [Ties(sheet, nodes, weights, speed=speed, places=places, bones=bones, repeated=False)]
         if len(seams):
             out.append(Ties(sheet, seams, seam_weights, speed=speed))
         return tuple(out)
@@ -150,24 +138,24 @@ class Garment:
         forces: Forces,
         positions: F64 | F32,
         *,
-        places: F64,
-        held: NDArray[np.bool_],
-        bones: NDArray,
+        bones: NDArray | None = None,
         frame_rate: float = 60.0,
+        step: float | None = None,
         safety: float = 0.9,
         air_damping: float | None = None,
         speed: float = 0.5,
         choose: Callable[..., tuple[Constraint, ...]] = constraints_for,
         solver: str = "verlet",
     ) -> Simulation:
-        """The garment in motion from `positions`, seams and holds tied. choose: of the arguments of `constraints_for`,
-        and in its place. solver: see `named_solver`."""
+        """The garment in motion from `positions`, seams and holds tied. bones: that carry the holds, −1 for none; None:
+        none are carried. choose: of the arguments of `constraints_for`, and in its place. solver: see `named_solver`.
+        """
         sheet = self.moving(air_damping)
-        ties = self.ties(sheet, places, held, bones, speed)
+        ties = self.ties(sheet, np.full(len(self.holds()[0]), -1) if bones is None else bones, speed)
         kind = named_solver(solver)
         sewn = self.sewn() if forces.self_contact else None
         constraints = choose(sheet, forces, ties=ties, sewn=sewn, answered=kind.answers)
-        made = kind(sheet, forces, frame_rate=frame_rate, safety=safety, constraints=constraints)
+        made = kind(sheet, forces, frame_rate=frame_rate, step=step, safety=safety, constraints=constraints)
         return Simulation(sheet, made, forces=forces, positions=positions)
 
 
@@ -175,13 +163,12 @@ class Garment:
 class Worn:
     """A garment at rest on a body.
 
-    positions: key points (rows, cols, 3) [m]. places: (n, 3) of the pattern's holds [m]. gap: of the widest seam [m].
-    depth: of the deepest key point in the body [m]. stretch: largest strain of a thread. speed: root mean square from
-    frame to frame at the end [m/s]. frames: that sewing took.
+    positions: key points (rows, cols, 3) [m]. gap: of the widest seam [m]. depth: of the deepest key point in the body
+    [m]. stretch: largest strain of a thread. speed: root mean square from frame to frame at the end [m/s]. frames: that
+    sewing took.
     """
 
     positions: F32
-    places: F64
     gap: float
     depth: float
     stretch: float
@@ -204,8 +191,6 @@ def sew(
 
     Raises InputError when the cloth does not hold together, with what to change.
     """
-    _, _, places, names, early = garment.holds()
-    bones = np.full(len(names), -1)
     start = garment.atlas.start()
     still = replace(body, motion=None, recovery=RECOVERY)
     smooth = replace(still, friction=0.05)
@@ -214,9 +199,6 @@ def sew(
         simulation = garment.simulation(
             Forces(gravity=(0.0, 0.0, 0.0), body=smooth, strain_limit=limit),
             start,
-            places=places,
-            held=early,
-            bones=bones,
             air_damping=THICK,
             solver=solver,
         )
@@ -234,9 +216,6 @@ def sew(
             simulation = garment.simulation(
                 Forces(body=still, strain_limit=limit),
                 simulation.positions,
-                places=places,
-                held=early,
-                bones=bones,
                 air_damping=air,
                 solver=solver,
             )
@@ -261,11 +240,8 @@ def sew(
     present = simulation.sheet.present
     distance = solid_distance(body.solids, positions[present])
     depth = float(max(0.0, -distance.min()))
-    nodes, weights = garment.holds()[:2]
-    rested = np.einsum("nkc,nk->nc", positions[nodes[..., 0], nodes[..., 1]], weights)
     return Worn(
         positions=positions,
-        places=np.where(early[:, None], places, rested),
         gap=_gap(simulation),
         depth=depth,
         stretch=float(max(s.max() for s in simulation.sheet.stretch(positions))),
