@@ -65,6 +65,11 @@ class Layout:
         return sum(one.numbers for one in RECORD[:stop] if one.name in names)
 
     @property
+    def of_splat(self) -> "Layout":
+        """What of it still shows in the splats that `project` makes of particles: no more is compiled into the raster."""
+        return Layout(elliptic=self.elliptic, textured=self.textured)
+
+    @property
     def splat_size(self) -> int:
         """Numbers that the raster reads for one splat (see `project`)."""
         return 16 if self.elliptic else 8

@@ -36,12 +36,12 @@ def resolve_neutral(
         if ti.static(features.turn == "last"):
             touched = True
         for y in range(ti.min(TILE, picture.height - y0)):
-            for x in ti.static(range(TILE)):
+            for x in range(TILE):
                 # Linear light of the pixel, in front of what stands behind it.
                 column = x0 + x if ti.static(features.behind != "gradient") else 0
                 light = ti.Vector([backdrop[y0 + y, column, c] for c in range(3)])
                 if touched:
-                    row, lane = ti.static(x // HALF, x % HALF)
+                    row, lane = x // HALF, x % HALF
                     light *= planes.through[tile, 2 * y + row][lane]
                     light += ti.Vector(
                         [plane[tile, 2 * y + row][lane] for plane in ti.static((planes.red, planes.green, planes.blue))]

@@ -245,7 +245,7 @@ class Splatter:
 
         # Blended and shown.
         self._features = Features(
-            self._layout, self._profile, self._turn, "gradient" if backdrop is None else backdrop.kind
+            self._layout.of_splat, self._profile, self._turn, "gradient" if backdrop is None else backdrop.kind
         )
         colours = (background or Background()).rows(self.height) if backdrop is None else backdrop.colour
         wall = NO_WALL if backdrop is None or backdrop.wall is None else backdrop.wall

@@ -19,7 +19,7 @@ class Features:
     """What the kernel contains. Taichi compiles one kernel for each combination that is used."""
 
     layout: Layout
-    """The properties that particles have."""
+    """As of `Layout.of_splat`."""
     profile: RimShape
     """How a splat's alpha falls to its rim: over one pixel, all the way, or by the edge of `Picture`."""
     turn: Turn = "only"

@@ -2,8 +2,8 @@
 
 They are fields because the raster is three times as fast on fields as on arrays: only there does LLVM know that
 the four planes do not overlap. But Taichi compiles a kernel anew for every field and never frees one. So a
-splatter borrows planes, with some room to spare, and when it is gone the next one of about that size gets the
-same fields and the same compiled kernel.
+splatter borrows planes of a class of sizes, and when it is gone the next one of that class gets the same fields
+and the same compiled kernel.
 """
 
 import weakref
@@ -69,9 +69,8 @@ def borrow(owner: object, tiles: int) -> Planes:
 
 
 def _rounded(tiles: int) -> int:
-    """Up to an eighth more than `tiles`, at least 64: few sizes, so that planes are often used again."""
-    step = 1 << max(max(tiles - 1, 1).bit_length() - 4, 0)
-    return max(64, -(-tiles // step) * step)
+    """The least of 1024 (4 MB, 512 x 512 px), 2048, 4096, … that holds so many: what is compiled is for one of them."""
+    return max(1024, 1 << (tiles - 1).bit_length())
 
 
 def _give_back(program: Any, capacity: int, planes: Planes) -> None:
