@@ -3,6 +3,7 @@
 Compiling kernels is half of the suite's work, so tests that share kernels, bodies or garments run in one process.
 """
 
+import gc
 from collections.abc import Iterator
 from typing import Any, get_args
 
@@ -20,6 +21,8 @@ SHARED = {
         "scenes/test_cloth_scenes.py",
         "scenes/test_still.py",
         "scenes/test_still_ids.py",
+        "scenes/test_sequence.py",
+        "test_readme.py",
     ),
     "worn": ("body", "garment"),
 }
@@ -41,6 +44,12 @@ class ByGroup(LoadScopeScheduling):
 
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> ByGroup:
     return ByGroup(config, log)
+
+
+def pytest_collection_finish() -> None:
+    """What collecting has made stays, and need not be looked through for garbage again and again."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture(scope="session", autouse=True)

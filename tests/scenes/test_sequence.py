@@ -15,6 +15,7 @@ import pytest
 
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.render.image.image import read_png
+from taichi_cloth.scenes.__main__ import _status
 from taichi_cloth.scenes.commands.output_folder import OutputFolder
 from taichi_cloth.scenes.commands.sequence import Sequence, fingerprint
 from taichi_cloth.scenes.scene.load import load_scene
@@ -166,7 +167,7 @@ def test_the_fingerprint_tells_commands_scenes_and_drafts_apart(tmp_path: Path) 
     assert fingerprint(load_scene("plain"), "turntable") == marks[0]
 
 
-# ---- the whole command, in processes of its own
+# ---- the whole command
 
 
 def command(out: Path, *more: str, **options: Any) -> subprocess.CompletedProcess[str]:
@@ -188,19 +189,23 @@ def test_the_same_command_gives_the_same_bytes_on_any_number_of_threads(tmp_path
     assert contents(runs[3]) == first  # the video too
 
 
-def test_resume_of_the_whole_command_gives_the_same_bytes(tmp_path: Path) -> None:
+@pytest.mark.usefixtures("keep_taichi")
+def test_resume_of_the_whole_command_gives_the_same_bytes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = tmp_path / "out"
-    assert command(folder).returncode == 0
+
+    def status(*more: str) -> int:
+        return _status(["turntable", *TINY, "--out", str(folder), *more])
+
+    assert status() == 0
     first = contents(folder)
     for name in ("frame_0001.png", "sheet.png", "turntable.mp4"):
         (folder / name).unlink()
     kept = (folder / "frame_0002.png").stat().st_mtime_ns
-    assert command(folder, "--resume").returncode == 0
+    assert status("--resume") == 0
     assert contents(folder) == first
     assert (folder / "frame_0002.png").stat().st_mtime_ns == kept
-    refused = command(folder, "--resume", "--set", "seed=1")
-    assert refused.returncode == 2
-    assert "left by another scene" in refused.stderr
+    assert status("--resume", "--set", "seed=1") == 2
+    assert "left by another scene" in capsys.readouterr().err
     assert contents(folder) == first
 
 
