@@ -66,7 +66,7 @@ class Layout:
 
     @property
     def of_splat(self) -> "Layout":
-        """What of it still shows in the splats that `project` makes of particles: no more is compiled into the raster."""
+        """What of it shows in the splats that `project` makes of particles: all that is compiled into the raster."""
         return Layout(elliptic=self.elliptic, textured=self.textured)
 
     @property

@@ -31,7 +31,8 @@ import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
 
-from taichi_cloth.ground.arrays import F32x2, F32x3, I32x2, Int, Template
+from taichi_cloth.ground.arrays import F32x2, F32x3, Float, I32x2, Int, Template
+from taichi_cloth.ground.routine import routine
 from taichi_cloth.motion.stencil import largest, load, near, store
 from taichi_cloth.sheet.sheet import LANES
 
@@ -225,39 +226,58 @@ class WholeYarns:
     def solve(self, points: Template, family, sweep, pulls):
         """A sweep over the yarns of a family, the first of a substep being 0. pulls: whether to look how tight they are
         after it."""
-        count, lag, n = self.count[None], self.lag[family], self.numbers[family]
-        base, offset = family * self.size, self.offset[family]
         begin = ti.select(family == 0, ti.static(self.size // LANES), ti.static(4 * (self.size // LANES)))
         carried = ti.select(sweep == 0, 0.0, 1.0)  # nothing pulls yet in the first
-        limited = n.bound < NEVER
         anew = sweep == 0 or self.wild[None] > 0.0
         if not anew:
             store(self.differs, 0, ti.Vector([0.0] * LANES))
-            for e in range(begin - lag, begin + count):
-                self.aim(points, self.lanes(e + lag), base, offset, n)
-                p = self.lanes(e)
-                self.straighten(points, p, base, offset)
-                self.ask(points, p, base, offset, carried, n, False)
-                if limited:
-                    self.hold(points, p, base, n, False)
-                if family > 0:
-                    self.down(points, p, base, offset, False)
-                elif self.closes[e] >= 0:
-                    self.turned_down(self.tile[self.closes[e]], self.turned_tile[self.closes[e]], False)
+            self.go_down_again(points, family, begin, carried)
             anew = largest(load(self.differs, 0)) > 0.0
         if anew:
-            for e in range(begin - lag - DELAY, begin + count):
-                self.aim(points, self.lanes(e + lag + DELAY), base, offset, n)
-                self.straighten(points, self.lanes(e + DELAY), base, offset)
-                self.ask(points, self.lanes(e + DELAY), base, offset, carried, n, True)
-                if limited:
-                    self.hold(points, self.lanes(e + DELAY), base, n, True)
-                p = self.lanes(e)
-                self.couple(points, p, base, offset, n)
-                if family > 0:
-                    self.down(points, p, base, offset, True)
-                elif self.closes[e] >= 0:
-                    self.turned_down(self.tile[self.closes[e]], self.turned_tile[self.closes[e]], True)
+            self.go_down(points, family, begin, carried)
+        self.go_up(points, family, begin, carried, ti.cast(pulls, ti.i32))
+
+    @routine
+    def go_down_again(self, points: Template, family: Int, begin: Int, carried: Float):
+        """Right sides and z, with the matrices of the sweep before. begin: of the family's packets in `order`. carried:
+        0 where nothing pulls yet in this substep, else 1."""
+        count, lag, n = self.count[None], self.lag[family], self.numbers[family]
+        base, offset, limited = family * self.size, self.offset[family], n.bound < NEVER
+        for e in range(begin - lag, begin + count):
+            self.aim(points, self.lanes(e + lag), base, offset, n)
+            p = self.lanes(e)
+            self.straighten(points, p, base, offset)
+            self.ask(points, p, base, offset, carried, n, False)
+            if limited:
+                self.hold(points, p, base, n, False)
+            if family > 0:
+                self.down(points, p, base, offset, False)
+            elif self.closes[e] >= 0:
+                self.turned_down(self.tile[self.closes[e]], self.turned_tile[self.closes[e]], False)
+
+    @routine
+    def go_down(self, points: Template, family: Int, begin: Int, carried: Float):
+        """Matrices, right sides and z. Arguments as of `go_down_again`."""
+        count, lag, n = self.count[None], self.lag[family], self.numbers[family]
+        base, offset, limited = family * self.size, self.offset[family], n.bound < NEVER
+        for e in range(begin - lag - DELAY, begin + count):
+            self.aim(points, self.lanes(e + lag + DELAY), base, offset, n)
+            self.straighten(points, self.lanes(e + DELAY), base, offset)
+            self.ask(points, self.lanes(e + DELAY), base, offset, carried, n, True)
+            if limited:
+                self.hold(points, self.lanes(e + DELAY), base, n, True)
+            p = self.lanes(e)
+            self.couple(points, p, base, offset, n)
+            if family > 0:
+                self.down(points, p, base, offset, True)
+            elif self.closes[e] >= 0:
+                self.turned_down(self.tile[self.closes[e]], self.turned_tile[self.closes[e]], True)
+
+    @routine
+    def go_up(self, points: Template, family: Int, begin: Int, carried: Float, pulls: Int):
+        """Δλ, and what it moves. Arguments as of `go_down_again` and `solve`."""
+        count, lag, n = self.count[None], self.lag[family], self.numbers[family]
+        base, offset, limited = family * self.size, self.offset[family], n.bound < NEVER
         for back in range(count + lag):
             e = begin + count - 1 - back
             if family > 0:
@@ -268,7 +288,7 @@ class WholeYarns:
             self.push(points, p, base, offset, carried, n)
             if limited:
                 self.let_go(points, p, base, n)
-            if pulls:
+            if pulls == 1:
                 self.pull(points, p, base, offset, n)
 
     @ti.func
