@@ -39,7 +39,7 @@ def routine(method: Callable[..., Any]) -> Callable[..., Any]:
 def _builder(kernel: Kernel) -> Any:
     """What statements are added to. Taichi takes the kernel's, and loops of a `ti.func` that a routine calls would land
     there."""
-    return get_runtime().compiling_callable.ast_builder()  # pyright: ignore[reportOptionalMemberAccess]
+    return get_runtime().compiling_callable.ast_builder()  # pyright: ignore[reportAttributeAccessIssue]
 
 
 Kernel.ast_builder = _builder  # pyright: ignore[reportAttributeAccessIssue]
