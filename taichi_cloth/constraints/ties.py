@@ -25,9 +25,10 @@ import taichi as ti
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from taichi_cloth.ground.arrays import F32x2, I32x2, Template
+from taichi_cloth.ground.arrays import F32x2, I32x2, Int, Template
 from taichi_cloth.ground.cache import digest
 from taichi_cloth.ground.errors import InputError
+from taichi_cloth.ground.routine import routine
 from taichi_cloth.motion.capacity import class_of
 from taichi_cloth.motion.constraint import SharedConstraint
 from taichi_cloth.motion.forces import FrameForces
@@ -100,8 +101,8 @@ class TieFields:
                     self.apart[c * self.capacity + k] = 0.0
             self.stride[None] = answer.shape[1]
 
-    @ti.func
-    def pull(self, points: Template, done):
+    @routine
+    def pull(self, points: Template, done: Int):
         """Every tie, the first time in a substep; from then on those that were much too wide, one after the other."""
         # How much of the frame is over. `wide` is below 0 before the first time in a substep, then what is listed.
         share = ti.cast(done + 1, ti.f32) * self.path[self.capacity, 1]

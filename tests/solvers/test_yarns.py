@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
+from taichi_cloth.constraints.ties import Ties
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.motion.forces import Forces, FrameForces, Plane, Sphere, StrainLimit
 from taichi_cloth.motion.simulation import Simulation
@@ -209,6 +210,35 @@ def test_each_sweep_leaves_a_share_of_the_error() -> None:
         left.append(max(float(np.abs(part).max()) for part in sheet.stretch(sheet.positions(state).astype(float))))
     assert left[1] < 0.5 * left[0]
     assert left[2] < 0.5 * left[1]
+
+
+@pytest.mark.slow  # for its kernel
+def test_a_seam_moves_as_the_cloth_without_it() -> None:
+    """A swing of two panels sewn together, threads that cannot be stretched, against one of whole cloth: the seam stays
+    closed, and the cloth is within half a millimetre, which is about what its steps cost."""
+    middle, material = SIDE // 2 + 1, times(1e4)
+    cells = np.ones((SIDE, SIDE - 1))
+    cells[middle - 1] = 0.0  # rows middle − 1 and middle lie on each other
+    held = np.zeros((SIDE + 1, SIDE), bool)
+    held[-1] = True
+    springs = calibrate(material, spacing_x=SPACING, spacing_y=SPACING)
+    panels = Sheet.of_cells(cells, material=material, springs=springs, pinned=held)
+    flat = panels.flat()
+    flat[middle:, :, 1] -= SPACING
+    columns = np.arange(SIDE)
+    ends = [np.stack([np.full(SIDE, row), columns], axis=-1) for row in (middle - 1, middle)]
+    seam = Ties(panels, np.stack(ends, axis=1), np.tile([1.0, -1.0], (SIDE, 1)))
+    start = np.stack([flat[..., 0] - 0.5, 0.0 * flat[..., 0], -flat[..., 1]], axis=-1)
+    sewn = simulation(panels, start, constraints=(seam,))
+    sheet = sheet_of(material, pinned=(-1, slice(None)))
+    whole = simulation(sheet, level(sheet))
+    for _ in range(30):
+        sewn.step()
+        whole.step()
+        assert seam.gaps(sewn.state).max() < 5e-4
+    apart = np.linalg.norm(np.delete(sewn.positions, middle, axis=0) - whole.positions, axis=-1)
+    assert apart.max() < 1e-3
+    assert np.sqrt((apart**2).mean()) < 5e-4
 
 
 def test_it_falls_as_all_falls() -> None:
