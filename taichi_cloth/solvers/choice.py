@@ -1,7 +1,7 @@
 """Which solver a sheet gets that names none: the one that takes less time at equal error.
 
 A simulated second takes key points × substeps × what a solver takes for one of these. Verlet's substeps follow from the
-stiffest springs, which threads are, and those of whole yarns from the soft ones; but one of theirs takes three times as
+stiffest springs, those of whole yarns from those that they do not solve whole; but one of theirs takes three times as
 long. So they win where threads are more than some ten times as stiff as shear (docs/solvers.md).
 
 Equal error: both take the steps that they take by themselves, with which cloth that is let go is within half a
@@ -16,9 +16,10 @@ from dataclasses import dataclass, replace
 from taichi_cloth.motion.forces import Forces
 from taichi_cloth.motion.kernel_solver import WORTH_THREADS
 from taichi_cloth.sheet.sheet import Sheet
+from taichi_cloth.sheet.springs import Springs
 from taichi_cloth.solvers.stability import highest_frequency, longest_step
 from taichi_cloth.solvers.step_choice import ROUGH, substeps_of
-from taichi_cloth.solvers.yarns import LONGEST
+from taichi_cloth.solvers.yarns import CHAINED, LONGEST
 
 __all__ = ["Choice", "Cost", "choose"]
 
@@ -63,22 +64,18 @@ def choose(
 ) -> Choice:
     """safety, step: of both, see `Verlet`. Needs no Taichi."""
     springs, material = sheet.springs, sheet.material
-    stiff = replace(sheet, springs=springs.drawn(material))
-    soft = replace(sheet, springs=springs.without_threads)
-    asked = step or LONGEST
-    steps = {
-        "verlet": min(_longest(stiff, safety), step or 1.0),
-        "yarns": min(_longest(soft, safety), asked, LONGEST),
-    }
     points = int(sheet.present.sum())
-    shared = points >= WORTH_THREADS and not seams
-    costs = {
-        name: Cost(
-            longest,
-            1e-9 * points * NANOSECONDS[name][seams] / longest / (SECOND_CORE if name == "verlet" and shared else 1.0),
-        )
-        for name, longest in steps.items()
-    }
+
+    def cost(name: str, explicit: Springs, longest: float, factor: float = 1.0) -> Cost:
+        """explicit: the springs that set the step."""
+        taken = min(_longest(replace(sheet, springs=explicit), safety), longest, step or longest)
+        return Cost(taken, 1e-9 * factor * points * NANOSECONDS[name][seams] / taken)
+
+    second = points >= WORTH_THREADS and not seams
+    verlet = cost("verlet", springs.drawn(material), 1.0, 1 / SECOND_CORE if second else 1.0)
+    soft = springs.without_threads
+    ways = [cost("yarns", soft, LONGEST), cost("yarns", replace(soft, diagonal=0.0), LONGEST, CHAINED)]
+    costs = {"verlet": verlet, "yarns": min(ways, key=lambda one: one.share)}
     most = max(material.tensile_warp, material.tensile_weft, material.drawn_warp, material.drawn_weft)
     ratio = most / material.shear if material.shear else float("inf")
     if material.curved:

@@ -100,6 +100,8 @@ def highest_frequency(sheet: Sheet, positions: F64 | None = None, *, tolerance: 
         matrix = np.stack([times(row) for row in np.eye(size)])
         return sqrt(max(0.0, float(np.linalg.eigvalsh((matrix + matrix.T) / 2)[-1])))
     start = np.random.Generator(np.random.Philox(key=1)).standard_normal(size)
+    if not times(start).any():  # no spring at all
+        return 0.0
     operator = LinearOperator((size, size), matvec=times, dtype=np.float64)  # pyright: ignore[reportCallIssue]
     with one_thread():  # a tenth of the time that two threads take, which spin between products of long thin matrices
         (value,) = eigsh(  # pyright: ignore[reportAssignmentType]

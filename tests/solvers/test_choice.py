@@ -13,6 +13,7 @@ from taichi_cloth.sheet.sheet import Sheet
 from taichi_cloth.sheet.springs import calibrate
 from taichi_cloth.solvers.choice import choose
 from taichi_cloth.solvers.named import SOLVERS
+from taichi_cloth.solvers.yarns import CHAINED, LONGEST
 
 SOFT = Material(tensile_warp=100.0, tensile_weft=100.0, shear=50.0, bending_warp=0.0, bending_weft=0.0, density=0.1)
 SMALL = ["cloth.representation=mesh", "cloth.columns=9", "cloth.rows=9"]
@@ -30,6 +31,13 @@ def test_soft_threads_go_to_verlet_and_stiff_ones_to_whole_yarns_whose_cost_does
     assert soft.ratio == 2.0
     assert stiffer.costs["verlet"].share == pytest.approx(10 * stiff.costs["verlet"].share, rel=0.01)
     assert stiffer.costs["yarns"] == stiff.costs["yarns"]
+
+
+def test_stiff_shear_is_solved_in_chains_where_that_costs_less() -> None:
+    chosen = choose(sheet_of(shear=1e6, tensile_warp=1e6, tensile_weft=1e6), Forces())
+    assert chosen.name == "yarns"
+    assert chosen.costs["yarns"].step == LONGEST
+    assert chosen.costs["yarns"].share == pytest.approx(CHAINED * choose(sheet_of(), Forces()).costs["yarns"].share)
 
 
 def test_what_verlet_cannot_do_as_well_goes_to_whole_yarns_whatever_it_costs() -> None:
