@@ -164,11 +164,14 @@ def motion_of(scene: Scene, body: Body) -> Motion:
 
 
 def garment_simulation(
-    scene: Scene, dressed: Dressed, choose: Callable[..., tuple[Constraint, ...]] = constraints_for
+    scene: Scene,
+    dressed: Dressed,
+    choose: Callable[..., tuple[Constraint, ...]] = constraints_for,
+    moves: Motion | None = None,
 ) -> Simulation:
     """The worn garment, ready to move with its body by one frame of the video at a time. choose: see
-    `Garment.simulation`."""
-    moves = motion_of(scene, dressed.body)
+    `Garment.simulation`. moves: how the body does, instead of what the scene says."""
+    moves = moves or motion_of(scene, dressed.body)
     still = moves.name == "rest"
     colliders = _colliders(scene, dressed)
     if not still:

@@ -10,6 +10,7 @@ from taichi_cloth.ground.errors import InputError
 from ...render.image.image import write_bytes
 from ..commands.progress import progress
 from ..measure.page import csv_text
+from .garments import garment_cases
 from .outcome import HEAD, NEITHER, Outcome, tried
 from .program import program_cases
 from .sheets import cells, ran
@@ -25,7 +26,7 @@ def make_matrix(*, out: Path, quick: bool = False, arch: Any = "cpu", threads: i
     if not out.parent.is_dir():
         raise InputError(f"--out {out}: no such folder {out.parent}; make it first")
     runtime.start(arch, threads=threads or 1)
-    chosen, cases = cells(quick), program_cases(quick)
+    chosen, cases = cells(quick), [*program_cases(quick), *garment_cases(quick)]
     found: list[Outcome] = []
     with progress() as bar:
         task = bar.add_task("stability", total=len(chosen) + len(cases))

@@ -18,7 +18,9 @@ from taichi_cloth.motion.numbers import numbers_of
 from taichi_cloth.sheet.sheet import Sheet, SheetState
 from taichi_cloth.solvers.stability import rounding_speed
 from taichi_cloth.solvers.step_choice import StepChoice
+from taichi_cloth.solvers.strained_start import overstrain, settle
 from taichi_cloth.solvers.verlet_frame import VerletFrame
+from taichi_cloth.solvers.yarns import Yarns
 
 __all__ = ["Verlet"]
 
@@ -88,6 +90,15 @@ class Verlet(KernelSolver):
         self.take_steps(substeps)
         self.rescale(state, before)
         return True
+
+    def overstrained(self, state: SheetState) -> bool:
+        return overstrain(self.sheet, self.sheet.positions(state)) > 1
+
+    def settle(self, state: SheetState) -> None:
+        """By whole yarns: springs that far from rest throw key points past each other in any step."""
+        others = tuple(one for one in self.constraints if one.answers not in Yarns.answers)
+        settle(Yarns(self.sheet, self.forces, frame_rate=self.frame_rate, constraints=others), state)
+        self.take_steps(self.substeps)
 
     def _shape(self, state: SheetState) -> NDArray[np.float64]:
         return self.sheet.positions(state).astype(np.float64)
