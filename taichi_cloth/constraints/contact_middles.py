@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from taichi_cloth.constraints.contact import Contact
 from taichi_cloth.constraints.contact_response import GROWTH, TURNING, Response
 from taichi_cloth.ground.arrays import Float, I32x1, Int, Template
+from taichi_cloth.ground.errors import InputError
 from taichi_cloth.ground.routine import routine
 from taichi_cloth.motion.capacity import capacity_of
 from taichi_cloth.motion.constraint import SharedConstraint
@@ -233,10 +234,10 @@ class MiddleContact(SharedConstraint):
         self.fields.most[None] = 0
 
     def end(self, state: SheetState) -> None:
-        """Raises RuntimeError where there was no room for all springs near thin solids."""
+        """Raises InputError where there was no room for all springs near thin solids."""
         found, room = self.fields.most[None], self.fields.room
         if found > room:
-            raise RuntimeError(
+            raise InputError(
                 f"contact: {found} springs near thin parts of the body, room for {room}; use key points closer together"
             )
 

@@ -342,14 +342,14 @@ class ClothContact(SharedConstraint):
         self.fields.most_contacts[None] = 0
 
     def end(self, state: SheetState) -> None:
-        """Raises RuntimeError where there was no room for all pairs or contacts."""
+        """Raises InputError where there was no room for all pairs or contacts."""
         fields = self.fields
         for name, found, room in (
             ("pairs", fields.pairs[None], fields.pair_room),
             ("contacts", fields.most_contacts[None], fields.contact_room),
         ):
             if found > room:
-                raise RuntimeError(
+                raise InputError(
                     f"self contact: {found} {name}, room for {room}; the sheet lies in too many layers: "
                     "use a smaller thickness or wider spacing"
                 )
