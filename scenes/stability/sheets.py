@@ -231,14 +231,15 @@ def _told_apart(simulation: Simulation, reach: float) -> float:
     """Elastic energy [J] that lies in the rounding of positions to float32: no less can be told of a state. The spread
     of a length is that of two ends, ulp²/6; 3 for the largest of some hundred frames."""
     ulp = float(np.spacing(np.float32(reach)))
-    return 3 * sum(0.5 * float(link.constant.sum()) for link in links(simulation.sheet)) * ulp**2 / 6
+    return 3 * sum(0.5 * float(link.constant.sum()) for link in links(simulation.solver.explicit)) * ulp**2 / 6
 
 
 def _energy(simulation: Simulation) -> tuple[float, float]:
-    """Total with that of gravity, and kinetic and elastic alone [J]."""
+    """Total with that of gravity, and kinetic and elastic alone [J]. What threads hold that are solved whole is left
+    out: given back, it counts as made."""
     sheet, x = simulation.sheet, simulation.positions.astype(np.float64)
     v = np.where(
         sheet.pinned[..., None], 0.0, sheet.steps(simulation.state).astype(np.float64) / simulation.solver.step
     )
-    inner = elastic_energy(sheet, x) + kinetic_energy(sheet, v)
+    inner = elastic_energy(simulation.solver.explicit, x) + kinetic_energy(sheet, v)
     return inner - float((sheet.mass[..., None] * x * simulation.forces.gravity).sum()), inner

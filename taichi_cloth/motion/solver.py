@@ -15,6 +15,8 @@ __all__ = ["Solver"]
 class Solver(ABC):
     """A method of integration, made for one sheet, one set of forces and one frame rate."""
 
+    sheet: Sheet
+
     substeps: int
     """Steps a frame."""
 
@@ -26,6 +28,12 @@ class Solver(ABC):
 
     constraints: tuple[Constraint, ...] = ()
     """What acts on key points beside springs, after each step."""
+
+    @property
+    def explicit(self) -> Sheet:
+        """The sheet with those springs only whose pull follows from where key points are. What others hold, which are
+        solved, is not told from a state."""
+        return self.sheet
 
     @property
     def settings(self) -> tuple[object, ...]:

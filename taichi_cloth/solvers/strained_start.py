@@ -1,14 +1,15 @@
 """Starts that no cloth survives: crumpled, shuffled, stretched tenfold, in one point. They rest before time begins.
 
 What breaks a thread bounds what a start may ask of it: longer by half no textile fibre but elastane is whole, shorter
-by half it lies in a fold that the grid cannot show, and no thread holds more energy than it takes to tear it. Let go,
-such a start would throw the sheet about at the speed of sound in its threads, a motion that nobody asked for. So frames
-of the solver's own draw threads to their length as in treacle: nothing falls, steps are forgotten at once, so that no
-speed is made, and soft springs act by a twentieth. The body and fixed shapes push as ever.
+by half it lies in a fold that the grid cannot show, and neither threads nor shear hold more energy than tears them. Let
+go, such a start would throw the sheet about at the speed of sound in its threads, a motion that nobody asked for. So
+frames of the solver's own draw threads to their length as in treacle: nothing falls, and steps are forgotten at once,
+so that no speed is made. Meanwhile the sheet bends like a plate, as stiff as the step allows, which smooths what is
+crumpled from cell to cell and cannot be flat otherwise. The body and fixed shapes push as ever.
 """
 
 from dataclasses import replace
-from math import ceil, sqrt
+from math import ceil, inf, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,13 +34,16 @@ TEARING = 1.5e4
 """Energy [J/kg] that tears a cotton thread, at most (ibid.: work of rupture of 5 to 15 mN/tex)."""
 
 THICK = 20.0
-"""Of treacle: c h, so that e⁻²⁰ of a step is left after the next."""
+"""Of treacle: c h, so that e⁻²⁰ of a step is left after the next, and forces act for a twentieth of it."""
 
-SUBSTEPS = 20_000
+PLATE = 0.8
+"""Of the stiffest bending that is stable in treacle."""
+
+SUBSTEPS = 60_000
 """That a start may take."""
 
-CALM = (0.1, 0.01)
-"""When it is at rest: strain, in what a thread survives, and how far key points still move in a frame, in spacings."""
+CALM = (0.1, 1e-5)
+"""When it is at rest: strain, in what cloth survives, or how far key points still move in a frame, in spacings."""
 
 LEFT = 0.1
 """Strain in a tangle that may be left to the motion itself."""
@@ -49,21 +53,36 @@ NUDGE = 1e-3
 direction, and a sheet folded into a line no way out of it."""
 
 
-def survived(material: Material) -> tuple[float, float]:
-    """Largest strain, either way, of weft and warp that a start may have."""
+def survived(material: Material) -> tuple[float, float, float]:
+    """Largest strain, either way, of weft, warp and diagonals that a start may have."""
 
     def most(stiffness: float, drawn: float, crimp: float) -> float:
         torn = sqrt(2 * TEARING * material.density / max(stiffness, drawn))
         return min(LONGEST, max(ROUGH, torn + (crimp if drawn > 0 else 0.0)))
 
     weft = most(material.tensile_weft, material.drawn_weft, material.crimp_weft)
-    return weft, most(material.tensile_warp, material.drawn_warp, material.crimp_warp)
+    warp = most(material.tensile_warp, material.drawn_warp, material.crimp_warp)
+    # A diagonal is strained by half the angle of shear.
+    sheared = sqrt(TEARING * material.density / 2 / material.shear) if material.shear else inf
+    return weft, warp, max(ROUGH, sheared)
 
 
 def overstrain(sheet: Sheet, positions: NDArray) -> float:
-    """The largest strain of a thread at positions (rows, cols, 3) [m], either way, in what it survives."""
-    parts = zip(sheet.stretch(positions), survived(sheet.material), strict=True)
-    return max(float(np.abs(part).max(initial=0.0)) / most for part, most in parts)
+    """The largest strain at positions (rows, cols, 3) [m], either way, in what cloth survives."""
+    x, cell, rest = positions, sheet.weights[2][:-1, :-1] > 0, sheet.springs.diagonal_length
+    sheared = [np.linalg.norm(d, axis=-1) / rest - 1 for d in (x[1:, 1:] - x[:-1, :-1], x[1:, :-1] - x[:-1, 1:])]
+    parts = (*sheet.stretch(x), np.where(cell, sheared, 0.0))
+    bounds = survived(sheet.material)
+    return max(float(np.abs(part).max(initial=0.0)) / most for part, most in zip(parts, bounds, strict=True))
+
+
+def _in_treacle(sheet: Sheet, step: float) -> Sheet:
+    """The sheet in treacle, as a plate."""
+    springs = sheet.springs
+    if springs.law == "hinge":
+        plate = PLATE * sheet.material.density * springs.spacing_x * springs.spacing_y * THICK / (16 * step**2)
+        springs = replace(springs, hinge_x=max(plate, springs.hinge_x), hinge_y=max(plate, springs.hinge_y))
+    return replace(sheet, springs=springs, material=replace(sheet.material, air_damping=THICK / step))
 
 
 def settle(solver: KernelSolver, state: SheetState) -> None:
@@ -77,7 +96,7 @@ def settle(solver: KernelSolver, state: SheetState) -> None:
     state.values[:3] = sheet.state(sheet.positions(state) + nudge).values[:3]
     still = replace(usual.during(0.0, 0.0), wind_start=FrameForces().wind_start, wind_end=FrameForces().wind_end)
     none = np.zeros((*sheet.shape, 3))
-    solver.sheet = replace(sheet, material=replace(sheet.material, air_damping=THICK / solver.step))
+    solver.sheet = _in_treacle(sheet, solver.step)
     solver.forces = replace(usual, gravity=(0.0, 0.0, 0.0))
     try:
         solver.take_steps(solver.substeps)
@@ -94,7 +113,7 @@ def settle(solver: KernelSolver, state: SheetState) -> None:
         solver.take_steps(solver.substeps)
     sheet.set_steps(state, none)
     left = overstrain(sheet, sheet.positions(state))
-    weft, warp = survived(sheet.material)
+    weft, warp, _ = survived(sheet.material)
     if not left * max(weft, warp) <= max(weft, warp, LEFT):
         raise InputError(
             f"start: threads are strained by up to {begun:.3g} times what they survive ({100 * warp:.3g} % along the "

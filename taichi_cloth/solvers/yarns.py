@@ -89,6 +89,10 @@ class Yarns(KernelSolver):
         self.numbers |= {"sweeps": float(self.sweeps)} | ({"diagonal": 0.0} if self.chains else {})
 
     @property
+    def explicit(self) -> Sheet:
+        return self._soft
+
+    @property
     def settings(self) -> tuple[object, ...]:
         return self.sweeps, self.chains
 

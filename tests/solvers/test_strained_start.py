@@ -90,10 +90,11 @@ def test_a_start_that_cloth_survives_is_left_alone(material: Material, strain: f
 
 
 def test_what_threads_survive_is_half_their_length_or_the_energy_that_tears_them() -> None:
-    assert survived(COTTON) == (LONGEST, LONGEST)
-    weft, warp = survived(replace(REAL, drawn_warp=4e5, crimp_warp=0.03))
+    assert survived(COTTON)[:2] == (LONGEST, LONGEST)
+    weft, warp, sheared = survived(replace(REAL, drawn_warp=4e5, crimp_warp=0.03, shear=1e5))
     assert weft == pytest.approx((2 * TEARING * COTTON.density / 1e5) ** 0.5)
     assert warp == pytest.approx(0.03 + weft / 2)
+    assert sheared == pytest.approx(weft / 2)
     sheet = sheet_of(COTTON)
     assert overstrain(sheet, 1.25 * sheet.flat()) == pytest.approx(0.5)
     assert overstrain(sheet, 0.25 * sheet.flat()) == pytest.approx(1.5)
