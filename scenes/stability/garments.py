@@ -26,8 +26,7 @@ LONG, FAST = 0.1, 0.5
 """At the end: strain that 99 % of the threads stay below, and root mean square speed [m/s]."""
 
 STIFF = (
-    "solver.name=auto", "garment.properties.tensile_share=1", "garment.properties.tensile_warp_n_per_m={0:g}",
-    "garment.properties.tensile_weft_n_per_m={0:g}",
+    "garment.properties.tensile_warp_n_per_m={0:g}", "garment.properties.tensile_weft_n_per_m={0:g}",
 )  # fmt: skip
 
 

@@ -116,9 +116,10 @@ def _all() -> Iterator[Cell]:
     for start in SOME:
         for k in (1e2, 1e4, 1e6):
             yield Cell(start=start, threads=k)
-        yield Cell(start=start, shear=100.0)
+        yield Cell(start=start, threads=1e4, shear=1e2)
         for k in (1e2, 1e4):
             yield Cell(start=start, bending=k)
+    yield Cell(shear=1e2)
     for k in (1e6, 1e8):
         yield Cell(bending=k)
     for start, k in product(STARTS, (1.0, 1e2, 1e4)):

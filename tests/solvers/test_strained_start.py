@@ -17,7 +17,7 @@ from taichi_cloth.solvers.verlet import Verlet
 from taichi_cloth.solvers.yarns import Yarns
 
 SIDE, SPACING = 12, 0.03
-COTTON = replace(named_material("cotton-shirting"), air_damping=4.0)
+COTTON = replace(named_material("cotton-shirting").linear, air_damping=4.0)
 REAL = replace(COTTON, tensile_warp=1e5, tensile_weft=1e5)
 FAR = Forces(  # as in the tests of whole yarns: one kernel
     sphere=Sphere(centre=(0.0, -900.0, 0.0), radius=0.25, friction=0.3), plane=Plane(height=-1000.0, friction=0.3)
