@@ -64,7 +64,7 @@ def _legs_through(time: float) -> Pose:
 def _inside_out(x: F32) -> F32:
     """Front and back change places, through the body."""
     middle = np.nanmean(x[..., 2])
-    return np.concatenate([x[..., :2], 2 * middle - x[..., 2:]], axis=-1)
+    return np.concatenate([x[..., :2], 2 * middle - x[..., 2:]], axis=-1).astype(np.float32)
 
 
 def _crumpled(x: F32) -> F32:
