@@ -208,9 +208,10 @@ def test_a_cell_of_the_matrix_is_pulled_beyond_its_first_steps() -> None:
     assert found.stretch > 0.3
 
 
-def test_steps_in_which_neighbours_pass_each_other_are_refused() -> None:
-    """A strip blown up fiftyfold, whose first row is held: every state is finite and no thread longer than at the
-    start, but springs turn over unseen, and the energy is made up."""
+def test_steps_in_which_neighbours_pass_each_other_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A strip blown up fiftyfold, whose first row is held and whose start nobody settles: every state is finite and no
+    thread longer than at the start, but springs turn over unseen, and the energy is made up."""
+    monkeypatch.setattr(Verlet, "overstrained", lambda self, state: False)
     sheet = strip(pinned=(0,))
     x = 50.0 * sheet.flat()
     x[0] = sheet.flat()[0]
