@@ -36,7 +36,7 @@ TEARING = 1.5e4
 THICK = 20.0
 """Of treacle: c h, so that e⁻²⁰ of a step is left after the next, and forces act for a twentieth of it."""
 
-PLATE = 0.8
+PLATE = 0.9
 """Of the stiffest bending that is stable in treacle."""
 
 SUBSTEPS = 60_000
