@@ -13,12 +13,18 @@ from xdist.scheduler.loadscope import LoadScopeScheduling
 from taichi_cloth.ground import runtime
 
 SHARED = {
-    "motion": ("constraints", "motion", "solvers", "scenes/test_report.py", "scenes/test_stability.py"),
+    "motion": (
+        "constraints",
+        "motion",
+        "solvers",
+        "scenes/test_cloth_scenes.py",
+        "scenes/test_report.py",
+        "scenes/test_stability.py",
+    ),
     "drawing": (
         "render",
         "detail",
         "garment/test_garment_cloth.py",
-        "scenes/test_cloth_scenes.py",
         "scenes/test_still.py",
         "scenes/test_still_ids.py",
         "scenes/test_sequence.py",

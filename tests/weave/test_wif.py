@@ -341,7 +341,7 @@ def test_the_largest_files_take_seconds(tmp_path):
     text = f"[WIF]\n[WARP]\nThreads={many}\n[WEFT]\nThreads=8\n[THREADING]\n{rows}[LIFTPLAN]\n"
     path = tmp_path / "wide.wif"
     path.write_text(text + "".join(f"{k + 1}={k + 1}\n" for k in range(8)))
-    began = time.perf_counter()
+    began = time.process_time()
     draft = read_wif(path)
-    assert time.perf_counter() - began < 5
+    assert time.process_time() - began < 5
     np.testing.assert_array_equal(draft.warp_up, np.tile(np.eye(8, dtype=bool), many // 8))

@@ -21,12 +21,15 @@ def cone(x, y, z, axis, across, radius, sine, slope, length):
     It is all balls of radius `radius` − sine·t around axis·t, t from 0 to `length` [m]; sine: (r₁ − r₂)/length of the
     flank; slope: its tangent. Returns the distance [m] and the normal.
     """
-    x, y, z = x + _ASIDE * across[0], y + _ASIDE * across[1], z + _ASIDE * across[2]
+    # Along the axis, and beside it: what is put aside would be lost in the rounding of x far from the anchor.
     along = x * axis[0] + y * axis[1] + z * axis[2]
-    qx, qy, qz = x - along * axis[0], y - along * axis[1], z - along * axis[2]
+    qx = x - along * axis[0] + _ASIDE * across[0]
+    qy = y - along * axis[1] + _ASIDE * across[1]
+    qz = z - along * axis[2] + _ASIDE * across[2]
     radial = ti.sqrt(qx * qx + qy * qy + qz * qz)
+    # From the nearest centre.
     t = ti.min(ti.max(along - slope * radial, 0.0), length)
-    x, y, z = x - t * axis[0], y - t * axis[1], z - t * axis[2]
+    x, y, z = qx + (along - t) * axis[0], qy + (along - t) * axis[1], qz + (along - t) * axis[2]
     far = ti.sqrt(ti.max(x * x + y * y + z * z, 1e-24))
     scale = 1.0 / far
     return far - (radius - sine * t), x * scale, y * scale, z * scale
