@@ -39,6 +39,9 @@ class KernelSolver(Solver):
     answers: tuple[str, ...] = ()
     """Fields of `Forces` that it sees to itself, beside gravity, wind and fixed shapes."""
 
+    alone_where_repeated = True
+    """Whether constraints that are repeated keep it to one thread: they are most of a substep, one thread's work."""
+
     springs_are_threads = True
     """Whether the threads are springs of the stencil. Otherwise what solves them moves key points after it."""
 
@@ -61,7 +64,8 @@ class KernelSolver(Solver):
             ):
                 raise InputError(f"forces.{name}: no constraint of the solver answers it; see constraints_for")
         most = threads or (runtime.threads() if sheet.present.sum() >= WORTH_THREADS else 1)
-        self.threads = 1 if any(one.repeated for one in constraints) else min(most, MOST_THREADS)
+        alone = self.alone_where_repeated and any(one.repeated for one in constraints)
+        self.threads = 1 if alone else min(most, MOST_THREADS)
         self.features = Features(
             threads=self.springs_are_threads,
             hinges=sheet.springs.law == "hinge",

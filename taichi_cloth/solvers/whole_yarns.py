@@ -25,6 +25,7 @@ strained by 2 % beyond its crimp, along where it leads after the step, which is 
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -33,10 +34,11 @@ from numpy.typing import NDArray
 
 from taichi_cloth.ground.arrays import F32x2, F32x3, Float, I32x2, Int, Template
 from taichi_cloth.ground.routine import routine
+from taichi_cloth.motion.crew import LINE
 from taichi_cloth.motion.stencil import largest, load, near, store
 from taichi_cloth.sheet.sheet import LANES
 
-__all__ = ["NEVER", "Family", "WholeYarns"]
+__all__ = ["GROUPS", "NEVER", "Family", "WholeYarns"]
 
 THREAD_NUMBERS = (
     "rest",  # L [m]
@@ -72,6 +74,9 @@ TILE = LANES * LANES
 DELAY = 8
 """Packets between what stores and what reads across them: a processor waits for stores of another width."""
 
+GROUPS = 4
+"""Into which the yarns of a family are cut: they share nothing, so that threads of the processor can each take some."""
+
 
 @dataclass(frozen=True)
 class Family:
@@ -90,21 +95,23 @@ class WholeYarns:
 
     families: how many. row: width of the grid. tall: its rows, of whole tiles. offset: [family], elements from one key
     point of a yarn to the next.
-    count: packets of lanes that hold key points. order: first those in the order of tiles, column of tiles after
-    column, then in that of rows. lag: [family], packets in its order from any to the last that it has neighbours in.
+    order: packets of lanes that hold key points, list after list: of each group of yarns along the rows in the order of
+    tiles, column of tiles after column; of each group of those along the columns in that of rows; and, where diagonals
+    are chains, all of them. Between lists stand packets that hold none. begin, count, lag: [family × GROUPS + group],
+    where its list begins, how long it is, and how many packets on from any the last is that it has neighbours in.
     closes: of packets in the order of tiles, the tile that they are the last of, or −1. tile: first element of each 8 ×
     8 tile that holds key points, and turned_tile its place when turned: yarns along the rows lie as columns there,
     between a row of zeros before and one after.
     slack: 1 over the share of the interior constant, and 0 where there is no thread. mean: ½ over how many threads are
     beside it in its yarn. tension: λ [m]. held: 1 where a strain limit holds a thread. pulled: −λ r/L of each thread,
     averaged over some AVERAGED substeps: a blow is over in one. tight: the largest of these in this frame, for each
-    lane.
+    group and lane.
     normal: [axis], n, 0 where there is no thread. compliance: α, when it was last factorised. beside: what couples a
     thread with the one before it, and pivot: 1/d of the factorisation, both turned for family 0.
     Of the family at work: turning, [axis], by how much n turns in this step. grown, growing: C, and τ/h dC [m].
     diagonal, coupling, right: of the systems, as they lie. change: first z, then Δλ; turned_change: the same turned.
-    strained: the largest |C| of a substep for each lane, as a share of what is calm. wild: 1 in a wild substep, else 0.
-    differs: above 0 where a factorisation is too old.
+    strained: the largest |C| of a substep for each group and lane, as a share of what is calm. wild: 1 in a wild
+    substep, else 0. differs: the same, above 0 where a factorisation is too old.
     """
 
     def __init__(self, size: int, families: int) -> None:
@@ -122,13 +129,13 @@ class WholeYarns:
             (*self.normal, self.tension, self.held, self.pulled, self.beside, self.pivot),
             (*self.turning, self.coupling, self.right, self.change, self.turned_change),
         )
-        self.strained, self.differs, self.tight = fields(3, LANES)
+        self.strained, self.differs, self.tight = fields(3, GROUPS * LINE)
         self.wild = ti.field(ti.f32, ())
-        self.order, self.closes = (ti.field(ti.i32, 6 * (size // LANES)) for _ in range(2))
+        self.order, self.closes = (ti.field(ti.i32, 6 * (size // LANES) + 1024) for _ in range(2))
         self.tile, self.turned_tile = (ti.field(ti.i32, size // TILE) for _ in range(2))
         self.offset: Any = ti.field(ti.i32, families)
-        self.lag: Any = ti.field(ti.i32, families)
-        self.row, self.tall, self.count = (ti.field(ti.i32, ()) for _ in range(3))
+        self.begin, self.count, self.lag = (_whole_numbers(families * GROUPS) for _ in range(3))
+        self.row, self.tall = (ti.field(ti.i32, ()) for _ in range(2))
         self.numbers = ThreadNumbers.field(shape=families)
         self._number = [self.numbers.get_member_field(name) for name in THREAD_NUMBERS]
 
@@ -136,40 +143,46 @@ class WholeYarns:
         """present: key points of `Sheet` in the padded grid. families: first that along the rows."""
         rows, width = present.shape
         high = -(-rows // LANES)
-        filled = np.pad(present > 0, ((0, high * LANES - rows), (0, 0))).reshape(high, LANES, -1, LANES)
-        packets = np.any(filled, axis=3)
-        # In the order of rows, and in that of tiles.
-        row, column = np.nonzero(packets.reshape(high * LANES, -1))
-        by_rows = row * (width // LANES) + column
-        column, tile, row = np.nonzero(packets.transpose(2, 0, 1))
-        by_tiles = (tile * LANES + row) * (width // LANES) + column
-        last = np.append((np.diff(column * high + tile) != 0), True)
-        closes = np.where(last, np.cumsum(last) - 1, -1)
-        places = tile * LANES * width + column * LANES, (column * LANES + 1) * high * LANES + tile * LANES
-        # How far ahead the neighbours of a packet may lie.
+        more = ((0, high * LANES - rows), (0, 0))
+        packets = np.any(np.pad(present > 0, more).reshape(high, LANES, -1, LANES), axis=3)
         offsets = [one.step[0] * width + one.step[1] for one in families]
-        orders = (by_tiles, *[by_rows] * (len(families) - 1))
-        lags = [_reach(order, far, high * LANES * width) for order, far in zip(orders, offsets, strict=True)]
-        weights = np.stack([np.pad(one.weight, ((0, high * LANES - rows), (0, 0))).ravel() for one in families])
+        weights = np.stack([np.pad(one.weight, more).ravel() for one in families])
         there = weights > 0
         slack = np.divide(1.0, weights, out=np.zeros_like(weights), where=there)
         beside = np.stack(
             [np.roll(one, far) * 1.0 + np.roll(one, -far) for one, far in zip(there, offsets, strict=True)]
         )
+        lists, closes, tile, column = _lists(packets, len(families))
+        lags = [
+            max(_reach(one, far, packets.size * LANES), 0)
+            for one, far in zip(lists, np.repeat(offsets, GROUPS), strict=True)
+        ]
+        # One after the other, what two families share but once.
+        margin, begins, pieces, at = max(lags) + DELAY, [], [], 0
+        for one in lists:
+            begins.append(at + margin)
+            pieces += [np.zeros(margin, int), one]
+            at += margin + len(one)
+        order = np.concatenate([*pieces, np.zeros(margin, int)])
+        closing = np.full(len(order), -1)
+        for begin, one in zip(begins[:GROUPS], closes, strict=True):
+            closing[begin : begin + len(one)] = one
+        places = tile * LANES * width + column * LANES, (column * LANES + 1) * high * LANES + tile * LANES
         named = np.array([[one.numbers[name] for name in THREAD_NUMBERS] for one in families], np.float32)
         self._take(
             width,
             np.stack([slack, 0.5 / (beside + 1e-6)]).astype(np.float32),
-            np.stack([by_tiles, by_rows, closes]).astype(np.int32),
-            np.stack(places)[:, last].astype(np.int32),
-            np.array([offsets, lags], np.int32),
+            np.stack([order, closing]).astype(np.int32),
+            np.stack(places).astype(np.int32),
+            np.array([begins, [len(one) for one in lists], lags, np.repeat(offsets, GROUPS)], np.int32),
             named,
         )
 
     @ti.kernel
     def _take(self, width: Int, weights: F32x3, orders: I32x2, places: I32x2, reach: I32x2, named: F32x2):
-        """weights: slack and mean, (2, family, elements of whole tiles). orders: both of packets, and closes. places:
-        of tiles, and of the same turned. reach: offset and lag of each family. No yarn pulls yet."""
+        """weights: slack and mean, (2, family, elements of whole tiles). orders: `order`, `closes`. places: of tiles,
+        and of the same turned. reach: begin, count and lag of each group of each family, and the family's offset. No
+        yarn pulls yet."""
         ti.loop_config(serialize=True)
         for p in range(weights.shape[2]):
             for family in ti.static(range(self.families)):
@@ -184,88 +197,100 @@ class WholeYarns:
                 for field in ti.static(self._forgotten[0]):
                     field[p + family * self.size] = 0.0
         ti.loop_config(serialize=True)
-        for e in range(ti.static(6 * (self.size // LANES))):
-            self.order[e], self.closes[e] = 0, -1
-        ti.loop_config(serialize=True)
         for e in range(orders.shape[1]):
-            for way in ti.static(range(2)):
-                self.order[e + ti.static((3 * way + 1) * (self.size // LANES))] = orders[way, e]
-            self.closes[e + ti.static(self.size // LANES)] = orders[2, e]
+            self.order[e], self.closes[e] = orders[0, e], orders[1, e]
         ti.loop_config(serialize=True)
         for k in range(places.shape[1]):
             self.tile[k], self.turned_tile[k] = places[0, k], places[1, k]
         ti.loop_config(serialize=True)
         for family in range(self.families):
-            self.offset[family], self.lag[family] = reach[0, family], reach[1, family]
+            self.offset[family] = reach[3, family * GROUPS]
             for k, number in ti.static(enumerate(self._number)):
                 number[family] = named[family, k]
-        self.row[None], self.tall[None], self.count[None] = width, weights.shape[2] // width, orders.shape[1]
+        ti.loop_config(serialize=True)
+        for k in range(reach.shape[1]):
+            self.begin[k], self.count[k], self.lag[k] = reach[0, k], reach[1, k], reach[2, k]
+        self.row[None], self.tall[None] = width, weights.shape[2] // width
 
     @ti.func
-    def judge(self):
-        """Before a substep: whether it is wild, by how much threads were strained in the last."""
-        self.wild[None] = ti.select(largest(load(self.strained, 0)) > 1.0, 1.0, 0.0)
-        store(self.strained, 0, ti.Vector([0.0] * LANES))
+    def begin_frame(self):
+        """Nothing was strained, nothing is tight: a frame follows from its state alone."""
+        for group in range(GROUPS):
+            store(self.tight, group * LINE, ti.Vector([0.0] * LANES))
+            store(self.strained, group * LINE, ti.Vector([0.0] * LANES))
 
     @ti.func
     def loosen(self, p):
-        """Forgets how tight the threads from the lanes at p were: a frame follows from its state alone."""
+        """Forgets how tight the threads from the lanes at p were."""
         none = ti.Vector([0.0] * LANES)
-        store(self.tight, 0, none)
-        store(self.strained, 0, none)
         for family in ti.static(range(self.families)):
             store(self.pulled, p + family * self.size, none)
             store(self.held, p + family * self.size, none)
             store(self.tension, p + family * self.size, none)
 
     @ti.func
-    def tightest(self):
-        return largest(load(self.tight, 0))
+    def judge(self):
+        """Before a substep: whether it is wild, by how much threads were strained in the last."""
+        self.wild[None] = ti.select(self.largest_of(self.strained) > 1.0, 1.0, 0.0)
+        for group in range(GROUPS):
+            store(self.strained, group * LINE, ti.Vector([0.0] * LANES))
 
     @ti.func
-    def solve(self, points: Template, family, sweep, pulls):
-        """A sweep over the yarns of a family, the first of a substep being 0. pulls: whether to look how tight they are
-        after it."""
-        begin = ti.select(family == 0, ti.static(self.size // LANES), ti.static(4 * (self.size // LANES)))
+    def tightest(self):
+        return self.largest_of(self.tight)
+
+    @ti.func
+    def largest_of(self, field: Template):
+        most = 0.0
+        for group in range(GROUPS):
+            most = ti.max(most, largest(load(field, group * LINE)))
+        return most
+
+    @ti.func
+    def solve(self, points: Template, family, group, sweep, pulls):
+        """A sweep over the yarns of a group of a family, the first of a substep being 0. pulls: whether to look how
+        tight they are after it."""
         carried = ti.select(sweep == 0, 0.0, 1.0)  # nothing pulls yet in the first
-        anew = sweep == 0 or self.wild[None] > 0.0
-        if not anew:
-            store(self.differs, 0, ti.Vector([0.0] * LANES))
-            self.go_down_again(points, family, begin, carried)
-            anew = largest(load(self.differs, 0)) > 0.0
-        if anew:
-            self.go_down(points, family, begin, carried)
-        self.go_up(points, family, begin, carried, ti.cast(pulls, ti.i32))
+        if self.count[family * GROUPS + group] > 0:
+            # A limit, which threads come to and leave, asks for matrices of its own.
+            anew = sweep == 0 or self.wild[None] > 0.0 or self.numbers[family].bound < NEVER
+            if not anew:
+                store(self.differs, group * LINE, ti.Vector([0.0] * LANES))
+                self.go_down_again(points, family, group, carried)
+                anew = largest(load(self.differs, group * LINE)) > 0.0
+            if anew:
+                self.go_down(points, family, group, carried)
+            self.go_up(points, family, group, carried, ti.cast(pulls, ti.i32))
 
     @routine
-    def go_down_again(self, points: Template, family: Int, begin: Int, carried: Float):
-        """Right sides and z, with the matrices of the sweep before. begin: of the family's packets in `order`. carried:
-        0 where nothing pulls yet in this substep, else 1."""
-        count, lag, n = self.count[None], self.lag[family], self.numbers[family]
-        base, offset, limited = family * self.size, self.offset[family], n.bound < NEVER
+    def go_down_again(self, points: Template, family: Int, group: Int, carried: Float):
+        """Right sides and z, with the matrices of the sweep before. carried: 0 where nothing pulls yet in this substep,
+        else 1."""
+        k, n = family * GROUPS + group, self.numbers[family]
+        begin, count, lag, mark = self.begin[k], self.count[k], self.lag[k], group * LINE
+        base, offset = family * self.size, self.offset[family]
         for e in range(begin - lag, begin + count):
             self.aim(points, self.lanes(e + lag), base, offset, n)
             p = self.lanes(e)
             self.straighten(points, p, base, offset)
-            self.ask(points, p, base, offset, carried, n, False)
-            if limited:
-                self.hold(points, p, base, n, False)
+            self.ask(points, p, base, offset, mark, carried, n, False)
             if family > 0:
                 self.down(points, p, base, offset, False)
             elif self.closes[e] >= 0:
                 self.turned_down(self.tile[self.closes[e]], self.turned_tile[self.closes[e]], False)
 
     @routine
-    def go_down(self, points: Template, family: Int, begin: Int, carried: Float):
+    def go_down(self, points: Template, family: Int, group: Int, carried: Float):
         """Matrices, right sides and z. Arguments as of `go_down_again`."""
-        count, lag, n = self.count[None], self.lag[family], self.numbers[family]
+        k, n = family * GROUPS + group, self.numbers[family]
+        begin, count, lag, mark = self.begin[k], self.count[k], self.lag[k], group * LINE
         base, offset, limited = family * self.size, self.offset[family], n.bound < NEVER
         for e in range(begin - lag - DELAY, begin + count):
             self.aim(points, self.lanes(e + lag + DELAY), base, offset, n)
             self.straighten(points, self.lanes(e + DELAY), base, offset)
-            self.ask(points, self.lanes(e + DELAY), base, offset, carried, n, True)
+            self.ask(points, self.lanes(e + DELAY), base, offset, mark, carried, n, True)
             if limited:
-                self.hold(points, self.lanes(e + DELAY), base, n, True)
+                self.hold(points, self.lanes(e + DELAY), base, n)
             p = self.lanes(e)
             self.couple(points, p, base, offset, n)
             if family > 0:
@@ -274,9 +299,10 @@ class WholeYarns:
                 self.turned_down(self.tile[self.closes[e]], self.turned_tile[self.closes[e]], True)
 
     @routine
-    def go_up(self, points: Template, family: Int, begin: Int, carried: Float, pulls: Int):
+    def go_up(self, points: Template, family: Int, group: Int, carried: Float, pulls: Int):
         """Δλ, and what it moves. Arguments as of `go_down_again` and `solve`."""
-        count, lag, n = self.count[None], self.lag[family], self.numbers[family]
+        k, n = family * GROUPS + group, self.numbers[family]
+        begin, count, lag, mark = self.begin[k], self.count[k], self.lag[k], group * LINE
         base, offset, limited = family * self.size, self.offset[family], n.bound < NEVER
         for back in range(count + lag):
             e = begin + count - 1 - back
@@ -289,7 +315,7 @@ class WholeYarns:
             if limited:
                 self.let_go(points, p, base, n)
             if pulls == 1:
-                self.pull(points, p, base, offset, n)
+                self.pull(points, p, base, offset, mark, n)
 
     @ti.func
     def lanes(self, e):
@@ -331,8 +357,8 @@ class WholeYarns:
             store(self.normal[axis], s, scale * value)
 
     @ti.func
-    def ask(self, points: Template, p, base, offset, carried, n: Template, anew: Template):
-        """The right sides, and the diagonals where they are made anew."""
+    def ask(self, points: Template, p, base, offset, mark, carried, n: Template, anew: Template):
+        """The right sides, and the diagonals where they are made anew. mark: where a group keeps its largest."""
         s = points.lanes(base + p)
         slack = load(self.slack, s)
         there = ti.min(slack, 1.0)
@@ -347,14 +373,14 @@ class WholeYarns:
         if ti.static(anew):
             store(self.diagonal, p, there * (mobile + compliance) + (1.0 - there))
             store(self.compliance, s, compliance)
-            store(self.strained, 0, ti.max(load(self.strained, 0), there * ti.abs(grown) * n.calm))
+            store(self.strained, mark, ti.max(load(self.strained, mark), there * ti.abs(grown) * n.calm))
         else:
             old = load(self.compliance, s)
             differs = there * (ti.abs(compliance - old) - OVERSHOOT * (mobile + old))
-            store(self.differs, 0, ti.max(load(self.differs, 0), differs))
+            store(self.differs, mark, ti.max(load(self.differs, mark), differs))
 
     @ti.func
-    def hold(self, points: Template, p, base, n: Template, anew: Template):
+    def hold(self, points: Template, p, base, n: Template):
         """Threads at their limit, in place of their law."""
         s = points.lanes(base + p)
         was, grown = load(self.held, s), load(self.grown, p)
@@ -363,10 +389,7 @@ class WholeYarns:
         store(self.held, s, over)
         right = load(self.right, p)
         store(self.right, p, right + over * (n.bound - grown - right))
-        if ti.static(anew):
-            store(self.diagonal, p, load(self.diagonal, p) - over * load(self.compliance, s))
-        else:
-            store(self.differs, 0, ti.max(load(self.differs, 0), ti.abs(over - was)))
+        store(self.diagonal, p, load(self.diagonal, p) - over * load(self.compliance, s))
 
     @ti.func
     def let_go(self, points: Template, p, base, n: Template):
@@ -450,14 +473,49 @@ class WholeYarns:
             store(points.step[axis], p, load(points.step[axis], p) + move)
 
     @ti.func
-    def pull(self, points: Template, p, base, offset, n: Template):
+    def pull(self, points: Template, p, base, offset, mark, n: Template):
         """At the end of a substep: how tight threads are, for what the wave along a taut string asks of the step."""
         s = points.lanes(base + p)
         mobile = n.mass * ti.max(load(points.inverse_mass, p), load(points.inverse_mass, near(p + offset)))
         was = load(self.pulled, s)
         pulled = was - (load(self.tension, s) * mobile * n.slimmer + was) * ti.static(2.0 / AVERAGED)
         store(self.pulled, s, pulled)
-        store(self.tight, 0, ti.max(load(self.tight, 0), pulled))
+        store(self.tight, mark, ti.max(load(self.tight, mark), pulled))
+
+
+def _whole_numbers(count: int) -> Any:
+    return ti.field(ti.i32, count)
+
+
+def _lists(
+    packets: NDArray[np.bool_], families: int
+) -> tuple[list[NDArray], list[NDArray], NDArray[np.int64], NDArray[np.int64]]:
+    """For each family, a list of packets' numbers for each of its groups; for those of the first family which tile each
+    closes, or −1; and row and column of each tile, in tiles. packets: (rows of tiles, LANES, columns of tiles), whether
+    they hold key points."""
+    high, _, wide = packets.shape
+    by_tiles, closes, tiles, columns, known = [], [], [], [], 0
+    for low, top in _shared_out(packets.sum(axis=(1, 2))):
+        column, tile, row = np.nonzero(packets[low:top].transpose(2, 0, 1))
+        last = np.append(np.diff(column * high + tile) != 0, True)[: len(tile)]
+        by_tiles.append(((tile + low) * LANES + row) * wide + column)
+        closes.append(np.where(last, known + np.cumsum(last) - 1, -1))
+        tiles.append(tile[last] + low)
+        columns.append(column[last])
+        known += int(last.sum())
+    row, column = np.nonzero(packets.reshape(high * LANES, wide))
+    by_rows = [
+        (row * wide + column)[(low <= column) & (column < top)] for low, top in _shared_out(packets.sum(axis=(0, 1)))
+    ]
+    chains = [row * wide + column, *[np.zeros(0, int)] * (GROUPS - 1)] * (families - 2)  # they cross all columns
+    return [*by_tiles, *by_rows, *chains], closes, np.concatenate(tiles), np.concatenate(columns)
+
+
+def _shared_out(counts: NDArray[np.int64]) -> list[tuple[int, int]]:
+    """GROUPS slices of about as many in all."""
+    cuts = np.searchsorted(np.cumsum(counts), counts.sum() * np.arange(1, GROUPS) / GROUPS) + 1
+    bounds = [0, *np.minimum(cuts, len(counts)).tolist(), len(counts)]
+    return list(pairwise(bounds))
 
 
 def _reach(order: NDArray, offset: int, size: int) -> int:

@@ -19,7 +19,7 @@ from taichi_cloth.motion.crew import PARTS
 from taichi_cloth.motion.frame import Frame
 from taichi_cloth.motion.stencil import load, store
 from taichi_cloth.sheet.sheet import LANES
-from taichi_cloth.solvers.whole_yarns import WholeYarns
+from taichi_cloth.solvers.whole_yarns import GROUPS, WholeYarns
 
 __all__ = ["ChainFrame", "YarnFrame"]
 
@@ -42,49 +42,89 @@ class YarnFrame(Frame):
 
     @ti.func
     def stages(self, thread, values: Template, n: Template, wind, change, substeps, features: Template):
-        first, last = self.cut[0], self.cut[PARTS]
-        for part in range(PARTS):
-            self.read(part, 0, 0, wind, values, n, features)
-        for e in range(first, last):
-            self.yarns.loosen(self.lanes(self.packet[e] * LANES))
         families = ti.static(self.families)
         turns = families * ti.cast(n.sweeps, ti.i32)
+        stage, ended = self.in_parts(self.open, thread, 0, 0, 0, 0, wind, values, n, features)
         for done in range(substeps):
-            self.yarns.judge()
-            for part in range(PARTS):
-                self.prepare(part, done, 0, wind, values, n, features)
-            for e in range(first, last):
-                self.soft(self.lanes(self.packet[e] * LANES), wind + done * change, n, features)
+            air = wind + done * change
+            stage, ended = self.in_parts(self.prepare, thread, stage, ended, done, 0, air, values, n, features)
+            stage, ended = self.in_parts(self.soften, thread, stage, ended, done, 0, air, values, n, features)
             for turn in range(turns + 1):
                 if turn % families == 0:
-                    self.correct_all(turn, turns, done, n, features)
+                    stage, ended = self.correct_all(thread, stage, ended, turn, turns, done, values, n, features)
                 if turn < turns:
                     family = turn % families
                     if done % 2 == 1:
                         family = families - 1 - family
                     pulls = turn >= turns - families and done % 2 == 1
-                    self.yarns.solve(self, family, turn // families, pulls)
-        for part in range(PARTS):
-            self.write(part, substeps, 0, wind, values, n, features)
+                    stage, ended = self.solve(thread, stage, ended, family, turn // families, pulls)
+        self.in_parts(self.write, thread, stage, ended, substeps, 0, wind, values, n, features)
 
     @ti.func
-    def correct_all(self, turn, turns, done, n: Template, features: Template):
-        """Ties, fixed shapes, the body; at the end of a substep what is not summed."""
+    def solve(self, thread, stage, ended, family, sweep, pulls):
+        """One stage: a sweep over the yarns of a family. Returns as `in_parts`."""
+        here, goal = stage + 1, ended + GROUPS
+        for turn in range(GROUPS):
+            group = self.crew.take(thread, turn, here, GROUPS, goal)
+            if group >= 0:
+                self.yarns.solve(self, family, group, sweep, pulls)
+                self.crew.finish()
+        self.crew.meet(goal)
+        return here, goal
+
+    @ti.func
+    def correct_all(self, thread, stage, ended, turn, turns, done, values: Template, n: Template, features: Template):
+        """Stages: ties, fixed shapes, the body; at the end of a substep what is not summed. Returns as `in_parts`."""
+        here, goal = stage, ended
         for one in ti.static([one for one in self.constraints if one.whole and not one.parts and not one.paired]):
-            one.correct_whole(self, done, n)
+            here, goal = self.correct(one, thread, here, goal, done, n)
         if ti.static(features.sphere or features.plane):
-            for e in range(self.cut[0], self.cut[PARTS]):
-                self.touch(self.lanes(self.packet[e] * LANES), n, features)
+            here, goal = self.in_parts(self.touch_all, thread, here, goal, done, 0, 0.0, values, n, features)
         for one in ti.static([one for one in self.constraints if one.parts]):
-            for part in range(PARTS):
-                if turn == 0:
-                    one.correct_part(self, part, self.cut[part], self.cut[part + 1], done, n)
-                else:
-                    one.correct_again(self, part, self.cut[part], self.cut[part + 1], done, n)
-        if turn == turns:
+            here, goal = here + 1, goal + PARTS
+            for look in range(PARTS):
+                part = self.crew.take(thread, look, here, PARTS, goal)
+                if part >= 0:
+                    if turn == 0:
+                        one.correct_part(self, part, self.cut[part], self.cut[part + 1], done, n)
+                    else:
+                        one.correct_again(self, part, self.cut[part], self.cut[part + 1], done, n)
+                    self.crew.finish()
+            self.crew.meet(goal)
+        if turn == turns and done % 2 == 1:
             for one in ti.static([one for one in self.constraints if one.paired]):
-                if done % 2 == 1:
-                    one.correct_whole(self, done, n)
+                here, goal = self.correct(one, thread, here, goal, done, n)
+        return here, goal
+
+    @ti.func
+    def open(self, part, done, at, wind, values: Template, n: Template, features: Template):
+        """The state of a part, and threads that nothing pulls."""
+        self.read(part, done, at, wind, values, n, features)
+        if part == 0:
+            self.yarns.begin_frame()
+        for e in range(self.cut[part], self.cut[part + 1]):
+            self.yarns.loosen(self.lanes(self.packet[e] * LANES))
+
+    @ti.func
+    def prepare(self, part, done, at, wind, values: Template, n: Template, features: Template):
+        if part == 0:
+            self.yarns.judge()
+            for one in ti.static(self.constraints):
+                if not one.paired or done % 2 == 0:
+                    one.before(self, done, n)
+        self.lead_part(part, n)
+
+    @ti.func
+    def soften(self, part, done, at, wind, values: Template, n: Template, features: Template):
+        """`soft` of a part."""
+        for e in range(self.cut[part], self.cut[part + 1]):
+            self.soft(self.lanes(self.packet[e] * LANES), wind, n, features)
+
+    @ti.func
+    def touch_all(self, part, done, at, wind, values: Template, n: Template, features: Template):
+        """`touch` of a part."""
+        for e in range(self.cut[part], self.cut[part + 1]):
+            self.touch(self.lanes(self.packet[e] * LANES), n, features)
 
     @ti.func
     def soft(self, p, wind, n: Template, features: Template):

@@ -54,6 +54,7 @@ class Yarns(KernelSolver):
 
     answers = ("strain_limit",)
     springs_are_threads = False
+    alone_where_repeated = False
 
     def __init__(
         self,
@@ -65,6 +66,7 @@ class Yarns(KernelSolver):
         safety: float = 0.9,
         sweeps: int = SWEEPS,
         chains: bool | None = None,
+        threads: int | None = None,
         constraints: tuple[Constraint, ...] = (),
     ) -> None:
         self.sweeps, self.tight = sweeps, 0.0
@@ -82,7 +84,9 @@ class Yarns(KernelSolver):
             raise InputError(f"solver.step: {step!r} s; allowed: above 0, at most {longest:.4g} s")
         substeps = self.choice.substeps(step or longest)
         self._least = substeps
-        super().__init__(sheet, forces, frame_rate=frame_rate, substeps=substeps, threads=1, constraints=constraints)
+        super().__init__(
+            sheet, forces, frame_rate=frame_rate, substeps=substeps, threads=threads, constraints=constraints
+        )
 
     def take_steps(self, substeps: int) -> None:
         super().take_steps(substeps)

@@ -401,6 +401,18 @@ def test_a_run_that_was_saved_goes_on_to_the_same_bytes(tmp_path) -> None:
         simulation(sheet, level(sheet), sweeps=1).restore(tmp_path / "state.npz")
 
 
+def test_two_threads_leave_the_bytes_of_one() -> None:
+    """Groups of yarns share nothing, whoever of the crew solves them."""
+    sheet = sheet_of(times(1e3), pinned=(-1, slice(None)))
+    one, two = (simulation(sheet, level(sheet), threads=threads) for threads in (1, 2))
+    for _ in range(3):
+        one.step()
+        two.step()
+    assert isinstance(two.solver, Yarns)
+    assert two.solver.threads == 2
+    assert two.state.values.tobytes() == one.state.values.tobytes()
+
+
 def test_verlet_says_what_a_curve_needs() -> None:
     with pytest.raises(InputError, match='need "yarns"'):
         Verlet(sheet_of(replace(CLOTH, drawn_warp=1e5, crimp_warp=0.02)), FAR)
