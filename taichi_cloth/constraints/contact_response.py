@@ -20,7 +20,7 @@ from taichi_cloth.constraints.contact_surface import BOX, BodySurface
 from taichi_cloth.ground.arrays import F32x1, Float, I32x1, Int, Template
 from taichi_cloth.ground.routine import routine
 from taichi_cloth.motion.crew import LINE, PARTS
-from taichi_cloth.motion.stencil import Lanes, load, load_xyz, relative, store
+from taichi_cloth.motion.stencil import Lanes, load, load_xyz, relative, rub_anew, store
 from taichi_cloth.sheet.sheet import LANES
 
 __all__ = ["Response"]
@@ -409,10 +409,7 @@ class Response(BodySurface):
         approach = ti.max(held - along, 0.0)
         push = ti.min(ti.max(had + self.gap[None] - d, 0.0), approach + self.recovery[None])
         pressed = ti.min(push, approach)
-        # The friction that would stop all slip, cut to Coulomb's cone.
-        gx, gy, gz = fx - u + along * nx, fy - v + along * ny, fz - w + along * nz
-        share = ti.min(self.friction[None] * pressed / ti.sqrt(gx * gx + gy * gy + gz * gz + 1e-30), 1.0)
-        gx, gy, gz = share * gx, share * gy, share * gz
+        gx, gy, gz = rub_anew(nx, ny, nz, pressed, self.friction[None], u, v, w, fx, fy, fz)
         store(self.sum, o, push)
         store(self.sum, o + LANES, pressed)
         store(self.sum, o + 2 * LANES, gx)

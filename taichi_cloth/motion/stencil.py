@@ -84,6 +84,16 @@ def push_out(nx, ny, nz, depth, friction, dx, dy, dz):
 
 
 @ti.func
+def rub_anew(nx, ny, nz, pressed, friction, dx, dy, dz, fx, fy, fz):
+    """Friction [m] so far (fx, fy, fz), brought to what stops the slip that is left in the step (dx, dy, dz): at most
+    µ × what presses along n (Coulomb)."""
+    along = dx * nx + dy * ny + dz * nz
+    gx, gy, gz = fx - dx + along * nx, fy - dy + along * ny, fz - dz + along * nz
+    share = ti.min(friction * pressed / ti.sqrt(gx * gx + gy * gy + gz * gz + 1e-30), 1.0)
+    return share * gx, share * gy, share * gz
+
+
+@ti.func
 def near(p):
     """Element p of a padded grid. The bounds tell the compiler that nothing overflows."""
     return ti.min(ti.max(p, 0), 1 << 24)

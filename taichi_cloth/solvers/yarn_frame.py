@@ -17,7 +17,7 @@ from taichi_cloth.ground.arrays import Float, Template
 from taichi_cloth.motion.constraint import Constraint
 from taichi_cloth.motion.crew import PARTS
 from taichi_cloth.motion.frame import Frame
-from taichi_cloth.motion.stencil import load, store
+from taichi_cloth.motion.stencil import load, rub_anew, store
 from taichi_cloth.sheet.sheet import LANES
 from taichi_cloth.solvers.whole_yarns import GROUPS, WholeYarns
 
@@ -164,13 +164,10 @@ class YarnFrame(Frame):
         push = free * ti.max(was + depth, 0.0)
         out = push - was
         store(self.pressed[shape], p, push)
-        # The friction that would stop what still slips, cut to Coulomb's cone.
+        # Its friction, and by how much that changes.
         dx, dy, dz = load(self.step[0], p), load(self.step[1], p), load(self.step[2], p)
         fx, fy, fz = load(self.rubbed[shape][0], p), load(self.rubbed[shape][1], p), load(self.rubbed[shape][2], p)
-        along = dx * nx + dy * ny + dz * nz
-        gx, gy, gz = fx - dx + along * nx, fy - dy + along * ny, fz - dz + along * nz
-        share = ti.min(friction * push / ti.sqrt(gx * gx + gy * gy + gz * gz + 1e-30), 1.0)
-        gx, gy, gz = share * gx, share * gy, share * gz
+        gx, gy, gz = rub_anew(nx, ny, nz, push, friction, dx, dy, dz, fx, fy, fz)
         store(self.rubbed[shape][0], p, gx)
         store(self.rubbed[shape][1], p, gy)
         store(self.rubbed[shape][2], p, gz)
