@@ -137,9 +137,20 @@ class Simulation:
                     raise
             else:
                 if not self.solver.shorten(self.state, moved):
+                    self._check_pull()
                     break
         self.state = moved
         self.frame += 1
+
+    def _check_pull(self) -> None:
+        """Raises Unstable where threads are pulled more than their steps can be shortened for."""
+        if torn := self.solver.torn:
+            number = self.frame + 1
+            raise Unstable(
+                f"frame {number}: {torn}; no cloth carries that. The state of frame {self.frame} is kept. Use slower "
+                "or nearer pins, weaker forces, or softer threads",
+                number,
+            )
 
     def _moved(self) -> SheetState:
         """The state a frame later, whatever it is."""

@@ -53,6 +53,11 @@ class Solver(ABC):
         """
         return False
 
+    @property
+    def torn(self) -> str:
+        """What in the last frame was more than cloth carries, and than any steps follow; "" where nothing was."""
+        return ""
+
     def overstrained(self, state: SheetState) -> bool:
         """Whether threads are strained beyond what cloth survives at this start, so that it has to be settled."""
         return False

@@ -154,6 +154,14 @@ class Yarns(KernelSolver):
             self._go_over(reached, wanted)
         return False
 
+    @property
+    def torn(self) -> str:
+        if self.tight <= TIGHTEST:
+            return ""
+        spacing = max(self.sheet.springs.spacing_x, self.sheet.springs.spacing_y)
+        pull = self.tight * self.sheet.material.density * spacing / self.step**2
+        return f"threads are pulled by {pull:.2g} N/m, and more than {MOST_SUBSTEPS} substeps a frame would follow them"
+
     def _for_tension(self) -> int:
         """Substeps that the tension of the last frame asks for; at least those of the soft springs."""
         if self.tight > TIGHTEST:

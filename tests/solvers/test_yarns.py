@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from taichi_cloth.constraints.ties import Ties
-from taichi_cloth.ground.errors import InputError
+from taichi_cloth.ground.errors import InputError, Unstable
 from taichi_cloth.motion.forces import Forces, FrameForces, Plane, Sphere, StrainLimit
 from taichi_cloth.motion.simulation import Simulation
 from taichi_cloth.sheet.energy import elastic_energy, elastic_forces, kinetic_energy
@@ -366,6 +366,18 @@ def test_a_taut_string_gets_the_steps_it_needs() -> None:
     for _ in range(10):
         calm.step()
     assert calm.solver.substeps < 1.3 * first
+
+
+def test_a_pull_that_no_steps_follow_is_refused() -> None:
+    """Never passed on: the state is that before the frame."""
+    sheet = sheet_of(replace(times(1e6), air_damping=1.0, shear=5.0), pinned=(-1, slice(None)))
+    loaded = simulation(sheet, upright(sheet), replace(FAR, gravity=(0.0, -2e8, 0.0)))
+    with pytest.raises(Unstable, match=r"pulled by .* N/m, and more than 4096 substeps .* no cloth carries that"):
+        for _ in range(3):
+            before = loaded.positions
+            loaded.step()
+    assert loaded.solver.substeps == 4096
+    np.testing.assert_array_equal(loaded.positions, before)
 
 
 @pytest.mark.parametrize(("slope", "slides"), [(0.25, False), (0.35, True)])
