@@ -19,6 +19,9 @@ F32 = NDArray[np.float32]
 POINTS = 800
 """Key points of a garment: a coarse one."""
 
+FINE = "garment.key_points=2000"
+"""For what comes near many thin limbs at once: of a coarser garment too many springs would have to be looked at."""
+
 STIR, SECONDS = 1.0, 2.5
 """What happens is over after that time [s]; from then on the body stands still until the end."""
 
@@ -120,10 +123,16 @@ def garment_cases(quick: bool = False) -> list[tuple[str, str, Callable[[], str]
         cases += [
             ("garment", "T-shirt, the body spins", partial(shirt, cycle=_spins)),
             ("garment", "T-shirt, arms through the trunk", partial(shirt, cycle=_arms_through)),
-            ("garment", "T-shirt, crumpled to a ball", partial(shirt, cycle=_still, start=_crumpled)),
-            ("garment", "T-shirt, shear × 100", partial(shirt, "garment.properties.shear_n_per_m=3000", cycle=_still)),
+            ("garment", "T-shirt, crumpled to a ball", partial(shirt, FINE, cycle=_still, start=_crumpled)),
+            (
+                "garment",
+                "T-shirt, shear × 100",
+                partial(
+                    shirt, *(one.format(1e6) for one in STIFF), "garment.properties.shear_n_per_m=3000", cycle=_still
+                ),
+            ),
             ("garment", "T-shirt, frames of 1/5 s", partial(shirt, "output.fps=5", cycle=_still)),
             ("garment", "skirt, legs through each other", partial(_worn, "skirt", cycle=_legs_through)),
-            ("garment", "dress, the body teleports", partial(_worn, "dress", cycle=_jumps)),
+            ("garment", "dress, the body teleports", partial(_worn, "dress", FINE, cycle=_jumps)),
         ]
     return cases

@@ -48,9 +48,9 @@ CALM = (0.1, 1e-5)
 LEFT = 0.1
 """Strain in a tangle that may be left to the motion itself."""
 
-NUDGE = 1e-3
+NUDGES = (1e-3, 0.1)
 """Of the spacing: by so much key points are moved at random first, for threads between two at one place have no
-direction, and a sheet folded into a line no way out of it."""
+direction, and a sheet folded into a line no way out of it; and again, where a start has jammed."""
 
 
 def survived(material: Material) -> tuple[float, float, float]:
@@ -85,28 +85,39 @@ def _in_treacle(sheet: Sheet, step: float) -> Sheet:
     return replace(sheet, springs=springs, material=replace(sheet.material, air_damping=THICK / step))
 
 
+def _rests(solver: KernelSolver, sheet: Sheet, state: SheetState, still: FrameForces) -> bool:
+    """Frames until the sheet is calm, or moves no more; whether it is calm."""
+    spacing = min(sheet.springs.spacing_x, sheet.springs.spacing_y)
+    for _ in range(ceil(SUBSTEPS / solver.substeps)):
+        before = sheet.positions(state)
+        sheet.set_steps(state, np.zeros_like(before))
+        solver.advance(state, still)
+        after = sheet.positions(state)
+        if overstrain(sheet, after) < CALM[0]:
+            return True
+        if np.abs(np.where(sheet.present[..., None], after - before, 0.0)).max() < CALM[1] * spacing:
+            break
+    return False
+
+
 def settle(solver: KernelSolver, state: SheetState) -> None:
     """Draws threads to their length, in place; the state is at rest then. solver: whole yarns. Raises InputError where
     they stay longer or shorter than they survive by far, as between pins that are too far apart."""
     sheet, usual = solver.sheet, solver.forces
     spacing = min(sheet.springs.spacing_x, sheet.springs.spacing_y)
     begun = overstrain(sheet, sheet.positions(state))
-    random = np.random.Generator(np.random.Philox(key=23)).uniform(-1, 1, (*sheet.shape, 3))
-    nudge = NUDGE * spacing * np.where(sheet.inverse_mass[..., None] > 0, random, 0.0)
-    state.values[:3] = sheet.state(sheet.positions(state) + nudge).values[:3]
+    random = np.random.Generator(np.random.Philox(key=23))
+    free = sheet.inverse_mass[..., None] > 0
     still = replace(usual.during(0.0, 0.0), wind_start=FrameForces().wind_start, wind_end=FrameForces().wind_end)
     none = np.zeros((*sheet.shape, 3))
     solver.sheet = _in_treacle(sheet, solver.step)
-    solver.forces = replace(usual, gravity=(0.0, 0.0, 0.0))
+    solver.forces = replace(usual, gravity=(0.0, 0.0, 0.0), strain_limit=None)
     try:
         solver.take_steps(solver.substeps)
-        for _ in range(ceil(SUBSTEPS / solver.substeps)):
-            before = sheet.positions(state)
-            sheet.set_steps(state, none)
-            solver.advance(state, still)
-            after = sheet.positions(state)
-            moved = np.abs(np.where(sheet.present[..., None], after - before, 0.0)).max() / spacing
-            if overstrain(sheet, after) < CALM[0] or moved < CALM[1]:
+        for nudge in NUDGES:
+            noise = nudge * spacing * np.where(free, random.uniform(-1, 1, none.shape), 0.0)
+            state.values[:3] = sheet.state(sheet.positions(state) + noise).values[:3]
+            if _rests(solver, sheet, state, still):
                 break
     finally:
         solver.sheet, solver.forces = sheet, usual
