@@ -160,7 +160,7 @@ class GarmentModel(MovingModel):
             Fact("mass", f"{1e3 * float(sheet.mass.sum()):.0f} g", f"{1e3 * sheet.material.density:.0f} g/m²"),
             Fact("widest seam", f"{1e3 * worn.gap:.2f} mm"),
             Fact("deepest in the body", f"{1e3 * worn.depth:.2f} mm"),
-            Fact("largest stretch", f"{100 * worn.stretch:.1f} %"),
+            Fact("largest stretch", f"{100 * worn.stretch:.1f} %, away from seams {100 * worn.taut:.1f} %"),
             self.substeps_fact(),
         ]
         wrong = misfit(garment, worn)

@@ -49,7 +49,7 @@ __all__ = [
     "woven_garment",
 ]
 
-VERSION = 8
+VERSION = 9
 """Of what is kept on disk: raised whenever the same scene would come to another rest."""
 
 Progress = Callable[[str, int, int], None]
@@ -103,7 +103,7 @@ def dress(scene: Scene, each: Progress | None = None) -> Dressed:
         return {name: np.asarray(getattr(worn, name)) for name in Worn.__dataclass_fields__}
 
     arrays, found = kept("worn", made_of, make)
-    numbers = {name: arrays[name].item() for name in ("gap", "depth", "stretch", "speed", "frames")}
+    numbers = {name: arrays[name].item() for name in ("gap", "depth", "stretch", "taut", "speed", "frames")}
     worn = Worn(positions=arrays["positions"], **numbers)
     return Dressed(parts.body, parts.primitives, parts.grids, parts.garment, worn, found)
 

@@ -119,7 +119,7 @@ def test_darts_too_narrow_for_their_key_points_are_named(spacing, why, wish):
     pattern = Pattern("dart", (panel,), (Seam(Side("front", 3), Side("front", 4), alike=False),))
     garment = Garment(pattern, cut(pattern, (spacing, spacing)), CLOTH)
     flat = garment.atlas.start().astype(np.float32)
-    worn = Worn(flat, gap=0.02, depth=0.0, stretch=0.0, speed=0.0, frames=0)
+    worn = Worn(flat, gap=0.02, depth=0.0, stretch=0.0, taut=0.0, speed=0.0, frames=0)
     assert misfit(garment, worn) == f"a seam of front stays 20.0 mm open (allowed 2){why}{wish}"
     deep = replace(worn, gap=0.0, depth=0.01)
     assert misfit(garment, deep) == f"cloth lies 10.0 mm in the body (allowed 3){wish}"

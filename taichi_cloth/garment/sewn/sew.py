@@ -40,7 +40,7 @@ OPEN = 2e-3
 DEEPEST = 3e-3
 """In the body, of any key point of a garment that fits [m]."""
 TAUT = 0.08
-"""Largest strain at rest of a garment that fits."""
+"""Largest strain at rest of a garment that fits, away from its seams."""
 
 CLOSING = 240  # frames at most
 SETTLING = 300
@@ -89,6 +89,15 @@ class Garment:
         out = np.zeros(self.atlas.shape, bool)
         out[tuple(nodes[weights != 0].T)] = True
         return out
+
+    def strains(self, positions: F32) -> tuple[NDArray, NDArray]:
+        """`Sheet.stretch` of the threads that end in no seam and at no hold, 0 for others: at the ends of seams those
+        ask of threads that lie half outside the cloth what no cloth is asked."""
+        nodes, weights = self.holds()[:2]
+        free = ~self.sewn()
+        free[tuple(nodes[weights != 0].T)] = False
+        weft, warp = self.sheet().stretch(positions)
+        return weft * (free[:, :-1] & free[:, 1:]), warp * (free[:-1] & free[1:])
 
     def _counts(self) -> list[int]:
         """Ties of each seam."""
@@ -164,14 +173,15 @@ class Worn:
     """A garment at rest on a body.
 
     positions: key points (rows, cols, 3) [m]. gap: of the widest seam [m]. depth: of the deepest key point in the body
-    [m]. stretch: largest strain of a thread. speed: root mean square from frame to frame at the end [m/s]. frames: that
-    sewing took.
+    [m]. stretch, taut: largest strain of a thread, and of one that ends in no seam and at no hold. speed: root mean
+    square from frame to frame at the end [m/s]. frames: that sewing took.
     """
 
     positions: F32
     gap: float
     depth: float
     stretch: float
+    taut: float
     speed: float
     frames: int
 
@@ -245,6 +255,7 @@ def sew(
         gap=_gap(simulation),
         depth=depth,
         stretch=float(max(s.max() for s in simulation.sheet.stretch(positions))),
+        taut=float(max(s.max() for s in garment.strains(positions))),
         speed=speed,
         frames=frames,
     )
@@ -263,13 +274,13 @@ def misfit(garment: Garment, worn: Worn) -> str | None:
         faults.append(f"a seam of {name} stays {1e3 * worn.gap:.1f} mm open (allowed {1e3 * OPEN:g}){why}")
     if worn.depth > DEEPEST:
         faults.append(f"cloth lies {1e3 * worn.depth:.1f} mm in the body (allowed {1e3 * DEEPEST:g})")
-    if worn.stretch > TAUT:
-        strain = max(garment.sheet().stretch(worn.positions), key=lambda s: s.max())
+    if worn.taut > TAUT:
+        strain = max(garment.strains(worn.positions), key=lambda s: s.max())
         row, col = np.unravel_index(int(np.argmax(strain)), strain.shape)
         name = garment.pattern.panels[garment.atlas.owner()[row, col]].name
         x, y, z = worn.positions[row, col]
         where = f"at ({x:.2f}, {y:.2f}, {z:.2f}) m"
-        faults.append(f"threads of {name} are {100 * worn.stretch:.1f} % longer {where} (allowed {100 * TAUT:g})")
+        faults.append(f"threads of {name} are {100 * worn.taut:.1f} % longer {where} (allowed {100 * TAUT:g})")
     if faults and (darts := [width for seam in garment.pattern.seams if (width := _narrow(garment, seam))]):
         cell = max(garment.atlas.spacing)
         faults.append(
