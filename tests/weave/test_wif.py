@@ -201,9 +201,9 @@ def test_a_file_too_large_is_not_read(tmp_path):
     path = tmp_path / "large.wif"
     with path.open("wb") as file:
         file.truncate(10**12)
-    began = time.perf_counter()
+    began = time.process_time()
     assert f"up to {MAX_BYTES:,}" in refusal(path)
-    assert time.perf_counter() - began < 1
+    assert time.process_time() - began < 1
 
 
 def test_the_good_draft(tmp_path):
