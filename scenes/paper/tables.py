@@ -8,7 +8,7 @@ before it left there. The three take turns in who is first, so that what a proce
 
 import os
 import platform
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -74,9 +74,10 @@ def table_lines(
     yield from heading
     measured: dict[str, Measured] = {}
     for name in PAPER:
-        yield f"{name}: building"
+        yield f"{name}: the paper's counts are looked for"
         try:
-            measured[name] = ours = measure(scene_of(name), frames)
+            scene = scene_of(name)
+            measured[name] = ours = yield from measure(name, scene, frames)
         except (InputError, Unstable) as error:
             yield f"{name}: not timed: {error}"
             continue
@@ -150,16 +151,19 @@ def _count(scene: Scene) -> int:
     return FibreFollower.count(woven.fabric, present=woven.present, spans=woven.spans)
 
 
-def measure(scene: Scene, frames: int) -> Measured:
-    """Times `frames` frames of a garment in motion. Taichi is running.
+def measure(name: str, scene: Scene, frames: int) -> Generator[str, None, Measured]:
+    """Times `frames` frames of a garment in motion, and says meanwhile how far it is. Taichi is running.
 
     Stages: "mesh" and "fibre", whole frames without drawing; "step, mesh" and "step, fibre", the solver's part of
-    them; "step, contact twice"; "normals"; "crossings" and "follow"; and now and then "draw, mesh" and "draw, fibre".
+    them, and "kernel, fibre", its kernel; "step, contact twice"; "normals"; "crossings" and "follow"; and now and then
+    "draw, mesh" and "draw, fibre".
     Where the motion tears the garment it starts anew from its rest, and the frame is among `restarts`. Raises Unstable
     where it does not even begin.
     """
+    yield f"{name}: sewn and rested, unless it is kept from before"
     model = GarmentModel.of(scene)
     assert isinstance(model.fibres, GarmentFibres)
+    yield f"{name}: its kernels are compiled, unless they are kept"
     follower, weaving, surface = model.fibres.follower, model.fibres.weaving, model.surface
     simulation, double = model.simulation, garment_simulation(scene, model.dressed, contact_twice)
     times: dict[str, list[float]] = {}
@@ -176,7 +180,9 @@ def measure(scene: Scene, frames: int) -> Measured:
         timed("normals", lambda: surface.points(simulation.positions))
 
     def fibre_frame() -> None:
+        before = simulation.solver.spent
         timed("step, fibre", simulation.step)
+        times.setdefault("kernel, fibre", []).append(1e3 * (simulation.solver.spent - before))
         crossings = timed("crossings", lambda: weaving.crossings(simulation.positions))
         timed("follow", lambda: follower.follow(crossings))
 
@@ -189,8 +195,12 @@ def measure(scene: Scene, frames: int) -> Measured:
     for number in range(3):
         _all_ways(ways, simulation, number, 1)  # compiles
     times.clear()
-    number = 0
+    number = said = 0
+    yield f"{name}: it walks {BEFORE} frames, and then {frames} more that are timed in three ways"
     while number < frames:
+        if number >= said + max(ROW, frames / 4):
+            said = number
+            yield f"{name}: {number} of {frames} frames"
         at = simulation.frame
         kept = {stage: len(row) for stage, row in times.items()}
         try:

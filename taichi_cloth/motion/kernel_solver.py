@@ -108,8 +108,10 @@ class KernelSolver(Solver):
         routines = bool(self.constraints) or not self.springs_are_threads
         with runtime.plain_code(routines=routines):  # half the time to compile, and as fast a frame
             frame.run(state.values, *wind, *change, self.substeps, threads, self.features)  # pyright: ignore[reportCallIssue]
-            self._pace.took(perf_counter() - begin)
+            took = perf_counter() - begin
             self.look(frame)
+        self._pace.took(took)
+        self.spent += took
         for one in self.constraints:
             one.end(state)
 

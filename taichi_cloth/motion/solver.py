@@ -26,6 +26,9 @@ class Solver(ABC):
     instead: str = ""
     """What to name in its place, as a scene does, where its steps prove hopeless."""
 
+    spent: float = 0.0
+    """Time [s] in the kernels of all frames so far."""
+
     constraints: tuple[Constraint, ...] = ()
     """What acts on key points beside springs, after each step."""
 
