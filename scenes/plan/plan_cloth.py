@@ -31,14 +31,18 @@ def solver_stages(choice: Choice, solver: Solver, scene: Scene) -> dict[str, str
     """Who moves the sheet, by how many steps, and what that costs beside the other solver."""
     rate = scene.output.fps
     costs = ", ".join(
-        f"{name} {'about ' * (number == 0)}{cost.milliseconds(rate):,.3g} ms a frame ({cost.substeps(rate):,} substeps)"
-        for number, (name, cost) in enumerate(choice.costs.items())
+        f"{name} about {_short(cost.milliseconds(rate))} ms a frame ({cost.substeps(rate):,} substeps)"
+        for name, cost in choice.costs.items()
     )
     return {
         "solver": f"{choice.name}, {solver.substeps} substeps a frame of 1/{rate} s, {1e6 * solver.step:.1f} µs each; "
         f"{scene.output.frames} frames",
-        "solver's cost": f"{costs}; threads up to {choice.ratio:,.3g} times as stiff as shear; {choice.why}",
+        "solver's cost": f"{costs}; threads up to {_short(choice.ratio)} times as stiff as shear; {choice.why}",
     }
+
+
+def _short(value: float) -> str:
+    return f"{value:,.0f}" if value >= 100 else f"{value:.3g}"
 
 
 def force_stages(forces: Forces) -> tuple[dict[str, str], dict[str, str]]:
