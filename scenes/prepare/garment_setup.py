@@ -168,9 +168,11 @@ def garment_simulation(
     dressed: Dressed,
     choose: Callable[..., tuple[Constraint, ...]] = constraints_for,
     moves: Motion | None = None,
+    settled: bool = True,
 ) -> Simulation:
     """The worn garment, ready to move with its body by one frame of the video at a time. choose: see
-    `Garment.simulation`. moves: how the body does, instead of what the scene says."""
+    `Garment.simulation`. moves: how the body does, instead of what the scene says. settled: whether it is
+    worn as it was sewn, see `Simulation`."""
     moves = moves or motion_of(scene, dressed.body)
     still = moves.name == "rest"
     colliders = _colliders(scene, dressed)
@@ -198,6 +200,7 @@ def garment_simulation(
         safety=solver.safety,
         solver=garment_choice(scene, garment).name,
         choose=choose,
+        settled=settled,
     )
 
 

@@ -88,7 +88,7 @@ def _worn(
     if start is not None:
         dressed = replace(dressed, worn=replace(dressed.worn, positions=start(dressed.worn.positions)))
     moves = cycle and Motion(cycle.__name__, cycle, None, blend_in=1e-9)
-    simulation = garment_simulation(scene, dressed, moves=moves)
+    simulation = garment_simulation(scene, dressed, moves=moves, settled=start is None)
     for _ in range(round(SECONDS / simulation.frame_time)):
         simulation.step()
     sheet = simulation.sheet

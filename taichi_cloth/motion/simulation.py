@@ -45,7 +45,8 @@ class Simulation:
     """A sheet in motion.
 
     sheet: its pinned key points are those of all `pins` together. positions: (rows, cols, 3) [m] at the start.
-    velocities: [m/s], any shape that spreads to that of positions. Raises InputError on pins that do not fit, and where
+    velocities: [m/s], any shape that spreads to that of positions. settled: the start is one that another simulation
+    has come to, and stands whatever its threads are strained by. Raises InputError on pins that do not fit, and where
     the solver's steps are so short that rounding would move the sheet.
     """
 
@@ -58,6 +59,7 @@ class Simulation:
         positions: ArrayLike,
         velocities: ArrayLike = 0.0,
         pins: tuple[Pins, ...] = (),
+        settled: bool = False,
     ) -> None:
         held = np.zeros(sheet.shape, bool)
         for group in pins:
@@ -76,7 +78,7 @@ class Simulation:
         self._made_for = self._fingerprint()
         solver.shorten(self.state, self.state)
         self._velocities = velocities
-        self._strained, self._longest = solver.overstrained(self.state), LARGEST_STRETCH
+        self._strained, self._longest = not settled and solver.overstrained(self.state), LARGEST_STRETCH
         if not self._strained:
             self._longest = max(self._longest, *(1.01 * float(part.max()) for part in sheet.stretch(self.positions)))
             self._start(np.asarray(positions, np.float64))

@@ -155,9 +155,11 @@ class Garment:
         speed: float = 0.5,
         choose: Callable[..., tuple[Constraint, ...]] = constraints_for,
         solver: str = "verlet",
+        settled: bool = False,
     ) -> Simulation:
         """The garment in motion from `positions`, seams and holds tied. bones: that carry the holds, −1 for none; None:
         none are carried. choose: of the arguments of `constraints_for`, and in its place. solver: see `named_solver`.
+        settled: see `Simulation`.
         """
         sheet = self.moving(air_damping)
         ties = self.ties(sheet, np.full(len(self.holds()[0]), -1) if bones is None else bones, speed)
@@ -165,7 +167,7 @@ class Garment:
         sewn = self.sewn() if forces.self_contact else None
         constraints = choose(sheet, forces, ties=ties, sewn=sewn, answered=kind.answers)
         made = kind(sheet, forces, frame_rate=frame_rate, step=step, safety=safety, constraints=constraints)
-        return Simulation(sheet, made, forces=forces, positions=positions)
+        return Simulation(sheet, made, forces=forces, positions=positions, settled=settled)
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,6 +213,7 @@ def sew(
             start,
             air_damping=THICK,
             solver=solver,
+            settled=True,
         )
         for frame in range(closing):
             simulation.step()
@@ -228,6 +231,7 @@ def sew(
                 simulation.positions,
                 air_damping=air,
                 solver=solver,
+                settled=True,
             )
             frame_time = simulation.solver.step * simulation.solver.substeps
             for frame in range(first, min(last, settling)):
