@@ -25,7 +25,6 @@ strained by 2 % beyond its crimp, along where it leads after the step, which is 
 """
 
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -37,8 +36,9 @@ from taichi_cloth.ground.routine import routine
 from taichi_cloth.motion.crew import LINE
 from taichi_cloth.motion.stencil import largest, load, near, store
 from taichi_cloth.sheet.sheet import LANES
+from taichi_cloth.solvers.yarn_order import DELAY, GROUPS, yarn_order
 
-__all__ = ["GROUPS", "NEVER", "Family", "WholeYarns"]
+__all__ = ["NEVER", "Family", "WholeYarns"]
 
 THREAD_NUMBERS = (
     "rest",  # L [m]
@@ -71,11 +71,6 @@ OVERSHOOT = 0.5
 """Share of a row's diagonal by which α may have changed since its matrix was factorised: the old one is used again."""
 
 TILE = LANES * LANES
-DELAY = 8
-"""Packets between what stores and what reads across them: a processor waits for stores of another width."""
-
-GROUPS = 4
-"""Into which the yarns of a family are cut: they share nothing, so that threads of the processor can each take some."""
 
 
 @dataclass(frozen=True)
@@ -131,11 +126,11 @@ class WholeYarns:
         )
         self.strained, self.differs, self.tight = fields(3, GROUPS * LINE)
         self.wild = ti.field(ti.f32, ())
-        self.order, self.closes = (ti.field(ti.i32, 6 * (size // LANES) + 1024) for _ in range(2))
-        self.tile, self.turned_tile = (ti.field(ti.i32, size // TILE) for _ in range(2))
-        self.offset: Any = ti.field(ti.i32, families)
+        self.order, self.closes = (_whole_numbers(6 * (size // LANES) + 1024) for _ in range(2))
+        self.tile, self.turned_tile = (_whole_numbers(size // TILE) for _ in range(2))
+        self.offset = _whole_numbers(families)
         self.begin, self.count, self.lag = (_whole_numbers(families * GROUPS) for _ in range(3))
-        self.row, self.tall = (ti.field(ti.i32, ()) for _ in range(2))
+        self.row, self.tall = (_whole_numbers(()) for _ in range(2))
         self.numbers = ThreadNumbers.field(shape=families)
         self._number = [self.numbers.get_member_field(name) for name in THREAD_NUMBERS]
 
@@ -152,29 +147,16 @@ class WholeYarns:
         beside = np.stack(
             [np.roll(one, far) * 1.0 + np.roll(one, -far) for one, far in zip(there, offsets, strict=True)]
         )
-        lists, closes, tile, column = _lists(packets, len(families))
-        lags = [
-            max(_reach(one, far, packets.size * LANES), 0)
-            for one, far in zip(lists, np.repeat(offsets, GROUPS), strict=True)
-        ]
-        # One after the other, what two families share but once.
-        margin, begins, pieces, at = max(lags) + DELAY, [], [], 0
-        for one in lists:
-            begins.append(at + margin)
-            pieces += [np.zeros(margin, int), one]
-            at += margin + len(one)
-        order = np.concatenate([*pieces, np.zeros(margin, int)])
-        closing = np.full(len(order), -1)
-        for begin, one in zip(begins[:GROUPS], closes, strict=True):
-            closing[begin : begin + len(one)] = one
-        places = tile * LANES * width + column * LANES, (column * LANES + 1) * high * LANES + tile * LANES
+        order = yarn_order(packets, offsets)
+        tile, column = order.tile * LANES, order.column * LANES
+        places = tile * width + column, (column + 1) * high * LANES + tile
         named = np.array([[one.numbers[name] for name in THREAD_NUMBERS] for one in families], np.float32)
         self._take(
             width,
             np.stack([slack, 0.5 / (beside + 1e-6)]).astype(np.float32),
-            np.stack([order, closing]).astype(np.int32),
+            np.stack([order.packets, order.closes]).astype(np.int32),
             np.stack(places).astype(np.int32),
-            np.array([begins, [len(one) for one in lists], lags, np.repeat(offsets, GROUPS)], np.int32),
+            np.array([order.begins, order.counts, order.lags, np.repeat(offsets, GROUPS)], np.int32),
             named,
         )
 
@@ -483,48 +465,6 @@ class WholeYarns:
         store(self.tight, mark, ti.max(load(self.tight, mark), pulled))
 
 
-def _whole_numbers(count: int) -> Any:
-    return ti.field(ti.i32, count)
-
-
-def _lists(
-    packets: NDArray[np.bool_], families: int
-) -> tuple[list[NDArray], list[NDArray], NDArray[np.int64], NDArray[np.int64]]:
-    """For each family, a list of packets' numbers for each of its groups; for those of the first family which tile each
-    closes, or −1; and row and column of each tile, in tiles. packets: (rows of tiles, LANES, columns of tiles), whether
-    they hold key points."""
-    high, _, wide = packets.shape
-    by_tiles, closes, tiles, columns, known = [], [], [], [], 0
-    for low, top in _shared_out(packets.sum(axis=(1, 2))):
-        column, tile, row = np.nonzero(packets[low:top].transpose(2, 0, 1))
-        last = np.append(np.diff(column * high + tile) != 0, True)[: len(tile)]
-        by_tiles.append(((tile + low) * LANES + row) * wide + column)
-        closes.append(np.where(last, known + np.cumsum(last) - 1, -1))
-        tiles.append(tile[last] + low)
-        columns.append(column[last])
-        known += int(last.sum())
-    row, column = np.nonzero(packets.reshape(high * LANES, wide))
-    by_rows = [
-        (row * wide + column)[(low <= column) & (column < top)] for low, top in _shared_out(packets.sum(axis=(0, 1)))
-    ]
-    chains = [row * wide + column, *[np.zeros(0, int)] * (GROUPS - 1)] * (families - 2)  # they cross all columns
-    return [*by_tiles, *by_rows, *chains], closes, np.concatenate(tiles), np.concatenate(columns)
-
-
-def _shared_out(counts: NDArray[np.int64]) -> list[tuple[int, int]]:
-    """GROUPS slices of about as many in all."""
-    cuts = np.searchsorted(np.cumsum(counts), counts.sum() * np.arange(1, GROUPS) / GROUPS) + 1
-    bounds = [0, *np.minimum(cuts, len(counts)).tolist(), len(counts)]
-    return list(pairwise(bounds))
-
-
-def _reach(order: NDArray, offset: int, size: int) -> int:
-    """How many packets further in an order the neighbours of one may lie, at `offset` elements from its lanes. order:
-    packets' numbers in a grid of `size` elements."""
-    number = np.full(size // LANES + 2, -1)
-    number[order] = np.arange(len(order))
-    most = 0
-    for lane in (0, LANES - 1):
-        at = number[np.clip((order * LANES + lane + offset) // LANES, 0, size // LANES)]
-        most = max(most, int((at - np.arange(len(order)))[at >= 0].max(initial=0)))
-    return most
+def _whole_numbers(shape: int | tuple[()]) -> Any:
+    """Any: type checkers take an element of a field for a matrix, which is no index."""
+    return ti.field(ti.i32, shape)

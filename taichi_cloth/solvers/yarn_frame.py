@@ -19,7 +19,8 @@ from taichi_cloth.motion.crew import PARTS
 from taichi_cloth.motion.frame import Frame
 from taichi_cloth.motion.stencil import load, rub_anew, store
 from taichi_cloth.sheet.sheet import LANES
-from taichi_cloth.solvers.whole_yarns import GROUPS, WholeYarns
+from taichi_cloth.solvers.whole_yarns import WholeYarns
+from taichi_cloth.solvers.yarn_order import GROUPS
 
 __all__ = ["ChainFrame", "YarnFrame"]
 
