@@ -6,6 +6,7 @@ import numpy as np
 
 from taichi_cloth.fabric.layout import FabricLayout
 from taichi_cloth.weave.cloth_facts import cloth_cover, cloth_facts, cotton_diameter_m, cover_factor
+from taichi_cloth.weave.crimp import peirce_crimp
 from taichi_cloth.weave.interpenetration import deepest_interpenetration
 from taichi_cloth.yarn.yarn import Yarn
 
@@ -55,10 +56,7 @@ def fabric_facts(layout: FabricLayout) -> list[Fact]:
     """Threads/cm, mass, crimp, cover, thickness and the deepest interpenetration of a fabric."""
     cloth = layout.cloth
     # A thread that was made thicker or thinner than its yarn has the mass of its section.
-    tex = [
-        t.yarn.resultant_tex / (1.0 - t.yarn.ply_take_up) * t.thickness * t.width / t.yarn.woven_diameter**2
-        for t in (layout.warp, layout.weft)
-    ]
+    tex = [t.yarn.folded_tex * t.thickness * t.width / t.yarn.woven_diameter**2 for t in (layout.warp, layout.weft)]
     facts: list[Fact] = []
     if min(cloth.warp_up.shape) > 1:
         f = cloth_facts(cloth, warp_tex=tex[0], weft_tex=tex[1])
@@ -66,7 +64,7 @@ def fabric_facts(layout: FabricLayout) -> list[Fact]:
         h1, h2 = cloth.balance * (d1 + d2), (1.0 - cloth.balance) * (d1 + d2)
         up = cloth.warp_up
         textbook = [  # Peirce's h = 4/3·p·√c on the part of the pitch that is free to bend
-            0.5625 * h * h / (free * pitch) * float(np.mean(changes))
+            peirce_crimp(h, pitch, free) * float(np.mean(changes))
             for h, free, pitch, changes in (
                 (h1, float((cloth.pitches("weft") - cloth.flats("weft")).mean()), layout.weft.pitch, up[1:] != up[:-1]),
                 (

@@ -41,6 +41,7 @@ __all__ = [
     "interlacing",
     "path_kinds",
     "peirce",
+    "peirce_crimp",
     "weave_angle",
     "yarn_length",
 ]
@@ -336,6 +337,12 @@ def peirce(pitch: float, d1: float, d2: float, *, balance: float = 0.5) -> Peirc
     kinds = PathKinds(np.array(float(pitch)), np.array(0.5 * h), np.array(-0.5 * h), radius, radius)
     length = float(yarn_length(kinds))
     return PeirceCell(angle_rad=float(weave_angle(kinds)), crimp=length / pitch - 1, length=length, height=h)
+
+
+def peirce_crimp(height: float, pitch: float, free: float | None = None) -> float:
+    """Crimp of a yarn that changes face at every crossing by Peirce's rule h = 4/3·p·√c, within 6 %; free: the part of
+    the pitch that is not flat, all of it where None; one unit of length."""
+    return 0.5625 * height * height / ((pitch if free is None else free) * pitch)
 
 
 def crimp(cloth: Interlacing) -> tuple[F64, F64]:

@@ -124,6 +124,11 @@ class Yarn:
         return self.count_tex * self.plies
 
     @property
+    def folded_tex(self) -> float:
+        """Linear density of the folded yarn [tex] with what folding takes up: what a metre of it weighs."""
+        return self.resultant_tex / (1.0 - self.ply_take_up)
+
+    @property
     def single_diameter(self) -> float:
         """Diameter of one single [m] from its mass: π/4·d²·φ·ρ = tex. At φ = 0.6 this is 1/(28√Ne) inch."""
         return sqrt(4.0 * self.count_tex * 1e-6 / (pi * self.fibre_density * self.packing))
