@@ -9,7 +9,8 @@ from taichi_cloth.ground.errors import InputError, did_you_mean
 from taichi_cloth.weave.colour_order import coloured
 from taichi_cloth.weave.draft import Draft, named_weave, tile
 from taichi_cloth.weave.wif import read_wif
-from taichi_cloth.yarn.yarn import Hairiness, Yarn, count_for_diameter, ne_to_tex
+from taichi_cloth.yarn.count import parse_count
+from taichi_cloth.yarn.yarn import Hairiness, Yarn, count_for_diameter, ne_to_tex, turns_per_m
 
 from ..scene.schema import Scene, Weave, YarnSection
 from ..scene.section import DRAFT_FILE
@@ -26,7 +27,8 @@ def fibre_kind(scene: Scene) -> FibreKind:
     kind = scene.fibre.kind
     if kind not in FIBRES:
         raise InputError(f"fibre.kind: unknown fibre {kind!r}; known: {', '.join(FIBRES)}{did_you_mean(kind, FIBRES)}")
-    return FIBRES[kind]
+    own = scene.fibre.fineness_dtex
+    return FIBRES[kind] if own is None else replace(FIBRES[kind], fineness_dtex=own)
 
 
 def yarn_of(section: YarnSection, fibre: FibreKind, *, diameter: float | None = None) -> Yarn:
@@ -35,22 +37,27 @@ def yarn_of(section: YarnSection, fibre: FibreKind, *, diameter: float | None = 
     diameter: woven diameter [m] of a yarn whose count is not stated; it is twisted by the same twist multiplier as a
     yarn of the default count, turns ∝ 1/√tex.
     """
-    stated = section.count_tex or (ne_to_tex(section.count_ne) if section.count_ne else None)
+    said = parse_count(section.count) if section.count is not None else None
+    plies = section.plies if said is None else said.plies
+    stated = said.tex if said else section.count_tex or (ne_to_tex(section.count_ne) if section.count_ne else None)
     count = stated or DEFAULT_COUNT_TEX
     tighter = 1.0
     if stated is None and diameter is not None:
-        count = count_for_diameter(diameter, fibre.density_kg_m3, section.packing, section.plies)
+        count = count_for_diameter(diameter, fibre.density_kg_m3, section.packing, plies)
         count = float(np.clip(count, fibre.fineness_dtex, LARGEST_COUNT_TEX))
         tighter = float(np.sqrt(DEFAULT_COUNT_TEX / count))
+    twist = section.twist_per_m * tighter
+    if section.twist_multiplier is not None:
+        twist = turns_per_m(section.twist_multiplier, ne_to_tex(count * plies))
     return Yarn(
         count_tex=count,
-        plies=section.plies,
-        twist_per_m=section.twist_per_m * tighter,
+        plies=plies,
+        twist_per_m=twist,
         twist=section.twist,
         singles_twist_per_m=section.singles_twist_per_m * tighter,
         singles_twist=section.singles_twist,
         fibre_density=fibre.density_kg_m3,
-        fineness_dtex=fibre.fineness_dtex,
+        fineness_dtex=(said.fineness_dtex if said else None) or fibre.fineness_dtex,
         packing=section.packing,
         flattening=section.flattening,
         migration=section.migration,

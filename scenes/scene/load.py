@@ -25,9 +25,25 @@ __all__ = ["built_in_scenes", "load_scene", "make_scene"]
 WIF_BRINGS = {
     "weave": ("ends", "picks", "warp_colours", "weft_colours"),
     "fabric": ("ends_per_cm", "picks_per_cm", "balance"),
-    "yarn": ("count_tex", "count_ne"),
-    "weft_yarn": ("count_tex", "count_ne"),
+    "yarn": ("count_tex", "count_ne", "count"),
+    "weft_yarn": ("count_tex", "count_ne", "count"),
 }
+SAME = (("count_tex", "count_ne", "count"), ("twist_per_m", "twist_multiplier"))
+"""Keys of a yarn that say one thing."""
+TRADE_WORDS = {
+    **dict.fromkeys(("epi", "ends_per_inch"), "fabric.ends_per_cm, ends an inch / 2.54"),
+    **dict.fromkeys(("ppi", "picks_per_inch"), "fabric.picks_per_cm, picks an inch / 2.54"),
+    **dict.fromkeys(("epc", "ends_per_cm", "ends", "sett", "warp_sett"), "fabric.ends_per_cm"),
+    **dict.fromkeys(("ppc", "picks_per_cm", "weft_sett"), "fabric.picks_per_cm"),
+    **dict.fromkeys(("ne", "tex", "nm", "den", "denier", "yarn_count"), "yarn.count, such as Ne 30 or 2/60 Nm"),
+    **dict.fromkeys(("ply", "plied"), "yarn.plies"),
+    **dict.fromkeys(("tpi", "tpm", "turns_per_m"), "yarn.twist_per_m, turns a metre"),
+    **dict.fromkeys(("tm", "alpha"), "yarn.twist_multiplier"),
+    **dict.fromkeys(("gsm", "weight", "density"), "properties.density_g_per_m2, of the [cloth] or [garment]"),
+    **dict.fromkeys(("weave", "pattern", "draft", "wif"), "weave.draft"),
+    **dict.fromkeys(("micron", "denier_per_filament", "dpf", "fineness"), "fibre.fineness_dtex"),
+}
+"""What people call a key: where it stands here."""
 LARGEST_SCENE_FILE = 1_000_000
 LONGEST_LIST = 50_000
 """Values: what is wrong with each would be a line of its own."""
@@ -62,9 +78,11 @@ def load_scene(name: str, overrides: list[str] | None = None) -> Scene:
         for section, keys in WIF_BRINGS.items():
             _drop(data, section, keys)
     for section in ("yarn", "weft_yarn"):  # a count given in one unit replaces the scene's in the other
-        for key, other in (("count_tex", "count_ne"), ("count_ne", "count_tex")):
-            if f"{section}.{key}" in given:
-                _drop(data, section, (other,))
+        for keys in SAME:
+            if any(f"{section}.{key}" in given for key in keys):
+                _drop(data, section, keys)
+        if f"{section}.count" in given:
+            _drop(data, section, ("plies",))  # it says them
     for text in overrides or []:
         _override(data, text)
     for name, table, key in files_named(data) if folder else ():
@@ -206,7 +224,10 @@ def _line(error: ValidationError) -> str:
     key = ".".join(str(part) for part in path) or "scene"
     if first["type"] == "extra_forbidden":
         allowed = _keys_at(path[:-1])
-        line = f"{key[:200]}: unknown key; known: {', '.join(allowed)}{did_you_mean(str(path[-1])[:100], allowed)}"
+        said = str(path[-1])[:100]
+        trade = TRADE_WORDS.get(said.lower(), "")
+        hint = f" (did you mean {trade}?)" if trade else did_you_mean(said, allowed)
+        line = f"{key[:200]}: unknown key; known: {', '.join(allowed)}{hint}"
     elif first["type"] == "value_error":
         prefix = "" if key == "scene" else f"{key}: "
         line = prefix + str(first.get("ctx", {}).get("error", first["msg"]))

@@ -7,9 +7,11 @@ built.
 
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from taichi_cloth.fabric.pose import Pose
+from taichi_cloth.ground.errors import InputError
+from taichi_cloth.yarn.count import parse_count
 from taichi_cloth.yarn.yarn import Direction
 
 from ...render.image.tone import Tone
@@ -43,6 +45,9 @@ class Fibre(Section):
     spheres: list[tuple[float, float, float, float]] | None = Field(
         default=None, description="own contour: rows [x, y, z, radius] in µm, the fibre's axis along x"
     )
+    fineness_dtex: Positive | None = Field(
+        default=None, description="linear density of one fibre [dtex]; default: what is usual of its kind"
+    )
     length_um: float = Field(default=240.0, gt=0, le=1e5, description="length of the fibre shown [µm]")
     spacing_um: float = Field(default=0.7, gt=0, description="distance between lattice particles [µm]")
     jitter: float = Field(default=0.3, ge=0, le=1, description="largest perturbation, in fractions of the spacing")
@@ -67,9 +72,15 @@ class YarnSection(Section):
         description="linear density of one single [tex]; default: what the draft's spacing asks for, else 20",
     )
     count_ne: Positive | None = Field(default=None, description="the same as an English cotton count [Ne]")
-    plies: int = Field(default=2, ge=1, le=12, description="singles folded together")
+    count: str | None = Field(
+        default=None, description='that and the plies as the trade writes it: "30/2", "2/60 Nm", "20 den", "tex 20x2"'
+    )
+    plies: int = Field(default=2, ge=1, le=12, description="singles folded together; default: 2, or what count says")
     twist_per_m: float = Field(
         default=700.0, ge=0, description="folding twist [turns/m]; the yarn's own when plies = 1"
+    )
+    twist_multiplier: Positive | None = Field(
+        default=None, description="the same by the cotton count: turns an inch over √Ne, of the whole yarn"
     )
     twist: Direction = "S"
     singles_twist_per_m: float = Field(default=0.0, ge=0, description="twist left in each single [turns/m]")
@@ -87,10 +98,26 @@ class YarnSection(Section):
         description='"lattice" fills the singles with the particles of a sphere set, as the paper does',
     )
 
+    @field_validator("count")
+    @classmethod
+    def count_is_known(cls, count: str | None) -> str | None:
+        if count is not None:
+            try:
+                parse_count(count)
+            except InputError as error:
+                raise ValueError(str(error).removeprefix("yarn.count: ")) from None
+        return count
+
     @model_validator(mode="after")
     def one_count(self) -> "YarnSection":
-        if self.count_tex is not None and self.count_ne is not None:
-            raise ValueError("count_tex and count_ne are two names for one thing; give one of them")
+        given = [key for key in ("count", "count_tex", "count_ne") if getattr(self, key) is not None]
+        if len(given) > 1:
+            raise ValueError(f"{given[0]} and {given[1]} are two names for one thing; give one of them")
+        plies = parse_count(self.count).plies if self.count is not None else self.plies
+        if "plies" in self.model_fields_set and plies != self.plies:
+            raise ValueError(f"count {self.count!r} has plies of {plies}, plies is {self.plies}; leave one out")
+        if self.twist_multiplier is not None and "twist_per_m" in self.model_fields_set:
+            raise ValueError("twist_per_m and twist_multiplier are two names for one thing; give one of them")
         return self
 
 

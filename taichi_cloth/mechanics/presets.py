@@ -21,6 +21,8 @@ from taichi_cloth.yarn.yarn import Yarn, turns_per_m
 
 __all__ = ["PRESET_KEYS", "TRADE", "TradeCloth", "named_construction", "preset_properties", "yarn_of_count"]
 
+INCH = 2.54  # cm
+
 
 @dataclass(frozen=True, kw_only=True)
 class TradeCloth:
@@ -44,11 +46,6 @@ class TradeCloth:
     flattening: float | None = None
 
 
-def _inch(ends: float, picks: float) -> dict[str, float]:
-    """Threads a centimetre of so many an inch, as cotton is sold."""
-    return {"ends_per_cm": round(ends / 2.54, 2), "picks_per_cm": round(picks / 2.54, 2)}
-
-
 TRADE: Mapping[str, TradeCloth] = MappingProxyType(
     {
         "cotton-shirting": TradeCloth(
@@ -57,7 +54,8 @@ TRADE: Mapping[str, TradeCloth] = MappingProxyType(
             warp="Ne 40",
             weft="Ne 40",
             weave="plain",
-            **_inch(118, 68),
+            ends_per_cm=118 / INCH,
+            picks_per_cm=68 / INCH,
             twist_multiplier=4.0,
             weight=115.0,
         ),
@@ -103,7 +101,8 @@ TRADE: Mapping[str, TradeCloth] = MappingProxyType(
             warp="Ne 40",
             weft="Ne 40",
             weave="plain",
-            **_inch(133, 72),
+            ends_per_cm=133 / INCH,
+            picks_per_cm=72 / INCH,
             twist_multiplier=4.0,
             weight=128.0,
         ),
@@ -113,7 +112,8 @@ TRADE: Mapping[str, TradeCloth] = MappingProxyType(
             warp="Ne 32",
             weft="Ne 32",
             weave="plain",
-            **_inch(68, 68),
+            ends_per_cm=68 / INCH,
+            picks_per_cm=68 / INCH,
             twist_multiplier=4.0,
             weight=105.0,
         ),
@@ -134,7 +134,8 @@ TRADE: Mapping[str, TradeCloth] = MappingProxyType(
             warp="Ne 7",
             weft="Ne 6",
             weave="twill-3/1",
-            **_inch(66, 43),
+            ends_per_cm=66 / INCH,
+            picks_per_cm=43 / INCH,
             twist_multiplier=4.2,
             weight=407.0,
             finish="sized",

@@ -7,10 +7,14 @@ from pathlib import Path
 
 import pytest
 
+from taichi_cloth.fibre.contours import FIBRES
+from taichi_cloth.ground.errors import InputError
 from taichi_cloth.scenes import __main__ as command_line
 from taichi_cloth.scenes.plan.plan import plan
 from taichi_cloth.scenes.prepare.drawing import picture_bytes
+from taichi_cloth.scenes.prepare.yarns import yarn_of
 from taichi_cloth.scenes.scene.load import built_in_scenes, load_scene
+from taichi_cloth.scenes.scene.schema import YarnSection
 
 MALFORMED = Path(__file__).parents[1] / "malformed_scenes"
 Run = Callable[..., str]
@@ -260,3 +264,31 @@ def test_a_draft_named_in_a_file_lies_beside_it(tmp_path: Path, monkeypatch: pyt
     scene = load_scene(str(tmp_path / "mine.toml"), ["weave.draft=other.wif"])
     assert scene.weave is not None
     assert scene.weave.draft == "other.wif"
+
+
+@pytest.mark.parametrize(
+    ("override", "line"),
+    [
+        ("yarn.epi=60", "did you mean fabric.ends_per_cm, ends an inch / 2.54?"),
+        ("fabric.epc=24", "did you mean fabric.ends_per_cm?"),
+        ("yarn.denier=20", "did you mean yarn.count, such as Ne 30 or 2/60 Nm?"),
+        ("yarn.count=20 texx", "known: 30/2, Ne 30"),
+        ("yarn.count=2/60", "write 2/60 Nm"),
+        ("yarn.plis=2", 'did you mean "plies"'),
+    ],
+)
+def test_words_of_the_trade_lead_to_the_key(refused: Run, override: str, line: str) -> None:
+    assert line in refused("plan", "swatch", "--set", override)
+
+
+def test_a_count_in_the_trades_words_replaces_the_scenes_own() -> None:
+    yarn = yarn_of(load_scene("swatch", ["yarn.count=2/60 Nm"]).yarn or YarnSection(), FIBRES["wool"])
+    assert (yarn.plies, yarn.resultant_tex) == (2, pytest.approx(1000 / 30))
+    single = yarn_of(YarnSection(count="Ne 36", twist_multiplier=4.0), FIBRES["cotton"])
+    assert (single.plies, single.twist_per_m) == (1, pytest.approx(24 / 0.0254))
+    fine = yarn_of(YarnSection(count="dtex 167f48"), FIBRES["polyester"])
+    assert fine.fineness_dtex == pytest.approx(167 / 48)
+    with pytest.raises(InputError, match="plies of 2, plies is 3"):
+        load_scene("swatch", ["yarn.count=30/2", "yarn.plies=3"])
+    with pytest.raises(InputError, match="count and count_tex are two names for one thing"):
+        load_scene("swatch", ["yarn.count=30/2", "yarn.count_tex=20"])
