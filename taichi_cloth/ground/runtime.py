@@ -98,20 +98,22 @@ def start(arch: Arch = "cpu", *, threads: int | None = None, cache: bool = True,
 
 
 @contextlib.contextmanager
-def plain_code(*, routines: bool = False) -> Iterator[None]:
+def plain_code(*, routines: bool = False, kept: bool = True) -> Iterator[None]:
     """Kernels first called within are compiled without Taichi's own analysis of which loads repeat.
 
     For long kernels with many stores it takes three quarters of the compile time and gains nothing; LLVM does it too.
     routines: they call some (`routine.py`). Then no element of a field is kept in a register for a loop either, which
-    Taichi does even where the loop calls a routine that changes it.
+    Taichi does even where the loop calls a routine that changes it. kept: between processes; not what holds an address
+    of this one.
     """
     config = current_cfg()
-    before = config.cfg_optimization, config.cache_loop_invariant_global_vars
+    before = config.cfg_optimization, config.cache_loop_invariant_global_vars, config.offline_cache
     config.cfg_optimization, config.cache_loop_invariant_global_vars = False, before[1] and not routines
+    config.offline_cache = before[2] and kept
     try:
         yield
     finally:
-        config.cfg_optimization, config.cache_loop_invariant_global_vars = before
+        config.cfg_optimization, config.cache_loop_invariant_global_vars, config.offline_cache = before
 
 
 def _line_of(context: Any, node: Any) -> str:

@@ -22,6 +22,7 @@ from taichi_cloth.ground.arrays import F32x1, F32x3, Float, I32x1, Int, Template
 from taichi_cloth.motion.constraint import Constraint
 from taichi_cloth.motion.crew import PARTS, Crew, parts_of
 from taichi_cloth.motion.numbers import NUMBERS, Numbers
+from taichi_cloth.motion.stage_clock import StageClock
 from taichi_cloth.motion.stencil import Stencil
 from taichi_cloth.sheet.sheet import LANES, Sheet, SheetState
 
@@ -36,15 +37,18 @@ class Frame(Stencil):
 
     numbers: of a step. packet: 8 neighbouring key points each, by the number of their lanes in the padded grid; cut:
     which of them are whose part. holder: whose constants are in the fields, the host's to use. sums: whether it goes
-    through constraints several times in a substep.
+    through constraints several times in a substep. clock: is told where stages end; None: nothing of it is compiled.
     """
 
     sums = False
     cut: Any  # its numbers are bounds of loops: type checkers would take them for matrices
 
-    def __init__(self, size: int, threads: int, constraints: tuple[Constraint, ...]) -> None:
+    def __init__(
+        self, size: int, threads: int, constraints: tuple[Constraint, ...], clock: StageClock | None = None
+    ) -> None:
         super().__init__(size)
         self.constraints, self.crew = constraints, Crew(threads)
+        self.clock, self.timed = clock, clock is not None
         self.numbers = Numbers.field(shape=())
         self._number = [self.numbers.get_member_field(name) for name in NUMBERS]
         self.packet, self.cut = ti.field(ti.i32, size // LANES), ti.field(ti.i32, PARTS + 1)
@@ -113,12 +117,16 @@ class Frame(Stencil):
         """The frame, as one of its threads goes through it. stage: number of the last one; ended: parts of stages that
         have ended by then."""
         at = 0  # which buffer of what is ahead is read
+        self.begins(thread)
         stage, ended = self.in_parts(self.read, thread, 0, 0, 0, at, wind, values, n, features)
+        self.ends(thread, "state")
         for done in range(substeps):
             if ti.static(not features.leads):
                 stage, ended = self.in_parts(self.prepare, thread, stage, ended, done, at, wind, values, n, features)
+                self.ends(thread, "ahead")
             air = wind + done * change
             stage, ended = self.move(thread, stage, ended, done, at, air, values, n, features)
+            self.ends(thread, "springs")
             if ti.static(features.leads):
                 at = self.size - at
             for one in ti.static([one for one in self.constraints if one.remembers]):
@@ -130,6 +138,30 @@ class Frame(Stencil):
                 for one in ti.static([one for one in self.constraints if one.repeated]):
                     stage, ended = self.correct(one, thread, stage, ended, done, n)
         self.in_parts(self.write, thread, stage, ended, substeps, at, wind, values, n, features)
+        self.ends(thread, "state")
+
+    @ti.func
+    def begins(self, thread: Template):
+        """The first thread is about to begin the frame."""
+        if ti.static(self.timed):
+            if thread == 0:
+                self.clock.start()
+
+    @ti.func
+    def ends(self, thread: Template, what: Template):
+        """The first thread has left a stage. what: it was for, as `StageClock.end` has it."""
+        if ti.static(self.timed):
+            if thread == 0:
+                self.clock.end(what)
+
+    @ti.func
+    def before_springs(self, done, n: Template):
+        """What constraints do before the springs of a substep, each as often as it asks to; by one thread."""
+        for one in ti.static(self.constraints):
+            if not one.paired or done % 2 == 0:
+                one.before(self, done, n)
+            if ti.static(self.timed):
+                self.clock.end(one)
 
     @ti.func
     def in_parts(
@@ -186,9 +218,7 @@ class Frame(Stencil):
     def prepare(self, part, done, at, wind, values: Template, n: Template, features: Template):
         """What constraints do before the springs, by whoever has the first part; and what is ahead of a part."""
         if part == 0:
-            for one in ti.static(self.constraints):
-                if not one.paired or done % 2 == 0:
-                    one.before(self, done, n)
+            self.before_springs(done, n)
         self.lead_part(part, n)
 
     @ti.func
@@ -205,6 +235,7 @@ class Frame(Stencil):
             one.warm_start(self, done, n)
             self.crew.finish()
         self.crew.meet(goal)
+        self.ends(thread, one)
         return here, goal
 
     @ti.func
@@ -225,4 +256,5 @@ class Frame(Stencil):
                 one.correct_whole(self, done, n)
                 self.crew.finish()
             self.crew.meet(goal)
+        self.ends(thread, one)
         return here, goal

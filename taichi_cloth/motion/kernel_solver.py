@@ -15,6 +15,7 @@ from taichi_cloth.motion.forces import Forces, FrameForces
 from taichi_cloth.motion.frame import Frame
 from taichi_cloth.motion.numbers import numbers_of
 from taichi_cloth.motion.solver import Solver
+from taichi_cloth.motion.stage_clock import StageClock
 from taichi_cloth.motion.stencil import Features
 from taichi_cloth.sheet.sheet import Sheet, SheetState
 
@@ -41,6 +42,9 @@ class KernelSolver(Solver):
 
     alone_where_repeated = True
     """Whether constraints that are repeated keep it to one thread: they are most of a substep, one thread's work."""
+
+    clock: StageClock | None = None
+    """What to be told where the stages of frames end; with one, a kernel of its own is compiled."""
 
     springs_are_threads = True
     """Whether the threads are springs of the stencil. Otherwise what solves them moves key points after it."""
@@ -96,7 +100,7 @@ class KernelSolver(Solver):
 
     def advance(self, state: SheetState, forces: FrameForces) -> None:
         size = capacity_of(self.sheet.padded_shape)
-        frame = _frame(runtime.generation(), self.frame_of, size, self.threads, self.constraints)
+        frame = _frame(runtime.generation(), self.frame_of, size, self.threads, self.constraints, self.clock)
         if frame.holder != (self, self.numbers):
             self.fill(frame, state)
             frame.holder = self, self.numbers
@@ -106,7 +110,7 @@ class KernelSolver(Solver):
             one.begin(state, forces)
         threads, begin = self._pace.threads(), perf_counter()
         routines = bool(self.constraints) or not self.springs_are_threads
-        with runtime.plain_code(routines=routines):  # half the time to compile, and as fast a frame
+        with runtime.plain_code(routines=routines, kept=self.clock is None):  # half the time to compile, and as fast a frame
             frame.run(state.values, *wind, *change, self.substeps, threads, self.features)  # pyright: ignore[reportCallIssue]
             took = perf_counter() - begin
             self.look(frame)
@@ -130,6 +134,7 @@ def _frame(
     size: int,
     threads: int,
     constraints: tuple[Constraint, ...],
+    clock: StageClock | None,
 ) -> Frame:
     """Sheets of one class share it. generation: of the Taichi runtime; a new start throws all fields away."""
-    return frame_of(size, threads, constraints)
+    return frame_of(size, threads, constraints, clock)

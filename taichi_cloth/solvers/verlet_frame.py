@@ -5,6 +5,7 @@ import taichi as ti
 from taichi_cloth.ground.arrays import Float, Template
 from taichi_cloth.motion.constraint import Constraint
 from taichi_cloth.motion.frame import Frame
+from taichi_cloth.motion.stage_clock import StageClock
 from taichi_cloth.motion.stencil import load, store
 from taichi_cloth.sheet.sheet import LANES
 from taichi_cloth.solvers.stiffest import Stiffest
@@ -16,8 +17,10 @@ __all__ = ["VerletFrame"]
 class VerletFrame(Frame):
     """stiff: the terms of the sheet's `FrequencyBound`."""
 
-    def __init__(self, size: int, threads: int, constraints: tuple[Constraint, ...]) -> None:
-        super().__init__(size, threads, constraints)
+    def __init__(
+        self, size: int, threads: int, constraints: tuple[Constraint, ...], clock: StageClock | None = None
+    ) -> None:
+        super().__init__(size, threads, constraints, clock)
         self.stiff = Stiffest(self.size)
 
     @ti.func

@@ -17,6 +17,7 @@ from taichi_cloth.ground.arrays import Float, Template
 from taichi_cloth.motion.constraint import Constraint
 from taichi_cloth.motion.crew import PARTS
 from taichi_cloth.motion.frame import Frame
+from taichi_cloth.motion.stage_clock import StageClock
 from taichi_cloth.motion.stencil import load, rub_anew, store
 from taichi_cloth.sheet.sheet import LANES
 from taichi_cloth.solvers.whole_yarns import WholeYarns
@@ -35,8 +36,10 @@ class YarnFrame(Frame):
     sums = True
     families = 2
 
-    def __init__(self, size: int, threads: int, constraints: tuple[Constraint, ...]) -> None:
-        super().__init__(size, threads, constraints)
+    def __init__(
+        self, size: int, threads: int, constraints: tuple[Constraint, ...], clock: StageClock | None = None
+    ) -> None:
+        super().__init__(size, threads, constraints, clock)
         self.yarns = WholeYarns(size, self.families)
         self.pressed = [ti.field(ti.f32, self.size) for _ in (BALL, FLOOR)]
         self.rubbed = [[ti.field(ti.f32, self.size) for _ in range(3)] for _ in (BALL, FLOOR)]
@@ -45,11 +48,15 @@ class YarnFrame(Frame):
     def stages(self, thread, values: Template, n: Template, wind, change, substeps, features: Template):
         families = ti.static(self.families)
         turns = families * ti.cast(n.sweeps, ti.i32)
+        self.begins(thread)
         stage, ended = self.in_parts(self.open, thread, 0, 0, 0, 0, wind, values, n, features)
+        self.ends(thread, "state")
         for done in range(substeps):
             air = wind + done * change
             stage, ended = self.in_parts(self.prepare, thread, stage, ended, done, 0, air, values, n, features)
+            self.ends(thread, "ahead")
             stage, ended = self.in_parts(self.soften, thread, stage, ended, done, 0, air, values, n, features)
+            self.ends(thread, "springs")
             for turn in range(turns + 1):
                 if turn % families == 0:
                     stage, ended = self.correct_all(thread, stage, ended, turn, turns, done, values, n, features)
@@ -59,7 +66,9 @@ class YarnFrame(Frame):
                         family = families - 1 - family
                     pulls = turn >= turns - families and done % 2 == 1
                     stage, ended = self.solve(thread, stage, ended, family, turn // families, pulls)
+                    self.ends(thread, "threads")
         self.in_parts(self.write, thread, stage, ended, substeps, 0, wind, values, n, features)
+        self.ends(thread, "state")
 
     @ti.func
     def solve(self, thread, stage, ended, family, sweep, pulls):
@@ -81,6 +90,7 @@ class YarnFrame(Frame):
             here, goal = self.correct(one, thread, here, goal, done, n)
         if ti.static(features.sphere or features.plane):
             here, goal = self.in_parts(self.touch_all, thread, here, goal, done, 0, 0.0, values, n, features)
+            self.ends(thread, "shapes")
         for one in ti.static([one for one in self.constraints if one.parts]):
             here, goal = here + 1, goal + PARTS
             for look in range(PARTS):
@@ -92,6 +102,7 @@ class YarnFrame(Frame):
                         one.correct_again(self, part, self.cut[part], self.cut[part + 1], done, n)
                     self.crew.finish()
             self.crew.meet(goal)
+            self.ends(thread, one)
         if turn == turns and done % 2 == 1:
             for one in ti.static([one for one in self.constraints if one.paired]):
                 here, goal = self.correct(one, thread, here, goal, done, n)
@@ -110,9 +121,7 @@ class YarnFrame(Frame):
     def prepare(self, part, done, at, wind, values: Template, n: Template, features: Template):
         if part == 0:
             self.yarns.judge()
-            for one in ti.static(self.constraints):
-                if not one.paired or done % 2 == 0:
-                    one.before(self, done, n)
+            self.before_springs(done, n)
         self.lead_part(part, n)
 
     @ti.func
