@@ -165,17 +165,22 @@ def profile(
     render: Annotated[bool, typer.Option("--render", help="Time the splatter's paths and how they scale.")] = False,
     largest: Annotated[float, typer.Option("--largest", help="With --render: particles to scale up to.")] = 1e7,
     tables: Annotated[bool, typer.Option("--tables", help="The paper's Tables 1 to 3 beside ours.")] = False,
-    frames: Annotated[int | None, typer.Option("--frames", help="With --tables: timed frames; default: 200.")] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="With --tables: the short skirt alone.")] = False,
+    frames: Annotated[
+        int | None, typer.Option("--frames", help="With --tables: timed frames; default: 100, quick 30.")
+    ] = None,
     out: Annotated[Path | None, typer.Option("--out", help="With --tables: folder for text, CSV, Markdown.")] = None,
     arch: Arch = "cpu",
     threads: Threads = None,
 ) -> None:
     """Time building and drawing: this scene, and the fixed work the paper's T-shirt sets. Medians."""
     if tables:
-        from .paper.tables import FRAMES, table_lines
+        from .commands.progress import staged
+        from .paper.tables import table_lines
 
-        for line in table_lines(frames=FRAMES if frames is None else frames, out=out, arch=arch, threads=threads):
-            typer.echo(line)
+        with staged() as (each, say):
+            for line in table_lines(frames=frames, quick=quick, out=out, arch=arch, threads=threads, each=each):
+                say(line)
         return
     if render:
         from .measure.profile_render import render_profile_lines

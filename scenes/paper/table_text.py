@@ -30,19 +30,39 @@ PAPER = {
 
 @dataclass(frozen=True)
 class Measured:
-    """Ours for one garment. times: [ms] of each frame, by stage; see `tables.measure`.
-    restarts: frames at which the motion tore the garment, so that it began anew."""
+    """Ours for one garment. times: [ms] of each frame, by stage; see `garment_timing.measure`.
+    restarts: frames at which the motion tore the garment, so that it began anew. stamped: whether all frames were timed
+    with stamps."""
 
     key_points: int
     particles: int
     substeps: int
     times: dict[str, list[float]] = field(default_factory=dict)
     restarts: tuple[int, ...] = ()
+    stamped: bool = False
 
     def median(self, plus: str, minus: str | None = None) -> float:
         """Of a stage, or of the difference of two frame by frame [ms]."""
         values = np.asarray(self.times[plus])
         return float(np.median(values if minus is None else values - np.asarray(self.times[minus])))
+
+    def ratio(self, over: str, under: str) -> float:
+        """The median of the quotients of two stages frame by frame."""
+        return float(np.median(np.asarray(self.times[over]) / np.asarray(self.times[under])))
+
+    def parts(self) -> dict[str, float]:
+        """Where a fibre frame goes [ms], by part; "rest" and all others add up to "whole". Means over the same frames:
+        the half of them in the middle by what they took in all. Empty where kernels could not ask for the time."""
+        names = [stage.removeprefix("parts: ") for stage in self.times if stage.startswith("parts: ")]
+        if not names:
+            return {}
+        rows = {name: np.asarray(self.times[f"parts: {name}"]) for name in names}
+        order = np.argsort(rows["whole"], kind="stable")
+        quarter = len(order) // 4
+        middle = order[quarter : len(order) - quarter]
+        out = {name: float(row[middle].mean()) for name, row in rows.items()}
+        whole = out.pop("whole")
+        return out | {"rest": whole - sum(out.values()), "whole": whole}
 
 
 @dataclass(frozen=True)
@@ -93,7 +113,8 @@ def tables_of(measured: dict[str, Measured]) -> list[Table]:
                 *_count(paper.particles, ours.particles),
             )
         )
-        contact.append((name, *_times(paper.contact, _contact(ours))))
+        if (took := _contact(ours)) is not None:
+            contact.append((name, *_times(paper.contact, took)))
         frames.append((name, *_times(paper.frame, (ours.median("mesh"), ours.median("fibre")))))
     pairs = ("paper mesh", "ours mesh", "paper/ours", "paper fibre", "ours fibre", "paper/ours")
     last = ("paper fibre/mesh", "ours fibre/mesh")
@@ -105,7 +126,11 @@ def tables_of(measured: dict[str, Measured]) -> list[Table]:
             "Table 2: collision detection and response [ms a frame]",
             ("garment", *pairs, *last),
             tuple(contact),
-            ("Ours: a frame that does all work of contact twice less the same frame, from the same state.",),
+            (
+                "Ours: by time stamps inside the kernel."
+                if contact
+                else "Not timed: kernels can ask for the time on a CPU under Linux or macOS only.",
+            ),
         ),
         Table(
             "table3",
@@ -123,32 +148,82 @@ def tables_of(measured: dict[str, Measured]) -> list[Table]:
             ),
         ),
         _stages(measured),
+        _ratios(measured),
     ]
 
 
-def _contact(ours: Measured) -> tuple[float, float]:
-    return ours.median("step, contact twice", "step, mesh"), ours.median("step, contact twice", "step, fibre")
+def _contact(ours: Measured) -> tuple[float, float] | None:
+    """Of a mesh frame and of a fibre frame [ms]; None where kernels could not ask for the time."""
+    if "parts: contact" not in ours.times:
+        return None
+    return ours.median("mesh: contact"), ours.median("parts: contact")
+
+
+PARTS = {
+    "springs": "soft springs",
+    "yarns": "yarns",
+    "strain limit": "strain limit",
+    "seams": "seams",
+    "holds": "holds",
+    "contact": "contact",
+    "cloth on cloth": "cloth on cloth",
+    "state": "state in and out",
+    "host": "what the host does for it",
+    "crossings": "crossings",
+    "follow": "fibre particles",
+    "rest": "rest",
+    "whole": "together: a frame as fibres",
+}
+"""Parts of a frame in the order in which they are printed, and their titles."""
 
 
 def _stages(measured: dict[str, Measured]) -> Table:
     rows: list[tuple[str, ...]] = []
-    names = [
-        ("springs, yarns, seams, cloth on cloth", lambda m: m.median("kernel, fibre") - _contact(m)[1]),
-        ("contact", lambda m: _contact(m)[1]),
-        ("what the host does for it", lambda m: m.median("step, fibre", "kernel, fibre")),
-        ("crossings", lambda m: m.median("crossings")),
-        ("fibre particles", lambda m: m.median("follow")),
-        ("together: a frame as fibres", lambda m: m.median("fibre")),
-        ("vertex normals (mesh)", lambda m: m.median("normals")),
-        ("drawing the mesh", lambda m: m.median("draw, mesh")),
-        ("drawing the fibres", lambda m: m.median("draw, fibre")),
-    ]
-    for title, value in names:
-        rows.append((title, *(f"{value(m):.2f}" for m in measured.values())))
+    parts = [m.parts() for m in measured.values()]
+    for part, title in PARTS.items():
+        if any(part in one for one in parts):
+            rows.append((title, *(f"{one[part]:.2f}" if part in one else "" for one in parts)))
+    others = {
+        "the same without time stamps": "" if any(m.stamped for m in measured.values()) else "fibre",
+        "as a mesh": "mesh",
+        "vertex normals (mesh)": "normals",
+        "drawing the mesh": "draw, mesh",
+        "drawing the fibres": "draw, fibre",
+    }
+    for title, stage in others.items():
+        if all(stage in m.times for m in measured.values()):
+            rows.append((title, *(f"{m.median(stage):.2f}" for m in measured.values())))
     rows.append(("substeps a frame", *(str(m.substeps) for m in measured.values())))
     rows.append(("a particle [ns]", *(f"{1e6 * m.median('follow') / m.particles:.1f}" for m in measured.values())))
-    note = "Drawing: 1280 × 720, the garment without its body and without shadows; not part of Table 3."
-    return Table("stages", "Stages of a frame [ms]", ("stage", *measured), tuple(rows), (note,))
+    notes = [
+        "Parts: by time stamps inside the kernel, means over the same frames, the half of them in the middle by "
+        "what they took; the other rows are medians."
+        if any(parts)
+        else "No parts of the kernel: it can ask for the time on a CPU under Linux or macOS only.",
+    ]
+    if all("draw, mesh" in m.times for m in measured.values()):
+        notes.append("Drawing: 1280 × 720, the garment without its body and without shadows; not part of Table 3.")
+    return Table("stages", "Stages of a frame [ms]", ("stage", *measured), tuple(rows), tuple(notes))
+
+
+def _ratios(measured: dict[str, Measured]) -> Table:
+    rows = []
+    for name, m in measured.items():
+        own = f"{m.ratio('fibre', 'mesh'):.3f}", f"{1e3 * m.median('substep'):.0f}"
+        free = ("", "")
+        if "substep, sheet" in m.times:
+            free = f"{1e3 * m.median('substep, sheet'):.0f}", f"{m.ratio('substep', 'substep, sheet'):.2f}"
+        rows.append((name, *own, *free))
+    return Table(
+        "ratios",
+        "Ratios, in one run and in turn",
+        ("garment", "fibre / mesh", "its substep [µs]", "a free sheet's [µs]", "garment / sheet"),
+        tuple(rows),
+        (
+            "Free sheet: as many key points of the same cloth in one piece, which wave and fall and touch nothing. "
+            "Substeps with what the host does for them. Medians of quotients, frame by frame.",
+        ),
+    )
 
 
 def _count(paper: int, ours: int) -> tuple[str, str, str]:

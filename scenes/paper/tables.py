@@ -1,57 +1,34 @@
-"""`profile --tables`: the paper's three garments, made to its counts, timed in motion on a walking body (paper 4.3).
-
-Ten frames in a row are timed three times from one and the same state: as a mesh garment, as a fibre garment, and with
-all work of contact done twice: what that takes longer is what contact takes. (Without it the cloth would fall into the
-body, and seams and strain limit would have more to do.) In a row, because a frame finds in the caches what the one
-before it left there. The three take turns in who is first, so that what a processor does meanwhile falls on all alike.
-"""
+"""`profile --tables`: the paper's three garments, made to its counts, timed in motion on a walking body (paper 4.3)."""
 
 import os
 import platform
-from collections.abc import Callable, Generator, Iterator
+import time
+from collections.abc import Iterator
 from pathlib import Path
-from time import perf_counter
 from typing import Any
 
-from taichi_cloth.constraints.constraints_for import constraints_for
-from taichi_cloth.constraints.contact import Contact
-from taichi_cloth.constraints.contact_middles import MiddleContact
 from taichi_cloth.fabric.fabric import build_fabric
 from taichi_cloth.fabric.follow import FibreFollower
 from taichi_cloth.garment.sewn.weaving import Weaving
 from taichi_cloth.ground import runtime
 from taichi_cloth.ground.errors import InputError, Unstable
-from taichi_cloth.motion.constraint import Constraint
-from taichi_cloth.motion.forces import Forces
-from taichi_cloth.motion.simulation import Simulation
-from taichi_cloth.sheet.sheet import Sheet, SheetState
 
-from ...render.data.blocks import ParticleBlocks
-from ...render.data.camera import frame as framed
-from ...render.splat.splat import Splatter
-from ...render.stage.paint import paint
-from ...render.tiles.mesh import join
 from ..measure.machine import cores, cpu_name
-from ..models.garment_model import GarmentFibres, GarmentModel
-from ..models.moving_model import nothing
-from ..picture.view import finish_of, lighting_of
-from ..prepare.garment_setup import dressed_parts, garment_simulation, woven_garment
+from ..prepare.garment_setup import Progress, dressed_parts, woven_garment
 from ..prepare.weave_layout import prepare_fabric
 from ..scene.load import built_in_scenes, load_scene
 from ..scene.schema import Scene
+from .garment_timing import measure
 from .table_text import PAPER, Measured, tables_of, write_tables
 
-__all__ = ["FRAMES", "measure", "scene_of", "table_lines"]
+__all__ = ["FRAMES", "QUICK", "scene_of", "table_lines"]
 
-FRAMES = 200
+FRAMES = 100
 RATE = 60
 """Frames a second."""
-BEFORE = 80
-"""Frames of the walk before the first one that is timed: the body has come into its stride."""
 
-SIZE = (1280, 720)
-ROW = 10
-"""Frames that are timed in one way before the next; after them the garment is drawn."""
+QUICK, QUICK_FRAMES = ("short skirt",), 30
+"""What is timed quickly: the garment that is made soonest."""
 
 GARMENTS = {"T-shirt": ("tshirt", "male"), "short skirt": ("skirt", "female"), "dress": ("dress", "female")}
 BY_HAND = [(fibres, steps) for fibres in range(3, 8) for steps in range(5, 10)]
@@ -59,9 +36,19 @@ BY_HAND = [(fibres, steps) for fibres in range(3, 8) for steps in range(5, 10)]
 
 
 def table_lines(
-    *, frames: int = FRAMES, out: Path | None = None, arch: Any = "cpu", threads: int | None = None
+    *,
+    frames: int | None = None,
+    quick: bool = False,
+    out: Path | None = None,
+    arch: Any = "cpu",
+    threads: int | None = None,
+    each: Progress | None = None,
 ) -> Iterator[str]:
-    """Builds, times and compares the three garments. Starts Taichi. Raises InputError for bad input."""
+    """Builds, times and compares the three garments, or those of QUICK. Starts Taichi. each: told the stage, what is
+    done of it and how much there is. Raises InputError for bad input."""
+    begun = time.process_time()
+    if frames is None:
+        frames = QUICK_FRAMES if quick else FRAMES
     if not 2 <= frames <= 100_000:
         raise InputError(f"--frames: {frames}; allowed: 2 to 100000")
     started = runtime.start(arch, threads=threads, pin=True)
@@ -73,11 +60,11 @@ def table_lines(
     ]
     yield from heading
     measured: dict[str, Measured] = {}
-    for name in PAPER:
+    for name in QUICK if quick else PAPER:
         yield f"{name}: the paper's counts are looked for"
         try:
             scene = scene_of(name)
-            measured[name] = ours = yield from measure(name, scene, frames)
+            measured[name] = ours = yield from measure(name, scene, frames, quick=quick, each=each)
         except (InputError, Unstable) as error:
             yield f"{name}: not timed: {error}"
             continue
@@ -88,6 +75,8 @@ def table_lines(
     for table in tables:
         yield ""
         yield from table.text().splitlines()
+    yield ""
+    yield f"CPU time in all: {time.process_time() - begun:.0f} s"
     if out is not None:
         written = write_tables(tables, heading, out)
         yield ""
@@ -149,123 +138,3 @@ def _count(scene: Scene) -> int:
     fabric = build_fabric(prepare_fabric(woven_garment(scene, atlas)).layout)
     woven = Weaving(atlas, fabric, scene.garment.threads_per_key_point)
     return FibreFollower.count(woven.fabric, present=woven.present, spans=woven.spans)
-
-
-def measure(name: str, scene: Scene, frames: int) -> Generator[str, None, Measured]:
-    """Times `frames` frames of a garment in motion, and says meanwhile how far it is. Taichi is running.
-
-    Stages: "mesh" and "fibre", whole frames without drawing; "step, mesh" and "step, fibre", the solver's part of
-    them, and "kernel, fibre", its kernel; "step, contact twice"; "normals"; "crossings" and "follow"; and now and then
-    "draw, mesh" and "draw, fibre".
-    Where the motion tears the garment it starts anew from its rest, and the frame is among `restarts`. Raises Unstable
-    where it does not even begin.
-    """
-    yield f"{name}: sewn and rested, unless it is kept from before"
-    model = GarmentModel.of(scene)
-    assert isinstance(model.fibres, GarmentFibres)
-    yield f"{name}: its kernels are compiled, unless they are kept"
-    follower, weaving, surface = model.fibres.follower, model.fibres.weaving, model.surface
-    simulation, double = model.simulation, garment_simulation(scene, model.dressed, contact_twice)
-    times: dict[str, list[float]] = {}
-    draw = _drawing(model)
-
-    def timed(stage: str, work: Callable[[], Any]) -> Any:
-        begin = perf_counter()
-        result = work()
-        times.setdefault(stage, []).append(1e3 * (perf_counter() - begin))
-        return result
-
-    def mesh_frame() -> None:
-        timed("step, mesh", simulation.step)
-        timed("normals", lambda: surface.points(simulation.positions))
-
-    def fibre_frame() -> None:
-        before = simulation.solver.spent
-        timed("step, fibre", simulation.step)
-        times.setdefault("kernel, fibre", []).append(1e3 * (simulation.solver.spent - before))
-        crossings = timed("crossings", lambda: weaving.crossings(simulation.positions))
-        timed("follow", lambda: follower.follow(crossings))
-
-    ways = [
-        (simulation, lambda: timed("mesh", mesh_frame)),
-        (simulation, lambda: timed("fibre", fibre_frame)),
-        (double, lambda: timed("step, contact twice", double.step)),
-    ]
-    rested, restarts = simulation.state.values.copy(), []
-    for number in range(3):
-        _all_ways(ways, simulation, number, 1)  # compiles
-    times.clear()
-    number = said = 0
-    yield f"{name}: it walks {BEFORE} frames, and then {frames} more that are timed in three ways"
-    while number < frames:
-        if number >= said + max(ROW, frames / 4):
-            said = number
-            yield f"{name}: {number} of {frames} frames"
-        at = simulation.frame
-        kept = {stage: len(row) for stage, row in times.items()}
-        try:
-            if at < BEFORE and not restarts:
-                simulation.step()
-                continue
-            _all_ways(ways, simulation, number // ROW, min(ROW, frames - number))
-        except Unstable as error:
-            if error.frame <= 3:
-                raise
-            restarts.append(error.frame)
-            simulation.state, simulation.frame = SheetState(rested.copy()), 0
-            for stage, row in times.items():
-                del row[kept.get(stage, 0) :]
-            continue
-        for form, work in draw.items():
-            work()
-            timed(f"draw, {form}", work)
-        number += ROW
-    points = model.dressed.garment.atlas.key_points
-    return Measured(points, follower.particles, simulation.solver.substeps, times, tuple(restarts))
-
-
-def contact_twice(sheet: Sheet, forces: Forces, **chosen: Any) -> tuple[Constraint, ...]:
-    """`constraints_for` with each contact with a body followed by one that does the same once more."""
-    out: list[Constraint] = []
-    twin = None
-    for one in constraints_for(sheet, forces, **chosen):
-        out.append(one)
-        if isinstance(one, Contact):
-            twin = one.twin()
-            out.append(twin)
-        elif isinstance(one, MiddleContact):
-            assert twin is not None
-            out.append(MiddleContact(twin, sheet, one.solids))
-    return tuple(out)
-
-
-def _all_ways(
-    ways: list[tuple[Simulation, Callable[[], Any]]], simulation: Simulation, number: int, frames: int
-) -> None:
-    """So many frames in every way from the same state; `simulation` is as many on after it."""
-    values, frame = simulation.state.values, simulation.frame
-    turn = number % len(ways)
-    for owner, work in ways[turn:] + ways[:turn]:
-        owner.state, owner.frame = SheetState(values.copy()), frame
-        for _ in range(frames):
-            work()
-
-
-def _drawing(model: GarmentModel) -> dict[str, Callable[[], object]]:
-    """Draws the garment as it is now, without its body and without shadows, from one camera."""
-    splatter = Splatter(*SIZE)
-    camera = framed(model.bounds, width=SIZE[0], height=SIZE[1], elevation=6.0, azimuth=20.0)
-    lighting, finish = lighting_of(model.scene).without_maps(), finish_of(model.scene)
-    follower = model.follower
-    assert follower is not None
-
-    def mesh() -> None:
-        backdrop = paint(camera, mesh=join([model.mesh()]), lighting=lighting)
-        splatter.load(nothing())
-        splatter.render(camera, lighting=lighting, finish=finish, backdrop=backdrop)
-
-    def fibre() -> None:
-        splatter.load(ParticleBlocks(follower.groups))
-        splatter.render(camera, lighting=lighting, finish=finish)
-
-    return {"mesh": mesh, "fibre": fibre}

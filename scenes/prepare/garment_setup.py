@@ -12,7 +12,6 @@ from taichi_cloth.body.colliders.grid import DistanceGrid
 from taichi_cloth.body.moving.motion import Motion
 from taichi_cloth.body.primitives.primitives import Primitive
 from taichi_cloth.body.skin.skinning import Body
-from taichi_cloth.constraints.constraints_for import constraints_for
 from taichi_cloth.garment.pattern.cut import Atlas, cut, spacing_for
 from taichi_cloth.garment.pattern.drafts import DRAFTS, Cut, draft
 from taichi_cloth.garment.pattern.fitting import fitted
@@ -24,7 +23,6 @@ from taichi_cloth.garment.sewn.sew import Garment, Worn, sew
 from taichi_cloth.garment.sewn.weaving import crossings_shape
 from taichi_cloth.ground.cache import digest, kept
 from taichi_cloth.ground.errors import InputError
-from taichi_cloth.motion.constraint import Constraint
 from taichi_cloth.motion.forces import Forces
 from taichi_cloth.motion.simulation import Simulation
 from taichi_cloth.solvers.choice import Choice
@@ -166,13 +164,11 @@ def motion_of(scene: Scene, body: Body) -> Motion:
 def garment_simulation(
     scene: Scene,
     dressed: Dressed,
-    choose: Callable[..., tuple[Constraint, ...]] = constraints_for,
     moves: Motion | None = None,
     settled: bool = True,
 ) -> Simulation:
-    """The worn garment, ready to move with its body by one frame of the video at a time. choose: see
-    `Garment.simulation`. moves: how the body does, instead of what the scene says. settled: whether it is
-    worn as it was sewn, see `Simulation`."""
+    """The worn garment, ready to move with its body by one frame of the video at a time. moves: how the body
+    does, instead of what the scene says. settled: whether it is worn as it was sewn, see `Simulation`."""
     moves = moves or motion_of(scene, dressed.body)
     still = moves.name == "rest"
     colliders = _colliders(scene, dressed)
@@ -199,7 +195,6 @@ def garment_simulation(
         step=None if solver.step_ms is None else 1e-3 * solver.step_ms,
         safety=solver.safety,
         solver=garment_choice(scene, garment).name,
-        choose=choose,
         settled=settled,
     )
 

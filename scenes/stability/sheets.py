@@ -1,7 +1,7 @@
 """A small sheet in every state that no one would wish for, and what became of it after five seconds."""
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
@@ -14,7 +14,7 @@ from taichi_cloth.constraints.constraints_for import constraints_for
 from taichi_cloth.ground.errors import InputError, Unstable
 from taichi_cloth.motion.forces import StrainLimit
 from taichi_cloth.motion.simulation import Simulation
-from taichi_cloth.sheet.energy import elastic_energy, kinetic_energy, links
+from taichi_cloth.sheet.energy import Links, elastic_energy, kinetic_energy, links
 from taichi_cloth.sheet.materials import Material, named_material
 from taichi_cloth.sheet.sheet import Sheet
 from taichi_cloth.sheet.springs import calibrate
@@ -24,7 +24,7 @@ from taichi_cloth.solvers.named import named_solver
 from .outcome import NEITHER, STABLE, Outcome, refused
 from .starts import FREE, STARTS, WORKING, pins_of, start_of
 
-__all__ = ["Cell", "cells", "ran"]
+__all__ = ["Cell", "cells", "energy_made", "ran"]
 
 F64 = NDArray[np.float64]
 SIDE, POINTS, SECONDS = 0.3, 12, 5.0
@@ -200,10 +200,10 @@ def ran(cell: Cell, seconds: float = SECONDS) -> Outcome:
             energies.append(_energy(simulation))
     except (InputError, Unstable) as error:
         return refused(part, cell.what, error, time.process_time() - begin)
-    largest = max(inner for _, inner in energies)
-    totals = np.array([total for total, _ in energies])
-    made = float((totals - np.minimum.accumulate(totals)).max()) - _told_apart(simulation, reach)
-    drift = nan if cell.start in WORKING else max(0.0, made) / max(largest, 1e-30)
+    totals, inner, held = np.array(energies).T
+    held = np.maximum(held - _told_apart(_solved(simulation), reach), 0.0)
+    made = energy_made(totals, held) - _told_apart(links(simulation.solver.explicit), reach)
+    drift = nan if cell.start in WORKING else max(0.0, made) / max(float(inner.max()), 1e-30)
     speed = float(np.linalg.norm(sheet.steps(simulation.state), axis=-1).mean()) / simulation.solver.step
     strain = np.concatenate([part.ravel() for part in sheet.stretch(simulation.positions)])
     long = "pulled" if cell.start == "pulled" else "tangled"
@@ -228,19 +228,52 @@ def ran(cell: Cell, seconds: float = SECONDS) -> Outcome:
     )
 
 
-def _told_apart(simulation: Simulation, reach: float) -> float:
+def energy_made(totals: F64, held: F64) -> float:
+    """The most that the total energy rose above an earlier value [J]; what threads give back is not made.
+
+    totals: without what threads hold that are solved whole; held: at most what those hold, from how long they are,
+    both (frames,). A blow that contact turns away leaves threads longer than it had energy for: so what they hold
+    counts only as far as the rest has lost it before.
+    """
+    store, rises, least = 0.0, 0.0, float(totals[0])
+    for before, now, most in zip(totals, totals[1:], held[1:], strict=False):
+        store = min(max(store + float(before - now), 0.0), float(most))
+        least = min(least, float(now) + store)
+        rises = max(rises, float(now) + store - least)
+    return rises
+
+
+def _told_apart(springs: Iterable[Links], reach: float) -> float:
     """Elastic energy [J] that lies in the rounding of positions to float32: no less can be told of a state. The spread
     of a length is that of two ends, ulp²/6; 3 for the largest of some hundred frames."""
     ulp = float(np.spacing(np.float32(reach)))
-    return 3 * sum(0.5 * float(link.constant.sum()) for link in links(simulation.solver.explicit)) * ulp**2 / 6
+    return 3 * sum(0.5 * float(link.constant.sum()) for link in springs) * ulp**2 / 6
 
 
-def _energy(simulation: Simulation) -> tuple[float, float]:
-    """Total with that of gravity, and kinetic and elastic alone [J]. What threads hold that are solved whole is left
-    out: given back, it counts as made."""
+def _solved(simulation: Simulation) -> list[Links]:
+    """The springs that the solver solves whole."""
+    pairs = zip(links(simulation.sheet), links(simulation.solver.explicit), strict=True)
+    return [replace(one, constant=one.constant - rest.constant) for one, rest in pairs]
+
+
+def _held(simulation: Simulation, x: F64) -> float:
+    """Energy of the springs that are solved whole [J]; at a strain limit they hold no more than at its edge."""
+    limit, total = simulation.forces.strain_limit, 0.0
+    for link in _solved(simulation):
+        grown = np.linalg.norm(x[link.two] - x[link.one], axis=-1) - link.rest
+        if limit is not None and 0.0 in link.direction:  # of threads, not of diagonals
+            grown = np.minimum(grown, limit.strain * link.rest)
+        total += 0.5 * float(np.sum(link.constant * grown**2))
+    return total
+
+
+def _energy(simulation: Simulation) -> tuple[float, float, float]:
+    """Total with that of gravity; kinetic and elastic alone; and what threads hold that are solved whole, which is in
+    neither [J]."""
     sheet, x = simulation.sheet, simulation.positions.astype(np.float64)
     v = np.where(
         sheet.pinned[..., None], 0.0, sheet.steps(simulation.state).astype(np.float64) / simulation.solver.step
     )
     inner = elastic_energy(simulation.solver.explicit, x) + kinetic_energy(sheet, v)
-    return inner - float((sheet.mass[..., None] * x * simulation.forces.gravity).sum()), inner
+    total = inner - float((sheet.mass[..., None] * x * simulation.forces.gravity).sum())
+    return total, inner, _held(simulation, x)

@@ -13,8 +13,6 @@ Where steps are so long that a limb could be crossed in one, the way of the step
 the thinnest primitive.
 """
 
-from copy import copy
-
 import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
@@ -103,13 +101,6 @@ class Contact(SharedConstraint):
             "friction": body.friction,
             "most_turn": TURN,
         }
-
-    def twin(self) -> "Contact":
-        """The same with fields of its own: a solver that is given both does all of this work twice, to time it."""
-        other = copy(self)
-        other.number = self.number + 1
-        other.__dict__.pop("fields", None)
-        return other
 
     def fill(self, state: SheetState) -> None:
         values = [g.values.astype(np.float32).ravel() for g in self.body.grids] or [np.zeros(1, np.float32)]

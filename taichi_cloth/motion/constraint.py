@@ -104,11 +104,9 @@ class SharedConstraint(Constraint):
     needs no second kernel for them.
 
     fields_of: makes the object that has the fields, and the functions that work on them; it has a `holder`.
-    number: of this one among those of its kind whose fields must be apart, because one solver takes them all.
     """
 
     fields_of: ClassVar[Callable[..., Any]]
-    number = 0
 
     @property
     def kind(self) -> tuple[Hashable, ...]:
@@ -117,7 +115,7 @@ class SharedConstraint(Constraint):
 
     @cached_property
     def fields(self) -> Any:
-        return shared_fields(runtime.generation(), type(self).fields_of, self.number, *self.kind)
+        return shared_fields(runtime.generation(), type(self).fields_of, *self.kind)
 
     def fill(self, state: SheetState) -> None:
         """Writes what does not change from frame to frame, where the fields hold that of another constraint."""
@@ -135,6 +133,6 @@ class SharedConstraint(Constraint):
 
 
 @lru_cache(maxsize=48)
-def shared_fields(generation: int, fields_of: Callable[..., Any], number: int, *kind: Hashable) -> Any:
-    """generation: of the Taichi runtime; a new start throws all fields away. number: see `SharedConstraint`."""
+def shared_fields(generation: int, fields_of: Callable[..., Any], *kind: Hashable) -> Any:
+    """generation: of the Taichi runtime; a new start throws all fields away."""
     return fields_of(*kind)

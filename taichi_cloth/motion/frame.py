@@ -144,15 +144,13 @@ class Frame(Stencil):
     def begins(self, thread: Template):
         """The first thread is about to begin the frame."""
         if ti.static(self.timed):
-            if thread == 0:
-                self.clock.start()
+            self.clock.start(thread)
 
     @ti.func
     def ends(self, thread: Template, what: Template):
-        """The first thread has left a stage. what: it was for, as `StageClock.end` has it."""
+        """The first thread has left a stage. what: name of it, or the constraint."""
         if ti.static(self.timed):
-            if thread == 0:
-                self.clock.end(what)
+            self.clock.end(what, thread)
 
     @ti.func
     def before_springs(self, done, n: Template):
@@ -161,7 +159,7 @@ class Frame(Stencil):
             if not one.paired or done % 2 == 0:
                 one.before(self, done, n)
             if ti.static(self.timed):
-                self.clock.end(one)
+                self.clock.end(one, 0)
 
     @ti.func
     def in_parts(

@@ -1,5 +1,7 @@
 """What solvers have in common whose frame is one kernel (`frame.py`): its fields, threads, constants, constraints."""
 
+import contextlib
+from collections.abc import Iterator
 from functools import lru_cache
 from time import perf_counter
 from typing import Any
@@ -19,12 +21,24 @@ from taichi_cloth.motion.stage_clock import StageClock
 from taichi_cloth.motion.stencil import Features
 from taichi_cloth.sheet.sheet import Sheet, SheetState
 
-__all__ = ["KernelSolver"]
+__all__ = ["KernelSolver", "stamped"]
 
 WORTH_THREADS = 1_000
 """Key points from which a second thread pays: a factor of 1.4 at 33², 1.9 at 46², 1.6 to 1.8 at 79², 1.8 at 257²."""
 
 MOST_THREADS = PARTS // 2
+
+_clock: list[StageClock | None] = [None]
+
+
+@contextlib.contextmanager
+def stamped(clock: StageClock | None) -> Iterator[None]:
+    """Solvers that are made within tell this clock where their stages end."""
+    _clock.append(clock)
+    try:
+        yield
+    finally:
+        _clock.pop()
 
 
 class KernelSolver(Solver):
@@ -43,8 +57,8 @@ class KernelSolver(Solver):
     alone_where_repeated = True
     """Whether constraints that are repeated keep it to one thread: they are most of a substep, one thread's work."""
 
-    clock: StageClock | None = None
-    """What to be told where the stages of frames end; with one, a kernel of its own is compiled."""
+    clock: StageClock | None
+    """What is told where the stages of frames end; with one, a kernel of its own is compiled."""
 
     springs_are_threads = True
     """Whether the threads are springs of the stencil. Otherwise what solves them moves key points after it."""
@@ -60,6 +74,7 @@ class KernelSolver(Solver):
         constraints: tuple[Constraint, ...],
     ) -> None:
         self.sheet, self.forces, self.frame_rate, self.constraints = sheet, forces, frame_rate, constraints
+        self.clock = _clock[-1]
         for name in ("body", "strain_limit", "self_contact"):
             if (
                 getattr(forces, name) is not None
@@ -110,7 +125,8 @@ class KernelSolver(Solver):
             one.begin(state, forces)
         threads, begin = self._pace.threads(), perf_counter()
         routines = bool(self.constraints) or not self.springs_are_threads
-        with runtime.plain_code(routines=routines, kept=self.clock is None):  # half the time to compile, and as fast a frame
+        # Plain code: half the time to compile, and as fast a frame. With a clock it is of this process alone.
+        with runtime.plain_code(routines=routines, kept=self.clock is None):
             frame.run(state.values, *wind, *change, self.substeps, threads, self.features)  # pyright: ignore[reportCallIssue]
             took = perf_counter() - begin
             self.look(frame)

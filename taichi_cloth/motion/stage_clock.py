@@ -10,7 +10,7 @@ on disk. A stamp takes some 50 ns, of some 20 a substep.
 
 import ctypes
 import time
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable
 from typing import Any
 
 import numpy as np
@@ -59,15 +59,16 @@ class StageClock:
         return self._names.index(name)
 
     @ti.func
-    def start(self):
-        """What passed since the last stamp is no stage's."""
-        self._stamp(START)
+    def start(self, thread: Template):
+        """What passed since the last stamp is no stage's. thread: who says so; the first alone is heard."""
+        if thread == 0:
+            self._stamp(START)
 
     @ti.func
-    def end(self, name: Template):
-        """What passed since the last stamp is this stage's. By one thread at a time, or by several: then it is of the
-        stage that ended first, up to there."""
-        self._stamp(ti.static(self.number(name)))
+    def end(self, name: Template, thread: Template):
+        """What passed since the last stamp is this stage's."""
+        if thread == 0:
+            self._stamp(ti.static(self.number(name)))
 
     @ti.func
     def _stamp(self, stage):
@@ -85,11 +86,15 @@ class StageClock:
         builder.insert_external_func_call(self._address, "", "", "", arguments, make_expr_group([]), where)
         return 0
 
+    def forget(self) -> None:
+        """All stamps so far."""
+        self._count[None] = 0
+
     def read(self) -> dict[Hashable, float]:
         """Seconds of each stage since the last reading, which it forgets. Raises InputError where they were too
         many."""
         count = int(self._count[None])
-        self._count[None] = 0
+        self.forget()
         if count > ROOM:
             raise InputError(f"stages of a frame: {count} stamps, room for {ROOM}; use fewer substeps")
         seconds, nanoseconds = self._times[:count].T

@@ -11,7 +11,7 @@ from taichi_cloth.motion.simulation import Simulation
 from taichi_cloth.scenes.stability.limit import found_limit
 from taichi_cloth.scenes.stability.outcome import NEITHER, REFUSED, STABLE, tried
 from taichi_cloth.scenes.stability.program import program_cases
-from taichi_cloth.scenes.stability.sheets import Cell, cells, ran
+from taichi_cloth.scenes.stability.sheets import Cell, cells, energy_made, ran
 from taichi_cloth.scenes.stability.starts import STARTS
 from taichi_cloth.sheet.sheet import Sheet
 from taichi_cloth.sheet.springs import Springs
@@ -144,3 +144,24 @@ def test_springs_without_rest_length_or_with_negative_constants_are_refused() ->
         with pytest.raises(InputError, match=f"springs.{name}"):
             replace(good, **{name: value})  # pyright: ignore[reportArgumentType]
     assert isinstance(replace(good, diagonal=0.0), Springs)
+
+
+def test_what_threads_give_back_is_not_made() -> None:
+    """Energies [J] frame by frame: a blow of 10 of which threads take 6 and give back 5."""
+    total = np.array([10.0, 10.0, 0.0, 5.0, 3.0])
+    assert energy_made(total, np.array([0.0, 0.0, 6.0, 1.0, 0.0])) == 0.0
+    assert energy_made(total, np.zeros(5)) == 5.0
+    assert energy_made(total, np.array([0.0, 0.0, 3.0, 1.0, 0.0])) == 2.0
+
+
+def test_threads_cannot_give_back_more_than_was_lost() -> None:
+    """They are longer than the rest had energy for: 50 J by their length, where it lost 1 J."""
+    assert energy_made(np.array([1.0, 0.0, 30.0]), np.array([0.0, 50.0, 50.0])) == 29.0
+    # Nor what the rest lost while they held nothing.
+    assert energy_made(np.array([8.0, 1.0, 1.0, 6.0]), np.array([0.0, 0.0, 50.0, 50.0])) == 5.0
+
+
+def test_a_blow_that_threads_take_at_their_limit_makes_no_energy() -> None:
+    found = ran(Cell(start="dropped", stiffness=1e2, limited=True))
+    assert found.verdict == STABLE, found
+    assert found.drift < 0.01

@@ -5,17 +5,13 @@ import io
 
 import numpy as np
 import pytest
-from strips import run, simulate, strip
+from strips import simulate, strip
 
-from taichi_cloth.body.colliders.colliders import Colliders
-from taichi_cloth.body.primitives.primitives import Primitive
-from taichi_cloth.constraints.constraints_for import constraints_for
-from taichi_cloth.constraints.contact import Contact
 from taichi_cloth.fabric.fabric import build_fabric
 from taichi_cloth.fabric.follow import FibreFollower
-from taichi_cloth.motion.forces import Forces
+from taichi_cloth.scenes.paper.garment_timing import free_sheet, measure
 from taichi_cloth.scenes.paper.table_text import PAPER, Measured, tables_of, write_tables
-from taichi_cloth.scenes.paper.tables import _count, contact_twice, scene_of
+from taichi_cloth.scenes.paper.tables import _count, scene_of
 from taichi_cloth.scenes.prepare.weave_layout import prepare_fabric
 from taichi_cloth.scenes.scene.load import load_scene
 
@@ -25,13 +21,15 @@ def given(key_points: int = 6250, particles: int = 377_000) -> Measured:
     times = {
         "mesh": [9.0, 10.0, 30.0],
         "fibre": [10.0, 11.0, 12.0],
-        "step, mesh": [9.0, 9.0, 9.0],
-        "step, fibre": [9.5, 9.5, 9.5],
-        "kernel, fibre": [9.25, 9.25, 9.25],
-        "step, contact twice": [13.0, 13.5, 14.0],
         "normals": [0.2],
         "crossings": [0.1],
         "follow": [0.754],
+        "substep": [0.2, 0.3, 0.25],
+        "substep, sheet": [0.1, 0.1, 0.2],
+        "mesh: contact": [4.5, 4.0, 9.0],
+        "parts: contact": [4.0, 4.0, 4.0, 90.0],
+        "parts: yarns": [5.0, 6.0, 5.5, 90.0],
+        "parts: whole": [10.0, 11.0, 12.0, 900.0],
         "draw, mesh": [20.0],
         "draw, fibre": [40.0],
     }
@@ -39,38 +37,79 @@ def given(key_points: int = 6250, particles: int = 377_000) -> Measured:
 
 
 def test_tables_hold_medians_and_ratios() -> None:
-    counts, contact, frames, stages = tables_of({"T-shirt": given()})
+    counts, contact, frames, stages, ratios = tables_of({"T-shirt": given()})
     assert counts.rows == (("T-shirt", "6,245", "6,250", "+0.08 %", "377,508", "377,000", "-0.13 %"),)
     assert contact.rows[0] == ("T-shirt", "43.5", "4.50", "9.7", "46.1", "4.00", "11.5", "1.06", "0.89")
     assert frames.rows[0] == ("T-shirt", "63", "10.00", "6.3", "81.3", "11.00", "7.4", "1.29", "1.10")
     rows = {row[0]: row[1] for row in stages.rows}
-    assert rows["springs, yarns, seams, cloth on cloth"] == "5.25"
-    assert rows["what the host does for it"] == "0.25"
-    assert rows["together: a frame as fibres"] == "11.00"
+    assert rows["contact"] == "4.00"
+    assert rows["as a mesh"] == "10.00"
+    assert rows["the same without time stamps"] == "11.00"
     assert rows["a particle [ns]"] == "2.0"
+    assert ratios.rows == (("T-shirt", "1.100", "250", "100", "2.00"),)
 
 
-def test_contact_is_the_median_of_differences_not_the_difference_of_medians() -> None:
-    ours = Measured(1, 1, 1, {"a": [1.0, 5.0, 9.0], "b": [0.0, 4.9, 1.0]})
-    assert ours.median("a", "b") == 1.0
-    assert abs(ours.median("a") - ours.median("b") - 4.0) < 1e-12
+def test_parts_add_up_to_the_frames_they_are_means_of() -> None:
+    """The half in the middle by what frames took in all: those of 11 and 12 ms."""
+    parts = given().parts()
+    assert parts == pytest.approx({"contact": 4.0, "yarns": 5.75, "rest": 1.75, "whole": 11.5})
+    rows = {row[0]: row[1] for row in tables_of({"T-shirt": given()})[3].rows}
+    assert [rows[name] for name in ("yarns", "contact", "rest", "together: a frame as fibres")] == [
+        "5.75", "4.00", "1.75", "11.50"
+    ]  # fmt: skip
+
+
+def test_what_could_not_be_timed_is_left_out_and_said() -> None:
+    times = {stage: row for stage, row in given().times.items() if stage.split(":")[0] not in ("parts", "mesh")}
+    bare = Measured(6250, 377_000, 64, times | {"mesh": [10.0] * 3})
+    _, contact, _, stages, _ = tables_of({"T-shirt": bare})
+    assert contact.rows == ()
+    assert "Not timed" in contact.notes[0]
+    assert not {"contact", "rest"} & {row[0] for row in stages.rows}
+    for stage in ("substep, sheet", "draw, mesh", "draw, fibre"):
+        del times[stage]
+    *_, stages, ratios = tables_of({"T-shirt": Measured(6250, 377_000, 64, times | {"mesh": [10.0] * 3})})
+    assert ratios.rows[0][-2:] == ("", "")
+    assert not any("drawing" in row[0] for row in stages.rows)
+
+
+def test_differences_are_taken_frame_by_frame() -> None:
+    ours = Measured(1, 1, 1, {"a": [1.0, 5.0, 9.0], "b": [0.5, 5.0, 1.0]})
+    assert ours.median("a", "b") == 0.5
+    assert ours.ratio("a", "b") == 2.0
 
 
 @pytest.mark.slow
-def test_contact_that_is_done_twice_moves_cloth_as_once_does() -> None:
-    """A strip that falls on a ball: both passes find it there, and in a quarter of a second the second moves no key
-    point by more than 0.1 mm."""
-    ball = Primitive(kind="sphere", start=np.zeros(3), end=np.zeros(3), radii=(0.1, 0.1))
-    sheet = strip(air_damping=4.0)
-    x = np.roll(sheet.flat(), 1, axis=-1) + np.array([0.0, 0.102, -0.2])  # level, its middle just above the ball
-    forces = Forces(body=Colliders(primitives=(ball,)))
-    once, twice = (
-        simulate(sheet, forces=forces, positions=x, choose=choose) for choose in (constraints_for, contact_twice)
-    )
-    apart = np.abs(run(once, 15)[-1] - run(twice, 15)[-1])
-    assert apart.max() < 1e-4
-    found = [one.fields.used.to_numpy().any() for one in twice.solver.constraints if isinstance(one, Contact)]
-    assert found == [True, True]
+def test_a_garment_is_timed_in_every_way_from_the_same_state() -> None:
+    """A coarse skirt: every stage has as many frames as were asked for, and parts add up."""
+    changes = ("garment.key_points=800", "garment.hem_mm=0", "body.motion=walk", "output.fps=60", "yarn.fibres=2")
+    told: list[str] = []
+    timing = measure("skirt", load_scene("skirt", list(changes)), 3, each=lambda stage, done, most: told.append(stage))
+    while True:
+        try:
+            next(timing)
+        except StopIteration as ended:
+            ours = ended.value
+            break
+    assert {"skirt: walking", "skirt: timed"} <= set(told)
+    stages = {"mesh", "fibre", "substep", "substep, sheet", "mesh: contact", "parts: seams", "parts: yarns"}
+    assert {len(ours.times[stage]) for stage in stages} == {3}
+    parts = ours.parts()
+    whole = parts.pop("whole")
+    assert sum(parts.values()) == pytest.approx(whole)
+    assert min(parts.values()) >= 0
+
+
+def test_a_free_sheet_has_the_garments_key_points_and_cloth() -> None:
+    sheet = strip(pinned=(0,))
+    garment = simulate(sheet, frame_rate=60.0)
+    free = free_sheet(garment)
+    assert abs(free.sheet.present.sum() - sheet.present.sum()) <= np.sqrt(sheet.present.sum())
+    assert free.sheet.material == sheet.material
+    assert not free.sheet.pinned.any()
+    assert free.frame_time == pytest.approx(garment.frame_time)
+    free.step()
+    assert np.ptp(free.positions[..., 2]) > 1e-3  # it waves
 
 
 def test_text_csv_and_markdown_say_the_same(tmp_path) -> None:

@@ -20,7 +20,6 @@ from taichi_cloth.garment.pattern.cut import Atlas, turned
 from taichi_cloth.garment.pattern.pattern import Pattern, Seam, Side
 from taichi_cloth.garment.sewn.limbs import spared
 from taichi_cloth.ground.errors import InputError, Unstable
-from taichi_cloth.motion.constraint import Constraint
 from taichi_cloth.motion.forces import Forces, StrainLimit
 from taichi_cloth.motion.simulation import Simulation
 from taichi_cloth.sheet.materials import Material
@@ -153,19 +152,18 @@ class Garment:
         safety: float = 0.9,
         air_damping: float | None = None,
         speed: float = 0.5,
-        choose: Callable[..., tuple[Constraint, ...]] = constraints_for,
         solver: str = "verlet",
         settled: bool = False,
     ) -> Simulation:
         """The garment in motion from `positions`, seams and holds tied. bones: that carry the holds, −1 for none; None:
-        none are carried. choose: of the arguments of `constraints_for`, and in its place. solver: see `named_solver`.
+        none are carried. solver: see `named_solver`.
         settled: see `Simulation`.
         """
         sheet = self.moving(air_damping)
         ties = self.ties(sheet, np.full(len(self.holds()[0]), -1) if bones is None else bones, speed)
         kind = named_solver(solver)
         sewn = self.sewn() if forces.self_contact else None
-        constraints = choose(sheet, forces, ties=ties, sewn=sewn, answered=kind.answers)
+        constraints = constraints_for(sheet, forces, ties=ties, sewn=sewn, answered=kind.answers)
         made = kind(sheet, forces, frame_rate=frame_rate, step=step, safety=safety, constraints=constraints)
         return Simulation(sheet, made, forces=forces, positions=positions, settled=settled)
 
