@@ -48,7 +48,8 @@ class Frame(Stencil):
     ) -> None:
         super().__init__(size)
         self.constraints, self.crew = constraints, Crew(threads)
-        self.clock, self.timed = clock, clock is not None
+        self.clock: Any = clock  # its functions are called where it is one
+        self.timed = clock is not None
         self.numbers = Numbers.field(shape=())
         self._number = [self.numbers.get_member_field(name) for name in NUMBERS]
         self.packet, self.cut = ti.field(ti.i32, size // LANES), ti.field(ti.i32, PARTS + 1)

@@ -49,7 +49,8 @@ class StageClock:
         self._address = address
         self._times = np.zeros((ROOM, 2), np.int64)  # [s], [ns]
         self._place = self._times.ctypes.data
-        self._stage, self._count = ti.field(ti.i32, ROOM), ti.field(ti.i32, ())
+        self._stage = ti.field(ti.i32, ROOM)
+        self._count: Any = ti.field(ti.i32, ())
         self._names: list[Hashable] = [None]
 
     def number(self, name: Hashable) -> int:
@@ -73,7 +74,7 @@ class StageClock:
     @ti.func
     def _stamp(self, stage):
         at = ti.atomic_add(self._count[None], 1)
-        if at < ROOM:
+        if at < ROOM:  # pyright: ignore[reportOperatorIssue]
             self._stage[at] = stage
             place = ti.u64(self._place) + ti.cast(at, ti.u64) * 16
             ti.static(self._ask(place))
@@ -82,8 +83,10 @@ class StageClock:
         """Compiled into the kernel: clock_gettime(CLOCK_MONOTONIC, place of the stamp)."""
         arguments = make_expr_group(time.CLOCK_MONOTONIC, place)
         where = impl._ti_core.DebugInfo(impl.get_runtime().get_current_src_info())
-        builder = impl.get_runtime().compiling_callable.ast_builder()
-        builder.insert_external_func_call(self._address, "", "", "", arguments, make_expr_group([]), where)
+        compiled: Any = impl.get_runtime().compiling_callable
+        compiled.ast_builder().insert_external_func_call(
+            self._address, "", "", "", arguments, make_expr_group([]), where
+        )
         return 0
 
     def forget(self) -> None:
