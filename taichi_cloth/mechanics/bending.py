@@ -6,20 +6,19 @@
   correction of crossings; 1 for wool and filament. Size and resin raise it (`FINISHES`): raw denim asks for 8.
 - Where threads of the other family press a yarn, it cannot slip (Peirce's free length; Abbott, Grosberg & Leaf; de
   Jong & Postle): of each pitch the share f = i·d·n, i changes of face a crossing, d the other's diameter, n its
-  threads a mm; at most 0.75. A family's rigidity a width then is n·χ·R·T·t / ((1 + c)·(1 − f)); the factor 1 + c is
-  that of a yarn bent along its crimped path (Livesey & Owen 1964).
+  threads a mm; at most 0.75. Fibres slicker than cotton are held as much less. A family's rigidity a width then is
+  n·χ·R·T·t / ((1 + c)·(1 − f)); 1 + c is that of a yarn bent along its crimped path (Livesey & Owen 1964).
 - The couple that must be overcome before fibres slip (Grosberg 1966), HB = n·i·µ·k·V·d/2, from the force of a crossing
   of set yarns V = 8·B·θ/p² (Olofsson 1964), B one yarn's, d its diameter. k is the part of that force which cloth keeps
-  after it has relaxed: 0.15 gives 2HB/B as KES finds them, 1.05 a cm for a cotton broad cloth and 0.49 for a wool
-  tropical (Matsudaira et al. 2015), taken as Ne 40 poplin and as 2/60 Nm plain; the friction µ of their fibres alone
-  tells them apart.
+  after it has relaxed: 0.13 gives 2HB/B as KES finds them within a factor of 1.5, 1.05 a cm for a cotton broad cloth
+  and 0.49 for a wool tropical (Matsudaira et al. 2015), taken as Ne 40 poplin and as 2/60 Nm plain.
 """
 
 from dataclasses import dataclass
 from math import cos, sin
 
 from taichi_cloth.mechanics.construction import FINISHES, Construction, ThreadFamily
-from taichi_cloth.mechanics.fibre_mechanics import FibreMechanics
+from taichi_cloth.mechanics.fibre_mechanics import FIBRE_MECHANICS, FibreMechanics
 from taichi_cloth.yarn.yarn import Yarn
 
 __all__ = [
@@ -36,7 +35,7 @@ __all__ = [
 
 COHESION = {"spun cellulosic": 3.0, "other": 1.0}
 LARGEST_PRESSED = 0.75
-KEPT = 0.15
+KEPT = 0.13
 """Part of the force of a crossing that is left in relaxed cloth."""
 
 
@@ -75,7 +74,8 @@ def one_yarn(family: ThreadFamily, finish: str) -> float:
 
 def pressed(family: ThreadFamily, other: ThreadFamily) -> float:
     """Share f of a thread's length where those that it crosses hold its fibres."""
-    return min(family.turns * family.other_diameter * other.per_mm, LARGEST_PRESSED)
+    share = min(family.turns * family.other_diameter * other.per_mm, LARGEST_PRESSED)
+    return share * min(family.fibre.friction / FIBRE_MECHANICS["cotton"].friction, 1.0)
 
 
 def family_bending(cloth: Construction) -> tuple[float, float]:
