@@ -36,45 +36,45 @@ USUAL = {  # gf·cm²/cm and gf/(cm·deg)
 
 INTRODUCTION = """# Fabrics: predicted and measured
 
-What a cloth weighs, how thick it is, how it bends, shears and drapes follows from its fibre, yarns, weave and sett by the
-closed forms of `taichi_cloth/mechanics/`, where each stands with its source. Here every cloth of
-[the table](../tests/data/fabrics/fabrics.csv) stands beside what they predict, the bad rows with the good ones. The page
+What a cloth weighs, how thick it is, how it bends, shears and drapes follows from its fibre, yarns, weave and sett by
+the closed forms of `taichi_cloth/mechanics/`, where each stands with its source. Here every cloth of [the
+table](../tests/data/fabrics/fabrics.csv) stands beside what they predict, the bad rows with the good ones. The page
 is written by
 
     python docs/fabrics.py --out docs/fabrics.md
 
-and `python docs/fabrics.py OTHER.csv` compares another table. A pair is predicted / measured; a dash means that nothing
-can be predicted. DC here is that of the curve over bending length, not of a simulated disc.
+and `python docs/fabrics.py OTHER.csv` compares another table. A pair is predicted / measured; a dash means that
+nothing can be predicted. DC here is that of the curve over bending length, not of a simulated disc.
 """
 
 WHY = """
 **Stated** constructions have counts, setts and weave in their source. **Inferred** ones are of a square cloth of the
-mass and thickness that were measured, and say little: a sheet of 0.5 mm and 124 g/m² (M1) is no poplin of Ne 40, a dense
-one of 0.3 mm (P1) no twill with floats that slide. Rows P are low in bending for their own drape by a factor near 1.9,
-and their filaments may be finer than the nominal 1.7 dtex: fineness goes straight into B, so state it
+mass and thickness that were measured, and say little: a sheet of 0.5 mm and 124 g/m² (M1) is no poplin of Ne 40, a
+dense one of 0.3 mm (P1) no twill with floats that slide. Rows P are low in bending for their own drape by a factor
+near 1.9, and their filaments may be finer than the nominal 1.7 dtex: fineness goes straight into B, so state it
 (`fibre.fineness_dtex`, or `dtex 167f48`). Rows N are moduli without direction or strain and are not compared. Rows
 without fibre, weave, mass or counts stand here so that nobody looks for them.
 
-What was fitted: the loss of 4 % of spun cotton's nominal mass and the factor of light thickness on V2, V3 and V6 (and the
-first on three weights of the trade below); the cohesion of cotton, the force that crossings keep and the curve of drape
-on M1, M2 and rows P; the factor of shear on rows P, denim and usual ranges. So these rows are no test of those numbers;
-other tables are.
+What was fitted: the loss of 4 % of spun cotton's nominal mass and the factor of light thickness on V2, V3 and V6 (and
+the first on three weights of the trade below); the cohesion of cotton, the force that crossings keep and the curve of
+drape on M1, M2 and rows P; the factor of shear on rows P, denim and usual ranges. So these rows are no test of those
+numbers; other tables are.
 """
 
 PRESETS = """
 ## Presets
 
-A material of a cloth or garment names a preset; its construction is one whose formulas land where the preset stands: weight within 2 %,
-bending within a factor of 2, shear of 3. In brackets: the range usual of KES for such cloth.
+A material of a cloth or garment names a preset; its construction is one whose formulas land where the preset stands:
+weight within 2 %, bending within a factor of 2, shear of 3. In brackets: the range usual of KES for such cloth.
 """
 
 PRESETS_WHY = """
-Three of the four presets are themselves the middle of usual ranges. What does not land within its band is tension: the
-presets' stiffness at first is a round number of a wide scatter (0.2 to 20 kN/m for one cloth, by strain and method), and
-denim's, 1040 and 220 N/m, was measured at small strains on a cloth with elastane, which this construction has not. The
-strain that draws crimp out is longer in the warp and shorter in the weft than the presets' round 2 to 3 %: close setts put
-the wave into the warp. The stiffness of straight threads lies 2 times above the silk preset's, which stands for a
-thinner silk of 44 g/m².
+Three of the four presets are themselves the middle of usual ranges. What does not land within its band is tension:
+the presets' stiffness at first is a round number of a wide scatter (0.2 to 20 kN/m for one cloth, by strain and
+method), and denim's, 1040 and 220 N/m, was measured at small strains on a cloth with elastane, which this
+construction has not. The strain that draws crimp out is longer in the warp and shorter in the weft than the presets'
+round 2 to 3 %: close setts put the wave into the warp. The stiffness of straight threads lies 2 times above the silk
+preset's, which stands for a thinner silk of 44 g/m².
 """
 
 TRADE_TITLE = """
