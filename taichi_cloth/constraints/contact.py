@@ -3,7 +3,8 @@
 Once a frame the bounding boxes of the body's tree follow it (`body/hierarchy.py`), each swept over the whole frame.
 Every 16 milliseconds each packet of 8 neighbouring key points walks the tree and lists the primitives that it can reach
 before the next walk, and from when on. From then it measures its distance from them, again when it has slid over them,
-which leaves a plane for each key point; every substep it meets only the planes (`contact_response.py`).
+which leaves a plane for each key point (`contact_planes.py`); every substep it meets only these
+(`contact_response.py`).
 
 Response of a key point that stands deeper than the gap: out along the normal, which takes the velocity towards the
 surface and no more, and against its slip over the moving surface by at most µ times that. What was deep before is let

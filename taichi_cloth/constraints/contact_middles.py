@@ -19,7 +19,8 @@ import taichi as ti
 from numpy.typing import NDArray
 
 from taichi_cloth.constraints.contact import Contact
-from taichi_cloth.constraints.contact_response import GROWTH, TURNING, Response
+from taichi_cloth.constraints.contact_planes import GROWTH, TURNING
+from taichi_cloth.constraints.contact_response import Response
 from taichi_cloth.ground.arrays import Float, I32x1, Int, Template
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.ground.routine import routine
