@@ -19,7 +19,7 @@ from taichi_cloth.sheet.sheet import Sheet
 from taichi_cloth.sheet.springs import Springs
 from taichi_cloth.solvers.stability import highest_frequency, longest_step
 from taichi_cloth.solvers.step_choice import ROUGH, substeps_of
-from taichi_cloth.solvers.yarns import CHAINED, LONGEST
+from taichi_cloth.solvers.yarns import left_explicit
 
 __all__ = ["Choice", "Cost", "choose"]
 
@@ -66,16 +66,20 @@ def choose(
     springs, material = sheet.springs, sheet.material
     points = int(sheet.present.sum())
 
-    def cost(name: str, explicit: Springs, longest: float, factor: float = 1.0) -> Cost:
-        """explicit: the springs that set the step."""
-        taken = min(_longest(replace(sheet, springs=explicit), safety), longest, step or longest)
+    def longest(explicit: Springs) -> float:
+        return _longest(replace(sheet, springs=explicit), safety)
+
+    def cost(name: str, allowed: float, factor: float) -> Cost:
+        """allowed: step [s]."""
+        taken = min(allowed, step or allowed)
         return Cost(taken, 1e-9 * factor * points * NANOSECONDS[name][seams] / taken)
 
     second = points >= WORTH_THREADS and not seams
-    verlet = cost("verlet", springs.drawn(material), 1.0, 1 / SECOND_CORE if second else 1.0)
-    soft = springs.without_threads
-    ways = [cost("yarns", soft, LONGEST), cost("yarns", replace(soft, diagonal=0.0), LONGEST, CHAINED)]
-    costs = {"verlet": verlet, "yarns": min(ways, key=lambda one: one.share)}
+    _, allowed, factor = left_explicit(springs, longest)
+    costs = {
+        "verlet": cost("verlet", min(longest(springs.drawn(material)), 1.0), 1 / SECOND_CORE if second else 1.0),
+        "yarns": cost("yarns", allowed, factor),
+    }
     most = max(material.tensile_warp, material.tensile_weft, material.drawn_warp, material.drawn_weft)
     ratio = most / material.shear if material.shear else float("inf")
     if material.curved:

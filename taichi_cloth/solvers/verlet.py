@@ -13,19 +13,18 @@ from numpy.typing import NDArray
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.motion.constraint import Constraint
 from taichi_cloth.motion.forces import Forces
-from taichi_cloth.motion.kernel_solver import KernelSolver
 from taichi_cloth.motion.numbers import numbers_of
 from taichi_cloth.sheet.sheet import Sheet, SheetState
-from taichi_cloth.solvers.stability import rounding_speed
+from taichi_cloth.solvers.spring_solver import SpringSolver
 from taichi_cloth.solvers.step_choice import StepChoice
-from taichi_cloth.solvers.strained_start import overstrain, settle
+from taichi_cloth.solvers.strained_start import settle
 from taichi_cloth.solvers.verlet_frame import VerletFrame
 from taichi_cloth.solvers.yarns import Yarns
 
 __all__ = ["Verlet"]
 
 
-class Verlet(KernelSolver):
+class Verlet(SpringSolver):
     """The paper's method for one sheet.
 
     frame_rate: frames a second [1/s]. step: asked for [s]; None takes the longest that is safe. safety: share of the
@@ -62,10 +61,6 @@ class Verlet(KernelSolver):
             sheet, forces, frame_rate=frame_rate, substeps=substeps, threads=threads, constraints=constraints
         )
 
-    def rounding(self, ulp: float) -> float:
-        m = self.sheet.material
-        return rounding_speed(self.step, ulp, air_damping=m.air_damping, fibre_damping=m.fibre_damping)
-
     def unchecked(self, step: float, substeps: int) -> "Verlet":
         """The same with any step [s], stable or not, to find by experiment where the limit is. Without constraints,
         which are made for a step of their own."""
@@ -90,9 +85,6 @@ class Verlet(KernelSolver):
         self.take_steps(substeps)
         self.rescale(state, before)
         return True
-
-    def overstrained(self, state: SheetState) -> bool:
-        return overstrain(self.sheet, self.sheet.positions(state)) > 1
 
     def settle(self, state: SheetState) -> None:
         """By whole yarns: springs that far from rest throw key points past each other in any step."""

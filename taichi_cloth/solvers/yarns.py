@@ -10,6 +10,7 @@ Beside the soft springs there is one more limit: a taut thread is a string, whos
 which −λ/L = h² T/(m L) of a thread comes above ¼ is taken again with more substeps.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 from math import ceil, sqrt
 
@@ -19,15 +20,15 @@ from numpy.typing import NDArray
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.motion.constraint import Constraint
 from taichi_cloth.motion.forces import Forces
-from taichi_cloth.motion.kernel_solver import KernelSolver
 from taichi_cloth.sheet.sheet import Sheet, SheetState
-from taichi_cloth.solvers.stability import rounding_speed
+from taichi_cloth.sheet.springs import Springs
+from taichi_cloth.solvers.spring_solver import SpringSolver
 from taichi_cloth.solvers.step_choice import StepChoice
-from taichi_cloth.solvers.strained_start import overstrain, settle
+from taichi_cloth.solvers.strained_start import settle
 from taichi_cloth.solvers.whole_yarns import NEVER, Family
 from taichi_cloth.solvers.yarn_frame import ChainFrame, YarnFrame
 
-__all__ = ["Yarns"]
+__all__ = ["Yarns", "left_explicit"]
 
 SWEEPS = 2
 LONGEST = 4e-4
@@ -48,7 +49,22 @@ WILD = 0.02
 """Strain of a thread, beyond its crimp, that makes a substep wild (`whole_yarns.py`)."""
 
 
-class Yarns(KernelSolver):
+def left_explicit(
+    springs: Springs, longest: Callable[[Springs], float], chains: bool | None = None
+) -> tuple[Springs, float, float]:
+    """Springs that whole yarns leave to explicit steps, the longest such step [s], and what a substep costs, in
+    substeps without chains. longest: step of explicit springs that is safe [s]. chains: as of `Yarns`."""
+    soft = springs.without_threads
+    step = min(longest(soft), LONGEST)
+    if soft.diagonal > 0 and (chains or (chains is None and CHAINED * step < LONGEST)):
+        bending = replace(soft, diagonal=0.0)
+        other = min(longest(bending), LONGEST)
+        if chains or CHAINED * step < other:
+            return bending, other, CHAINED
+    return soft, step, 1.0
+
+
+class Yarns(SpringSolver):
     """sweeps: over all families, a substep. step, safety: as of `Verlet`, of the springs that are not solved whole.
     chains: whether the diagonals are, too; None: where that is cheaper."""
 
@@ -70,15 +86,14 @@ class Yarns(KernelSolver):
         constraints: tuple[Constraint, ...] = (),
     ) -> None:
         self.sweeps, self.tight = sweeps, 0.0
-        soft = replace(sheet, springs=sheet.springs.without_threads)
-        choice = StepChoice(soft, frame_rate=frame_rate, safety=safety)
-        longest = min(choice.longest, LONGEST)
-        if chains or (chains is None and CHAINED * longest < LONGEST):
-            bending = replace(soft, springs=replace(soft.springs, diagonal=0.0))
-            other = StepChoice(bending, frame_rate=frame_rate, safety=safety)
-            if chains or CHAINED * longest < min(other.longest, LONGEST):
-                soft, choice, longest = bending, other, min(other.longest, LONGEST)
-        self._soft, self.choice, self.chains = soft, choice, soft.springs.diagonal < sheet.springs.diagonal
+        choices: dict[Springs, StepChoice] = {}
+
+        def longest_of(springs: Springs) -> float:
+            choices[springs] = StepChoice(replace(sheet, springs=springs), frame_rate=frame_rate, safety=safety)
+            return choices[springs].longest
+
+        springs, longest, cost = left_explicit(sheet.springs, longest_of, chains)
+        self.choice, self.chains = choices[springs], cost > 1
         self.frame_of = ChainFrame if self.chains else YarnFrame
         if step is not None and not 0 < step <= longest:
             raise InputError(f"solver.step: {step!r} s; allowed: above 0, at most {longest:.4g} s")
@@ -94,15 +109,11 @@ class Yarns(KernelSolver):
 
     @property
     def explicit(self) -> Sheet:
-        return self._soft
+        return self.choice.sheet
 
     @property
     def settings(self) -> tuple[object, ...]:
         return self.sweeps, self.chains
-
-    def rounding(self, ulp: float) -> float:
-        m = self.sheet.material
-        return rounding_speed(self.step, ulp, air_damping=m.air_damping, fibre_damping=m.fibre_damping)
 
     def families(self) -> list[Family]:
         """Weft, along the rows, and warp, along the columns; and the diagonals, if they are chains."""
@@ -175,15 +186,12 @@ class Yarns(KernelSolver):
         self.take_steps(min(substeps, MOST_SUBSTEPS))
         self.rescale(state, before)
 
-    def overstrained(self, state: SheetState) -> bool:
-        return overstrain(self.sheet, self.sheet.positions(state)) > 1
-
     def settle(self, state: SheetState) -> None:
         settle(self, state)
 
     def accelerations(self, sheet: Sheet, positions: NDArray, gravity: tuple[float, float, float]) -> NDArray:
         """Without what is solved whole: what that pulls follows from what pulls at it, not from where it is."""
-        return super().accelerations(self._soft, positions, gravity)
+        return super().accelerations(self.choice.sheet, positions, gravity)
 
     @property
     def found(self) -> tuple[float, ...]:
