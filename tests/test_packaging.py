@@ -9,6 +9,7 @@ import sys
 import tomllib
 import zipfile
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -82,12 +83,17 @@ def test_the_wheel_holds_every_module_and_scene(tmp_path: Path) -> None:
     assert "taichi-cloth = taichi_cloth.scenes.__main__:main" in scripts
 
 
+@cache
+def nodes(path: Path) -> list[ast.AST]:
+    return list(ast.walk(ast.parse(path.read_text("utf-8"))))
+
+
 def imports(path: Path) -> Iterator[tuple[int, str]]:
     """(line, absolute dotted name) of everything a module imports, wherever in it."""
     here = path.parent.relative_to(REPOSITORY).as_posix()
     inside = next((i for i, room in ROOMS.items() if here == room), here)
     package = inside.replace("/", ".").split(".")
-    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+    for node in nodes(path):
         if isinstance(node, ast.Import):
             yield from ((node.lineno, alias.name) for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -128,17 +134,18 @@ def arrows() -> dict[str, set[str]]:
     return found
 
 
-FUNCTIONS = [
-    (f"{path.relative_to(REPOSITORY).as_posix()}: {node.name}", node)
-    for path in MODULES
-    for node in ast.walk(ast.parse(path.read_text("utf-8")))
-    if isinstance(node, ast.FunctionDef)
-]
-"""Name and tree of every function of the rooms."""
+def functions() -> list[tuple[str, ast.FunctionDef]]:
+    """Name and tree of every function of the rooms."""
+    return [
+        (f"{path.relative_to(REPOSITORY).as_posix()}: {node.name}", node)
+        for path in MODULES
+        for node in nodes(path)
+        if isinstance(node, ast.FunctionDef)
+    ]
 
 
 def test_no_function_is_longer_than_two_screens() -> None:
-    lengths = {name: (node.end_lineno or 0) - node.lineno + 1 for name, node in FUNCTIONS}
+    lengths = {name: (node.end_lineno or 0) - node.lineno + 1 for name, node in functions()}
     assert {name: lines for name, lines in lengths.items() if lines > LONGEST_FUNCTION} == {}
 
 
@@ -148,7 +155,7 @@ def test_kernels_take_few_arguments() -> None:
 
     counts = {
         name: len([one for one in ast.walk(node.args) if isinstance(one, ast.arg) and one.arg != "self"])
-        for name, node in FUNCTIONS
+        for name, node in functions()
         if compiled(node)
     }
     assert len(counts) > 100
@@ -200,7 +207,7 @@ def test_only_the_runtime_starts_taichi() -> None:
     callers = {
         path.relative_to(REPOSITORY).as_posix()
         for path in MODULES
-        for node in ast.walk(ast.parse(path.read_text("utf-8")))
+        for node in nodes(path)
         if (
             isinstance(node, ast.Attribute)
             and node.attr == "init"

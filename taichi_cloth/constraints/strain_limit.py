@@ -19,7 +19,7 @@ from taichi_cloth.ground.routine import routine
 from taichi_cloth.motion.capacity import capacity_of
 from taichi_cloth.motion.constraint import SharedConstraint
 from taichi_cloth.motion.crew import PARTS
-from taichi_cloth.motion.stencil import largest, load, near, store
+from taichi_cloth.motion.stencil import largest, load, load_xyz, near, store
 from taichi_cloth.sheet.sheet import LANES, Sheet, SheetState
 
 __all__ = ["ThreadLimit"]
@@ -59,7 +59,8 @@ class ThreadFields:
     def grown(self, points: Template, p, offset, weight: Template, near, pull: Template):
         """By how much the squared length of the threads to p + offset is above `near`² [m²], more where they are drawn
         together; NONE where none is."""
-        x, y, z = points.away(points.position, p, offset)
+        here = load_xyz(points.position, p)
+        x, y, z = points.away(points.position, here, p, offset)
         there = ti.min(load(weight, p) * 1e30, 1.0)
         over = x * x + y * y + z * z - near * near + 1e12 * load(pull, p)
         return there * over + (1.0 - there) * NONE

@@ -124,11 +124,26 @@ class Stencil:
         return ti.min(ti.max(p // LANES, 0), 1 << 24) * LANES
 
     @ti.func
-    def away(self, place: Template, p, offset):
-        """Vector from the lanes at p to those at p + offset. place: position or ahead."""
-        x, y, z = ti.static(*place)
-        q = near(p + offset)
-        return load(x, q) - load(x, p), load(y, q) - load(y, p), load(z, q) - load(z, p)
+    def away(self, place: Template, here: Template, p, offset):
+        """Vectors from the lanes that are `here` to those at p + offset. place: position or ahead."""
+        x, y, z = load_xyz(place, near(p + offset))
+        return x - here[0], y - here[1], z - here[2]
+
+    @ti.func
+    def around(self, p):
+        """The lanes ahead at p, and vectors from there to the next and the last in the row, and in the column.
+
+        What is needed often is loaded once: a kernel takes as long to compile as the square of what it loads.
+        """
+        row = self.row[None]
+        here = load_xyz(self.ahead, p)
+        return (
+            here,
+            self.away(self.ahead, here, p, 1),
+            self.away(self.ahead, here, p, -1),
+            self.away(self.ahead, here, p, row),
+            self.away(self.ahead, here, p, -row),
+        )
 
     @ti.func
     def lead(self, p, n: Template):
@@ -143,80 +158,95 @@ class Stencil:
             store(self.position[axis], p, load(self.ahead[axis], self.lanes(p + at)))
 
     @ti.func
-    def spring(self, a, offset, constant, rest):
-        """Pull of the spring to the key point at a + offset."""
-        x, y, z = self.away(self.ahead, a, offset)
-        factor = constant * (1.0 - rest / ti.sqrt(ti.max(x * x + y * y + z * z, 1e-20)))
-        return factor * x, factor * y, factor * z
+    def spring(self, to: Template, constant, rest):
+        """Pull of the spring along the vector `to`."""
+        factor = constant * (1.0 - rest / ti.sqrt(ti.max(to[0] * to[0] + to[1] * to[1] + to[2] * to[2], 1e-20)))
+        return factor * to[0], factor * to[1], factor * to[2]
 
     @ti.func
-    def bend(self, a, p, offset, weight: Template, beta):
-        """Pull of the three hinges that p is part of, in the direction of neighbours at ±offset."""
+    def bend(self, around: Template, to: Template, back: Template, a, p, offset, weight: Template, beta):
+        """Pull of the three hinges that p is part of, in the direction of neighbours at ±offset. to, back: the vectors
+        to these."""
         before, here = load(weight, near(p - offset)), load(weight, p)
         c_minus = ti.min(load(weight, near(p - 2 * offset)), before)
         c_here = ti.min(before, here)
         c_plus = ti.min(here, load(weight, near(p + offset)))
-        x1, y1, z1 = self.away(self.ahead, a, offset)
-        x2, y2, z2 = self.away(self.ahead, a, 2 * offset)
-        x_1, y_1, z_1 = self.away(self.ahead, a, -offset)
-        x_2, y_2, z_2 = self.away(self.ahead, a, -2 * offset)
+        far = self.away(self.ahead, around[0], a, 2 * offset)
+        far_back = self.away(self.ahead, around[0], a, -2 * offset)
         return (
-            beta * (2.0 * c_here * (x1 + x_1) - c_plus * (x2 - 2.0 * x1) - c_minus * (x_2 - 2.0 * x_1)),
-            beta * (2.0 * c_here * (y1 + y_1) - c_plus * (y2 - 2.0 * y1) - c_minus * (y_2 - 2.0 * y_1)),
-            beta * (2.0 * c_here * (z1 + z_1) - c_plus * (z2 - 2.0 * z1) - c_minus * (z_2 - 2.0 * z_1)),
+            beta
+            * (
+                2.0 * c_here * (to[0] + back[0])
+                - c_plus * (far[0] - 2.0 * to[0])
+                - c_minus * (far_back[0] - 2.0 * back[0])
+            ),
+            beta
+            * (
+                2.0 * c_here * (to[1] + back[1])
+                - c_plus * (far[1] - 2.0 * to[1])
+                - c_minus * (far_back[1] - 2.0 * back[1])
+            ),
+            beta
+            * (
+                2.0 * c_here * (to[2] + back[2])
+                - c_plus * (far[2] - 2.0 * to[2])
+                - c_minus * (far_back[2] - 2.0 * back[2])
+            ),
         )
 
     @ti.func
-    def second(self, a, p, offset, weight: Template, k, rest):
+    def second(self, around: Template, a, p, offset, weight: Template, k, rest):
         """Pull of the paper's two springs to the second neighbours at ±2 offset."""
         ahead = ti.min(load(weight, p), load(weight, near(p + offset)))
         behind = ti.min(load(weight, near(p - offset)), load(weight, near(p - 2 * offset)))
-        x, y, z = self.spring(a, 2 * offset, k * ahead, rest)
-        u, v, w = self.spring(a, -2 * offset, k * behind, rest)
+        to, back = self.away(self.ahead, around[0], a, 2 * offset), self.away(self.ahead, around[0], a, -2 * offset)
+        x, y, z = self.spring(to, k * ahead, rest)
+        u, v, w = self.spring(back, k * behind, rest)
         return x + u, y + v, z + w
 
     @ti.func
-    def elastic(self, features: Template, a, p, n: Template):
-        """Pull of all springs and hinges on the lanes at p, at a of `ahead`."""
+    def elastic(self, features: Template, around: Template, a, p, n: Template):
+        """Pull of all springs and hinges on the lanes at p, at a of `ahead`. around: what is there, see there."""
         row = self.row[None]
         x, y, z = ti.Vector([0.0] * LANES), ti.Vector([0.0] * LANES), ti.Vector([0.0] * LANES)
         if ti.static(features.threads):
             e, w = load(self.east, p), load(self.east, near(p - 1))
-            x, y, z = self.spring(a, 1, n.structural_x * e, n.spacing_x)
-            u, v, t = self.spring(a, -1, n.structural_x * w, n.spacing_x)
+            x, y, z = self.spring(around[1], n.structural_x * e, n.spacing_x)
+            u, v, t = self.spring(around[2], n.structural_x * w, n.spacing_x)
             x, y, z = x + u, y + v, z + t
             e, w = load(self.north, p), load(self.north, near(p - row))
-            u, v, t = self.spring(a, row, n.structural_y * e, n.spacing_y)
+            u, v, t = self.spring(around[3], n.structural_y * e, n.spacing_y)
             x, y, z = x + u, y + v, z + t
-            u, v, t = self.spring(a, -row, n.structural_y * w, n.spacing_y)
+            u, v, t = self.spring(around[4], n.structural_y * w, n.spacing_y)
             x, y, z = x + u, y + v, z + t
         for corner, cell in ti.static(((row + 1, 0), (-row - 1, -row - 1), (row - 1, -1), (1 - row, -row))):
             c = n.diagonal * load(self.cell, near(p + cell))
-            u, v, t = self.spring(a, corner, c, n.diagonal_length)
+            to = self.away(self.ahead, around[0], a, corner)
+            u, v, t = self.spring(to, c, n.diagonal_length)
             x, y, z = x + u, y + v, z + t
         if ti.static(features.hinges):
-            u, v, t = self.bend(a, p, 1, self.east, n.hinge_x)
+            u, v, t = self.bend(around, around[1], around[2], a, p, 1, self.east, n.hinge_x)
             x, y, z = x + u, y + v, z + t
-            u, v, t = self.bend(a, p, row, self.north, n.hinge_y)
+            u, v, t = self.bend(around, around[3], around[4], a, p, row, self.north, n.hinge_y)
             x, y, z = x + u, y + v, z + t
         else:
-            u, v, t = self.second(a, p, 1, self.east, n.second_x, 2.0 * n.spacing_x)
+            u, v, t = self.second(around, a, p, 1, self.east, n.second_x, 2.0 * n.spacing_x)
             x, y, z = x + u, y + v, z + t
-            u, v, t = self.second(a, p, row, self.north, n.second_y, 2.0 * n.spacing_y)
+            u, v, t = self.second(around, a, p, row, self.north, n.second_y, 2.0 * n.spacing_y)
             x, y, z = x + u, y + v, z + t
         return x, y, z
 
     @ti.func
-    def air(self, a, p, dx, dy, dz, wind, n: Template):
+    def air(self, around: Template, p, dx, dy, dz, wind, n: Template):
         """Drag and lift of the wind × h². The area vector is that of the cells around, so it is right at edges too."""
         row = self.row[None]
         e, w = ti.min(2.0 * load(self.east, p), 1.0), ti.min(2.0 * load(self.east, near(p - 1)), 1.0)
         s, t = ti.min(2.0 * load(self.north, p), 1.0), ti.min(2.0 * load(self.north, near(p - row)), 1.0)
-        x1, y1, z1 = self.away(self.ahead, a, 1)
-        x2, y2, z2 = self.away(self.ahead, a, -1)
+        x1, y1, z1 = around[1]
+        x2, y2, z2 = around[2]
         ax, ay, az = e * x1 - w * x2, e * y1 - w * y2, e * z1 - w * z2
-        x1, y1, z1 = self.away(self.ahead, a, row)
-        x2, y2, z2 = self.away(self.ahead, a, -row)
+        x1, y1, z1 = around[3]
+        x2, y2, z2 = around[4]
         bx, by, bz = s * x1 - t * x2, s * y1 - t * y2, s * z1 - t * z2
         nx, ny, nz = 0.25 * (ay * bz - az * by), 0.25 * (az * bx - ax * bz), 0.25 * (ax * by - ay * bx)
         ux, uy, uz = wind[0] - n.rate * dx, wind[1] - n.rate * dy, wind[2] - n.rate * dz
@@ -233,9 +263,10 @@ class Stencil:
         and absent key points, which keep their step; and the step [m]."""
         sx, sy, sz = load(self.step[0], p), load(self.step[1], p), load(self.step[2], p)
         # Forces × h².
-        fx, fy, fz = self.elastic(features, a, p, n)
+        around = self.around(a)
+        fx, fy, fz = self.elastic(features, around, a, p, n)
         if ti.static(features.wind):
-            x, y, z = self.air(a, p, sx, sy, sz, wind, n)
+            x, y, z = self.air(around, p, sx, sy, sz, wind, n)
             fx, fy, fz = fx + x, fy + y, fz + z
         inverse = load(self.inverse_mass, p)
         free = ti.min(inverse * 1e30, 1.0)  # 1, or 0 for pinned and absent key points, which keep their step

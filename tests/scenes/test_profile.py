@@ -1,12 +1,12 @@
 """What `taichi-cloth profile` prints, and that the work it times is the work it says. No time is tested."""
 
 import re
-import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
+import pytest
 
+from taichi_cloth.ground.runtime import Runtime
+from taichi_cloth.scenes.__main__ import _status
 from taichi_cloth.scenes.measure import profile
 from taichi_cloth.scenes.prepare.weave_layout import prepare_fabric
 
@@ -30,19 +30,19 @@ def test_the_garment_has_its_size_count_and_radius_on_the_picture() -> None:
     assert np.mean(outward) > 0  # the right side of the cloth is outside
 
 
-def test_it_prints_every_stage_once(tmp_path: Path) -> None:
+@pytest.mark.usefixtures("keep_taichi")
+def test_it_prints_every_stage_once(taichi_runtime: Runtime, capsys: pytest.CaptureFixture[str]) -> None:
     small = ["weave.ends=4", "weave.picks=4", "light.shadows=false", "light.occlusion=false", "stage.ground=false"]
-    tiny = ["plain", *(word for text in small for word in ("--set", text)), "--repeats", "1", "--threads", "2"]
-    code = "from taichi_cloth.scenes.__main__ import main; main()"
-    arguments = [sys.executable, "-P", "-c", code, "profile", *tiny]
-    done = subprocess.run(arguments, cwd=tmp_path, capture_output=True, text=True, timeout=300)
-    assert (done.returncode, done.stderr) == (0, "")
-    assert "Taichi on " in done.stdout.splitlines()[0]
-    assert "2 threads" in done.stdout.splitlines()[0]
-    stages = re.findall(r"^  (\w[\w ]*?) +(\d+\.\d) ms  \(\d+\.\d to \d+\.\d\)", done.stdout, re.MULTILINE)
+    tiny = ["plain", *(word for text in small for word in ("--set", text)), "--repeats", "1"]
+    status = _status(["profile", *tiny])
+    done = capsys.readouterr()
+    assert (status, done.err) == (0, "")
+    assert "Taichi on " in done.out.splitlines()[0]
+    assert f"{taichi_runtime.threads} thread" in done.out.splitlines()[0]
+    stages = re.findall(r"^  (\w[\w ]*?) +(\d+\.\d) ms  \(\d+\.\d to \d+\.\d\)", done.out, re.MULTILINE)
     names = ["lay out", "templates", "key points", "particles", "project", "sort", "bin", "raster", "frame"]
     assert [name for name, _ in stages] == [*names, "built", "drawn"]
-    assert "a garment of 377,508 particles" in done.stdout
-    built = re.search(r"built .*?([\d,]+) particles, .*(met|not met)$", done.stdout, re.MULTILINE)
+    assert "a garment of 377,508 particles" in done.out
+    built = re.search(r"built .*?([\d,]+) particles, .*(met|not met)$", done.out, re.MULTILINE)
     assert built is not None
     assert int(built[1].replace(",", "")) >= 500_000
