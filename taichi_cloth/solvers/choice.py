@@ -26,7 +26,8 @@ __all__ = ["Choice", "Cost", "choose"]
 NANOSECONDS = {"verlet": (12.0, 18.5), "yarns": (47.0, 60.0)}
 """What a key point takes in a substep on one core, without seams and with them. Medians of CPU time, both solvers on
 the same sheet in turn, frame by frame: `flag`, `drape`, `hanging`, `stretch`, `sheet-walk` and `drape-body` (9 to 15
-and 37 to 59, ratio 3.6 to 4.1), `tshirt` at rest (ratio 3.3). Times are of one machine; only their ratio decides."""
+and 37 to 59, ratio 3.6 to 4.1), `tshirt` at rest (ratio 3.3). Times are of one machine; only their ratio decides.
+`docs/solver_costs.py` measures them again."""
 
 SECOND_CORE = 1.7
 """By how much a second core makes Verlet faster; whole yarns, and cloth with seams, keep to one."""
