@@ -13,11 +13,14 @@ from taichi_cloth.weave.colour_order import colour
 from ...render.data.blocks import ParticleBlocks
 from ...render.data.camera import box_corners
 from ...render.tiles.mesh import Mesh
+from ..prepare.cell_layout import prepare_sheet
+from ..prepare.sett import on_cells, sett_of, threads_to_a_cell
 from ..prepare.sheet_setup import sheet_simulation, standing_in, start_of, woven_scene
-from ..prepare.thread_colours import thread_colours
+from ..prepare.thread_colours import colour_repeats, thread_colours
 from ..prepare.weave_layout import Prepared, prepare_fabric
 from ..prepare.yarns import draft_of
 from ..scene.schema import Scene, Weave
+from .cell_fibres import CellFibres, sheet_fibres
 from .facts import Fact
 from .model import Numbers
 from .moving_model import ALBEDO, MovingModel
@@ -54,10 +57,12 @@ class ClothModel(MovingModel):
 
     def __init__(self, scene: Scene, prepared: Prepared | None = None) -> None:
         assert scene.cloth is not None
+        scene = on_cells(scene)
+        assert scene.cloth is not None
         self.scene, self.frames = scene, scene.output.frames
         self.body = standing_in(scene)
         self.simulation = self.at_start()
-        self.fibres = ClothFibres(scene, prepared) if scene.cloth.representation == "fibre" else None
+        self.fibres = fibres_of(scene, prepared) if scene.cloth.representation == "fibre" else None
         if self.fibres is None:
             self.faces = grid_faces(np.ones(self.simulation.sheet.shape, bool))
             self.colours = key_colours(scene)
@@ -94,6 +99,8 @@ class ClothModel(MovingModel):
 
     def numbers(self) -> Numbers:
         """Yarn: the warp ends, then the weft picks. Part: 0 warp, 1 weft."""
+        if isinstance(self.fibres, CellFibres):
+            return self.fibres.numbers()
         assert self.follower is not None
         ends = self.follower.shape[1]
         yarn = self.yarn_of_places()
@@ -120,16 +127,27 @@ class ClothModel(MovingModel):
         return facts
 
 
+def fibres_of(scene: Scene, prepared: Prepared | None = None) -> ClothFibres | CellFibres:
+    """The fibres of a sheet: threads that follow key points, or as many as its sett says."""
+    prepared = prepared or prepare_sheet(scene)
+    return ClothFibres(scene, prepared) if prepared is None or prepared.cells is None else sheet_fibres(scene, prepared)
+
+
 def key_colours(scene: Scene) -> F32:
     """Colour of a mesh at each key point, (rows · columns, 3): the mean of the threads that it stands for."""
     cloth = scene.cloth
     assert cloth is not None
-    k = cloth.threads_per_key_point
-    ends, picks = ((n - 1) * k + 1 for n in (cloth.columns, cloth.rows))
-    draft = draft_of(woven_scene(scene).weave or Weave()) if scene.weave else None
+    sett = sett_of(scene)
+    k = (cloth.threads_per_key_point,) * 2 if sett is None else threads_to_a_cell(scene, sett)
     families = []
-    for shades in thread_colours(scene, draft, ends=ends, picks=picks):
-        nearest = (np.arange(len(shades)) + k // 2) // k
+    ends, picks = ((n - 1) * k + 1 for n, k in zip((cloth.columns, cloth.rows), k, strict=True))
+    draft = draft_of(woven_scene(scene).weave or Weave()) if scene.weave and sett is None else None
+    shades_of = thread_colours(scene, draft, ends=ends, picks=picks)
+    if sett is not None:
+        repeats = colour_repeats(scene)
+        shades_of = [own[np.arange(n) % len(own)] for own, n in zip(repeats, (ends, picks), strict=True)]
+    for shades, each in zip(shades_of, k, strict=True):
+        nearest = (np.arange(len(shades)) + each // 2) // each
         families.append(np.stack([np.bincount(nearest, c) / np.bincount(nearest) for c in shades.T], axis=-1))
     warp, weft = families
     return (ALBEDO * (weft[:, None] + warp[None, :]) / 2).reshape(-1, 3).astype(np.float32)

@@ -7,6 +7,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_cloth.detail.cell_stream import CellStream
 from taichi_cloth.detail.streaming import FabricStream
 from taichi_cloth.ground.particles import FibreCloud
 
@@ -45,7 +46,7 @@ class Panel:
     numbers: Callable[[], Numbers] | None = None
     meshes: tuple[Mesh, ...] = ()
     """Surfaces among the particles, lit and shadowed with them."""
-    source: FabricStream | None = None
+    source: FabricStream | CellStream | None = None
     """Makes what is drawn, a batch at a time; `particles` are then a sample of it, which casts its shadows."""
 
 

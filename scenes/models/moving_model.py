@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_cloth.detail.cell_stream import CellStream
 from taichi_cloth.fabric.follow import FibreFollower
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.motion.simulation import Simulation
@@ -34,7 +35,6 @@ class Fibres(Protocol):
     """The fibres of a moving cloth."""
 
     prepared: Prepared
-    follower: FibreFollower
 
     def follow(self, positions: F32) -> ParticleBlocks:
         """As they lie on key points (rows, columns, 3) [m], to be drawn."""
@@ -77,13 +77,20 @@ class MovingModel(ABC):
 
     @property
     def follower(self) -> FibreFollower | None:
-        return None if self.fibres is None else self.fibres.follower
+        """What moves the fibres, where all of them are held."""
+        return getattr(self.fibres, "follower", None)
+
+    @property
+    def source(self) -> CellStream | None:
+        """What makes the fibres, where they are made as a camera needs them."""
+        return getattr(self.fibres, "source", None)
 
     def panels(self) -> list[Panel]:
         solids = self.solids()
         if self.fibres is None:
             return [Panel(nothing(), self.bounds, meshes=(self.mesh(), *solids))]
-        return [Panel(self.fibres.follow(self.simulation.positions), self.bounds, numbers=self.numbers, meshes=solids)]
+        drawn = self.fibres.follow(self.simulation.positions)
+        return [Panel(drawn, self.bounds, numbers=self.numbers, meshes=solids, source=self.source)]
 
     def facts(self) -> list[Fact]:
         facts = self.cloth_facts()

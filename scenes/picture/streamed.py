@@ -16,17 +16,26 @@ from ...render.splat.splat import Splatter
 from ...render.splat.stream import Source, stream
 from ...render.stage.paint import paint
 from ...render.stage.stage import stage_under
+from ...render.tiles.mesh import Mesh
 
 __all__ = ["Streamed"]
 
 
 class Streamed:
-    """Draws on one splatter. sample: of the whole. floor: whether it lies on one. resolution: texels along a shadow
-    map, at most."""
+    """Draws on one splatter. sample: of the whole. floor: whether it lies on one. mesh: what stands among the fibres.
+    resolution: texels along a shadow map, at most."""
 
-    def __init__(self, splatter: Splatter, sample: ParticleBlocks, *, floor: bool, resolution: int = MAP_SIZE) -> None:
-        self.splatter, self.sample, self.resolution = splatter, sample, resolution
-        self.stage = stage_under(sample) if floor else None
+    def __init__(
+        self,
+        splatter: Splatter,
+        sample: ParticleBlocks,
+        *,
+        floor: bool,
+        mesh: Mesh | None = None,
+        resolution: int = MAP_SIZE,
+    ) -> None:
+        self.splatter, self.sample, self.mesh, self.resolution = splatter, sample, mesh, resolution
+        self.stage = stage_under(sample, mesh) if floor else None
         self._towards: NDArray[np.float64] | None = None
 
     def behind(self, camera: Camera, lighting: Lighting, background: Background) -> Backdrop | None:
@@ -36,10 +45,12 @@ class Streamed:
         if self._towards is None or not np.allclose(towards, self._towards, atol=1e-6):
             light = self.splatter.light
             light.hold(None)
-            self.splatter.load(self.sample)
+            self.splatter.load(self.sample, self.mesh)
             light.hold(self.splatter.cast_light(camera, lighting, resolution=self.resolution))
             self._towards = towards
-        return paint(camera, stage=self.stage, lighting=lighting, background=background, maps=self.splatter.light.held)
+        around = {"mesh": self.mesh, "stage": self.stage, "maps": self.splatter.light.held}
+        samples = 1 if self.mesh is None else 2
+        return paint(camera, lighting=lighting, background=background, samples=samples, **around)
 
     def draw(
         self,

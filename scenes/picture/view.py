@@ -91,7 +91,9 @@ class View:
             if self._panels[k].source is None:
                 yield self._shoot(k, camera)[0]
             else:
-                yield Shot(self._panels[k], self._splatters[k], self._near(camera), None)
+                near, mesh = self._near(camera), self._meshes[k]
+                behind = paint(near, mesh=mesh, lighting=self.lighting, background=self.background, samples=2)
+                yield Shot(self._panels[k], self._splatters[k], near, behind, mesh)
 
     def camera(self) -> Camera:
         """That of an animation, for the first panel, without the scene's zoom."""
@@ -155,7 +157,7 @@ class View:
         for panel, splatter, mesh in zip(self._panels, self._splatters, self._meshes, strict=True):
             if panel.source is not None:
                 assert isinstance(panel.particles, ParticleBlocks)
-                self._streamed.append(Streamed(splatter, panel.particles, floor=on))
+                self._streamed.append(Streamed(splatter, panel.particles, floor=on, mesh=mesh))
                 self._stages.append(None)
                 continue
             splatter.load(panel.particles, mesh)

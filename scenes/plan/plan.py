@@ -10,6 +10,7 @@ from taichi_cloth.yarn.yarn import Yarn
 from ...render.data.light_sizes import light_bytes
 from ..prepare.drawing import LIT, MESH_BYTES, MOTION_BYTES, PROCESS_BYTES, drawn_bytes, has_floor, picture_bytes
 from ..prepare.strands import fibre_spheres, twist_particles, yarn_piece
+from ..prepare.sett import on_cells
 from ..prepare.weave_layout import Prepared, prepare_fabric
 from ..prepare.yarns import fibre_kind, yarn_of
 from ..scene.schema import Scene
@@ -93,10 +94,16 @@ def plan(scene: Scene) -> Plan:
 def _count_cloth(scene: Scene, counted: _Counted) -> None:
     """Key points and stages of a sheet or a garment, and what is woven."""
     if scene.cloth:
-        from ..prepare.sheet_setup import woven_scene  # loads Taichi, which a plan of what lies still does without
+        # These load Taichi, which a plan of what lies still does without.
+        from ..prepare.cell_layout import prepare_sheet
+        from ..prepare.sheet_setup import woven_scene
         from .plan_cloth import sheet_stages
 
-        counted.woven = woven_scene(scene) if scene.cloth.representation == "fibre" else None
+        scene = on_cells(scene)
+        assert scene.cloth is not None
+        if scene.cloth.representation == "fibre":
+            counted.prepared = prepare_sheet(scene)
+            counted.woven = woven_scene(scene) if counted.prepared is None else scene
         built, left = sheet_stages(scene)
         counted.key_points = scene.cloth.rows * scene.cloth.columns
     elif scene.garment:
@@ -142,13 +149,23 @@ def _count_weave(scene: Scene, counted: _Counted) -> None:
     """The weave and its fibre blocks. Raises InputError as laying it out would."""
     built, left = counted.built, counted.left
     if counted.woven is not None:
-        prepared = counted.prepared = prepare_fabric(counted.woven, streamed=scene.subject == "fabric")
-        layout = prepared.layout
+        prepared = counted.prepared or prepare_fabric(counted.woven, streamed=scene.subject == "fabric")
+        counted.prepared, layout = prepared, prepared.layout
         built["yarn"] = _yarn_line(layout.warp.yarn, layout.detail.fibres)
         counted.blocks, counted.particles = len(layout.blocks.kind), prepared.particles
         counted.key_points = counted.key_points or layout.key_points
         picks, ends = layout.cloth.warp_up.shape
+        if prepared.cells is not None:
+            (ends, picks), counted.blocks = prepared.cells.woven, prepared.cells.blocks
+            counted.about = True
         built["weave"] = f"{prepared.draft.name or 'draft'}: {ends} ends × {picks} picks"
+        if prepared.cells is not None:
+            across, along = prepared.cells.per_cell
+            per_cm = 0.01 / layout.warp.pitch, 0.01 / layout.weft.pitch
+            built["weave"] += (
+                f", {per_cm[0]:.1f} × {per_cm[1]:.1f} a cm, {across} × {along} to a cell of key points; "
+                "made where a picture shows them"
+            )
         built["fibre blocks"] = f"{len(layout.kinds.section)} kinds of path, {layout.detail.variants} variants"
         if not (layout.warp.yarn.hairiness.ends_per_m or layout.warp.yarn.hairiness.loops_per_m):
             left["hairs"] = "yarn.hairiness is 0"

@@ -23,7 +23,7 @@ from .yarns import draft_of, fibre_kind
 if TYPE_CHECKING:  # loads Taichi, which a plan of what lies still does without
     from taichi_cloth.garment.sewn.weaving import Colours
 
-__all__ = ["fibre_colour", "panel_colours", "thread_colours", "yarn_colours"]
+__all__ = ["colour_repeats", "fibre_colour", "panel_colours", "thread_colours", "yarn_colours"]
 
 F32 = NDArray[np.float32]
 
@@ -51,6 +51,14 @@ def thread_colours(scene: Scene, draft: Draft | None, *, ends: int, picks: int) 
         np.tile(own, (count, 1)) if order is None else order
         for order, own, count in zip(brought, yarn_colours(scene), (ends, picks), strict=True)
     )
+    return warp, weft
+
+
+def colour_repeats(scene: Scene) -> tuple[F32, F32]:
+    """Of the warp and the weft of a cloth, one repeat of each, (n, 3) linear."""
+    weave = scene.weave or Weave()
+    stated = _orders(weave.draft, weave.warp_colours, weave.weft_colours)
+    warp, weft = (own[None] if order is None else order for order, own in zip(stated, yarn_colours(scene), strict=True))
     return warp, weft
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_cloth.fabric.layout import Detail, FabricLayout, families_of, lay_out, required_bytes
+from taichi_cloth.fabric.repeat import WeaveRepeat
 from taichi_cloth.fabric.templates import particle_count, particles_per_body_block
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.ground.memory import memory_limit, require_memory
@@ -22,15 +23,16 @@ from .drawing import DRAW_BYTES, HELD, STREAM_BYTES, drawn_bytes
 from .thread_colours import thread_colours
 from .yarns import draft_of, fibre_kind, yarn_of
 
-__all__ = ["Prepared", "prepare_fabric"]
+__all__ = ["Cells", "Prepared", "prepare_fabric", "woven", "yarns_for"]
 
 F64 = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Prepared:
-    """A fabric counted but not built. particles: exact. bytes: of the build and of drawing it. in_batches: as its
-    particles are too many to hold."""
+    """A fabric counted but not built. particles: exact; of cells, on average. bytes: of the build and of drawing it.
+    in_batches: as its particles are too many to hold. cells: of a cloth with a sett, whose `layout` is of one repeat.
+    """
 
     draft: Draft
     layout: FabricLayout
@@ -38,6 +40,18 @@ class Prepared:
     bytes: int
     notes: tuple[str, ...]
     in_batches: bool = False
+    cells: "Cells | None" = None
+
+
+@dataclass(frozen=True)
+class Cells:
+    """Cloth woven on cells of key points. per_cell: warp ends and weft picks to each. woven: ends and picks of it all,
+    or of the rectangles it is cut from. blocks: of fibres. repeats: of its drafts, the scene's first."""
+
+    per_cell: tuple[int, int]
+    woven: tuple[int, int]
+    blocks: int
+    repeats: tuple[WeaveRepeat, ...]
 
 
 def prepare_fabric(scene: Scene, *, streamed: bool = False) -> Prepared:
@@ -49,7 +63,7 @@ def prepare_fabric(scene: Scene, *, streamed: bool = False) -> Prepared:
     assert scene.yarn is not None
     section = scene.fabric or FabricSection()
     draft = draft_of(scene.weave)
-    yarns = _yarns(scene, draft, section)
+    yarns = yarns_for(scene, draft, section)
     fibres = max(scene.yarn.fibres, (scene.weft_yarn or scene.yarn).fibres)
     per_block = max(particles_per_body_block(y, fibres, section.steps) for y in yarns)
     needed = required_bytes(draft.ends, draft.picks, per_block) + DRAW_BYTES * per_block * 2 * draft.warp_up.size
@@ -59,7 +73,7 @@ def prepare_fabric(scene: Scene, *, streamed: bool = False) -> Prepared:
         remedy = "take fewer weave.ends and weave.picks"
     require_memory(f"weave of {draft.ends:,} ends × {draft.picks:,} picks", needed, remedy)
 
-    cloth, spacing, note = _woven(draft, section, yarns)
+    cloth, spacing, note = woven(draft, section, yarns)
     colours = thread_colours(scene, draft, ends=draft.ends, picks=draft.picks)
     families = families_of(cloth, spacing, colours, yarns)
     layout = lay_out(
@@ -82,7 +96,7 @@ def prepare_fabric(scene: Scene, *, streamed: bool = False) -> Prepared:
     return Prepared(draft, layout, particles, total, (*draft.notes, *note), in_batches)
 
 
-def _yarns(scene: Scene, draft: Draft, section: FabricSection) -> tuple[Yarn, Yarn]:
+def yarns_for(scene: Scene, draft: Draft, section: FabricSection) -> tuple[Yarn, Yarn]:
     """Of the warp and of the weft: where a scene states no count, as thick as the draft says, or as fills a square
     cloth of its spacing."""
     assert scene.yarn is not None
@@ -99,7 +113,7 @@ def _yarns(scene: Scene, draft: Draft, section: FabricSection) -> tuple[Yarn, Ya
     return out[0], out[1]
 
 
-def _woven(
+def woven(
     draft: Draft, section: FabricSection, yarns: tuple[Yarn, Yarn]
 ) -> tuple[Interlacing, tuple[F64, F64], tuple[str, ...]]:
     """The weave with its sizes, the room of each thread [m] of the warp and the weft, and a note of what it took to

@@ -15,7 +15,7 @@ from taichi_cloth.yarn.yarn import Hairiness, Yarn, count_for_diameter, ne_to_te
 from ..scene.schema import Scene, Weave, YarnSection
 from ..scene.section import DRAFT_FILE
 
-__all__ = ["draft_of", "fibre_kind", "yarn_of"]
+__all__ = ["draft_of", "fibre_kind", "repeat_of", "yarn_of"]
 
 DEFAULT_THREADS = 40
 DEFAULT_COUNT_TEX = 20.0
@@ -83,6 +83,11 @@ def draft_of(weave: Weave) -> Draft:
         return coloured(draft, warp=weave.warp_colours, weft=weave.weft_colours)
     except InputError as error:
         raise InputError(f"weave.warp_colours, weave.weft_colours: {error}") from None
+
+
+def repeat_of(name: str) -> Draft:
+    """One repeat of a named weave, or a WIF file as it is."""
+    return read_wif(name) if DRAFT_FILE.fits(name) else named_weave(name)
 
 
 def _draft(name: str, ends: int | None, picks: int | None) -> Draft:

@@ -286,11 +286,9 @@ class Scene(Section):
             raise ValueError('cloth.representation "fibre" needs [yarn] and [weave]; add them, or take "mesh"')
         if self.cloth and self.weave and (self.weave.ends or self.weave.picks):
             raise ValueError(
-                "weave.ends, weave.picks: a [cloth] has as many as its columns, rows and threads_per_key_point make; "
-                "leave them out"
+                "weave.ends, weave.picks: a [cloth] has as many as its size and fabric.ends_per_cm, picks_per_cm make; "
+                "say these"
             )
-        if self.cloth and self.fabric and (self.fabric.ends_per_cm or self.fabric.picks_per_cm):
-            raise ValueError("fabric.ends_per_cm, fabric.picks_per_cm: follow from the size of [cloth]; leave them out")
         return self
 
     @model_validator(mode="after")
@@ -313,11 +311,9 @@ class Scene(Section):
             raise ValueError("weave.patches: a [garment] has drafts by panel; say garment.weaves instead")
         if self.weave and (self.weave.ends or self.weave.picks):
             raise ValueError(
-                "weave.ends, weave.picks: a [garment] has as many as its pattern, key_points and threads_per_key_point "
-                "make; leave them out"
+                "weave.ends, weave.picks: a [garment] has as many as its pattern and fabric.ends_per_cm, picks_per_cm "
+                "make; say these"
             )
-        if self.fabric and (self.fabric.ends_per_cm or self.fabric.picks_per_cm):
-            raise ValueError("fabric.ends_per_cm, fabric.picks_per_cm: follow from the [garment]; leave them out")
         return self
 
     @property

@@ -16,7 +16,7 @@ import taichi as ti
 from numpy.typing import NDArray
 
 from taichi_cloth.detail.thinning import FADE, FULL, UNCHANGED, Gains, gain, thinned_to
-from taichi_cloth.detail.view import Pinhole, View, seen_at, tiles_of, view_of
+from taichi_cloth.detail.view import Pinhole, View, in_frustum, seen_at, tiles_of, view_of
 from taichi_cloth.fabric.fabric import Fabric
 from taichi_cloth.fabric.frames import frames
 from taichi_cloth.fabric.laying import FabricPack, block_ends, lay_particle, row, template_size
@@ -186,7 +186,7 @@ def _survey(
             p1 = p0 + fabric.pitch[b] * (row(fabric.warp, k0) if fabric.family[b] == 0 else row(fabric.weft, k0))
         r = 0.5 * (p1 - p0).norm() + reach[t]  # pyright: ignore[reportOptionalCall]
         at = seen_at(view, 0.5 * (p0 + p1))
-        x, y, z = at[0], at[1], at[2]
+        z = at[2]
         size = template_size(fabric, t)
         count, share = 0, 0.0
         left, right, top, bottom = 1, 0, 1, 0
@@ -196,19 +196,9 @@ def _survey(
             drawn = radius[t] * view.focal / ti.max(z, view.near)
             if target > 0:
                 share = ti.min((drawn / target) ** 2, FULL)
-            # Outside a side of the frustum, whose plane has the normal (focal, edge) in (x, z): out of view.
-            f, slack = view.focal, 4.0 + 3.0 * target
-            for side in ti.static(range(4)):
-                edge, across = view.cx, -x
-                if ti.static(side == 1):
-                    edge, across = view.width - view.cx, x
-                if ti.static(side == 2):
-                    edge, across = view.cy, -y
-                if ti.static(side == 3):
-                    edge, across = view.height - view.cy, y
-                edge += slack
-                if f * across - edge * z > r * ti.sqrt(f * f + edge * edge):
-                    share = 0.0
+            slack = 4.0 + 3.0 * target
+            if not in_frustum(view, at, r, slack):
+                share = 0.0
             # The tiles that it may touch: all of them where the camera stands within the sphere.
             left, right = 0, ti.cast(view.width - 1, ti.i32) // TILE
             top, bottom = 0, ti.cast(view.height - 1, ti.i32) // TILE

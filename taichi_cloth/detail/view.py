@@ -7,7 +7,7 @@ import taichi as ti
 
 from taichi_cloth.ground.particles import TILE
 
-__all__ = ["Pinhole", "View", "seen_at", "tiles_of", "view_of"]
+__all__ = ["Pinhole", "View", "in_frustum", "seen_at", "tiles_of", "view_of"]
 
 
 class Pinhole(Protocol):
@@ -57,6 +57,26 @@ def view_of(camera: Pinhole) -> Any:
 def seen_at(view: View, x):
     """A place of the world, in the camera's axes [m]: to the right, down, ahead."""
     return view.rotation @ x + view.translation
+
+
+@ti.func
+def in_frustum(view: View, at, r, slack):
+    """Whether a sphere may touch what is seen, or what lies up to `slack` [px] beside it. at: its middle in the camera's
+    axes. A side of the frustum has a plane with the normal (focal, edge) in (x, z)."""
+    x, y, z = at[0], at[1], at[2]
+    f, inside = view.focal, z + r > view.near
+    for side in ti.static(range(4)):
+        edge, across = view.cx, -x
+        if ti.static(side == 1):
+            edge, across = view.width - view.cx, x
+        if ti.static(side == 2):
+            edge, across = view.cy, -y
+        if ti.static(side == 3):
+            edge, across = view.height - view.cy, y
+        edge += slack
+        if f * across - edge * z > r * ti.sqrt(f * f + edge * edge):
+            inside = False
+    return inside
 
 
 @ti.func
