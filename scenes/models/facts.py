@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from taichi_cloth.fabric.layout import FabricLayout
+from taichi_cloth.fabric.layout import FabricLayout, drawn_tex
 from taichi_cloth.weave.cloth_facts import cloth_cover, cloth_facts, cotton_diameter_m, cover_factor
 from taichi_cloth.weave.crimp import peirce_crimp
 from taichi_cloth.weave.interpenetration import deepest_interpenetration
@@ -55,8 +55,7 @@ def yarn_facts(yarn: Yarn, name: str = "yarn") -> list[Fact]:
 def fabric_facts(layout: FabricLayout) -> list[Fact]:
     """Threads/cm, mass, crimp, cover, thickness and the deepest interpenetration of a fabric."""
     cloth = layout.cloth
-    # A thread that was made thicker or thinner than its yarn has the mass of its section.
-    tex = [t.yarn.folded_tex * t.thickness * t.width / t.yarn.woven_diameter**2 for t in (layout.warp, layout.weft)]
+    tex = drawn_tex(layout)
     facts: list[Fact] = []
     if min(cloth.warp_up.shape) > 1:
         f = cloth_facts(cloth, warp_tex=tex[0], weft_tex=tex[1])

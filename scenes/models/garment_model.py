@@ -5,13 +5,16 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_cloth.detail.cell_stream import CellStream
 from taichi_cloth.fabric.fabric import build_fabric
 from taichi_cloth.fabric.follow import FibreFollower
 from taichi_cloth.garment.sewn.limbs import spared
 from taichi_cloth.garment.sewn.sew import misfit
-from taichi_cloth.garment.sewn.stitches import Stitches
+from taichi_cloth.garment.sewn.cell_weaving import CellWeaving
+from taichi_cloth.garment.sewn.stitches import PIECES, STRANDS, Stitches
 from taichi_cloth.garment.sewn.surface import Surface
 from taichi_cloth.garment.sewn.weaving import Colours, Weaving
+from taichi_cloth.ground.particles import LANES, ROWS
 from taichi_cloth.motion.simulation import Simulation
 from taichi_cloth.weave.colour_order import colour
 
@@ -19,7 +22,17 @@ from ...render.data.blocks import ParticleBlocks
 from ...render.data.camera import box_corners
 from ...render.tiles.mesh import Mesh
 from ..prepare.body_setup import skin_mesh
-from ..prepare.garment_setup import Dressed, Progress, dress, garment_simulation, motion_of, woven_garment
+from ..prepare.drawing import LIT
+from ..prepare.garment_setup import (
+    Dressed,
+    Progress,
+    dress,
+    garment_simulation,
+    motion_of,
+    own_drafts,
+    prepare_garment,
+    woven_garment,
+)
 from ..prepare.print_images import print_of
 from ..prepare.thread_colours import panel_colours
 from ..prepare.weave_layout import Prepared, prepare_fabric
@@ -87,10 +100,52 @@ class GarmentFibres:
         return drawn
 
 
+class GarmentCells:
+    """As `GarmentFibres`, of a garment with a sett: made where a camera looks."""
+
+    def __init__(self, scene: Scene, dressed: Dressed, prepared: Prepared) -> None:
+        assert scene.garment is not None
+        assert prepared.cells is not None
+        self.prepared = prepared
+        section, atlas, pattern = scene.garment, dressed.garment.atlas, dressed.garment.pattern
+        hem = 1e-3 * section.hem_mm
+        drafts = own_drafts(scene)
+        own = {name: 1 + drafts.index(draft) for name, draft in section.weaves.items()}
+        prints = {p.name: print_of(section.prints[p.name], p) for p in pattern.panels if p.name in section.prints}
+        self.weaving = CellWeaving(
+            atlas,
+            prepared.cells.per_cell,
+            prepared.cells.repeats,
+            own,
+            colours_of(scene, dressed),
+            hem=hem,
+            prints=prints,
+            seed=scene.seed,
+        )
+        self.stitches: Stitches | None = None
+        pieces: F32 = np.zeros((ROWS, 0), np.float32)
+        if section.stitches is not None:
+            pitch, thread = 1e-3 * section.stitch_mm, 1e-3 * section.thread_mm
+            self.stitches = Stitches(pattern, self.weaving, hem=hem, pitch=pitch, diameter=thread)
+            self._sewn = np.zeros((ROWS, -(-len(self.stitches) // LANES), LANES), np.float32)
+            self.stitches.dress(self._sewn, colour(str(section.stitches)))
+            pieces = self._sewn.reshape(ROWS, -1)[:, : len(self.stitches)]
+        each = STRANDS * PIECES
+        self.source = CellStream(self.weaving.cloth, parts=self.weaving.cloth.of_thread(), pieces=pieces, each=each)
+
+    def follow(self, positions: F32) -> ParticleBlocks:
+        """Lays them on key points (rows, columns, 3) [m]; a sample of them, which casts their light."""
+        whole = self.weaving.whole(positions)
+        self.weaving.cloth.move(whole)
+        if self.stitches is not None:
+            self.stitches.follow(self.weaving.crossings(whole), self._sewn)
+        return ParticleBlocks(self.source.sample(LIT))
+
+
 class GarmentModel(MovingModel):
     """A garment in motion on its body. Make it with `GarmentModel.of`."""
 
-    def __init__(self, scene: Scene, dressed: Dressed, fibres: GarmentFibres | None) -> None:
+    def __init__(self, scene: Scene, dressed: Dressed, fibres: GarmentFibres | GarmentCells | None) -> None:
         self.scene, self.dressed, self.fibres, self.frames = scene, dressed, fibres, scene.output.frames
         self.motion = motion_of(scene, dressed.body)
         self.simulation = self.at_start()
@@ -110,7 +165,11 @@ class GarmentModel(MovingModel):
         """The scene's garment, sewn unless it was before, with its fibres where it shows them."""
         assert scene.garment is not None
         worn = dressed or dress(scene, each)
-        fibres = GarmentFibres(scene, worn, prepared, near) if scene.garment.representation == "fibre" else None
+        fibres: GarmentFibres | GarmentCells | None = None
+        if scene.garment.representation == "fibre":
+            prepared = prepared or prepare_garment(scene, worn.garment.atlas)
+            woven = prepared is None or prepared.cells is None
+            fibres = GarmentFibres(scene, worn, prepared, near) if woven else GarmentCells(scene, worn, prepared)
         return GarmentModel(scene, worn, fibres)
 
     def at_start(self) -> Simulation:
@@ -144,8 +203,11 @@ class GarmentModel(MovingModel):
 
     def numbers(self) -> Numbers:
         """Yarn: by panel, its warp ends, then its weft picks. Part: number of the panel."""
-        assert isinstance(self.fibres, GarmentFibres)
-        yarn, panel = self.yarn_of_places(), self.fibres.weaving.panel
+        if isinstance(self.fibres, GarmentCells):
+            yarn, panel = np.zeros(0, np.int32), self.fibres.weaving.cloth.of_thread()
+        else:
+            assert isinstance(self.fibres, GarmentFibres)
+            yarn, panel = self.yarn_of_places(), self.fibres.weaving.panel
         part = np.where(yarn < 0, -1, panel[yarn]).astype(np.int32)
         names = [p.panel.name for p in self.dressed.garment.atlas.panels]
         yarns: dict[int, dict[str, str | int]] = {k: {"panel": names[p]} for k, p in enumerate(panel.tolist())}

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from taichi_cloth.detail.cell_stream import CellStream
 from taichi_cloth.fabric.follow import FibreFollower
+from taichi_cloth.fabric.layout import drawn_density
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.motion.simulation import Simulation
 
@@ -97,7 +98,14 @@ class MovingModel(ABC):
         if self.fibres is not None:
             layout = self.fibres.prepared.layout
             facts += yarn_facts(layout.warp.yarn, "warp yarn") + fabric_facts(layout)
+            moved = 1e3 * self.simulation.sheet.material.density
+            facts.append(Fact("mass, drawn beside simulated", f"{1e3 * self.drawn_density():.0f} g/m²", f"{moved:.0f} g/m²"))
         return facts
+
+    def drawn_density(self) -> float:
+        """Mass of the cloth as it is drawn [kg/m²]; what moves has its material's."""
+        assert self.fibres is not None
+        return drawn_density(self.fibres.prepared.layout)
 
     def substeps_fact(self) -> Fact:
         solver = self.simulation.solver

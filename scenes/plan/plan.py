@@ -109,7 +109,7 @@ def _count_cloth(scene: Scene, counted: _Counted) -> None:
     elif scene.garment:
         from .plan_garment import garment_stages
 
-        built, left, counted.key_points, counted.woven = garment_stages(scene)
+        built, left, counted.key_points, counted.woven, counted.prepared = garment_stages(scene)
     else:
         counted.woven = scene if scene.weave else None
         return

@@ -6,8 +6,9 @@ from taichi_cloth.garment.sewn.sew import Garment
 from taichi_cloth.motion.forces import Forces
 from taichi_cloth.solvers.named import named_solver
 
-from ..prepare.garment_setup import dressed_parts, garment_choice, motion_of, woven_garment
+from ..prepare.garment_setup import dressed_parts, garment_choice, motion_of, prepare_garment, woven_garment
 from ..prepare.sheet_setup import forces_of
+from ..prepare.weave_layout import Prepared
 from ..scene.cloth_schema import SolverSection
 from ..scene.schema import Scene
 from .plan_cloth import force_stages, solver_stages, thin_limbs
@@ -15,8 +16,9 @@ from .plan_cloth import force_stages, solver_stages, thin_limbs
 __all__ = ["garment_stages"]
 
 
-def garment_stages(scene: Scene) -> tuple[dict[str, str], dict[str, str], int, Scene | None]:
-    """Stages that are built, with what of, those left out, with why, the key points, and the cloth as a scene."""
+def garment_stages(scene: Scene) -> tuple[dict[str, str], dict[str, str], int, Scene | None, Prepared | None]:
+    """Stages that are built, with what of, those left out, with why, the key points, the cloth as a
+    scene, and what is laid out of it where it has a sett."""
     section = scene.garment
     assert section is not None
     parts = dressed_parts(scene)
@@ -49,10 +51,13 @@ def garment_stages(scene: Scene) -> tuple[dict[str, str], dict[str, str], int, S
     ):
         built |= more_built
         left |= more_left
-    cloth = woven_garment(scene, atlas) if section.representation == "fibre" else None
-    if cloth is None:
+    cloth, prepared = None, None
+    if section.representation == "fibre":
+        prepared = prepare_garment(scene, atlas)
+        cloth = woven_garment(scene, atlas) if prepared is None else scene
+    else:
         left["fibre blocks"] = 'garment.representation is "mesh"'
-    return built, left, atlas.key_points, cloth
+    return built, left, atlas.key_points, cloth, prepared
 
 
 def _solver(scene: Scene, garment: Garment) -> dict[str, str]:

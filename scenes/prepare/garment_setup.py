@@ -33,7 +33,11 @@ from ..scene.garment_schema import GarmentSection
 from ..scene.schema import FabricSection, Scene, WeavePatch
 from ..scene.section import PATTERN_FILE
 from .body_setup import grids_of, primitives_of
+from .cell_layout import prepare_cells
+from .sett import Sett, refuse, sett_of, spacing_on
 from .sheet_setup import choice_of, forces_of, material_of
+from .weave_layout import Prepared
+from .yarns import repeat_of
 
 __all__ = [
     "Dressed",
@@ -44,6 +48,8 @@ __all__ = [
     "garment_of",
     "garment_simulation",
     "motion_of",
+    "own_drafts",
+    "prepare_garment",
     "woven_garment",
 ]
 
@@ -76,16 +82,22 @@ def dressed_parts(scene: Scene) -> Parts:
     """Body, primitives and garment of a scene; the last few are remembered. Raises InputError."""
     assert scene.garment is not None
     body = (scene.body or BodySection()).model_dump_json()
-    return _parts(scene.garment.model_dump_json(), body, (scene.solver or SolverSection()).model_dump_json())
+    sett = sett_of(scene)
+    if sett is not None:
+        refuse(scene, scene.garment.follow, "garment")
+    solver = (scene.solver or SolverSection()).model_dump_json()
+    per_m = None if sett is None else (sett.ends, sett.picks)
+    return _parts(scene.garment.model_dump_json(), body, solver, per_m)
 
 
 @lru_cache(maxsize=4)
-def _parts(garment: str, body: str, solver: str) -> Parts:
+def _parts(garment: str, body: str, solver: str, per_m: tuple[float, float] | None) -> Parts:
     section, worn_by = GarmentSection.model_validate_json(garment), BodySection.model_validate_json(body)
     moved_by = SolverSection.model_validate_json(solver)
     figure = prepare_body(worn_by)
     grids = grids_of(figure) if worn_by.contact == "grid" else ()
-    return Parts(figure, primitives_of(figure, worn_by.primitives), grids, garment_of(section, figure, moved_by))
+    made = garment_of(section, figure, moved_by, per_m)
+    return Parts(figure, primitives_of(figure, worn_by.primitives), grids, made)
 
 
 def dress(scene: Scene, each: Progress | None = None) -> Dressed:
@@ -111,8 +123,14 @@ def garment_choice(scene: Scene, garment: Garment) -> Choice:
     return choice_of(garment.moving(), forces_of(scene.forces), scene.solver, seams=True)
 
 
-def garment_of(section: GarmentSection, body: Body, solver: SolverSection | None = None) -> Garment:
-    """A pattern, fitted to the body and cut. solver: see `material_of`. Raises InputError."""
+def garment_of(
+    section: GarmentSection,
+    body: Body,
+    solver: SolverSection | None = None,
+    per_m: tuple[float, float] | None = None,
+) -> Garment:
+    """A pattern, fitted to the body and cut. solver: see `material_of`. per_m: ends and picks a metre, whole numbers of
+    which are to fit between key points. Raises InputError."""
     figure = figure_of(body)
     pattern: Pattern
     if PATTERN_FILE.fits(section.pattern):
@@ -130,7 +148,10 @@ def garment_of(section: GarmentSection, body: Body, solver: SolverSection | None
         for name in getattr(section, key):
             if name not in names:
                 raise InputError(f"garment.{key}: no panel {name!r}; known: {', '.join(names)}")
-    return Garment(pattern, cut(pattern, spacing_for(pattern, section.key_points)), material_of(section, solver))
+    spacing = spacing_for(pattern, section.key_points)
+    if per_m is not None:
+        spacing = spacing_on(per_m, spacing)[0]
+    return Garment(pattern, cut(pattern, spacing), material_of(section, solver))
 
 
 def woven_garment(scene: Scene, atlas: Atlas) -> Scene:
@@ -154,6 +175,27 @@ def woven_garment(scene: Scene, atlas: Atlas) -> Scene:
             "fabric": (scene.fabric or FabricSection()).model_copy(update=per_cm),
         }
     )
+
+
+def prepare_garment(scene: Scene, atlas: Atlas) -> Prepared | None:
+    """The cloth of a garment with a sett, its drafts in the order of `own_drafts`; None where none is stated. Raises
+    InputError as weaving would."""
+    assert scene.garment is not None
+    sett = sett_of(scene)
+    if sett is None:
+        return None
+    a, b = atlas.spacing
+    per_cell = max(1, round(sett.ends * a)), max(1, round(sett.picks * b))
+    true = [Sett(per_cell[0] / a, per_cell[1] / b, one) for one in (sett.draft, *map(repeat_of, own_drafts(scene)))]
+    threads = [crossings_shape(piece, 1) for piece in atlas.panels]
+    woven = sum((c - 1) * per_cell[0] + 1 for _, c in threads), sum((r - 1) * per_cell[1] + 1 for r, _ in threads)
+    return prepare_cells(scene, tuple(true), per_cell, woven, int((atlas.cells > 0).sum()))
+
+
+def own_drafts(scene: Scene) -> list[str]:
+    """The drafts that panels have instead of the garment's, each once."""
+    assert scene.garment is not None
+    return list(dict.fromkeys(scene.garment.weaves.values()))
 
 
 def motion_of(scene: Scene, body: Body) -> Motion:

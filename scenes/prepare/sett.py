@@ -86,11 +86,11 @@ def threads_to_a_cell(scene: Scene, sett: Sett) -> tuple[int, int]:
     )
 
 
-def spacing_on(sett: Sett, spacing: tuple[float, float]) -> tuple[tuple[float, float], tuple[int, int]]:
-    """Key points' spacing near the one wished for [m], along the weft and the warp, that holds whole numbers of
-    threads, and these."""
-    whole = tuple(max(1, round(per_m * room)) for per_m, room in zip((sett.ends, sett.picks), spacing, strict=True))
-    return (whole[0] / sett.ends, whole[1] / sett.picks), (whole[0], whole[1])
+def spacing_on(per_m: tuple[float, float], spacing: tuple[float, float]) -> tuple[tuple[float, float], tuple[int, int]]:
+    """Key points' spacing near the one wished for [m], along the weft and the warp, that holds whole numbers of warp
+    ends and weft picks, so many a metre; and these."""
+    whole = tuple(max(1, round(threads * room)) for threads, room in zip(per_m, spacing, strict=True))
+    return (whole[0] / per_m[0], whole[1] / per_m[1]), (whole[0], whole[1])
 
 
 def _cells(length: float, per_m: float, wished: int) -> tuple[int, int]:

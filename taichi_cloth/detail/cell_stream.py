@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from taichi_cloth.detail.thinning import TARGET
 from taichi_cloth.detail.patches import (
+    ROUND,
     CELL,
     CHUNKS,
     FIRST_END,
@@ -28,10 +29,11 @@ from taichi_cloth.detail.patches import (
     count,
     lay,
     look,
+    look_at,
 )
 from taichi_cloth.detail.view import Pinhole, view_of
 from taichi_cloth.fabric.cells import CellCloth
-from taichi_cloth.ground.particles import LANES, ROWS, fill_up
+from taichi_cloth.ground.particles import HALF_LENGTH, LANES, POSITION, RADIUS, ROWS, fill_up
 
 __all__ = ["CellStream", "Seen"]
 
@@ -45,22 +47,38 @@ MOST = 16_384
 
 @dataclass(frozen=True)
 class Seen:
-    """What a camera sees. boxes: (patches, 4) int16 first and last tile column and row. counts: (patches,) int32
-    particles. depth: (patches,) float32 [m]. patch: (patches, PATCH) int32, see `patches`. share: (patches,) float32 of the
-    level's particles that are drawn, 1 for all."""
+    """What a camera sees. boxes: (n, 4) int16 first and last tile column and row of each patch, then of each piece.
+    counts: (n,) int32 particles. depth: (n,) float32 [m]. patch: (patches, PATCH) int32, see `patches`. share: (patches,) float32 of the
+    level's particles that are drawn, 1 for all. eye: where it
+    stands (3,) [m]; None: all sides are wanted."""
 
     boxes: NDArray[np.int16]
     counts: I32
     depth: F32
     patch: I32
     share: F32
+    eye: F64 | None
 
 
 class CellStream:
-    """Makes the particles of a cloth woven on cells as they are needed. target: radius [px] of the smallest drawn."""
+    """Makes the particles of a cloth woven on cells as they are needed.
 
-    def __init__(self, cloth: CellCloth, *, target: float = TARGET) -> None:
+    target: radius [px] of the smallest drawn. parts: number of the part that each thread is of, (threads,); None: 0 warp
+    ends, 1 weft picks. pieces: particles that somebody else places, such as stitches, (ROWS, n · each), `each` together.
+    """
+
+    def __init__(
+        self,
+        cloth: CellCloth,
+        *,
+        target: float = TARGET,
+        parts: I32 | None = None,
+        pieces: F32 | None = None,
+        each: int = 1,
+    ) -> None:
         self.cloth, self.target = cloth, float(target)
+        self.parts = cloth.family_of_thread() if parts is None else parts
+        self.pieces, self.each = np.zeros((ROWS, 0), np.float32) if pieces is None else pieces, each
         self._whole = self._cells()
         layout = cloth.repeats[0].layout
         self._under = np.array([cloth.bank.height, layout.warp.pitch, layout.weft.pitch], np.float32)
@@ -107,7 +125,23 @@ class CellStream:
         reach = (bank.reach + (grown[:, None] - 1.0) * bank.half_length)[np.arange(len(level)), level]
         depth, seen, boxes = self._look(pack, view, patch, reach.astype(np.float32))
         patch, share, depth, boxes = patch[seen], share[seen], depth[seen], boxes[seen]
-        return Seen(boxes, self._counts(pack, patch, share), depth, patch, share.astype(np.float32))
+        counts = self._counts(pack, patch, share)
+        if self.pieces.shape[1]:
+            sphere = self._spheres()
+            more, far = np.empty((len(sphere), 4), np.int16), np.empty(len(sphere), np.float32)
+            look_at(sphere, view, more, far)
+            boxes, depth = np.concatenate([boxes, more]), np.concatenate([depth, far])
+            counts = np.concatenate([counts, np.where(more[:, 0] <= more[:, 1], self.each, 0).astype(np.int32)])
+        eye = -np.asarray(camera.rotation).T @ np.asarray(camera.translation)
+        return Seen(boxes, counts, depth, patch, share.astype(np.float32), eye)
+
+    def _spheres(self) -> F32:
+        """Round each of the pieces, (n, 4)."""
+        place = self.pieces[POSITION : POSITION + 3].T.reshape(-1, self.each, 3)
+        size = np.maximum(self.pieces[RADIUS], self.pieces[HALF_LENGTH]).reshape(-1, self.each).max(axis=1)
+        middle = place.mean(axis=1)
+        away = np.linalg.norm(place - middle[:, None], axis=2).max(axis=1)
+        return np.column_stack([middle, away + size]).astype(np.float32)
 
     def _look(self, pack: Any, view: Any, patch: I32, reach: F32) -> tuple[F32, NDArray[np.bool_], NDArray[np.int16]]:
         n = len(patch)
@@ -122,7 +156,9 @@ class CellStream:
         fine = pixels >= self.target
         last = fine.shape[1] - 1
         level = np.where(fine.any(axis=1), fine.argmax(axis=1), last)
-        share = np.minimum((pixels[:, last] / self.target) ** 2, 1.0) if self.target > 0 else np.ones(len(depth))
+        share = np.ones(len(depth))
+        if self.target > 0:
+            share = np.minimum(self.cloth.bank.area[last] / ROUND * (focal / depth / self.target) ** 2, 1.0)
         return level.astype(np.int32), np.where(fine.any(axis=1), 1.0, share)
 
     def _counts(self, pack: Any, patch: I32, share: F64) -> I32:
@@ -134,21 +170,24 @@ class CellStream:
         return counts
 
     def lay(self, seen: Seen, chosen: I32) -> tuple[F32, int]:
-        """The particles of these patches: (ROWS, ceil(n / 16), 16) and n. The array is valid until the next call."""
-        counts = seen.counts[chosen]
-        starts = np.concatenate([[0], np.cumsum(counts, dtype=np.int64)])
-        total = int(starts[-1])
+        """The particles of these patches, then of these pieces: (ROWS, ceil(n / 16), 16) and n. The array is valid until
+        the next call."""
+        pieces = chosen[chosen >= len(seen.patch)] - len(seen.patch)
+        chosen = chosen[chosen < len(seen.patch)]
+        starts = np.concatenate([[0], np.cumsum(seen.counts[chosen], dtype=np.int64)])
+        woven = int(starts[-1])
+        total = woven + self.each * len(pieces)
         shape = ROWS, -(-total // LANES), LANES
         if self._batch.size < prod(shape):
             self._batch, self._yarn = np.zeros(prod(shape), np.float32), np.zeros(shape[1] * LANES, np.int32)
         out = self._batch[: prod(shape)].reshape(shape)
         if not total:
             return out, 0
-        bounds = np.searchsorted(starts, np.linspace(0, total, CHUNKS + 1).astype(np.int64)).astype(np.int32)
+        bounds = np.searchsorted(starts, np.linspace(0, woven, CHUNKS + 1).astype(np.int64)).astype(np.int32)
         bounds[-1] = len(chosen)
         bank = self.cloth.bank
         whole = _blocks(seen.patch) * bank.size[seen.patch[:, LEVEL]]
-        grown = np.where(seen.share < 1.0, np.sqrt(whole / np.maximum(seen.counts, 1)), 1.0)
+        grown = np.where(seen.share < 1.0, np.sqrt(whole / np.maximum(seen.counts[: len(whole)], 1)), 1.0)
         lay(
             bounds,
             chosen.astype(np.int32, copy=False),
@@ -156,13 +195,24 @@ class CellStream:
             seen.patch,
             seen.share,
             grown[chosen].astype(np.float32),
-            self._under,
+            self._beside(seen, grown)[chosen],
+            np.concatenate([self._under, [seen.eye is not None], np.zeros(3) if seen.eye is None else seen.eye]).astype(np.float32),
             self.cloth.pack(),
             out,
             self._yarn,
         )
+        if len(pieces):
+            places = (pieces[:, None] * self.each + np.arange(self.each)).ravel()
+            out.reshape(ROWS, -1)[:, woven:total] = self.pieces[:, places]
+            self._yarn[woven:total] = -1
         fill_up(out, total)
         return out, total
+
+    def _beside(self, seen: Seen, grown: F64) -> I32:
+        """How many threads to each side a particle covers, where they are enlarged."""
+        bank = self.cloth.bank
+        radius = np.sqrt(bank.area[-1] / ROUND) * grown
+        return np.where(seen.share < 1.0, radius / self._under[1:].mean(), 0.0).astype(np.int32)
 
     def sample(self, most: int) -> F32:
         """An even sample of the whole cloth as `lay` gives it, a copy: about `most` particles, at least one a cell, so
@@ -174,14 +224,14 @@ class CellStream:
         share = np.full(len(patch), min(1.0, most / max(1.0, float(blocks.sum() * bank.size[last]))))
         counts = self._counts(self.cloth.pack(), patch, share)
         zero = np.zeros(len(patch), np.float32)
-        seen = Seen(np.zeros((len(patch), 4), np.int16), counts, zero, patch, share.astype(np.float32))
+        seen = Seen(np.zeros((len(patch), 4), np.int16), counts, zero, patch, share.astype(np.float32), None)
         return self.lay(seen, np.arange(len(patch), dtype=np.int32))[0].copy()
 
     def numbers(self, seen: Seen, chosen: I32) -> tuple[I32, I32]:
-        """The thread of each particle that `lay` makes of these patches, and its family: 0 warp, 1 weft."""
+        """The thread of each particle that `lay` makes of these, and its part; −1 of pieces."""
         _, total = self.lay(seen, chosen)
         thread = self._yarn[:total].copy()
-        return thread, self.cloth.family_of_thread()[thread]
+        return thread, np.where(thread < 0, -1, self.parts[thread]).astype(np.int32)
 
 
 def _blocks(patch: I32) -> F64:

@@ -21,7 +21,7 @@ from taichi_cloth.fabric.cells import (
 )
 from taichi_cloth.fabric.laying import lay_particle
 from taichi_cloth.fabric.templates import COLUMN
-from taichi_cloth.ground.arrays import F32x1, F32x3, I16x2, I32x1, I32x2
+from taichi_cloth.ground.arrays import F32x1, F32x2, F32x3, I16x2, I32x1, I32x2
 from taichi_cloth.ground.particles import (
     COLOUR,
     HALF_LENGTH,
@@ -36,12 +36,16 @@ from taichi_cloth.ground.particles import (
 
 __all__ = [
     "CELL", "CHUNKS", "FIRST_END", "FIRST_PICK", "LAYERS", "LEVEL", "PANEL", "PATCH", "PATCH_ENDS", "PATCH_PICKS",
-    "count", "lay", "look",
+    "count", "lay", "look", "look_at",
 ]  # fmt: skip
 
 CELL, PANEL, FIRST_PICK, FIRST_END, PATCH_PICKS, PATCH_ENDS, LAYERS, LEVEL = range(8)
 """Numbers of a patch: its cell and panel, its first pick and end in the panel, how many of each, layers, level."""
 PATCH = 8
+MANY = 16
+"""Draws for a particle of a sample, on average, after which any is taken."""
+ROUND = 1.5
+"""Length over width of the particles of a small sample: longer ones would be streaks across stripes."""
 CHUNKS = 16
 CHUNK_STEPS = 1024  # Taichi on a CPU gives a thread at least 512 iterations (see render/tiles/sort.py)
 EVEN_PICK, EVEN_END = 0.7548776662, 0.5698402910
@@ -62,20 +66,33 @@ def look(cloth: CellPack, patch: I32x2, reach: F32x1, view: View, boxes_out: I16
             x, _s, _t = cell_crossing(cloth, p, cell, i + high * (corner // 2), j + wide * (corner % 2))
             r = ti.max(r, (x - middle).norm())  # pyright: ignore[reportOptionalCall]
         r = 1.15 * r + reach[q]
-        at = seen_at(view, middle)
+        _box(view, seen_at(view, middle), r, q, boxes_out, depth_out)
+
+
+@ti.kernel
+def look_at(sphere: F32x2, view: View, boxes_out: I16x2, depth_out: F32x1):
+    """Likewise of spheres, a row each: middle and radius [m]."""
+    for q in range(sphere.shape[0]):
+        at = seen_at(view, ti.Vector([sphere[q, 0], sphere[q, 1], sphere[q, 2]]))
+        _box(view, at, sphere[q, 3], q, boxes_out, depth_out)
+
+
+@ti.func
+def _box(view: View, at, r, q, boxes_out: I16x2, depth_out: F32x1):
+    """Box and depth of a sphere with its middle there, in the camera's axes."""
+    left, right, top, bottom = 1, 0, 1, 0
+    if in_frustum(view, at, r, 4.0):
+        left, right = 0, ti.cast(view.width - 1, ti.i32) // TILE
+        top, bottom = 0, ti.cast(view.height - 1, ti.i32) // TILE
+        if at[2] - r > view.near:
+            left, right, top, bottom = tiles_of(view, at, r, 4.0)
+    if left > right or top > bottom:
         left, right, top, bottom = 1, 0, 1, 0
-        if in_frustum(view, at, r, 4.0):
-            left, right = 0, ti.cast(view.width - 1, ti.i32) // TILE
-            top, bottom = 0, ti.cast(view.height - 1, ti.i32) // TILE
-            if at[2] - r > view.near:
-                left, right, top, bottom = tiles_of(view, at, r, 4.0)
-        if left > right or top > bottom:
-            left, right, top, bottom = 1, 0, 1, 0
-        boxes_out[q, 0] = ti.cast(left, ti.i16)
-        boxes_out[q, 1] = ti.cast(right, ti.i16)
-        boxes_out[q, 2] = ti.cast(top, ti.i16)
-        boxes_out[q, 3] = ti.cast(bottom, ti.i16)
-        depth_out[q] = at[2]
+    boxes_out[q, 0] = ti.cast(left, ti.i16)
+    boxes_out[q, 1] = ti.cast(right, ti.i16)
+    boxes_out[q, 2] = ti.cast(top, ti.i16)
+    boxes_out[q, 3] = ti.cast(bottom, ti.i16)
+    depth_out[q] = at[2]
 
 
 @ti.kernel
@@ -103,6 +120,7 @@ def lay(
     patch: I32x2,
     share: F32x1,
     grown: F32x1,
+    beside: I32x1,
     under: F32x1,
     cloth: CellPack,
     # out
@@ -112,8 +130,10 @@ def lay(
     """Particles of chosen patches, in groups, and the thread of each.
 
     bounds: (CHUNKS + 1,) first of the chosen of each chunk of work. starts: (chosen + 1,) where each one's particles
-    stand. share: of each patch's particles that are drawn, 1 for all. grown: factor of each chosen one's radii. under:
-    (3,) how far the cloth's right side lies above its middle, and how far warp ends and weft picks lie apart [m].
+    stand. share: of each patch's particles that are drawn, 1 for all. grown: factor of each chosen one's radii. beside: how many
+    threads to each side lend it their colour. under:
+    (7,) how far the cloth's right side lies above its middle, and how far warp ends and weft picks lie apart [m]; then 1
+    and where the eye is [m] that a sample is drawn for, or 0 for a sample of all sides.
     """
     for step in range(CHUNKS * CHUNK_STEPS):
         if step % CHUNK_STEPS != 0:
@@ -146,18 +166,25 @@ def lay(
                     since, up_to = cell_span(cloth, yarn, along)
                     if layer > 0 and not cell_turned_in(cloth, p, cell, i, j):
                         since, up_to = 1.0, 0.0
-                if whole and made < 0:
+                few = e < MANY * (last - starts[k])
+                if made < 0 and (whole or few):
                     size = 0
-                if not whole:
-                    base += hashed(seed, e) % size
-                    size = 1
                 p0, p1, a0, a1, n0, n1 = cell_block(cloth, p, cell, family, i, j)
+                if not whole and size > 0:
+                    base, size = base + hashed(seed, e) % size, 1
+                    if under[3] > 0.0 and made >= 0 and few:
+                        # What lies on the far side is hidden; in a sample of larger particles it would show through.
+                        above = n0.dot(ti.Vector([under[4], under[5], under[6]]) - p0)
+                        if layer > 0:
+                            above = -above
+                        if above * cloth.particle[base, COLUMN.offset + 2] < 0.0:
+                            size = 0
                 if layer > 0:
                     # Under the first and half a thread beside it, its wrong side up: turned about the yarn.
                     p0 += 0.5 * under[1 + family] * n0.cross(a0).normalized() - 2.0 * under[0] * n0
                     p1 += 0.5 * under[1 + family] * n1.cross(a1).normalized() - 2.0 * under[0] * n1
                     n0, n1 = -n0, -n1
-                dyed = cell_shade(cloth, p, yarn, i, j)
+                dyed = cell_shade(cloth, p, family, yarn, i, j, beside[k])
                 for m in range(size):
                     t = base + m
                     x, d, outward = lay_particle(cloth.particle, t, p0, p1, a0, a1, n0, n1)
@@ -170,9 +197,14 @@ def lay(
                         groups_out[TANGENT + axis, group, lane] = d[axis]
                         groups_out[NORMAL + axis, group, lane] = outward[axis]
                         groups_out[COLOUR + axis, group, lane] = dyed[axis] * tone
-                    radius = cloth.particle[t, COLUMN.radius] * grown[k]
+                    radius, half_length = cloth.particle[t, COLUMN.radius], cloth.particle[t, COLUMN.half_length]
+                    if not whole:
+                        # Larger by as much as they are fewer, and rounder.
+                        slender = ti.min(half_length / radius, ti.max(ROUND, half_length / radius * share[q]))
+                        radius = ti.sqrt(radius * half_length / slender) * grown[k]
+                        half_length = slender * radius
                     groups_out[RADIUS, group, lane] = 0.0 if cut else radius
-                    groups_out[HALF_LENGTH, group, lane] = cloth.particle[t, COLUMN.half_length] * grown[k]
+                    groups_out[HALF_LENGTH, group, lane] = half_length
                     groups_out[OPENNESS, group, lane] = cloth.particle[t, COLUMN.openness]
                     yarn_out[at] = yarn
                     at += 1

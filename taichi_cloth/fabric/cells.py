@@ -331,9 +331,15 @@ def cell_block(cloth: Template, p, cell, family, i, j):
 
 
 @ti.func
-def cell_shade(cloth: Template, p, yarn, i, j):
-    """Colour of a thread at pick i and end j of panel p."""
-    out = ti.Vector([cloth.colour[yarn, 0], cloth.colour[yarn, 1], cloth.colour[yarn, 2]])
+def cell_shade(cloth: Template, p, family, yarn, i, j, beside):
+    """Colour of a thread at pick i and end j of panel p; with `beside` threads to each side, the mean of them all."""
+    one = cloth.panel[p, END + family]
+    low = ti.max(yarn - beside, one)
+    high = ti.min(yarn + beside + 1, one + cloth.panel[p, ENDS + family])
+    out = ti.Vector([0.0, 0.0, 0.0])
+    for other in range(low, high):
+        out += ti.Vector([cloth.colour[other, 0], cloth.colour[other, 1], cloth.colour[other, 2]])
+    out /= ti.cast(high - low, ti.f32)
     at = cloth.panel[p, SHADE]
     if at >= 0:
         dyed = cloth.shade[at + i * cloth.panel[p, ENDS] + j]

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_cloth.ground.particles import ROWS
+from taichi_cloth.weave.cloth_facts import cloth_facts
 from taichi_cloth.weave.crimp import Interlacing, PathKinds, crossing_heights, path_kinds
 from taichi_cloth.yarn.spin import Period
 from taichi_cloth.yarn.yarn import Yarn
@@ -27,6 +28,8 @@ __all__ = [
     "Detail",
     "FabricLayout",
     "Threads",
+    "drawn_density",
+    "drawn_tex",
     "families_of",
     "lay_out",
     "required_bytes",
@@ -136,6 +139,21 @@ def required_bytes(ends: int, picks: int, particles_per_block: float) -> int:
     """Bytes to build a fabric of that size, before anything of it is laid out."""
     blocks = ends * (picks + 1) + picks * (ends + 1)
     return int(blocks * (BLOCK_BYTES + particles_per_block * PARTICLE_BYTES))
+
+
+def drawn_tex(layout: FabricLayout) -> tuple[F64, F64]:
+    """Linear density of each warp end and each weft pick as it lies in the cloth [tex]: of a thread that was made
+    thicker or thinner than its yarn, that of its section."""
+    warp, weft = (
+        t.yarn.folded_tex * t.thickness * t.width / t.yarn.woven_diameter**2 for t in (layout.warp, layout.weft)
+    )
+    return warp, weft
+
+
+def drawn_density(layout: FabricLayout) -> float:
+    """Mass of the cloth that is drawn [kg/m²]: threads · linear density · (1 + crimp), of both families."""
+    warp, weft = drawn_tex(layout)
+    return 1e-3 * cloth_facts(layout.cloth, warp_tex=warp, weft_tex=weft).mass_gsm
 
 
 def families_of(

@@ -75,8 +75,9 @@ class RepeatBank:
     first, phases: (kinds,) int32, of each kind of each repeat its first template and how many blocks its yarn's period
     has; template `first + phase · variants + variant`. templates: of one level; those of level l begin at l ·
     templates. start: (levels · templates + 1,) where each one's particles begin. particle: (n, 14), see
-    `templates.COLUMN`. size, radius, reach, half_length: (levels,) means of a block's particles, and of a particle's
-    radius [m]; what they reach beyond the block at most [m]; longest half length [m]. height: of the cloth's right side
+    `templates.COLUMN`. size, radius, area, reach, half_length: (levels,) means of a block's particles, and of a
+    particle's radius [m] and of that times its half length [m²]; what they reach beyond the block at most [m]; longest
+    half length [m]. height: of the cloth's right side
     above its middle, without hairs [m].
     """
 
@@ -88,6 +89,7 @@ class RepeatBank:
     particle: F32
     size: F64
     radius: F64
+    area: F64
     reach: F64
     half_length: F64
     height: float
@@ -150,11 +152,12 @@ def bank_of(repeats: tuple[WeaveRepeat, ...]) -> RepeatBank:
     banks = [[of_repeat[level] for of_repeat in levels] for level in kept]
     every = [bank for of_level in banks for bank in of_level]
     counts = np.concatenate([np.diff(bank.start) for bank in every])
-    size, radius, reach, longest = [], [], [], []
+    size, radius, area, reach, longest = [], [], [], [], []
     pitch = max(float(repeat.layout.kinds.pitch.max()) for repeat in repeats)
     for of_level in banks:
         size.append(sum(len(b.u) for b in of_level) / templates)
         radius.append(float(np.average([_radius(b) for b in of_level], weights=[len(b.u) for b in of_level])))
+        area.append(sum(float((b.radius * b.half_length).sum()) for b in of_level) / sum(len(b.u) for b in of_level))
         reach.append(max(_reach(b, pitch) for b in of_level))
         longest.append(max(float(b.half_length.max(initial=0.0)) for b in of_level))
     return RepeatBank(
@@ -166,6 +169,7 @@ def bank_of(repeats: tuple[WeaveRepeat, ...]) -> RepeatBank:
         particle=np.concatenate([bank.packed() for bank in every]),
         size=np.array(size),
         radius=np.array(radius),
+        area=np.array(area),
         reach=np.array(reach),
         half_length=np.array(longest),
         height=max(float(np.quantile(np.abs(b.offset[:, 2]), 0.98)) for b in banks[0]),

@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 from taichi_cloth.garment.pattern.curves import along, length
 from taichi_cloth.garment.pattern.cut import CutPanel, inside, turned
 from taichi_cloth.garment.pattern.pattern import Pattern
+from taichi_cloth.garment.sewn.cell_weaving import CellWeaving
 from taichi_cloth.garment.sewn.weaving import Weaving
 from taichi_cloth.ground.particles import COLOUR, HALF_LENGTH, NORMAL, OPENNESS, POSITION, RADIUS, TANGENT
 
-__all__ = ["Stitches", "inset"]
+__all__ = ["PIECES", "STRANDS", "Stitches", "inset"]
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -38,7 +39,7 @@ class Stitches:
     [m]. half_length, radius: of a particle [m].
     """
 
-    def __init__(self, pattern: Pattern, weaving: Weaving, *, hem: float, pitch: float, diameter: float) -> None:
+    def __init__(self, pattern: Pattern, weaving: Weaving | CellWeaving, *, hem: float, pitch: float, diameter: float) -> None:
         k = weaving.threads_per_key_point
         self._columns = weaving.present.shape[1]
         corners, shares, ways = [], [], []

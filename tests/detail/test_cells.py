@@ -1,0 +1,320 @@
+"""Threads free of key points: the surface through key points, blocks worked out against blocks laid out, streaming."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from scipy.spatial import KDTree
+
+from taichi_cloth.detail.cell_stream import CellStream, Seen
+from taichi_cloth.detail.patches import LEVEL, PATCH_ENDS, PATCH_PICKS
+from taichi_cloth.fabric.cells import CellCloth, CellPanel, CellThreads, sheet_of_cells
+from taichi_cloth.fabric.crossings import refine_points
+from taichi_cloth.fabric.fabric import Fabric, build_fabric
+from taichi_cloth.fabric.layout import Detail, FabricLayout, drawn_density, families_of, lay_out
+from taichi_cloth.fabric.repeat import WeaveRepeat, levels_of
+from taichi_cloth.fabric.surface import nodes_of, surface_points
+from taichi_cloth.ground.errors import InputError
+from taichi_cloth.ground.particles import HALF_LENGTH, POSITION, RADIUS, ROWS, TANGENT
+from taichi_cloth.render.data.camera import Camera, frame
+from taichi_cloth.weave.cloth_set import fit_set, set_sizes
+from taichi_cloth.weave.draft import Draft, named_weave, tile
+from taichi_cloth.yarn.yarn import Hairiness, Yarn
+
+PITCH = 5e-4
+SEED = 3
+
+
+def layout_of(draft: Draft, *, per_cm: float | None = 20.0, fibres: int = 3, fringe: float = 0.0) -> FabricLayout:
+    yarn = Yarn(count_tex=12.0, hairiness=Hairiness(ends_per_m=0, loops_per_m=0))
+    diameter, rooms = set_sizes(draft, (yarn.woven_diameter,) * 2, (per_cm, per_cm), 1.5)
+    cloth = fit_set(draft.warp_up, rooms, diameter, flattening=1.5, balance=0.5).cloth
+    grey = [np.full((n, 3), 0.5, np.float32) for n in (draft.ends, draft.picks)]
+    families = families_of(cloth, rooms, (grey[0], grey[1]), (yarn, yarn))
+    return lay_out(cloth, *families, detail=Detail(fibres=fibres, steps=3, variants=2, fringe=fringe, seed=SEED))
+
+
+def repeat_of(draft: Draft, **options: float | None) -> WeaveRepeat:
+    return WeaveRepeat.of(layout_of(tile(draft, ends=draft.ends + 1, picks=draft.picks + 1), **options))  # pyright: ignore[reportArgumentType]
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """A sheet of cells, and the same cloth with every block laid out."""
+
+    cells: CellCloth
+    swatch: Fabric
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        return self.cells.shape
+
+
+def sheet(weave: str, shape: tuple[int, int], per_cell: tuple[int, int]) -> Sheet:
+    """The swatch takes of each block's yarn the same part, and the same filling: what the cells choose at random."""
+    ends, picks = (shape[1] - 1) * per_cell[0] + 1, (shape[0] - 1) * per_cell[1] + 1
+    draft = named_weave(weave)
+    grey = [np.full((n, 3), 0.5, np.float32) for n in (ends, picks)]
+    cells = sheet_of_cells(shape, per_cell, repeat_of(draft), (grey[0], grey[1]), seed=SEED)
+    layout = layout_of(tile(draft, ends=ends, picks=picks))
+    # Two lengths hold whole turns alike, and rounding tells which is taken.
+    periods = {name: getattr(cells.repeats[0].layout, name) for name in ("warp_period", "weft_period")}
+    layout = replace(layout, **periods)
+    blocks = layout.blocks
+    warp = layout.kinds.family[blocks.kind] == 0
+    along = np.where(warp, blocks.key0 // ends, blocks.key0 % ends)
+    periods = np.where(warp, layout.warp_period.blocks, layout.weft_period.blocks)
+    phase = ((cells._arrays["begin"][blocks.thread].astype(np.int64) + along) % periods).astype(np.int32)
+    variant = (hashed(blocks.thread, along) % cells.bank.variants).astype(np.int32)
+    return Sheet(cells, build_fabric(replace(layout, blocks=replace(blocks, phase=phase, variant=variant))))
+
+
+def hashed(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    x = (a.astype(np.int64) * 73856093 + b.astype(np.int64) * 19349663 + 83492791) & 0xFFFFFFFF
+    for _ in range(2):
+        x = ((x ^ (x >> 16)) * 73244475) & 0xFFFFFFFF
+    return (x ^ (x >> 16)) & 0xFFFFFF
+
+
+def flat(shape: tuple[int, int], per_cell: tuple[int, int]) -> np.ndarray:
+    points = np.zeros((*shape, 3))
+    points[..., 0] = np.arange(shape[1]) * per_cell[0] * PITCH
+    points[..., 2] = -np.arange(shape[0])[:, None] * per_cell[1] * PITCH
+    return points
+
+
+def all_particles(cells: CellCloth) -> np.ndarray:
+    """(ROWS, n) of the finest level, as many as are drawn."""
+    stream = CellStream(cells)
+    patch = stream._whole.copy()
+    patch[:, LEVEL] = 0
+    share = np.ones(len(patch))
+    counts = stream._counts(cells.pack(), patch, share)
+    none = np.zeros(len(patch), np.float32)
+    seen = Seen(np.zeros((len(patch), 4), np.int16), counts, none, patch, share.astype(np.float32), None)
+    groups, count = stream.lay(seen, np.arange(len(patch), dtype=np.int32))
+    return groups.reshape(ROWS, -1)[:, :count].copy()
+
+
+def differ(cells: CellCloth, cloud: np.ndarray, radius: np.ndarray) -> float:
+    """How far the farthest particle is from its like [m]; one to one."""
+    ours = all_particles(cells)
+    assert ours.shape[1] == len(cloud)
+    away, which = KDTree(cloud).query(ours[POSITION : POSITION + 3].T)
+    assert len(np.unique(which)) == len(cloud)
+    assert ours[RADIUS] == pytest.approx(radius[which], rel=1e-4)
+    return float(away.max())
+
+
+def bumpy(shape: tuple[int, int], per_cell: tuple[int, int], seed: int = 1) -> np.ndarray:
+    points = flat(shape, per_cell)
+    return points + np.random.default_rng(seed).normal(0.0, 0.2 * PITCH, points.shape)
+
+
+def test_the_surface_is_that_of_the_splines_and_its_slopes_have_no_step() -> None:
+    points = bumpy((5, 6), (4, 4))
+    nodes = nodes_of(points)
+    u, v = np.meshgrid(np.arange(21) / 4, np.arange(17) / 4)
+    ours = surface_points(nodes, 6, u.ravel(), v.ravel())[0].reshape(17, 21, 3)
+    assert np.abs(ours - refine_points(points, None, 4)).max() < 1e-8
+    for at in ((2.0, 1.3), (3.4, 2.0)):
+        before, after = (surface_points(nodes, 6, [at[0] + s], [at[1] + s]) for s in (-1e-7, 1e-7))
+        for one, other in zip(before, after, strict=True):
+            assert one == pytest.approx(other, abs=1e-8)
+
+
+def test_a_key_point_that_is_not_there_takes_no_part() -> None:
+    points = flat((4, 5), (4, 4))
+    mask = np.ones((4, 5), bool)
+    mask[0, 0] = mask[3, 4] = False
+    torn = np.where(mask[..., None], points, 1e3)
+    u, v = np.array([1.5, 0.4, 2.7]), np.array([0.5, 1.5, 2.9])
+    assert surface_points(nodes_of(torn, mask), 5, u, v)[0] == pytest.approx(surface_points(nodes_of(points), 5, u, v)[0])
+
+
+@pytest.mark.parametrize("weave", ["plain", "twill-2/1", "satin-5"])
+def test_a_flat_cloth_is_a_swatch_of_the_same_sett(weave: str) -> None:
+    """Every particle where `Fabric.cloud` lays it, to float32 rounding at 2 cm."""
+    shape, per_cell = (4, 4), (5, 7)
+    one = sheet(weave, shape, per_cell)
+    points = flat(shape, per_cell)
+    one.cells.move(points)
+    x, z = np.arange(16) * PITCH, -np.arange(22) * PITCH
+    crossings = np.stack(np.broadcast_arrays(x, 0.0, z[:, None]), -1)
+    cloud = one.swatch.cloud(crossings)
+    assert differ(one.cells, cloud.position, cloud.radius) < 1e-8
+
+
+def test_one_thread_to_a_cell_is_cloth_whose_threads_follow_key_points() -> None:
+    one = sheet("twill-2/1", (6, 7), (1, 1))
+    points = bumpy((6, 7), (1, 1))
+    one.cells.move(points)
+    cloud = one.swatch.cloud(points)
+    assert differ(one.cells, cloud.position, cloud.radius) < 1e-8
+
+
+def test_a_bent_cloth_stays_on_its_cylinder_and_no_thread_stretches() -> None:
+    """Key points 2.5 mm apart round a cylinder of 10 mm: of the thickness t, particles leave it by less than t/20, and
+    neighbouring crossings lie a pitch apart to 0.6 %, on average to 0.1 %."""
+    shape, per_cell, radius = (4, 9), (5, 5), 0.01
+    one = sheet("plain", shape, per_cell)
+    points = flat(shape, per_cell)
+    angle = (points[..., 0] - points[..., 0].mean()) / radius
+    bent = np.stack([radius * np.sin(angle), radius * np.cos(angle), points[..., 2]], -1)
+    one.cells.move(bent)
+    ours = all_particles(one.cells)
+    x, y = ours[POSITION], ours[POSITION + 1]
+    lies = all_particles_flat(one, points)
+    inner = (x > radius * np.sin(angle[0, 1])) & (x < radius * np.sin(angle[0, -2]))
+    thick = 2 * np.abs(lies).max()
+    height = np.hypot(x, y) - radius
+    assert np.abs(np.abs(height[inner]).max() - thick / 2) < thick / 20
+    u = np.linspace(1, 7, 31)
+    place, _, _ = surface_points(one.cells.node, shape[1], u, np.full(31, 1.0))
+    steps = np.linalg.norm(np.diff(place, axis=0), axis=1)
+    assert steps == pytest.approx(PITCH, rel=6e-3)
+    assert steps.mean() == pytest.approx(PITCH, rel=1e-3)
+
+
+def all_particles_flat(one: Sheet, points: np.ndarray) -> np.ndarray:
+    """Heights of all particles with the cloth flat [m]."""
+    one_more = sheet_of_cells(
+        one.shape, one.cells.per_cell, one.cells.repeats[0], (np.full((41, 3), 0.5), np.full((16, 3), 0.5)), seed=SEED
+    )
+    one_more.move(points)
+    return all_particles(one_more)[POSITION + 1]
+
+
+def test_threads_of_unlike_spacing_lie_where_the_draft_has_them() -> None:
+    """Reed marks: every third warp end stands apart. Places as of a swatch of that draft, over several repeats."""
+    draft = replace(named_weave("plain", ends=6, picks=4), warp_spacing_m=np.tile([1.0, 1.0, 1.6], 2) * PITCH / 1.2)
+    draft = replace(draft, weft_spacing_m=np.full(4, PITCH))
+    shape, per_cell = (3, 3), (6, 4)
+    cells = sheet_of_cells(
+        shape, per_cell, repeat_of(draft, per_cm=None), (np.full((13, 3), 0.5), np.full((9, 3), 0.5)), seed=SEED
+    )
+    cells.move(flat(shape, per_cell))
+    swatch = layout_of(tile(draft, ends=13, picks=9), per_cm=None)
+    ours = all_particles(cells)
+    end = cells_threads(cells) < 13
+    along = np.abs(ours[TANGENT + 2]) > 0.5  # of warp ends
+    assert along[end].mean() > 0.95
+    mean = [ours[POSITION][cells_threads(cells) == k].mean() for k in range(12)]
+    assert np.diff(mean) == pytest.approx(np.diff(swatch.warp.position[:12]), abs=0.05 * PITCH)
+
+
+def cells_threads(cells: CellCloth) -> np.ndarray:
+    stream = CellStream(cells)
+    patch = stream._whole.copy()
+    share = np.ones(len(patch))
+    counts = stream._counts(cells.pack(), patch, share)
+    none = np.zeros(len(patch), np.float32)
+    seen = Seen(np.zeros((len(patch), 4), np.int16), counts, none, patch, share.astype(np.float32), None)
+    return stream.numbers(seen, np.arange(len(patch), dtype=np.int32))[0]
+
+
+def test_what_an_outline_cuts_away_is_not_drawn() -> None:
+    """Ends 3 to 8 kept from crossing 2.5 to 6 of each, picks not at all."""
+    shape, per_cell = (3, 3), (6, 4)
+    threads = CellThreads(
+        np.full((22, 3), 0.5, np.float32),
+        np.tile(np.array([2.5, 6.0], np.float32), (6, 1)),
+        np.concatenate([np.zeros(3), np.arange(6), np.full(14, 6)]).astype(np.int32),
+    )
+    repeat = repeat_of(named_weave("plain"))
+    cells = CellCloth(shape, per_cell, (repeat,), (CellPanel(0, 0, *shape),), threads, seed=SEED)
+    cells.move(flat(shape, per_cell))
+    ours, thread = all_particles(cells), cells_threads(cells)
+    drawn = ours[RADIUS] > 0
+    assert set(thread[drawn]) == set(range(3, 9))
+    z = -ours[POSITION + 2][drawn] / PITCH
+    assert z.min() == pytest.approx(2.5, abs=0.3)
+    assert z.max() == pytest.approx(6.0, abs=0.3)
+
+
+def test_a_turned_hem_lies_under_the_first_layer() -> None:
+    shape, per_cell = (3, 3), (6, 6)
+    hem = np.full((9, 9), 1.0, np.float32)
+    hem[:, :5] = -1.0  # the left cell
+    repeat = repeat_of(named_weave("plain"))
+    threads = CellThreads.whole(np.full((26, 3), 0.5, np.float32))
+    cells = CellCloth(shape, per_cell, (repeat,), (CellPanel(0, 0, *shape),), threads, hem=hem, seed=SEED)
+    cells.move(flat(shape, per_cell))
+    ours = all_particles(cells)
+    ours = ours[:, ours[RADIUS] > 0]
+    high, right = ours[POSITION + 1], ours[POSITION] > 7 * PITCH
+    height = cells.bank.height
+    assert np.abs(high[right]).max() < 1.4 * height
+    assert high[~right].min() == pytest.approx(-3 * height, rel=0.3)
+    assert (high < -1.5 * height).mean() == pytest.approx(1 / 3, abs=0.08)
+
+
+@pytest.fixture(scope="module")
+def streamed() -> CellStream:
+    one = sheet("plain", (9, 9), (8, 8))
+    one.cells.move(flat((9, 9), (8, 8)))
+    return CellStream(one.cells)
+
+
+def seen_from(distance: float, size: int = 96) -> Camera:
+    points = flat((9, 9), (8, 8)).reshape(-1, 3)
+    camera = frame(points, width=size, height=size, elevation=60)
+    return replace(camera, focal=camera.focal / distance)
+
+
+def test_near_everything_is_laid_and_far_a_sample_whose_areas_add_up_to_the_same(streamed: CellStream) -> None:
+    near, far = streamed.survey(seen_from(0.05)), streamed.survey(seen_from(8.0))
+    assert (near.share == 1.0).all()
+    assert (far.share < 1.0).all()
+    assert far.counts.sum() < 0.1 * streamed.cloth.particles
+
+    def area(one: Seen) -> float:
+        groups, count = streamed.lay(one, np.arange(len(one.counts), dtype=np.int32))
+        rows = groups.reshape(ROWS, -1)[:, :count]
+        return float((rows[RADIUS] * rows[HALF_LENGTH]).sum())
+
+    everything = all_particles(streamed.cloth)
+    assert area(far) == pytest.approx(float((everything[RADIUS] * everything[HALF_LENGTH]).sum()), rel=0.05)
+
+
+def test_patches_of_a_picture_are_each_crossing_once(streamed: CellStream) -> None:
+    streamed.target, target = 0.0, streamed.target
+    try:
+        seen = streamed.survey(seen_from(1.2))
+        assert int((seen.patch[:, PATCH_PICKS] * seen.patch[:, PATCH_ENDS]).sum()) == 65 * 65
+        assert int(seen.counts.sum()) == all_particles(streamed.cloth).shape[1]
+    finally:
+        streamed.target = target
+
+
+def test_only_what_is_in_view_is_made(streamed: CellStream) -> None:
+    camera = replace(seen_from(0.02), cx=48.0, cy=48.0)
+    seen = streamed.survey(camera)
+    assert 0 < int((seen.patch[:, PATCH_PICKS] * seen.patch[:, PATCH_ENDS]).sum()) < 0.1 * 65 * 65
+    again = streamed.survey(camera)
+    assert (again.counts == seen.counts).all()
+
+
+def test_levels_are_fewer_and_thicker_fibres() -> None:
+    assert levels_of(87, 10, 200) == ((87, 10), (12, 5), (4, 3))
+    assert levels_of(6, 2, 200) == ((6, 2), (4, 2))
+    assert levels_of(87, 10, 9) == ((9, 10), (4, 3))
+
+
+def test_the_density_of_what_is_drawn_is_the_mills_sum() -> None:
+    """Threads/cm · tex · (1 + crimp), with crimps of a plain weave of a few per cent."""
+    repeat = repeat_of(named_weave("plain"))
+    tex = 2 * 12.0 / np.cos(repeat.layout.warp.yarn.ply_helix_angle)
+    assert drawn_density(repeat.layout) == pytest.approx(1e-3 * 2 * 20 * tex / 10, rel=0.15)
+    assert drawn_density(repeat.layout) > 1e-3 * 2 * 20 * tex / 10
+
+
+def test_cells_refuse_what_does_not_fit() -> None:
+    repeat = repeat_of(named_weave("plain"))
+    with pytest.raises(InputError, match="threads"):
+        sheet_of_cells((3, 3), (4, 4), repeat, (np.zeros((9, 3)), np.zeros((8, 3))))
+    with pytest.raises(InputError, match="without fringe"):
+        WeaveRepeat.of(layout_of(named_weave("plain", ends=4, picks=4), fringe=1.0))
+    cells = sheet_of_cells((3, 3), (4, 4), repeat, (np.zeros((9, 3)), np.zeros((9, 3))))
+    with pytest.raises(InputError, match="points: shape"):
+        cells.move(np.zeros((4, 3, 3)))
