@@ -30,6 +30,7 @@ SHARED = {
         "scenes/test_still.py",
         "scenes/test_still_ids.py",
         "scenes/test_sequence.py",
+        "scenes/test_sett.py",
         "test_readme.py",
     ),
     "worn": ("body", "garment"),

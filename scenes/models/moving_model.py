@@ -99,7 +99,9 @@ class MovingModel(ABC):
             layout = self.fibres.prepared.layout
             facts += yarn_facts(layout.warp.yarn, "warp yarn") + fabric_facts(layout)
             moved = 1e3 * self.simulation.sheet.material.density
-            facts.append(Fact("mass, drawn beside simulated", f"{1e3 * self.drawn_density():.0f} g/m²", f"{moved:.0f} g/m²"))
+            facts.append(
+                Fact("mass, drawn beside simulated", f"{1e3 * self.drawn_density():.0f} g/m²", f"{moved:.0f} g/m²")
+            )
         return facts
 
     def drawn_density(self) -> float:

@@ -9,8 +9,8 @@ from taichi_cloth.yarn.yarn import Yarn
 
 from ...render.data.light_sizes import light_bytes
 from ..prepare.drawing import LIT, MESH_BYTES, MOTION_BYTES, PROCESS_BYTES, drawn_bytes, has_floor, picture_bytes
-from ..prepare.strands import fibre_spheres, twist_particles, yarn_piece
 from ..prepare.sett import on_cells
+from ..prepare.strands import fibre_spheres, twist_particles, yarn_piece
 from ..prepare.weave_layout import Prepared, prepare_fabric
 from ..prepare.yarns import fibre_kind, yarn_of
 from ..scene.schema import Scene

@@ -18,8 +18,12 @@ from .yarns import repeat_of
 
 __all__ = ["Sett", "on_cells", "sett_of", "spacing_on", "threads_to_a_cell"]
 
-WITHIN = 0.12
-"""By how much of it the number of key points along a side may change so that threads fit."""
+LEAST, MOST = 0.1, 500.0
+"""Threads a cm of a cloth that moves."""
+WITHIN, FEW = 0.15, 3
+"""By how much of it, or by how many, the number of cells along a side may change so that threads fit."""
+EXACT = 2e-3
+"""A number of threads that is wrong by no more of it, or by one thread, is right."""
 
 
 @dataclass(frozen=True)
@@ -44,10 +48,20 @@ def sett_of(scene: Scene, draft: str | None = None) -> Sett | None:
     asked = section.ends_per_cm, section.picks_per_cm
     if asked == (None, None) and own.warp_spacing_m is None and own.weft_spacing_m is None:
         return None
+    for key, per_cm in zip(("ends_per_cm", "picks_per_cm"), asked, strict=True):
+        _check(key, per_cm)
     yarns = yarns_for(scene, own, section)
     _, rooms = set_sizes(own, (yarns[0].woven_diameter, yarns[1].woven_diameter), asked, section.flattening)
     ends, picks = (len(room) / float(room.sum()) for room in rooms)
+    for key, per_m in (("ends_per_cm", ends), ("picks_per_cm", picks)):
+        _check(key, 0.01 * per_m)
     return Sett(ends, picks, own if draft is None else repeat_of(draft))
+
+
+def _check(key: str, per_cm: float | None) -> None:
+    """Raises InputError where no cloth that moves has so many."""
+    if per_cm is not None and not LEAST <= per_cm <= MOST:
+        raise InputError(f"fabric.{key}: {per_cm:.3g} on a cloth; allowed: {LEAST:g} to {MOST:g}")
 
 
 def on_cells(scene: Scene) -> Scene:
@@ -94,15 +108,20 @@ def spacing_on(per_m: tuple[float, float], spacing: tuple[float, float]) -> tupl
 
 
 def _cells(length: float, per_m: float, wished: int) -> tuple[int, int]:
-    """How many cells a side of a cloth [m] is cut into and threads to each: of numbers near the wished one, that whose
-    threads come nearest to the sett; of equals, the nearest number."""
+    """How many cells a side of a cloth [m] is cut into and threads to each: of numbers near the wished one, the nearest
+    that has the sett, or else that whose threads come nearest to it."""
     wanted = length * per_m
     most = max(1, round(wanted))
-    low, high = max(1, int(wished * (1 - WITHIN))), max(1, int(np.ceil(wished * (1 + WITHIN))))
+    room = max(FEW, round(wished * WITHIN))
+    low, high = max(2, wished - room), wished + room
     if most < low:  # threads farther apart than key points
-        return max(2, most), 1
-    counts = np.arange(max(2, low), min(high, most) + 1)
+        if most < 2:
+            raise InputError(
+                f"cloth: {100 * length:.3g} cm with {0.01 * per_m:.3g} threads a cm; allowed: 3 threads or more"
+            )
+        return most, 1
+    counts = np.arange(low, min(high, most) + 1)
     threads = np.maximum(1, np.rint(wanted / counts))
-    miss = np.rint(np.abs(counts * threads - wanted) * 2)  # half threads: what is nearer than that is alike
-    best = int(np.lexsort((np.abs(counts - wished), miss))[0])
+    miss = np.maximum(np.abs(counts * threads - wanted), np.maximum(1.0, EXACT * wanted))  # nearer is as good
+    best = int(np.lexsort((np.abs(counts - wished), np.rint(2 * miss)))[0])
     return int(counts[best]), int(threads[best])

@@ -1,9 +1,10 @@
 """Cloth woven on cells, streamed: what a camera sees of threads that are counted in millions and stored nowhere.
 
 `CellStream.survey` looks at cells, not at threads. What it hands on is *patches*: the crossings of a cell, or of a part
-of it where they have many particles. Each is drawn at one of the bank's levels, the coarsest whose fibres are not
-smaller than `target` pixels... or, where even those of the coarsest are, by a sample of it whose areas add up to the
-same (as `thinning`, with the particles of a patch spread by an even sequence). `lay` makes the particles of patches.
+of it where they have many particles. Each is drawn at one of the bank's levels, the finest whose fibres are not smaller
+than `target` pixels, or, where even those of the coarsest are, by a sample of that whose areas add up to the same (see
+`thinning`): its particles are spread by an even sequence, as large as a pixel wants them, of the side that is seen and
+with the mean colour of the threads that they cover. `lay` makes the particles of patches.
 """
 
 from dataclasses import dataclass
@@ -13,9 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_cloth.detail.thinning import TARGET
 from taichi_cloth.detail.patches import (
-    ROUND,
     CELL,
     CHUNKS,
     FIRST_END,
@@ -26,11 +25,13 @@ from taichi_cloth.detail.patches import (
     PATCH,
     PATCH_ENDS,
     PATCH_PICKS,
+    ROUND,
     count,
     lay,
     look,
     look_at,
 )
+from taichi_cloth.detail.thinning import TARGET
 from taichi_cloth.detail.view import Pinhole, view_of
 from taichi_cloth.fabric.cells import CellCloth
 from taichi_cloth.ground.particles import HALF_LENGTH, LANES, POSITION, RADIUS, ROWS, fill_up
@@ -48,9 +49,9 @@ MOST = 16_384
 @dataclass(frozen=True)
 class Seen:
     """What a camera sees. boxes: (n, 4) int16 first and last tile column and row of each patch, then of each piece.
-    counts: (n,) int32 particles. depth: (n,) float32 [m]. patch: (patches, PATCH) int32, see `patches`. share: (patches,) float32 of the
-    level's particles that are drawn, 1 for all. eye: where it
-    stands (3,) [m]; None: all sides are wanted."""
+    counts: (n,) int32 particles. depth: (n,) float32 [m]. patch: (patches, PATCH) int32, see `patches`. share:
+    (patches,) float32 of the level's particles that are drawn, 1 for all. eye: where it stands (3,) [m]; None: all
+    sides are wanted."""
 
     boxes: NDArray[np.int16]
     counts: I32
@@ -63,8 +64,9 @@ class Seen:
 class CellStream:
     """Makes the particles of a cloth woven on cells as they are needed.
 
-    target: radius [px] of the smallest drawn. parts: number of the part that each thread is of, (threads,); None: 0 warp
-    ends, 1 weft picks. pieces: particles that somebody else places, such as stitches, (ROWS, n · each), `each` together.
+    target: radius [px] of the smallest drawn. parts: number of the part that each thread is of, (threads,); None: 0
+    warp ends, 1 weft picks. pieces: particles that somebody else places, such as stitches, (ROWS, n · each), `each` of
+    them together.
     """
 
     def __init__(
@@ -94,7 +96,9 @@ class CellStream:
         out[:, CELL] = cloth.cells
         out[:, PANEL] = cloth.of_cell[cloth.cells]
         out[:, LAYERS] = cloth.layers[cloth.cells]
-        of = [np.array([getattr(p, name) for p in cloth.panels])[out[:, PANEL]] for name in ("row", "col", "rows", "cols")]
+        of = [
+            np.array([getattr(p, name) for p in cloth.panels])[out[:, PANEL]] for name in ("row", "col", "rows", "cols")
+        ]
         row, col = cloth.cells // cols - of[0], cloth.cells % cols - of[1]
         out[:, FIRST_PICK], out[:, FIRST_END] = row * picks, col * ends
         out[:, PATCH_PICKS] = picks + (row == of[2] - 2)
@@ -170,8 +174,8 @@ class CellStream:
         return counts
 
     def lay(self, seen: Seen, chosen: I32) -> tuple[F32, int]:
-        """The particles of these patches, then of these pieces: (ROWS, ceil(n / 16), 16) and n. The array is valid until
-        the next call."""
+        """The particles of these patches, then of these pieces: (ROWS, ceil(n / 16), 16) and n. The array is valid
+        until the next call."""
         pieces = chosen[chosen >= len(seen.patch)] - len(seen.patch)
         chosen = chosen[chosen < len(seen.patch)]
         starts = np.concatenate([[0], np.cumsum(seen.counts[chosen], dtype=np.int64)])
@@ -185,8 +189,8 @@ class CellStream:
             return out, 0
         bounds = np.searchsorted(starts, np.linspace(0, woven, CHUNKS + 1).astype(np.int64)).astype(np.int32)
         bounds[-1] = len(chosen)
-        bank = self.cloth.bank
-        whole = _blocks(seen.patch) * bank.size[seen.patch[:, LEVEL]]
+        eye = np.zeros(4) if seen.eye is None else np.array([1.0, *seen.eye])
+        whole = _blocks(seen.patch) * self.cloth.bank.size[seen.patch[:, LEVEL]]
         grown = np.where(seen.share < 1.0, np.sqrt(whole / np.maximum(seen.counts[: len(whole)], 1)), 1.0)
         lay(
             bounds,
@@ -196,7 +200,7 @@ class CellStream:
             seen.share,
             grown[chosen].astype(np.float32),
             self._beside(seen, grown)[chosen],
-            np.concatenate([self._under, [seen.eye is not None], np.zeros(3) if seen.eye is None else seen.eye]).astype(np.float32),
+            np.concatenate([self._under, eye]).astype(np.float32),
             self.cloth.pack(),
             out,
             self._yarn,
@@ -247,12 +251,12 @@ def _parted(patch: I32, parts: NDArray[np.int64]) -> tuple[I32, NDArray[np.int64
     out = patch[of_patch]
     number = np.arange(len(out)) - np.repeat(np.cumsum(each) - each, each)
     high, wide = np.repeat(high, each), np.repeat(wide, each)
-    for first, size, count, at in (
+    for first, size, cut, at in (
         (FIRST_PICK, PATCH_PICKS, high, number // wide),
         (FIRST_END, PATCH_ENDS, wide, number % wide),
     ):
         whole = out[:, size].copy()
-        begin, end = whole * at // count, whole * (at + 1) // count
+        begin, end = whole * at // cut, whole * (at + 1) // cut
         out[:, first] += begin.astype(np.int32)
         out[:, size] = end - begin
     return out, of_patch

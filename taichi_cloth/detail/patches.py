@@ -130,10 +130,10 @@ def lay(
     """Particles of chosen patches, in groups, and the thread of each.
 
     bounds: (CHUNKS + 1,) first of the chosen of each chunk of work. starts: (chosen + 1,) where each one's particles
-    stand. share: of each patch's particles that are drawn, 1 for all. grown: factor of each chosen one's radii. beside: how many
-    threads to each side lend it their colour. under:
-    (7,) how far the cloth's right side lies above its middle, and how far warp ends and weft picks lie apart [m]; then 1
-    and where the eye is [m] that a sample is drawn for, or 0 for a sample of all sides.
+    stand. share: of each patch's particles that are drawn, 1 for all. grown: factor of each chosen one's radii. beside:
+    how many threads to each side lend it their colour. under: (7,) how far the cloth's right side lies above its
+    middle, and how far warp ends and weft picks lie apart [m]; then 1 and where the eye is [m] that a sample is drawn
+    for, or 0 for a sample of all sides.
     """
     for step in range(CHUNKS * CHUNK_STEPS):
         if step % CHUNK_STEPS != 0:

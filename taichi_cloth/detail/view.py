@@ -61,8 +61,8 @@ def seen_at(view: View, x):
 
 @ti.func
 def in_frustum(view: View, at, r, slack):
-    """Whether a sphere may touch what is seen, or what lies up to `slack` [px] beside it. at: its middle in the camera's
-    axes. A side of the frustum has a plane with the normal (focal, edge) in (x, z)."""
+    """Whether a sphere may touch what is seen, or what lies up to `slack` [px] beside it. at: its middle in the
+    camera's axes. A side of the frustum has a plane with the normal (focal, edge) in (x, z)."""
     x, y, z = at[0], at[1], at[2]
     f, inside = view.focal, z + r > view.near
     for side in ti.static(range(4)):

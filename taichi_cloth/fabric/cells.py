@@ -30,9 +30,8 @@ __all__ = [
 F32 = NDArray[np.float32]
 I32 = NDArray[np.int32]
 
-ROW, COL, END, PICK, ENDS, PICKS, TABLE, REPEAT_ENDS, REPEAT_PICKS, AHEAD_ENDS, AHEAD_PICKS, SHIFT_END, SHIFT_PICK, SHADE = (
-    range(14)
-)  # fmt: skip
+ROW, COL, END, PICK, ENDS, PICKS, TABLE = range(7)
+REPEAT_ENDS, REPEAT_PICKS, AHEAD_ENDS, AHEAD_PICKS, SHIFT_END, SHIFT_PICK, SHADE = range(7, 14)
 """Numbers of a panel's record: the key point where it begins; its first warp end and weft pick among the threads, and
 how many it has; where its repeat stands in the table of kinds, its size, where its threads' places stand, and which end
 and pick of it the panel begins with; where its crossings' shades stand, −1 for none."""
@@ -113,9 +112,9 @@ class CellCloth:
 
     shape: (rows, cols) of key points. per_cell: warp ends and weft picks to a cell. present: bool (rows, cols), key
     points that exist; None: all. hem: how far inside a turned hem's edge the cloth is, less the hem's width, at FINE
-    places a cell each way, ((rows − 1) · FINE + 1, (cols − 1) · FINE + 1) [m]: where it is below 0 a second layer of the
-    same threads lies under the first, its wrong side up. Raises InputError where a panel lies outside or threads are
-    missing.
+    places a cell each way, ((rows − 1) · FINE + 1, (cols − 1) · FINE + 1) [m]: where it is below 0 a second layer of
+    the same threads lies under the first, its wrong side up. Raises InputError where a panel lies outside or threads
+    are missing.
     """
 
     def __init__(

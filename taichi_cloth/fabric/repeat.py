@@ -53,7 +53,9 @@ class WeaveRepeat:
         warp = layout.blocks.kind[:count].reshape(ends, picks - 1).T[:, : ends - 1]
         weft = layout.blocks.kind[count:].reshape(picks, ends - 1)[: picks - 1]
         return WeaveRepeat(
-            layout, np.stack([warp, weft]).astype(np.int32), (_ahead(layout.warp.position), _ahead(layout.weft.position))
+            layout,
+            np.stack([warp, weft]).astype(np.int32),
+            (_ahead(layout.warp.position), _ahead(layout.weft.position)),
         )
 
     @property

@@ -1,6 +1,7 @@
 """Threads free of key points: the surface through key points, blocks worked out against blocks laid out, streaming."""
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from taichi_cloth.fabric.repeat import WeaveRepeat, levels_of
 from taichi_cloth.fabric.surface import nodes_of, surface_points
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.ground.particles import HALF_LENGTH, POSITION, RADIUS, ROWS, TANGENT
-from taichi_cloth.render.data.camera import Camera, frame
+from taichi_cloth.render.data.camera import frame
 from taichi_cloth.weave.cloth_set import fit_set, set_sizes
 from taichi_cloth.weave.draft import Draft, named_weave, tile
 from taichi_cloth.yarn.yarn import Hairiness, Yarn
@@ -129,7 +130,9 @@ def test_a_key_point_that_is_not_there_takes_no_part() -> None:
     mask[0, 0] = mask[3, 4] = False
     torn = np.where(mask[..., None], points, 1e3)
     u, v = np.array([1.5, 0.4, 2.7]), np.array([0.5, 1.5, 2.9])
-    assert surface_points(nodes_of(torn, mask), 5, u, v)[0] == pytest.approx(surface_points(nodes_of(points), 5, u, v)[0])
+    assert surface_points(nodes_of(torn, mask), 5, u, v)[0] == pytest.approx(
+        surface_points(nodes_of(points), 5, u, v)[0]
+    )
 
 
 @pytest.mark.parametrize("weave", ["plain", "twill-2/1", "satin-5"])
@@ -256,7 +259,7 @@ def streamed() -> CellStream:
     return CellStream(one.cells)
 
 
-def seen_from(distance: float, size: int = 96) -> Camera:
+def seen_from(distance: float, size: int = 96) -> Any:
     points = flat((9, 9), (8, 8)).reshape(-1, 3)
     camera = frame(points, width=size, height=size, elevation=60)
     return replace(camera, focal=camera.focal / distance)

@@ -60,7 +60,8 @@ class CellWeaving:
         self._ghost_places = places[:, 0] * cols + places[:, 1]
         starts = np.arange(0, shares.size + 1, shares.shape[1])
         self._ghost_blends = csr_array(
-            (shares.ravel(), (nodes[..., 0] * cols + nodes[..., 1]).ravel(), starts), shape=(len(places), atlas.shape[0] * cols)
+            (shares.ravel(), (nodes[..., 0] * cols + nodes[..., 1]).ravel(), starts),
+            shape=(len(places), atlas.shape[0] * cols),
         )
         self._mask = atlas.present()
         self._mask[tuple(places.T)] = True

@@ -39,7 +39,9 @@ class Stitches:
     [m]. half_length, radius: of a particle [m].
     """
 
-    def __init__(self, pattern: Pattern, weaving: Weaving | CellWeaving, *, hem: float, pitch: float, diameter: float) -> None:
+    def __init__(
+        self, pattern: Pattern, weaving: Weaving | CellWeaving, *, hem: float, pitch: float, diameter: float
+    ) -> None:
         k = weaving.threads_per_key_point
         self._columns = weaving.present.shape[1]
         corners, shares, ways = [], [], []

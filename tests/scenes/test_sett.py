@@ -1,0 +1,169 @@
+"""Cloth whose threads are set by their sett: how key points adapt, what is refused, what a picture and a plan show."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from taichi_cloth.ground.errors import InputError
+from taichi_cloth.scenes import __main__ as command_line
+from taichi_cloth.scenes.models.cell_fibres import CellFibres
+from taichi_cloth.scenes.models.cloth_model import ClothModel, key_colours
+from taichi_cloth.scenes.picture.view import View
+from taichi_cloth.scenes.plan.plan import plan
+from taichi_cloth.scenes.prepare.cell_layout import prepare_sheet
+from taichi_cloth.scenes.prepare.sett import on_cells, sett_of, spacing_on, threads_to_a_cell
+from taichi_cloth.scenes.scene.load import load_scene
+
+WIF = str(Path(__file__).parents[1] / "data" / "wif" / "two-color-liftplan.wif")
+SETT = ["fabric.ends_per_cm=24", "fabric.picks_per_cm=22"]
+SMALL = ["cloth.rows=9", "cloth.columns=9", "cloth.width_m=0.1", "cloth.length_m=0.1", "output.frames=2", *SETT]
+PLAIN = ["light.occlusion=false", "light.shadows=false", "stage.ground=false"]
+
+pytestmark = pytest.mark.usefixtures("keep_taichi")
+
+
+@pytest.mark.parametrize("name", ["drape", "flag", "hanging", "stretch"])
+@pytest.mark.parametrize("per_cm", [(5.0, 5.0), (20.0, 20.0), (28.0, 45.0), (33.3, 17.9)])
+def test_key_points_adapt_so_that_the_sett_holds(name: str, per_cm: tuple[float, float]) -> None:
+    scene = load_scene(name, [f"fabric.ends_per_cm={per_cm[0]}", f"fabric.picks_per_cm={per_cm[1]}"])
+    own, cloth = scene.cloth, on_cells(scene).cloth
+    assert own is not None
+    assert cloth is not None
+    assert (cloth.width_m, cloth.length_m) == (own.width_m, own.length_m)
+    wished = min(own.columns - 1, 100 * own.width_m * per_cm[0]), min(own.rows - 1, 100 * own.length_m * per_cm[1])
+    assert cloth.columns - 1 == pytest.approx(wished[0], rel=0.16)
+    assert cloth.rows - 1 == pytest.approx(wished[1], rel=0.16)
+    sett = sett_of(scene)
+    assert sett is not None
+    across, along = threads_to_a_cell(on_cells(scene), sett)
+    for threads, wanted in (
+        ((cloth.columns - 1) * across, 100 * per_cm[0] * cloth.width_m),
+        ((cloth.rows - 1) * along, 100 * per_cm[1] * cloth.length_m),
+    ):
+        assert threads == pytest.approx(wanted, rel=2e-3, abs=1.6 + 2e-3 * wanted)
+    assert on_cells(on_cells(scene)).cloth == cloth
+
+
+def test_threads_farther_apart_than_key_points_bring_key_points_with_them() -> None:
+    cloth = on_cells(load_scene("drape", ["fabric.ends_per_cm=0.3", "fabric.picks_per_cm=0.2"])).cloth
+    assert cloth is not None
+    assert (cloth.columns, cloth.rows) == (31, 21)
+    assert spacing_on((30.0, 2800.0), (0.012, 0.012)) == ((1 / 30, 34 / 2800), (1, 34))
+
+
+@pytest.mark.parametrize("name", ["drape", "flag", "tshirt"])
+def test_a_scene_without_a_sett_is_left_as_it_is(name: str) -> None:
+    scene = load_scene(name)
+    assert sett_of(scene) is None
+    assert on_cells(scene) is scene
+
+
+def test_a_wif_files_own_spacing_is_a_sett() -> None:
+    sett = sett_of(load_scene("drape", [f"weave.draft={WIF}"]))
+    assert sett is not None
+    own = sett.draft.warp_spacing_m
+    assert own is not None
+    assert sett.ends == pytest.approx(len(own) / own.sum())
+
+
+def test_the_density_drawn_is_that_of_its_yarn_and_sett() -> None:
+    """Ne 30, 24 × 22 a cm: threads/cm · tex · (1 + c) / 10, with 3 to 12 % crimp."""
+    model = ClothModel(load_scene("drape", [*SMALL, "yarn.plies=1", "yarn.count_ne=30", "fabric.flattening=1.5"]))
+    straight = (24 + 22) * (590.5 / 30) / 10
+    assert 1.02 * straight < 1e3 * model.drawn_density() < 1.12 * straight
+    facts = {fact.name: fact for fact in model.facts()}
+    assert facts["mass, drawn beside simulated"].textbook == "115 g/m²"
+    assert facts["ends × picks per cm"].value == "24.0 × 22.0"
+
+
+def test_plan_counts_threads_and_stores_none() -> None:
+    counted = plan(load_scene("drape", ["fabric.ends_per_cm=20", "fabric.picks_per_cm=20"]))
+    stages = {stage.name: stage.why for stage in counted.stages}
+    assert "2003 ends × 2003 picks, 20.0 × 20.0 a cm, 26 × 26 to a cell" in stages["weave"]
+    assert "in batches" in stages["splatter"]
+    assert counted.blocks == 2 * 2002 * 2002
+    assert counted.bytes < 2e9
+
+
+@pytest.mark.parametrize(
+    ("name", "more", "said"),
+    [
+        ("drape", ["cloth.follow=paper"], 'cloth.follow: "paper" has a key point at each crossing'),
+        ("tshirt", ["garment.follow=paper"], 'garment.follow: "paper" has a key point'),
+        ("drape", ["fabric.ends_per_cm=1e308"], "fabric.ends_per_cm: 1e+308"),
+        ("drape", ["fabric.ends_per_cm=0.001"], "fabric.ends_per_cm: 0.001 on a cloth"),
+        ("drape", ["cloth.width_m=0.01", "fabric.ends_per_cm=1"], "3 threads or more"),
+        ("drape", ["weave.ends=40"], "weave.ends, weave.picks: a [cloth] has as many as its size"),
+        ("drape", ['weave.patches=[{draft="plain",end=0,pick=0,ends=4,picks=4}]'], "weave.patches: not of a cloth"),
+        ("drape", ["yarn.count_tex=400", 'fabric.when_jammed="refuse"'], "jam at 24.0 ends/cm"),
+    ],
+)
+def test_what_a_cloth_with_a_sett_cannot_have_is_refused_in_one_line(
+    name: str, more: list[str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    options = [part for text in (*SETT, *more) for part in ("--set", text)]
+    with pytest.raises(SystemExit) as stopped:
+        command_line.main(["plan", name, *options])
+    assert stopped.value.code == 2
+    error = capsys.readouterr().err
+    assert said in error
+    assert len(error.strip().splitlines()) == 1
+
+
+def test_a_mesh_has_the_colours_of_its_threads() -> None:
+    scene = on_cells(load_scene("drape", [*SMALL, "cloth.representation=mesh", "weave.warp_colours='red*4 blue*4'"]))
+    cloth, sett = scene.cloth, sett_of(scene)
+    assert cloth is not None
+    assert sett is not None
+    across, _ = threads_to_a_cell(scene, sett)
+    colours = key_colours(scene).reshape(cloth.rows, cloth.columns, 3)
+    inner = [
+        np.arange(c * across - across // 2, c * across - across // 2 + across) for c in range(1, cloth.columns - 1)
+    ]
+    red = np.array([np.mean(threads % 8 < 4) for threads in inner])
+    assert np.corrcoef(colours[3, 1:-1, 0], red)[0, 1] > 0.99
+
+
+@pytest.fixture(scope="module")
+def model() -> ClothModel:
+    return ClothModel(load_scene("drape", [*SMALL, *PLAIN]))
+
+
+def test_a_picture_is_made_of_what_the_camera_sees(model: ClothModel) -> None:
+    """Near and far have the same mean light on the cloth to 5 %, and the same again when drawn again."""
+    assert isinstance(model.fibres, CellFibres)
+    model.step(1)
+    view = View(model, (96, 64))
+    ((_, image),) = view.turntable(1, [0])
+    ((_, again),) = view.turntable(1, [0])
+    assert (image == again).all()
+    middle = image[28:36, 40:56].astype(float)
+    model.fibres.source.target, usual = 0.05, model.fibres.source.target
+    ((_, fine),) = view.turntable(1, [0])
+    model.fibres.source.target = usual
+    assert middle.mean() == pytest.approx(fine[28:36, 40:56].mean(), rel=0.05)
+    assert np.abs(middle - image[0, 0]).max() > 40
+
+
+def test_every_pixel_knows_its_thread(model: ClothModel, tmp_path: Path) -> None:
+    shots = list(View(model, (96, 64)).bare_shots())
+    (panel,) = model.panels()
+    assert panel.source is not None
+    camera: Any = shots[0].camera
+    seen = panel.source.survey(camera)
+    chosen = np.flatnonzero(seen.counts).astype(np.int32)
+    yarn, part = panel.source.numbers(seen, chosen)  # pyright: ignore[reportArgumentType]
+    ends = model.numbers().yarns
+    assert yarn.max() < len(ends)
+    assert [ends[int(k)]["system"] for k in yarn[:50]] == [("warp", "weft")[p] for p in part[:50]]
+    prepared = prepare_sheet(model.scene)
+    assert prepared is not None
+    assert prepared.cells is not None
+    assert len(ends) == sum(prepared.cells.woven)
+
+
+def test_refusing_needs_no_model() -> None:
+    with pytest.raises(InputError, match="follow"):
+        on_cells(load_scene("drape", [*SETT, "cloth.follow=paper"]))
