@@ -85,7 +85,7 @@ class ClothSection(Section):
     columns: int = Field(default=79, ge=3, le=4000, description="key points along the weft")
     rows: int = Field(default=79, ge=3, le=4000, description="key points along the warp")
     threads_per_key_point: int = Field(
-        default=1, ge=1, le=1000, description="threads woven for each key point; the crossings between are smooth"
+        default=1, ge=1, le=1000, description="threads woven for each key point where no sett is stated in [fabric]"
     )
     material: str = Field(default="cotton-shirting", description="a preset, such as silk-habotai, wool-suiting, denim")
     properties: PropertiesSection = PropertiesSection()

@@ -36,7 +36,7 @@ class GarmentSection(Section):
     )
     key_points: int = Field(default=6245, ge=200, le=200_000, description="about how many the simulation moves")
     threads_per_key_point: int = Field(
-        default=4, ge=1, le=64, description="threads woven for each key point; the crossings between are smooth"
+        default=4, ge=1, le=64, description="threads woven for each key point where no sett is stated in [fabric]"
     )
     ease: float | None = Field(default=None, ge=-0.1, le=1, description="share of the girth; default: the pattern's")
     length_cm: Positive | None = Field(default=None, description="from the neck's side or the waist to the hem [cm]")

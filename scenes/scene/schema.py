@@ -148,7 +148,8 @@ class FabricSection(Section):
     """Spacing of the threads, how finely they are drawn, and how the cloth lies."""
 
     ends_per_cm: Positive | None = Field(
-        default=None, description="warp ends per cm; default: the file's, or what fits"
+        default=None,
+        description="warp ends per cm; default: the file's, or what fits; of what moves, what key points make",
     )
     picks_per_cm: Positive | None = Field(default=None, description="weft picks per cm; likewise")
     balance: float = Field(default=0.5, ge=0.05, le=0.95, description="the warp's part of the crimp height")

@@ -31,7 +31,6 @@ from taichi_cloth.detail.patches import (
     look,
     look_at,
 )
-from taichi_cloth.detail.thinning import TARGET
 from taichi_cloth.detail.view import Pinhole, view_of
 from taichi_cloth.fabric.cells import CellCloth
 from taichi_cloth.ground.particles import HALF_LENGTH, LANES, POSITION, RADIUS, ROWS, fill_up
@@ -42,6 +41,8 @@ F32 = NDArray[np.float32]
 I32 = NDArray[np.int32]
 F64 = NDArray[np.float64]
 
+TARGET = 0.4
+"""Radius [px] of the smallest particles."""
 MOST = 16_384
 """Particles of a patch, beyond which it is parted, down to single crossings."""
 
