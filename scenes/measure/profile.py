@@ -55,8 +55,8 @@ def profile_lines(
         prepare_fabric(scene)
     if scene.subject == "cloth" and sett_of(scene) is not None:
         raise InputError(
-            "profile: a cloth with a sett is not followed but made where a picture shows it; leave fabric.ends_per_cm and "
-            "fabric.picks_per_cm out"
+            "profile: a cloth with a sett is made where a picture shows it, and does not follow; leave "
+            "fabric.ends_per_cm and fabric.picks_per_cm out"
         )
     started = runtime.start(arch, threads=threads, pin=True)
     yield f"{cpu_name()}, {cores()} cores; Taichi on {started.arch}, {started.threads} threads"

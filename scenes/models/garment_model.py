@@ -168,8 +168,10 @@ class GarmentModel(MovingModel):
         fibres: GarmentFibres | GarmentCells | None = None
         if scene.garment.representation == "fibre":
             prepared = prepared or prepare_garment(scene, worn.garment.atlas)
-            woven = prepared is None or prepared.cells is None
-            fibres = GarmentFibres(scene, worn, prepared, near) if woven else GarmentCells(scene, worn, prepared)
+            if prepared is not None and prepared.cells is not None:
+                fibres = GarmentCells(scene, worn, prepared)
+            else:
+                fibres = GarmentFibres(scene, worn, prepared, near)
         return GarmentModel(scene, worn, fibres)
 
     def at_start(self) -> Simulation:

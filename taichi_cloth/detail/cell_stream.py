@@ -241,7 +241,7 @@ class CellStream:
 
 def _blocks(patch: I32) -> F64:
     """Fibre blocks of patches."""
-    return 2.0 * patch[:, LAYERS] * patch[:, PATCH_PICKS] * patch[:, PATCH_ENDS]
+    return 2.0 * np.prod(patch[:, [LAYERS, PATCH_PICKS, PATCH_ENDS]].astype(np.float64), axis=1)
 
 
 def _parted(patch: I32, parts: NDArray[np.int64]) -> tuple[I32, NDArray[np.int64]]:

@@ -8,9 +8,7 @@ it is drawn, particle m is of the crossing that an even sequence gives, at rando
 import taichi as ti
 
 from taichi_cloth.detail.view import View, in_frustum, seen_at, tiles_of
-from taichi_cloth.fabric.cells import (
-    TEMPLATES,
-    CellPack,
+from taichi_cloth.fabric.cell_blocks import (
     cell_block,
     cell_crossing,
     cell_shade,
@@ -19,6 +17,7 @@ from taichi_cloth.fabric.cells import (
     cell_turned_in,
     hashed,
 )
+from taichi_cloth.fabric.cells import TEMPLATES, CellPack
 from taichi_cloth.fabric.laying import lay_particle
 from taichi_cloth.fabric.templates import COLUMN
 from taichi_cloth.ground.arrays import F32x1, F32x2, F32x3, I16x2, I32x1, I32x2
@@ -196,7 +195,7 @@ def lay(
                         groups_out[POSITION + axis, group, lane] = x[axis]
                         groups_out[TANGENT + axis, group, lane] = d[axis]
                         groups_out[NORMAL + axis, group, lane] = outward[axis]
-                        groups_out[COLOUR + axis, group, lane] = dyed[axis] * tone
+                        groups_out[COLOUR + axis, group, lane] = dyed[axis] * tone  # pyright: ignore[reportIndexIssue]
                     radius, half_length = cloth.particle[t, COLUMN.radius], cloth.particle[t, COLUMN.half_length]
                     if not whole:
                         # Larger by as much as they are fewer, and rounder.

@@ -66,7 +66,7 @@ def surface_points(nodes: NDArray, cols: int, u: ArrayLike, v: ArrayLike) -> tup
     for b in (0, 1):
         for a in (0, 1):
             p, pu, pv, puv = np.moveaxis(grid[r + b, c + a].reshape(-1, 4, 3), 1, 0)
-            (hu, gu, hu1, gu1), (hv, gv, hv1, gv1) = _cubics(u - c, a), _cubics(v - r, b)
+            (hu, gu, hu1, gu1), (hv, gv, hv1, gv1) = _cubics(np.subtract(u, c), a), _cubics(np.subtract(v, r), b)
             place += hu * hv * p + gu * hv * pu + hu * gv * pv + gu * gv * puv
             by_u += hu1 * hv * p + gu1 * hv * pu + hu1 * gv * pv + gu1 * gv * puv
             by_v += hu * hv1 * p + gu * hv1 * pu + hu * gv1 * pv + gu * gv1 * puv

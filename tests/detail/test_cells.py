@@ -28,7 +28,7 @@ SEED = 3
 
 def layout_of(draft: Draft, *, per_cm: float | None = 20.0, fibres: int = 3, fringe: float = 0.0) -> FabricLayout:
     yarn = Yarn(count_tex=12.0, hairiness=Hairiness(ends_per_m=0, loops_per_m=0))
-    diameter, rooms = set_sizes(draft, (yarn.woven_diameter,) * 2, (per_cm, per_cm), 1.5)
+    diameter, rooms = set_sizes(draft, (yarn.woven_diameter, yarn.woven_diameter), (per_cm, per_cm), 1.5)
     cloth = fit_set(draft.warp_up, rooms, diameter, flattening=1.5, balance=0.5).cloth
     grey = [np.full((n, 3), 0.5, np.float32) for n in (draft.ends, draft.picks)]
     families = families_of(cloth, rooms, (grey[0], grey[1]), (yarn, yarn))

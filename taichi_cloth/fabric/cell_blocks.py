@@ -1,0 +1,135 @@
+"""Fibre blocks of cells, worked out where a kernel asks for them: where each lies, what it is made of, its colour."""
+
+import taichi as ti
+
+from taichi_cloth.fabric.cells import (
+    AHEAD_ENDS,
+    AHEAD_PICKS,
+    COL,
+    COLS,
+    DEEP,
+    END,
+    ENDS,
+    FINE,
+    PER_CELL_ENDS,
+    PER_CELL_PICKS,
+    PICK,
+    PICKS,
+    REPEAT_ENDS,
+    REPEAT_PICKS,
+    ROW,
+    SHADE,
+    SHIFT_END,
+    SHIFT_PICK,
+    TABLE,
+    VARIANTS,
+)
+from taichi_cloth.fabric.surface import surface_at
+from taichi_cloth.ground.arrays import Template
+
+__all__ = ["cell_block", "cell_crossing", "cell_shade", "cell_span", "cell_template", "cell_turned_in", "hashed"]
+
+
+@ti.func
+def hashed(a, b):
+    """A whole number from 0 to 2²⁴ − 1 from two, the same in any order of work."""
+    x = ti.cast(a * 73856093 + b * 19349663 + 83492791, ti.u32)
+    x = (x ^ (x >> 16)) * ti.cast(73244475, ti.u32)
+    x = (x ^ (x >> 16)) * ti.cast(73244475, ti.u32)
+    return ti.cast((x ^ (x >> 16)) & ti.cast(0xFFFFFF, ti.u32), ti.i32)
+
+
+@ti.func
+def _repeated(cloth: Template, p, i, j):
+    """Pick and end of its repeat that pick i and end j of panel p are."""
+    pick = (i + cloth.panel[p, SHIFT_PICK]) % cloth.panel[p, REPEAT_PICKS]
+    end = (j + cloth.panel[p, SHIFT_END]) % cloth.panel[p, REPEAT_ENDS]
+    return pick, end
+
+
+@ti.func
+def cell_place(cloth: Template, p, cell, i, j):
+    """Where pick i and end j of panel p cross, in shares of cell `cell` along the weft and the warp."""
+    cols = cloth.grid[COLS]
+    pick, end = _repeated(cloth, p, i, j)
+    u = (j + cloth.ahead[cloth.panel[p, AHEAD_ENDS] + end]) / cloth.grid[PER_CELL_ENDS]
+    v = (i + cloth.ahead[cloth.panel[p, AHEAD_PICKS] + pick]) / cloth.grid[PER_CELL_PICKS]
+    return u - (cell % cols - cloth.panel[p, COL]), v - (cell // cols - cloth.panel[p, ROW])
+
+
+@ti.func
+def cell_crossing(cloth: Template, p, cell, i, j):
+    """Place of pick i and end j of panel p [m], and slopes there along the weft and the warp, from cell `cell`."""
+    u, v = cell_place(cloth, p, cell, i, j)
+    return surface_at(cloth.node, cell, cloth.grid[COLS], u, v)
+
+
+@ti.func
+def cell_template(cloth: Template, p, family, i, j):
+    """Of the fibre block of a family (0 warp, 1 weft) that begins at pick i and end j of panel p: its thread, its place
+    along it, and its template at the finest level, −1 where the thread ends there."""
+    pick, end = _repeated(cloth, p, i, j)
+    kind = cloth.table[family, cloth.panel[p, TABLE] + pick * cloth.panel[p, REPEAT_ENDS] + end]
+    yarn, along, last = cloth.panel[p, END] + j, i, cloth.panel[p, PICKS]
+    if family == 1:
+        yarn, along, last = cloth.panel[p, PICK] + i, j, cloth.panel[p, ENDS]
+    phase = (cloth.begin[yarn] + along) % cloth.phases[kind]
+    made = cloth.first[kind] + phase * cloth.grid[VARIANTS] + hashed(yarn, along) % cloth.grid[VARIANTS]
+    return yarn, along, made if along + 1 < last else -1
+
+
+@ti.func
+def cell_block(cloth: Template, p, cell, family, i, j):
+    """Both ends of that block: places p0, p1, directions of the yarn a0, a1, normals n0, n1."""
+    x0, by_u, by_v = cell_crossing(cloth, p, cell, i, j)
+    n0 = by_u.cross(by_v).normalized()  # pyright: ignore[reportOptionalMemberAccess]
+    a0 = by_v.normalized() if family == 0 else by_u.normalized()
+    x1, on_u, on_v = cell_crossing(cloth, p, cell, i + (1 - family), j + family)
+    n1 = on_u.cross(on_v).normalized()  # pyright: ignore[reportOptionalMemberAccess]
+    a1 = on_v.normalized() if family == 0 else on_u.normalized()
+    return x0, x1, a0, a1, n0, n1
+
+
+@ti.func
+def cell_shade(cloth: Template, p, family, yarn, i, j, beside):
+    """Colour of a thread at pick i and end j of panel p; with `beside` threads to each side, the mean of them all."""
+    one = cloth.panel[p, END + family]
+    low = ti.max(yarn - beside, one)
+    high = ti.min(yarn + beside + 1, one + cloth.panel[p, ENDS + family])
+    out = ti.Vector([0.0, 0.0, 0.0])
+    for other in range(low, high):
+        out += ti.Vector([cloth.colour[other, 0], cloth.colour[other, 1], cloth.colour[other, 2]])
+    out /= ti.cast(high - low, ti.f32)
+    at = cloth.panel[p, SHADE]
+    if at >= 0:
+        dyed = cloth.shade[at + i * cloth.panel[p, ENDS] + j]
+        if dyed >= 0:
+            root = ti.Vector([dyed >> 20, (dyed >> 10) & 1023, dyed & 1023]) / DEEP
+            out = root * root
+    return out
+
+
+@ti.func
+def cell_turned_in(cloth: Template, p, cell, i, j):
+    """Whether a hem is turned in under pick i and end j of panel p."""
+    u, v = cell_place(cloth, p, cell, i, j)
+    x, y = FINE * (cell % cloth.grid[COLS] + u), FINE * (cell // cloth.grid[COLS] + v)
+    c = ti.math.clamp(ti.cast(ti.floor(x), ti.i32), 0, cloth.hem.shape[1] - 2)
+    r = ti.math.clamp(ti.cast(ti.floor(y), ti.i32), 0, cloth.hem.shape[0] - 2)
+    s, t = x - c, y - r
+    low = (1.0 - s) * cloth.hem[r, c] + s * cloth.hem[r, c + 1]
+    high = (1.0 - s) * cloth.hem[r + 1, c] + s * cloth.hem[r + 1, c + 1]
+    return (1.0 - t) * low + t * high < 0.0
+
+
+@ti.func
+def cell_span(cloth: Template, yarn, along):
+    """From where to where a block of a thread is not cut away, as shares of it: the longest piece; from 1 to 0 for
+    none."""
+    low, high = 1.0, 0.0
+    for s in range(cloth.span_first[yarn], cloth.span_first[yarn + 1]):
+        a = ti.math.clamp(cloth.span[s, 0] - along, 0.0, 1.0)
+        b = ti.math.clamp(cloth.span[s, 1] - along, 0.0, 1.0)
+        if b - a > ti.max(high - low, 1e-6):
+            low, high = a, b
+    return low, high
