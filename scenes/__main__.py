@@ -1,5 +1,5 @@
-"""The command line: `taichi-cloth scenes | plan | turntable | animate | zoom | still | profile | figures | report |
-stability | body`."""
+"""The command line: `taichi-cloth scenes | plan | turntable | animate | zoom | still | fabric | profile | figures |
+report | stability | body`."""
 
 import contextlib
 import io
@@ -155,6 +155,26 @@ def make_still(
         arch=arch,
         threads=threads,
     )
+
+
+@app.command("fabric")
+def fabric(
+    scene: Annotated[str, typer.Argument(help="A built-in scene, a .toml file, or a draft as a .wif file.")],
+    overrides: Overrides = None,
+    length: Annotated[float | None, typer.Option("--length", help="Of the piece, finished [m].")] = None,
+    width: Annotated[float | None, typer.Option("--width", help="Of the piece, finished [m].")] = None,
+    shrinkage_length: Annotated[float, typer.Option(help="In finishing, of the length on the loom [%].")] = 0.0,
+    shrinkage_width: Annotated[float, typer.Option(help="In finishing, of the width on the loom [%].")] = 0.0,
+    waste: Annotated[float, typer.Option("--waste", help="Warp left at both ends of the loom [m].")] = 0.0,
+    measured: Annotated[Path | None, typer.Option("--measured", help="A .toml file of measured properties.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="As JSON.")] = False,
+) -> None:
+    """The mill's ticket of a cloth: sett, widths, weight, yarn needed, and how it bends, shears and pulls."""
+    from .fabric.fabric_command import print_ticket
+    from .fabric.ticket import PieceAsked
+
+    asked = PieceAsked(length, width, (shrinkage_length, shrinkage_width), waste)
+    print_ticket(scene, list(overrides or []), asked, measured=measured, as_json=as_json)
 
 
 @app.command("profile")

@@ -247,7 +247,9 @@ def test_the_three_packages_import_without_taichi(tmp_path: Path) -> None:
     assert (done.stdout.strip(), done.stderr) == ("False", "")
 
 
-@pytest.mark.parametrize("arguments", [["--version"], ["scenes"], ["plan", "swatch"], ["plan", "twist"]])
+@pytest.mark.parametrize(
+    "arguments", [["--version"], ["scenes"], ["plan", "swatch"], ["plan", "twist"], ["fabric", "swatch"]]
+)
 def test_commands_that_compute_nothing_do_not_load_taichi(arguments: list[str], tmp_path: Path) -> None:
     done = python(
         "import sys; from taichi_cloth.scenes.__main__ import main\n"

@@ -167,6 +167,8 @@ def _read(name: str) -> tuple[dict[str, Any], str, Path | None]:
     if name in known:
         return tomllib.loads((files("taichi_cloth.scenes") / f"{name}.toml").read_text("utf-8")), name, None
     path = Path(name)
+    if DRAFT_FILE.fits(name):  # a draft is a scene of its own cloth
+        return {"title": path.stem, "yarn": {"plies": 1}, "weave": {"draft": name}}, shown_path(name), None
     looks_like_path = path.suffix == ".toml" or "/" in name or "\\" in name
     if not looks_like_path and not os.path.isfile(name):
         raise InputError(

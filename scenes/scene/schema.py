@@ -108,6 +108,11 @@ class YarnSection(Section):
                 raise ValueError(str(error).removeprefix("yarn.count: ")) from None
         return count
 
+    @property
+    def counted(self) -> bool:
+        """Whether a count is stated."""
+        return any(value is not None for value in (self.count, self.count_tex, self.count_ne))
+
     @model_validator(mode="after")
     def one_count(self) -> "YarnSection":
         given = [key for key in ("count", "count_tex", "count_ne") if getattr(self, key) is not None]
@@ -154,6 +159,7 @@ class FabricSection(Section):
     picks_per_cm: Positive | None = Field(default=None, description="weft picks per cm; likewise")
     balance: float = Field(default=0.5, ge=0.05, le=0.95, description="the warp's part of the crimp height")
     flattening: float = Field(default=2.0, ge=1, le=6, description="width of a thread over its thickness where it lies")
+    finish: str = Field(default="plain", description="plain, softened, resin, sized or starched: how yarns cohere")
     when_jammed: Literal["scale", "refuse"] = Field(
         default="scale", description="threads too thick for their spacing: thin them with a note, or refuse"
     )

@@ -186,7 +186,7 @@ class Construction:
         """
         fitted, (warp, weft) = self.fitted, self._sizes[0]
         whole = 1e3 * float(warp.mean() + weft.mean()) / np.sqrt(self.flattening)
-        share = self.resting_balance if self.pressed and self.balance is None else fitted.balance
+        share = self.resting_balance if self.pressed else fitted.balance
         whole *= max(fitted.thinned, CLOSEST)
         return share * whole, (1.0 - share) * whole
 

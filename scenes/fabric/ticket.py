@@ -1,0 +1,173 @@
+"""The mill's ticket of a scene: its construction, the piece, what follows from it, and what is drawn and simulated."""
+
+from dataclasses import dataclass
+
+from taichi_cloth.fabric.layout import FabricLayout
+from taichi_cloth.ground.errors import InputError
+from taichi_cloth.mechanics.construction import Construction
+from taichi_cloth.mechanics.presets import PRESET_KEYS, named_construction
+from taichi_cloth.mechanics.properties import BANDS, FabricProperties, woven_properties
+from taichi_cloth.mechanics.quantity import Quantity
+from taichi_cloth.yarn.yarn import Yarn
+
+from ..plan.plan import plan
+from ..prepare.construction import Drawn, construction_of, drawn_of, with_measured
+from ..prepare.thread_colours import colour_repeats
+from ..scene.cloth_schema import ClothSection, SolverSection
+from ..scene.garment_schema import GarmentSection
+from ..scene.schema import Scene
+from .piece import Piece, piece_of
+
+__all__ = ["PieceAsked", "Ticket", "ticket_of"]
+
+
+@dataclass(frozen=True)
+class PieceAsked:
+    """What a person asks for; None takes the scene's own size, else a metre of a metre and a half.
+
+    length, width: finished [m]. shrinkage: of the length, the width [%]. waste: of warp [m].
+    """
+
+    length: float | None = None
+    width: float | None = None
+    shrinkage: tuple[float, float] = (0.0, 0.0)
+    waste: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Ticket:
+    """drawn: None where nothing of the threads is drawn. simulated: of the sheet that moves, by the keys of the
+    properties; empty where nothing does. notes: what a person should know."""
+
+    title: str
+    fibre: str
+    construction: Construction
+    properties: FabricProperties
+    piece: Piece
+    drawn: Drawn | None
+    simulated: dict[str, Quantity]
+    notes: tuple[str, ...]
+
+    def as_dict(self) -> dict[str, object]:
+        """For JSON. Each quantity says its unit and where it is from."""
+        made, drawn = self.construction, self.drawn
+        return {
+            "title": self.title,
+            "construction": {
+                "fibre": self.fibre,
+                "weave": made.draft.name,
+                "warp": _yarn(made.warp),
+                "weft": _yarn(made.weft),
+                "ends_per_cm": made.facts.ends_per_cm,
+                "picks_per_cm": made.facts.picks_per_cm,
+                "finish": made.finish,
+            },
+            "properties": {key: quantity.as_dict() for key, quantity in self.properties.items()},
+            "drawn": None
+            if drawn is None
+            else {
+                "ends_per_cm": drawn.facts.ends_per_cm,
+                "picks_per_cm": drawn.facts.picks_per_cm,
+                "mass_g_per_m2": self.drawn_mass,
+                "thickness_mm": drawn.facts.thickness_mm,
+                "thinned": drawn.thinned,
+            },
+            "simulated": {key: quantity.as_dict() for key, quantity in self.simulated.items()},
+            "piece": self.piece.as_dict(),
+            "notes": list(self.notes),
+        }
+
+    @property
+    def drawn_mass(self) -> float | None:
+        """Of the threads as drawn [g/m²], less what finishing takes."""
+        if self.drawn is None:
+            return None
+        facts, kept = self.drawn.facts, self.construction.kept_mass
+        warp, weft = self.construction.families
+        warp_mass, weft_mass = warp.mass * (1 + facts.warp_crimp), weft.mass * (1 + facts.weft_crimp)
+        return facts.mass_gsm * (warp_mass * kept[0] + weft_mass * kept[1]) / (warp_mass + weft_mass)
+
+
+def _yarn(yarn: Yarn) -> dict[str, object]:
+    return {
+        "tex": yarn.folded_tex,
+        "count_tex": yarn.count_tex,
+        "plies": yarn.plies,
+        "twist_per_m": yarn.twist_per_m,
+        "fineness_dtex": yarn.fineness_dtex,
+        "diameter_mm": 1e3 * yarn.woven_diameter,
+    }
+
+
+def ticket_of(scene: Scene, asked: PieceAsked | None = None, measured: str | None = None) -> Ticket:
+    """The ticket of a scene of a fabric, a cloth or a garment. measured: a file of measured properties. Raises
+    InputError."""
+    asked = asked or PieceAsked()
+    moving = scene.cloth or scene.garment
+    if moving is None and scene.weave is None:
+        raise InputError(f"fabric: a scene of a {scene.subject} has no [weave]; use a woven scene, such as swatch")
+    notes: tuple[str, ...] = ()
+    layout = None
+    if scene.weave is not None:
+        prepared = plan(scene).prepared
+        layout, notes = (prepared.layout, prepared.notes) if prepared is not None else (None, ())
+        made, colours = construction_of(scene, _following(scene, layout)), colour_repeats(scene)
+        if scene.yarn is not None and not scene.yarn.counted:
+            notes = (*notes, f"no yarn.count is stated: {made.warp.folded_tex:.3g} tex stands for it")
+    else:
+        assert moving is not None
+        made, colours = named_construction(moving.material), colour_repeats(scene)
+        notes = (f"the scene names no [weave]: this is the construction of {moving.material}; no thread is drawn",)
+    if made.pressed:
+        thinner = 100.0 * made.fitted.thinned
+        notes = (*notes, f"threads as thick as their yarn would jam; they are pressed to {thinner:.0f} % of that")
+    size = (scene.cloth.length_m, scene.cloth.width_m) if scene.cloth else (1.0, 1.5)
+    piece = piece_of(
+        made,
+        colours,
+        length=size[0] if asked.length is None else asked.length,
+        width=size[1] if asked.width is None else asked.width,
+        shrinkage=(0.01 * asked.shrinkage[0], 0.01 * asked.shrinkage[1]),
+        waste=asked.waste,
+    )
+    return Ticket(
+        title=scene.title,
+        fibre=made.warp_fibre.name,
+        construction=made,
+        properties=with_measured(woven_properties(made), measured),
+        piece=piece,
+        drawn=None if layout is None else drawn_of(layout),
+        simulated={} if moving is None else _simulated(moving, scene.solver),
+        notes=notes,
+    )
+
+
+def _following(scene: Scene, layout: FabricLayout | None) -> tuple[float, float] | None:
+    """Ends and picks a cm of threads that follow key points; None where there are none."""
+    if layout is not None:
+        return 0.01 / layout.warp.pitch, 0.01 / layout.weft.pitch
+    if scene.cloth is None:
+        return None
+    from ..prepare.sheet_setup import woven_scene  # loads Taichi, which the ticket of what lies does without
+
+    section = woven_scene(scene).fabric
+    assert section is not None
+    assert section.ends_per_cm is not None
+    assert section.picks_per_cm is not None
+    return section.ends_per_cm, section.picks_per_cm
+
+
+def _simulated(section: ClothSection | GarmentSection, solver: SolverSection | None) -> dict[str, Quantity]:
+    """What the sheet moves by, and who says so."""
+    from ..prepare.sheet_setup import UNITS, material_of  # loads Taichi, which the ticket of what lies does without
+
+    material = material_of(section, solver)
+    stated = {UNITS[key][0]: key for key, value in section.properties.model_dump().items() if value is not None}
+    found = {}
+    for key, (field, unit) in PRESET_KEYS.items():
+        name, printed, _ = BANDS[key]
+        value = unit * getattr(material, field)
+        if value > 0 or not field.startswith(("drawn", "crimp")):  # 0: threads stay as stiff as they are at first
+            origin, how = ("stated", f"properties.{stated[field]}") if field in stated else ("preset", section.material)
+            found[key] = Quantity(name, value, printed, origin, how)
+    return found

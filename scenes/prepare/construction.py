@@ -1,0 +1,79 @@
+"""From a scene's words to the construction of its cloth, and what follows from it."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from taichi_cloth.fabric.layout import FabricLayout
+from taichi_cloth.ground.errors import InputError
+from taichi_cloth.mechanics.construction import Construction
+from taichi_cloth.mechanics.fibre_mechanics import FibreMechanics, fibre_mechanics
+from taichi_cloth.mechanics.measured import measured_properties, read_measured
+from taichi_cloth.mechanics.properties import FabricProperties
+from taichi_cloth.weave.cloth_facts import ClothFacts, cloth_facts
+from taichi_cloth.yarn.count import parse_count
+
+from ..scene.schema import FabricSection, Scene, YarnSection
+from .weave_layout import yarns_for
+from .yarns import fibre_kind, repeat_of
+
+__all__ = ["Drawn", "construction_of", "drawn_of", "with_measured"]
+
+
+def construction_of(scene: Scene, per_cm: tuple[float, float] | None = None) -> Construction:
+    """Fibre, yarns, weave and sett of a scene that names [yarn] and [weave]. per_cm: threads of a sheet whose threads
+    follow key points, where [fabric] and the draft state none. Raises InputError."""
+    if scene.weave is None or scene.yarn is None:
+        raise InputError(
+            'the scene names no cloth: add [yarn] and [weave], for instance yarn.count = "Ne 40", weave.draft = "plain"'
+        )
+    section = scene.fabric or FabricSection()
+    draft = repeat_of(scene.weave.draft)
+    unsaid = section.ends_per_cm is None and section.picks_per_cm is None and draft.warp_spacing_m is None
+    if unsaid and per_cm is not None:
+        section = section.model_copy(update={"ends_per_cm": per_cm[0], "picks_per_cm": per_cm[1]})
+    warp, weft = yarns_for(scene, draft, section)
+    return Construction(
+        draft=draft,
+        warp=warp,
+        weft=weft,
+        warp_fibre=_fibre(scene, scene.yarn),
+        weft_fibre=_fibre(scene, scene.weft_yarn or scene.yarn),
+        ends_per_cm=section.ends_per_cm,
+        picks_per_cm=section.picks_per_cm,
+        flattening=section.flattening,
+        balance=section.balance,
+        finish=section.finish,
+    )
+
+
+def _fibre(scene: Scene, yarn: YarnSection) -> FibreMechanics:
+    """What a yarn is made of, spun or of filaments as its count says, else as is usual of the fibre."""
+    fibre = fibre_mechanics(fibre_kind(scene).name)
+    form = parse_count(yarn.count).form if yarn.count is not None else None
+    return replace(fibre, form=form) if form else fibre
+
+
+def with_measured(properties: FabricProperties, measured: str | None) -> FabricProperties:
+    """Properties with those of a file of measured ones in their place. Raises InputError."""
+    return properties if measured is None else measured_properties(properties, read_measured(Path(measured)))
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A cloth as it is drawn. facts: sett, mass of the threads as thick as they are drawn, crimp, cover, thickness.
+    thinned: their diameter over that of their yarn."""
+
+    facts: ClothFacts
+    thinned: float
+
+
+def drawn_of(layout: FabricLayout) -> Drawn | None:
+    """The facts of a layout; None where it has a single end or pick. A thread that is drawn thinner than its yarn has
+    the mass of its section."""
+    if min(layout.cloth.warp_up.shape) < 2:
+        return None
+    families = (layout.warp, layout.weft)
+    share = [t.thickness * t.width / t.yarn.woven_diameter**2 for t in families]
+    warp, weft = (t.yarn.folded_tex * part for t, part in zip(families, share, strict=True))
+    thinned = min(float(part.min()) for part in share) ** 0.5
+    return Drawn(cloth_facts(layout.cloth, warp_tex=warp, weft_tex=weft), thinned)
