@@ -83,11 +83,8 @@ def piece_of(
     length and of the width, shares of the size on the loom. waste: of warp at both ends of the loom [m]. Raises
     InputError on sizes that no piece has.
     """
-    for name, value, least, most in (
-        ("length", length, 1e-3, 1e5),
-        ("width", width, 1e-3, 100.0),
-        ("waste", waste, 0, 1e3),
-    ):
+    limits = {"length": (length, 1e-3, 1e5), "width": (width, 1e-3, 100.0), "waste": (waste, 0.0, 1e3)}
+    for name, (value, least, most) in limits.items():
         if not (isfinite(value) and least <= value <= most):
             raise InputError(f"--{name}: {value:g} m; allowed: {least:g} to {most:g} m")
     for name, value in zip(("length", "width"), shrinkage, strict=True):
