@@ -96,8 +96,8 @@ def piece_of(
     ends, picks = max(1, round(1e3 * warp.per_mm * width)), max(1, round(1e3 * weft.per_mm * length))
     reed = across.yarn
     yarn = [
-        *_needs("warp", colours[0], ends, along.yarn + waste, warp.tex),
-        *_needs("weft", colours[1], picks, across.yarn, weft.tex),
+        *_needs("warp", colours[0], ends, along.yarn + waste, warp.tex / (1.0 - cloth.warp.loss)),
+        *_needs("weft", colours[1], picks, across.yarn, weft.tex / (1.0 - cloth.weft.loss)),
     ]
     return Piece(
         length=along,

@@ -79,13 +79,8 @@ class Ticket:
 
     @property
     def drawn_mass(self) -> float | None:
-        """Of the threads as drawn [g/m²], less what finishing takes."""
-        if self.drawn is None:
-            return None
-        facts, kept = self.drawn.facts, self.construction.kept_mass
-        warp, weft = self.construction.families
-        warp_mass, weft_mass = warp.mass * (1 + facts.warp_crimp), weft.mass * (1 + facts.weft_crimp)
-        return facts.mass_gsm * (warp_mass * kept[0] + weft_mass * kept[1]) / (warp_mass + weft_mass)
+        """Of the threads as drawn [g/m²]."""
+        return None if self.drawn is None else self.drawn.facts.mass_gsm
 
 
 def _yarn(yarn: Yarn) -> dict[str, object]:

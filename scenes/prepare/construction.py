@@ -1,20 +1,18 @@
 """From a scene's words to the construction of its cloth, and what follows from it."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
-from taichi_cloth.fabric.layout import FabricLayout
+from taichi_cloth.fabric.layout import FabricLayout, drawn_tex
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.mechanics.construction import Construction
-from taichi_cloth.mechanics.fibre_mechanics import FibreMechanics, fibre_mechanics
 from taichi_cloth.mechanics.measured import measured_properties, read_measured
 from taichi_cloth.mechanics.properties import FabricProperties
 from taichi_cloth.weave.cloth_facts import ClothFacts, cloth_facts
-from taichi_cloth.yarn.count import parse_count
 
-from ..scene.schema import FabricSection, Scene, YarnSection
+from ..scene.schema import FabricSection, Scene
 from .weave_layout import yarns_for
-from .yarns import fibre_kind, repeat_of
+from .yarns import mechanics_of, repeat_of
 
 __all__ = ["Drawn", "construction_of", "drawn_of", "with_measured"]
 
@@ -36,21 +34,14 @@ def construction_of(scene: Scene, per_cm: tuple[float, float] | None = None) -> 
         draft=draft,
         warp=warp,
         weft=weft,
-        warp_fibre=_fibre(scene, scene.yarn),
-        weft_fibre=_fibre(scene, scene.weft_yarn or scene.yarn),
+        warp_fibre=mechanics_of(scene.yarn, scene),
+        weft_fibre=mechanics_of(scene.weft_yarn or scene.yarn, scene),
         ends_per_cm=section.ends_per_cm,
         picks_per_cm=section.picks_per_cm,
         flattening=section.flattening,
         balance=section.balance,
         finish=section.finish,
     )
-
-
-def _fibre(scene: Scene, yarn: YarnSection) -> FibreMechanics:
-    """What a yarn is made of, spun or of filaments as its count says, else as is usual of the fibre."""
-    fibre = fibre_mechanics(fibre_kind(scene).name)
-    form = parse_count(yarn.count).form if yarn.count is not None else None
-    return replace(fibre, form=form) if form else fibre
 
 
 def with_measured(properties: FabricProperties, measured: str | None) -> FabricProperties:
@@ -68,12 +59,10 @@ class Drawn:
 
 
 def drawn_of(layout: FabricLayout) -> Drawn | None:
-    """The facts of a layout; None where it has a single end or pick. A thread that is drawn thinner than its yarn has
-    the mass of its section."""
+    """The facts of a layout; None where it has a single end or pick."""
     if min(layout.cloth.warp_up.shape) < 2:
         return None
+    warp, weft = drawn_tex(layout)
     families = (layout.warp, layout.weft)
-    share = [t.thickness * t.width / t.yarn.woven_diameter**2 for t in families]
-    warp, weft = (t.yarn.folded_tex * part for t, part in zip(families, share, strict=True))
-    thinned = min(float(part.min()) for part in share) ** 0.5
+    thinned = min(float((t.thickness * t.width).min()) ** 0.5 / t.yarn.woven_diameter for t in families)
     return Drawn(cloth_facts(layout.cloth, warp_tex=warp, weft_tex=weft), thinned)

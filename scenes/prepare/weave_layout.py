@@ -3,7 +3,7 @@
 All of it on the host and without a particle, so that `plan` can say what a scene needs and a limit can refuse it.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from taichi_cloth.fabric.repeat import WeaveRepeat
 from taichi_cloth.fabric.templates import particle_count, particles_per_body_block
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.ground.memory import memory_limit, require_memory
+from taichi_cloth.mechanics.construction import usual_loss
 from taichi_cloth.weave.cloth_set import fit_set, set_sizes, square_set_diameter
 from taichi_cloth.weave.crimp import Interlacing
 from taichi_cloth.weave.draft import Draft
@@ -21,7 +22,7 @@ from taichi_cloth.yarn.yarn import Yarn
 from ..scene.schema import FabricSection, Scene
 from .drawing import DRAW_BYTES, HELD, STREAM_BYTES, drawn_bytes
 from .thread_colours import thread_colours
-from .yarns import draft_of, fibre_kind, yarn_of
+from .yarns import draft_of, fibre_kind, mechanics_of, yarn_of
 
 __all__ = ["Cells", "Prepared", "prepare_fabric", "woven", "yarns_for"]
 
@@ -109,7 +110,8 @@ def yarns_for(scene: Scene, draft: Draft, section: FabricSection) -> tuple[Yarn,
         diameter = None if room is None else square_set_diameter(room, section.flattening)
         if thickness is not None:
             diameter = float(thickness.mean())
-        out.append(yarn_of(family, fibre_kind(scene), diameter=diameter))
+        yarn = yarn_of(family, fibre_kind(scene), diameter=diameter)
+        out.append(replace(yarn, loss=usual_loss(mechanics_of(family, scene), section.finish)))
     return out[0], out[1]
 
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from taichi_cloth.fibre.contours import FIBRES, FibreKind
 from taichi_cloth.ground.errors import InputError, did_you_mean
+from taichi_cloth.mechanics.fibre_mechanics import FibreMechanics, fibre_mechanics
 from taichi_cloth.weave.colour_order import coloured
 from taichi_cloth.weave.draft import Draft, named_weave, tile
 from taichi_cloth.weave.wif import read_wif
@@ -15,7 +16,7 @@ from taichi_cloth.yarn.yarn import Hairiness, Yarn, count_for_diameter, ne_to_te
 from ..scene.schema import Scene, Weave, YarnSection
 from ..scene.section import DRAFT_FILE
 
-__all__ = ["draft_of", "fibre_kind", "repeat_of", "yarn_of"]
+__all__ = ["draft_of", "fibre_kind", "mechanics_of", "repeat_of", "yarn_of"]
 
 DEFAULT_THREADS = 40
 DEFAULT_COUNT_TEX = 20.0
@@ -64,6 +65,14 @@ def yarn_of(section: YarnSection, fibre: FibreKind, *, diameter: float | None = 
         migration_period_mm=section.migration_period_mm,
         hairiness=Hairiness(**section.hairiness.model_dump()),
     )
+
+
+def mechanics_of(section: YarnSection, scene: Scene) -> FibreMechanics:
+    """What a yarn's fibres are when they are bent and pulled; spun or of filaments as its count says, else as is usual
+    of the fibre. Raises InputError."""
+    fibre = fibre_mechanics(fibre_kind(scene).name)
+    form = parse_count(section.count).form if section.count is not None else None
+    return replace(fibre, form=form) if form else fibre
 
 
 def draft_of(weave: Weave) -> Draft:

@@ -16,7 +16,7 @@ from taichi_cloth.ground.particles import ROWS
 from taichi_cloth.weave.cloth_facts import cloth_facts
 from taichi_cloth.weave.crimp import Interlacing, PathKinds, crossing_heights, path_kinds
 from taichi_cloth.yarn.spin import Period
-from taichi_cloth.yarn.yarn import Yarn
+from taichi_cloth.yarn.yarn import CLOSEST_PACKING, Yarn
 
 __all__ = [
     "BLOCK_BYTES",
@@ -143,11 +143,17 @@ def required_bytes(ends: int, picks: int, particles_per_block: float) -> int:
 
 def drawn_tex(layout: FabricLayout) -> tuple[F64, F64]:
     """Linear density of each warp end and each weft pick as it lies in the cloth [tex]: of a thread that was made
-    thicker or thinner than its yarn, that of its section."""
-    warp, weft = (
-        t.yarn.folded_tex * t.thickness * t.width / t.yarn.woven_diameter**2 for t in (layout.warp, layout.weft)
-    )
+    thicker than its yarn, or thinner than it can be pressed, that of its section; pressed threads keep their mass."""
+    warp, weft = (t.yarn.folded_tex * _kept(t) for t in (layout.warp, layout.weft))
     return warp, weft
+
+
+def _kept(threads: Threads) -> F64:
+    """Mass of each thread of a family over that of its yarn."""
+    yarn = threads.yarn
+    section = threads.thickness * threads.width / yarn.woven_diameter**2
+    pressed = section * max(CLOSEST_PACKING / yarn.packing, 1.0)
+    return np.where(section < 1.0, np.minimum(pressed, 1.0), section)
 
 
 def drawn_density(layout: FabricLayout) -> float:

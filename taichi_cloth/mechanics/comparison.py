@@ -16,7 +16,7 @@ from typing import Literal
 
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.ground.files import read_text
-from taichi_cloth.mechanics.construction import FLATTENING, Construction
+from taichi_cloth.mechanics.construction import FLATTENING, Construction, usual_loss
 from taichi_cloth.mechanics.drape import drape_coefficient
 from taichi_cloth.mechanics.fibre_mechanics import FIBRE_MECHANICS, FibreMechanics, blend
 from taichi_cloth.mechanics.properties import light_thickness, woven_properties
@@ -150,7 +150,14 @@ def _construction(row: Mapping[str, str]) -> tuple[Construction | None, How]:
 
 def _made(draft: Draft, fibre: FibreMechanics, tex: tuple, sett: tuple) -> Construction:
     warp, weft = (
-        Yarn(count_tex=t, plies=1, fibre_density=1e3 * fibre.density, fineness_dtex=10 * fibre.fineness) for t in tex
+        Yarn(
+            count_tex=t,
+            plies=1,
+            fibre_density=1e3 * fibre.density,
+            fineness_dtex=10 * fibre.fineness,
+            loss=usual_loss(fibre),
+        )
+        for t in tex
     )
     return Construction(
         draft=draft,

@@ -17,26 +17,32 @@ from taichi_cloth.weave.cloth_facts import ClothFacts, cloth_facts
 from taichi_cloth.weave.cloth_set import Fitted, fit_set, set_sizes
 from taichi_cloth.weave.crimp import Family, Interlacing, path_kinds, peirce_crimp
 from taichi_cloth.weave.draft import Draft
-from taichi_cloth.yarn.yarn import Yarn
+from taichi_cloth.yarn.yarn import CLOSEST_PACKING, Yarn
 
-__all__ = ["CLOSEST", "FINISHES", "FLATTENING", "Construction", "ThreadFamily"]
+__all__ = ["CLOSEST", "FINISHES", "FLATTENING", "Construction", "ThreadFamily", "usual_loss"]
 
 FLATTENING = {"spun": 2.0, "filament": 2.9}
 """Width of a thread over its thickness where it lies in cloth. Filaments without twist: 0.35 = 1/2.9 (polyester of 300
 den, Afrashteh, Merati & Jeddi 2013); cotton laid over cotton 2.4 at 54 tex, 1.6 at 146 (Panneerselvam et al. 2024);
 worsted under the force of a crossing 1.9 (Kawabata, Niwa & Matsudaira 1985)."""
 
-LOSS = 0.04
+_LOSS = 0.04
 """Share of its nominal mass that spun cotton and its like lose until the cloth is finished: dirt, wax and short fibres
 that are scoured, singed and washed out. Nominal counts and the crimps of this model together come out heavier by 1 to 5
 % in three measured twills and in three weights that the trade names (poplin, sheeting, denim); this is their mean."""
 
-CLOSEST = float(np.sqrt(0.60 / 0.75))
-"""Diameter of a thread pressed by its neighbours to a packing of 0.75, over that of the loose one."""
+CLOSEST = float(np.sqrt(0.60 / CLOSEST_PACKING))
+"""Diameter of a thread pressed by its neighbours as far as that goes, over that of the loose one."""
 
 FINISHES = {"plain": 1.0, "softened": 0.7, "resin": 2.0, "sized": 2.7, "starched": 4.0}
 """How much a finish changes the cohesion of yarns in bending. "sized": raw denim (see `bending`). The others are the
 middle of what is usual, quoted from memory: size, resin and starch stiffen 2 to 10 times, a softener divides."""
+
+
+def usual_loss(fibre: FibreMechanics, finish: str = "plain") -> float:
+    """Share of its mass that a yarn loses until the cloth is finished (`Yarn.loss`): that of spun cotton and its like,
+    but where the size stays in; else none."""
+    return _LOSS if fibre.cellulosic and fibre.form == "spun" and finish != "sized" else 0.0
 
 
 @dataclass(frozen=True)
@@ -131,8 +137,8 @@ class Construction:
 
     @property
     def pressed(self) -> bool:
-        """Whether round threads would jam."""
-        return self.fitted.thinned < 1.0
+        """Whether threads as drawn would jam even when pressed to the closest packing."""
+        return self.fitted.thinned < CLOSEST
 
     @cached_property
     def resting_balance(self) -> float:
@@ -163,19 +169,10 @@ class Construction:
         """Sett, mass, crimp, cover, and the thickness of the threads that lie on one another."""
         return cloth_facts(self.fitted.cloth, warp_tex=self.tex[0], weft_tex=self.tex[1])
 
-    @property
-    def kept_mass(self) -> tuple[float, float]:
-        """Share of its nominal mass that the warp, and the weft, has in the finished cloth."""
-        warp, weft = (
-            1.0 - (LOSS if fibre.cellulosic and fibre.form == "spun" and self.finish != "sized" else 0.0)
-            for fibre in (self.warp_fibre, self.weft_fibre)
-        )
-        return warp, weft
-
     @cached_property
     def areal_density(self) -> float:
         """What the finished cloth weighs [g/m²]."""
-        return sum(own.mass * (1.0 + own.crimp) * kept for own, kept in zip(self.families, self.kept_mass, strict=True))
+        return sum(own.mass * (1.0 + own.crimp) for own in self.families)
 
     @cached_property
     def _heights(self) -> tuple[float, float]:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 from taichi_cloth.ground.errors import InputError, did_you_mean
-from taichi_cloth.mechanics.construction import FLATTENING, Construction
+from taichi_cloth.mechanics.construction import FLATTENING, Construction, usual_loss
 from taichi_cloth.mechanics.fibre_mechanics import FibreMechanics, fibre_mechanics
 from taichi_cloth.mechanics.properties import FabricProperties, woven_properties
 from taichi_cloth.mechanics.quantity import Quantity
@@ -76,8 +76,8 @@ TRADE: Mapping[str, TradeCloth] = MappingProxyType(
             warp="2/48 Nm",
             weft="2/48 Nm",
             weave="twill-2/2",
-            ends_per_cm=25.0,
-            picks_per_cm=23.0,
+            ends_per_cm=24.5,
+            picks_per_cm=22.5,
             twist_multiplier=3.0,
             weight=220.0,
             flattening=1.2,
@@ -88,8 +88,8 @@ TRADE: Mapping[str, TradeCloth] = MappingProxyType(
             warp="Ne 8",
             weft="Ne 8",
             weave="twill-3/1",
-            ends_per_cm=25.0,
-            picks_per_cm=16.0,
+            ends_per_cm=24.2,
+            picks_per_cm=15.5,
             twist_multiplier=4.2,
             weight=324.0,
             finish="sized",
@@ -142,15 +142,15 @@ TRADE: Mapping[str, TradeCloth] = MappingProxyType(
             flattening=1.5,
         ),
         "wool-flannel": TradeCloth(
-            title="worsted flannel of 270 g/m², 2/36 Nm, 2/2 twill",
+            title="worsted flannel of 260 g/m², 2/36 Nm, 2/2 twill",
             fibre="wool",
             warp="2/36 Nm",
             weft="2/36 Nm",
             weave="twill-2/2",
-            ends_per_cm=22.5,
-            picks_per_cm=21.0,
+            ends_per_cm=21.5,
+            picks_per_cm=20.0,
             twist_multiplier=3.0,
-            weight=270.0,
+            weight=260.0,
             flattening=1.2,
         ),
     }
@@ -158,7 +158,7 @@ TRADE: Mapping[str, TradeCloth] = MappingProxyType(
 """Cloths by name."""
 
 
-def yarn_of_count(text: str, fibre: FibreMechanics, twist_multiplier: float) -> Yarn:
+def yarn_of_count(text: str, fibre: FibreMechanics, twist_multiplier: float, finish: str = "plain") -> Yarn:
     """A yarn from its count in the trade's words, of a fibre. Raises InputError on words that are no count."""
     count = parse_count(text)
     return Yarn(
@@ -167,6 +167,7 @@ def yarn_of_count(text: str, fibre: FibreMechanics, twist_multiplier: float) -> 
         twist_per_m=turns_per_m(twist_multiplier, 590.5 / (count.tex * count.plies)),
         fibre_density=1e3 * fibre.density,
         fineness_dtex=count.fineness_dtex or 10.0 * fibre.fineness,
+        loss=usual_loss(fibre, finish),
     )
 
 
@@ -180,8 +181,8 @@ def named_construction(name: str) -> Construction:
     fibre = replace(fibre, form=form) if form else fibre
     return Construction(
         draft=named_weave(cloth.weave),
-        warp=yarn_of_count(cloth.warp, fibre, cloth.twist_multiplier),
-        weft=yarn_of_count(cloth.weft, fibre, cloth.twist_multiplier),
+        warp=yarn_of_count(cloth.warp, fibre, cloth.twist_multiplier, cloth.finish),
+        weft=yarn_of_count(cloth.weft, fibre, cloth.twist_multiplier, cloth.finish),
         warp_fibre=fibre,
         weft_fibre=fibre,
         ends_per_cm=cloth.ends_per_cm,

@@ -12,6 +12,7 @@ import numpy as np
 from taichi_cloth.ground.errors import InputError
 
 __all__ = [
+    "CLOSEST_PACKING",
     "Direction",
     "Hairiness",
     "Yarn",
@@ -22,6 +23,9 @@ __all__ = [
 ]
 
 Direction = Literal["S", "Z"]
+
+CLOSEST_PACKING = 0.75
+"""Share of a thread's section that is fibre where its neighbours press it as close as they do in dense cloth."""
 
 
 def ne_to_tex(count_ne: float) -> float:
@@ -78,6 +82,7 @@ class Yarn:
     flattening: section of a ply, tangential over radial axis, at equal area; plies press each other flat.
     migration: how far a fibre wanders in the section, in fractions of its area; 0 keeps it on its helix.
     migration_period_mm: over which length it wanders.
+    loss: share of its mass that it loses until the cloth is finished; its count and its size are those before.
     """
 
     count_tex: float
@@ -93,6 +98,7 @@ class Yarn:
     migration: float = 0.25
     migration_period_mm: float = 4.0
     hairiness: Hairiness = Hairiness()
+    loss: float = 0.0
 
     def __post_init__(self) -> None:
         def check(name: str, value: float, low: float, high: float, unit: str) -> None:
@@ -107,6 +113,7 @@ class Yarn:
         check("fineness_dtex", self.fineness_dtex, 0.01, 1_000, "dtex")
         check("packing", self.packing, 0.05, 0.95, "")
         check("flattening", self.flattening, 0.5, 3.0, "")
+        check("loss", self.loss, 0.0, 0.5, "")
         check("migration", self.migration, 0.0, 1.0, "")
         check("migration_period_mm", self.migration_period_mm, 0.1, 1000.0, "mm")
         for name in ("ends_per_m", "loops_per_m"):
@@ -125,8 +132,9 @@ class Yarn:
 
     @property
     def folded_tex(self) -> float:
-        """Linear density of the folded yarn [tex] with what folding takes up: what a metre of it weighs."""
-        return self.resultant_tex / (1.0 - self.ply_take_up)
+        """Linear density of the folded yarn [tex] with what folding takes up, less what finishing takes: as it lies in
+        the cloth."""
+        return self.resultant_tex / (1.0 - self.ply_take_up) * (1.0 - self.loss)
 
     @property
     def single_diameter(self) -> float:

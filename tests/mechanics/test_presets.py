@@ -9,11 +9,10 @@ from taichi_cloth.sheet.materials import MATERIALS
 
 BENDING, SHEAR = 98.07, 56.2  # µN·m of 1 gf·cm²/cm, N/m of 1 gf/(cm·deg)
 
-USUAL = {  # KES: B [gf·cm²/cm], G [gf/(cm·deg)], g/m²; denim as measured by Wang et al. 2011
+USUAL = {  # KES: B [gf·cm²/cm], G [gf/(cm·deg)], g/m²; denim stands for one measured cloth, which the bands hold
     "cotton-shirting": ((0.03, 0.15), (0.6, 2.5), (90, 140)),
     "silk-habotai": ((0.005, 0.03), (0.2, 0.5), (30, 80)),
     "wool-suiting": ((0.05, 0.20), (0.4, 1.2), (150, 300)),
-    "denim": ((0.5, 1.0), (0.9, 1.5), (310, 420)),
 }
 
 

@@ -15,7 +15,7 @@ from taichi_cloth.mechanics.bending import (
     family_couple,
     yarn_bending,
 )
-from taichi_cloth.mechanics.construction import CLOSEST, Construction
+from taichi_cloth.mechanics.construction import CLOSEST, Construction, usual_loss
 from taichi_cloth.mechanics.drape import bending_length, drape_coefficient
 from taichi_cloth.mechanics.fibre_mechanics import FibreMechanics, blend, fibre_mechanics
 from taichi_cloth.mechanics.properties import woven_properties
@@ -59,9 +59,10 @@ def test_mass_and_crimp_of_an_open_cloth_are_those_of_the_threads_as_drawn() -> 
     made = cloth()
     facts = cloth_facts(made.fitted.cloth, warp_tex=20.0, weft_tex=20.0)
     assert not made.pressed
-    assert made.areal_density == pytest.approx(0.96 * facts.mass_gsm, rel=1e-9)
-    raw = replace(made, finish="sized")
-    assert raw.areal_density == pytest.approx(facts.mass_gsm, rel=1e-9)
+    assert made.areal_density == pytest.approx(facts.mass_gsm, rel=1e-9)
+    washed = replace(made, warp=replace(made.warp, loss=0.04), weft=replace(made.weft, loss=0.04))
+    assert washed.areal_density == pytest.approx(0.96 * facts.mass_gsm, rel=1e-9)
+    assert [usual_loss(COTTON), usual_loss(COTTON, "sized"), usual_loss(fibre_mechanics("wool"))] == [0.04, 0.0, 0.0]
     assert woven_properties(made)["crimp_warp"].si == pytest.approx(facts.warp_crimp, rel=1e-9)
 
 
