@@ -5,16 +5,14 @@ from dataclasses import dataclass
 from taichi_cloth.fabric.layout import FabricLayout
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.mechanics.construction import Construction
-from taichi_cloth.mechanics.presets import PRESET_KEYS, named_construction
-from taichi_cloth.mechanics.properties import BANDS, FabricProperties, woven_properties
+from taichi_cloth.mechanics.presets import named_construction
+from taichi_cloth.mechanics.properties import FabricProperties, woven_properties
 from taichi_cloth.mechanics.quantity import Quantity
 from taichi_cloth.yarn.yarn import Yarn
 
 from ..plan.plan import plan
 from ..prepare.construction import Drawn, construction_of, drawn_of, with_measured
 from ..prepare.thread_colours import colour_repeats
-from ..scene.cloth_schema import ClothSection, SolverSection
-from ..scene.garment_schema import GarmentSection
 from ..scene.schema import Scene
 from .piece import Piece, piece_of
 
@@ -111,8 +109,8 @@ def ticket_of(scene: Scene, asked: PieceAsked | None = None, measured: str | Non
             notes = (*notes, f"no yarn.count is stated: {made.warp.folded_tex:.3g} tex stands for it")
     else:
         assert moving is not None
-        made, colours = named_construction(moving.material), colour_repeats(scene)
-        notes = (f"the scene names no [weave]: this is the construction of {moving.material}; no thread is drawn",)
+        made, colours = named_construction(scene.material), colour_repeats(scene)
+        notes = (f"the scene names no [weave]: this is the construction of {scene.material}; no thread is drawn",)
     if made.pressed:
         thinner = 100.0 * made.fitted.thinned
         notes = (*notes, f"threads as thick as their yarn would jam; they are pressed to {thinner:.0f} % of that")
@@ -129,10 +127,10 @@ def ticket_of(scene: Scene, asked: PieceAsked | None = None, measured: str | Non
         title=scene.title,
         fibre=made.warp_fibre.name,
         construction=made,
-        properties=with_measured(woven_properties(made), measured),
+        properties=with_measured(woven_properties(made), measured or (moving.measured if moving else None)),
         piece=piece,
         drawn=None if layout is None else drawn_of(layout),
-        simulated={} if moving is None else _simulated(moving, scene.solver),
+        simulated={} if moving is None else _moved_by(scene),
         notes=notes,
     )
 
@@ -152,17 +150,7 @@ def _following(scene: Scene, layout: FabricLayout | None) -> tuple[float, float]
     return section.ends_per_cm, section.picks_per_cm
 
 
-def _simulated(section: ClothSection | GarmentSection, solver: SolverSection | None) -> dict[str, Quantity]:
-    """What the sheet moves by, and who says so."""
-    from ..prepare.sheet_setup import UNITS, material_of  # loads Taichi, which the ticket of what lies does without
+def _moved_by(scene: Scene) -> dict[str, Quantity]:
+    from ..prepare.sheet_setup import moved_by  # loads Taichi, which the ticket of what lies does without
 
-    material = material_of(section, solver)
-    stated = {UNITS[key][0]: key for key, value in section.properties.model_dump().items() if value is not None}
-    found = {}
-    for key, (field, unit) in PRESET_KEYS.items():
-        name, printed, _ = BANDS[key]
-        value = unit * getattr(material, field)
-        if value > 0 or not field.startswith(("drawn", "crimp")):  # 0: threads stay as stiff as they are at first
-            origin, how = ("stated", f"properties.{stated[field]}") if field in stated else ("preset", section.material)
-            found[key] = Quantity(name, value, printed, origin, how)
-    return found
+    return moved_by(scene)

@@ -17,6 +17,8 @@ from taichi_cloth.motion.simulation import Simulation
 from ...render.data.blocks import ParticleBlocks
 from ...render.data.particles import Particles
 from ...render.tiles.mesh import Mesh
+from ..prepare.construction import fabric_properties
+from ..prepare.sheet_setup import moved_by
 from ..prepare.weave_layout import Prepared
 from ..scene.schema import Scene
 from .facts import Fact, fabric_facts, yarn_facts
@@ -95,6 +97,8 @@ class MovingModel(ABC):
 
     def facts(self) -> list[Fact]:
         facts = self.cloth_facts()
+        if fabric_properties(self.scene) is not None:
+            facts += [Fact(q.name, q.shown, q.provenance) for q in moved_by(self.scene).values()]
         if self.fibres is not None:
             layout = self.fibres.prepared.layout
             facts += yarn_facts(layout.warp.yarn, "warp yarn") + fabric_facts(layout)

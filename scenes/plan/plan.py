@@ -44,8 +44,8 @@ class Plan:
 
 ORDER = (
     *("fibre lattice", "yarn", "hairs", "twist", "weave", "fibre blocks"),
-    *("body", "pattern", "sheet", "seams", "solver", "solver's cost", "pins", "wind", "strain limit", "contact"),
-    *("thin limbs", "cloth on cloth", "motion"),
+    *("body", "pattern", "sheet", "material", "seams", "solver", "solver's cost", "pins", "wind", "strain limit"),
+    *("contact", "thin limbs", "cloth on cloth", "motion"),
     *("light pass", "occlusion", "floor", "meshes", "splatter", "passes"),
 )
 """In which stages run."""

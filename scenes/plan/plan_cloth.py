@@ -8,10 +8,11 @@ from taichi_cloth.motion.forces import Forces
 from taichi_cloth.motion.solver import Solver
 from taichi_cloth.solvers.choice import Choice
 
-from ..prepare.sheet_setup import choice_of, forces_of, sheet_of, solver_of, standing_in
+from ..prepare.construction import fabric_properties, own_material
+from ..prepare.sheet_setup import choice_of, forces_of, moved_by, sheet_of, solver_of, standing_in
 from ..scene.schema import Scene
 
-__all__ = ["force_stages", "sheet_stages", "solver_stages", "thin_limbs"]
+__all__ = ["force_stages", "material_stage", "sheet_stages", "solver_stages", "thin_limbs"]
 
 THIN = "thin limbs"
 
@@ -60,20 +61,31 @@ def force_stages(forces: Forces) -> tuple[dict[str, str], dict[str, str]]:
     return built, {stage: f"the scene has no [forces.{key}]" for stage, key in keys.items() if stage not in built}
 
 
+def material_stage(scene: Scene) -> dict[str, str]:
+    """What a woven or a measured cloth moves by, each number with where it is from; nothing of a preset."""
+    if fabric_properties(scene) is None:
+        return {}
+    groups: dict[str, list[str]] = {}
+    for quantity in moved_by(scene).values():
+        groups.setdefault(quantity.provenance, []).append(f"{quantity.name} {quantity.shown}")
+    return {"material": "; ".join(f"{', '.join(named)} ({why})" for why, named in groups.items())}
+
+
 def sheet_stages(scene: Scene) -> tuple[dict[str, str], dict[str, str]]:
     """Stages that are built, with what of, and those left out, with why. Raises InputError as building would."""
     cloth = scene.cloth
     assert cloth is not None
-    sheet, forces = sheet_of(cloth, scene.solver), forces_of(scene.forces)
+    sheet, forces = sheet_of(cloth, scene.solver, own_material(scene)), forces_of(scene.forces)
     solver = solver_of(sheet, forces, scene.solver, frame_rate=float(scene.output.fps))
     s, material = sheet.springs, sheet.material
     law = "hinges" if s.law == "hinge" else "springs to second neighbours"
     built = {
         "sheet": (
             f"{cloth.rows} × {cloth.columns} key points, {1e3 * s.spacing_x:.1f} × {1e3 * s.spacing_y:.1f} mm apart, "
-            f"{cloth.material}, {1e3 * material.density:.0f} g/m²; bending by {law}"
+            f"{scene.material}, {1e3 * material.density:.0f} g/m²; bending by {law}"
         ),
     }
+    built |= material_stage(scene)
     built |= solver_stages(choice_of(sheet, forces, scene.solver), solver, scene)
     left: dict[str, str] = {}
     held = int(sheet.pinned.sum())

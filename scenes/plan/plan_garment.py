@@ -11,7 +11,7 @@ from ..prepare.sheet_setup import forces_of
 from ..prepare.weave_layout import Prepared
 from ..scene.cloth_schema import SolverSection
 from ..scene.schema import Scene
-from .plan_cloth import force_stages, solver_stages, thin_limbs
+from .plan_cloth import force_stages, material_stage, solver_stages, thin_limbs
 
 __all__ = ["garment_stages"]
 
@@ -31,13 +31,14 @@ def garment_stages(scene: Scene) -> tuple[dict[str, str], dict[str, str], int, S
         "body": f"{parts.body.name}, {100 * parts.body.stature:.0f} cm, {len(parts.body.vertices):,} vertices",
         "pattern": f"{pattern.name}: {len(pattern.panels)} panels, {len(pattern.seams)} seams, "
         f"{sum(p.area for p in pattern.panels):.2f} m²",
-        "sheet": f"{atlas.key_points:,} key points, {1e3 * a:.1f} × {1e3 * b:.1f} mm apart, {section.material}",
+        "sheet": f"{atlas.key_points:,} key points, {1e3 * a:.1f} × {1e3 * b:.1f} mm apart, {scene.material}",
         "seams": f"{len(parts.garment.seams()[0])} ties, {len(parts.garment.holds()[0])} to the body",
         "contact": f"{counted}, {section.gap_mm:g} mm kept, friction {section.friction:g}",
         "meshes": "the body" if section.representation == "fibre" else "the body and the garment",
     }
     if section.weaves:
         built["weaves"] = ", ".join(f"{name}: {draft}" for name, draft in section.weaves.items())
+    built |= material_stage(scene)
     built |= _solver(scene, parts.garment)
     left = {}
     if moves.name == "rest":

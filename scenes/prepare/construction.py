@@ -1,20 +1,23 @@
 """From a scene's words to the construction of its cloth, and what follows from it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from taichi_cloth.fabric.layout import FabricLayout, drawn_tex
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.mechanics.construction import Construction
 from taichi_cloth.mechanics.measured import measured_properties, read_measured
-from taichi_cloth.mechanics.properties import FabricProperties
+from taichi_cloth.mechanics.presets import PRESET_KEYS, preset_properties
+from taichi_cloth.mechanics.properties import FabricProperties, woven_properties
+from taichi_cloth.sheet.materials import MATERIALS, Material, named_material
 from taichi_cloth.weave.cloth_facts import ClothFacts, cloth_facts
 
-from ..scene.schema import FabricSection, Scene
+from ..scene.schema import WOVEN, FabricSection, Scene
+from .sett import sett_of
 from .weave_layout import yarns_for
 from .yarns import mechanics_of, repeat_of
 
-__all__ = ["Drawn", "construction_of", "drawn_of", "with_measured"]
+__all__ = ["Drawn", "construction_of", "drawn_of", "fabric_properties", "own_material", "with_measured"]
 
 
 def construction_of(scene: Scene, per_cm: tuple[float, float] | None = None) -> Construction:
@@ -42,6 +45,35 @@ def construction_of(scene: Scene, per_cm: tuple[float, float] | None = None) -> 
         balance=section.balance,
         finish=section.finish,
     )
+
+
+def fabric_properties(scene: Scene) -> FabricProperties | None:
+    """Of the cloth that moves, where it is woven or was measured; None of a preset as it stands. Raises InputError."""
+    section = scene.cloth or scene.garment
+    assert section is not None
+    if scene.material == WOVEN:
+        if scene.weave is None or scene.yarn is None or sett_of(scene) is None:
+            kind = "cloth" if scene.cloth else "garment"
+            raise InputError(
+                f'{kind}.material: "woven" needs [yarn], [weave], fabric.ends_per_cm and fabric.picks_per_cm, or a '
+                f".wif file that states its spacing; or name a preset: {', '.join(MATERIALS)}"
+            )
+        return with_measured(woven_properties(construction_of(scene)), section.measured)
+    named_material(scene.material)
+    return None if section.measured is None else with_measured(preset_properties(scene.material), section.measured)
+
+
+def own_material(scene: Scene) -> Material | None:
+    """What `fabric_properties` make of the sheet; None of a preset as it stands. Raises InputError."""
+    properties = fabric_properties(scene)
+    if properties is None:
+        return None
+    found = {field: properties[key].value / unit for key, (field, unit) in PRESET_KEYS.items()}
+    if scene.material == WOVEN:
+        return Material(**found)
+    preset = named_material(scene.material)
+    bent = {field for field in found if field.startswith(("drawn", "crimp")) and getattr(preset, field) == 0}
+    return replace(preset, **{field: value for field, value in found.items() if field not in bent})
 
 
 def with_measured(properties: FabricProperties, measured: str | None) -> FabricProperties:

@@ -25,6 +25,7 @@ from taichi_cloth.ground.cache import digest, kept
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.motion.forces import Forces
 from taichi_cloth.motion.simulation import Simulation
+from taichi_cloth.sheet.materials import Material
 from taichi_cloth.solvers.choice import Choice
 
 from ..scene.body_section import BodySection, prepare_body, prepare_motion
@@ -34,6 +35,7 @@ from ..scene.schema import FabricSection, Scene, WeavePatch
 from ..scene.section import PATTERN_FILE
 from .body_setup import grids_of, primitives_of
 from .cell_layout import prepare_cells
+from .construction import own_material
 from .sett import Sett, refuse, sett_of, spacing_on
 from .sheet_setup import choice_of, forces_of, material_of
 from .weave_layout import Prepared
@@ -87,16 +89,16 @@ def dressed_parts(scene: Scene) -> Parts:
         refuse(scene, scene.garment.follow, "garment")
     solver = (scene.solver or SolverSection()).model_dump_json()
     per_m = None if sett is None else (sett.ends, sett.picks)
-    return _parts(scene.garment.model_dump_json(), body, solver, per_m)
+    return _parts(scene.garment.model_dump_json(), body, solver, per_m, own_material(scene))
 
 
 @lru_cache(maxsize=4)
-def _parts(garment: str, body: str, solver: str, per_m: tuple[float, float] | None) -> Parts:
+def _parts(garment: str, body: str, solver: str, per_m: tuple[float, float] | None, own: Material | None) -> Parts:
     section, worn_by = GarmentSection.model_validate_json(garment), BodySection.model_validate_json(body)
     moved_by = SolverSection.model_validate_json(solver)
     figure = prepare_body(worn_by)
     grids = grids_of(figure) if worn_by.contact == "grid" else ()
-    made = garment_of(section, figure, moved_by, per_m)
+    made = garment_of(section, figure, moved_by, per_m, own)
     return Parts(figure, primitives_of(figure, worn_by.primitives), grids, made)
 
 
@@ -128,9 +130,10 @@ def garment_of(
     body: Body,
     solver: SolverSection | None = None,
     per_m: tuple[float, float] | None = None,
+    own: Material | None = None,
 ) -> Garment:
-    """A pattern, fitted to the body and cut. solver: see `material_of`. per_m: ends and picks a metre, whole numbers of
-    which are to fit between key points. Raises InputError."""
+    """A pattern, fitted to the body and cut. solver, own: see `material_of`. per_m: ends and picks a metre, whole
+    numbers of which are to fit between key points. Raises InputError."""
     figure = figure_of(body)
     pattern: Pattern
     if PATTERN_FILE.fits(section.pattern):
@@ -151,7 +154,7 @@ def garment_of(
     spacing = spacing_for(pattern, section.key_points)
     if per_m is not None:
         spacing = spacing_on(per_m, spacing)[0]
-    return Garment(pattern, cut(pattern, spacing), material_of(section, solver))
+    return Garment(pattern, cut(pattern, spacing), material_of(section, solver, own))
 
 
 def woven_garment(scene: Scene, atlas: Atlas) -> Scene:

@@ -11,6 +11,9 @@ from scipy.special import j0
 
 from taichi_cloth.constraints.constraints_for import constraints_for
 from taichi_cloth.ground.errors import InputError
+from taichi_cloth.mechanics.presets import PRESET_KEYS
+from taichi_cloth.mechanics.properties import BANDS
+from taichi_cloth.mechanics.quantity import Quantity
 from taichi_cloth.motion.forces import Forces, Plane, SelfContact, Sphere, StrainLimit, Wind
 from taichi_cloth.motion.simulation import Simulation
 from taichi_cloth.motion.solver import Solver
@@ -24,6 +27,7 @@ from taichi_cloth.solvers.named import named_solver
 from ..scene.cloth_schema import BodyPinSection, ClothSection, ForcesSection, PinsSection, SolverSection
 from ..scene.garment_schema import GarmentSection
 from ..scene.schema import FabricSection, Scene
+from .construction import fabric_properties, own_material
 
 if TYPE_CHECKING:  # only a scene with a body loads it
     from .body_setup import Standing
@@ -32,6 +36,7 @@ __all__ = [
     "choice_of",
     "forces_of",
     "material_of",
+    "moved_by",
     "sheet_of",
     "sheet_simulation",
     "solver_of",
@@ -73,22 +78,44 @@ def woven_scene(scene: Scene) -> Scene:
     )
 
 
-def material_of(cloth: ClothSection | GarmentSection, solver: SolverSection | None = None) -> Material:
-    """The preset with what the scene changes. Threads whose stiffness a scene names are linear unless it says from when
-    on they get stiffer; where it names Verlet, which has springs of one stiffness, those of the preset are too.
-    Raises InputError."""
+def material_of(
+    cloth: ClothSection | GarmentSection, solver: SolverSection | None = None, own: Material | None = None
+) -> Material:
+    """What the cloth is woven of, or the preset, with what the scene changes. Threads whose stiffness a scene names are
+    linear unless it says from when on they get stiffer; where it names Verlet, which has springs of one stiffness, all
+    are. own: `own_material` of the scene. Raises InputError."""
     given = {UNITS[k][0]: UNITS[k][1] * v for k, v in cloth.properties.model_dump().items() if v is not None}
-    preset = named_material(cloth.material)
+    preset = named_material(cloth.material or "cotton-shirting") if own is None else own
     for family in ("warp", "weft"):
         if f"tensile_{family}" in given or (solver is not None and solver.name == "verlet"):
             preset = replace(preset, **{f"drawn_{family}": 0.0, f"crimp_{family}": 0.0})
     return replace(preset, **given)
 
 
-def sheet_of(cloth: ClothSection, solver: SolverSection | None = None) -> Sheet:
-    """The sheet with its springs and pins. solver: see `material_of`. Raises InputError where no springs make such a
-    sheet."""
-    material = material_of(cloth, solver)
+def moved_by(scene: Scene) -> dict[str, Quantity]:
+    """What the cloth of a scene moves by, each number with who says so, by the keys of `mechanics.properties`. Raises
+    InputError."""
+    section = scene.cloth or scene.garment
+    assert section is not None
+    own, properties = own_material(scene), fabric_properties(scene)
+    material = material_of(section, scene.solver, own)
+    stated = {UNITS[key][0]: key for key, value in section.properties.model_dump().items() if value is not None}
+    found = {}
+    for key, (field, unit) in PRESET_KEYS.items():
+        value = unit * getattr(material, field)
+        name, printed, _ = BANDS[key]
+        if field in stated:
+            found[key] = Quantity(name, value, printed, "stated", f"properties.{stated[field]}")
+        elif value > 0 or not field.startswith(("drawn", "crimp")):  # 0: threads stay as stiff as they are at first
+            preset = Quantity(name, value, printed, "preset", f"preset {scene.material}")
+            found[key] = preset if properties is None else properties[key]
+    return found
+
+
+def sheet_of(cloth: ClothSection, solver: SolverSection | None = None, own: Material | None = None) -> Sheet:
+    """The sheet with its springs and pins. solver, own: see `material_of`. Raises InputError where no springs make such
+    a sheet."""
+    material = material_of(cloth, solver, own)
     springs = calibrate(
         material,
         spacing_x=cloth.width_m / (cloth.columns - 1),
@@ -154,7 +181,7 @@ def sheet_simulation(scene: Scene, body: "Standing | None" = None) -> Simulation
     """The scene's sheet, ready to move by one frame of the video at a time. body: `standing_in` of the same scene."""
     cloth = scene.cloth
     assert cloth is not None
-    sheet, forces = sheet_of(cloth, scene.solver), forces_of(scene.forces)
+    sheet, forces = sheet_of(cloth, scene.solver, own_material(scene)), forces_of(scene.forces)
     if body is not None:
         forces = replace(forces, body=body.colliders)
     positions = start_of(cloth, seed=scene.seed)

@@ -1,6 +1,6 @@
 """The sections of a scene whose cloth moves: the sheet, what holds it, what acts on it, and how it is solved."""
 
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, field_validator, model_validator
 
@@ -9,7 +9,7 @@ from taichi_cloth.fabric.follow_rule import FollowRule
 from taichi_cloth.ground.errors import did_you_mean
 from taichi_cloth.sheet.springs import BendingLaw
 
-from .section import Positive, Section, Share
+from .section import MEASURED_FILE, Positive, Section, Share
 
 __all__ = ["BodyPinSection", "ClothSection", "ForcesSection", "PinsSection", "SolverSection"]
 
@@ -87,7 +87,14 @@ class ClothSection(Section):
     threads_per_key_point: int = Field(
         default=1, ge=1, le=1000, description="threads woven for each key point where no sett is stated in [fabric]"
     )
-    material: str = Field(default="cotton-shirting", description="a preset, such as silk-habotai, wool-suiting, denim")
+    material: str | None = Field(
+        default=None,
+        description="woven, of [yarn], [weave] and their sett, or a preset, such as silk-habotai, wool-suiting, denim; "
+        "default: woven where fabric.ends_per_cm and picks_per_cm are stated, else cotton-shirting",
+    )
+    measured: Annotated[str | None, MEASURED_FILE] = Field(
+        default=None, description="a .toml file of properties as KES, FAST or a cantilever measure them, in their place"
+    )
     properties: PropertiesSection = PropertiesSection()
     bending: BendingLaw = Field(default="hinge", description='"spring" is the paper\'s')
     follow: FollowRule = Field(default="smooth", description='how fibres follow key points; "paper": in world axes')

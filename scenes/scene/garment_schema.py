@@ -7,7 +7,7 @@ from pydantic import Field
 from taichi_cloth.fabric.follow_rule import FollowRule
 
 from .cloth_schema import PropertiesSection
-from .section import DRAFT_FILE, PATTERN_FILE, PICTURE_FILE, Positive, Section
+from .section import DRAFT_FILE, MEASURED_FILE, PATTERN_FILE, PICTURE_FILE, Positive, Section
 
 __all__ = ["GarmentSection", "PanelColours", "PrintSection"]
 
@@ -42,7 +42,14 @@ class GarmentSection(Section):
     length_cm: Positive | None = Field(default=None, description="from the neck's side or the waist to the hem [cm]")
     sleeve_cm: Positive | None = Field(default=None, description="from the underarm to the sleeve's hem [cm]")
     flare: Positive | None = Field(default=None, description="girth of the hem over that of the hip")
-    material: str = Field(default="cotton-shirting", description="a preset, such as silk-habotai, wool-suiting, denim")
+    material: str | None = Field(
+        default=None,
+        description="woven, of [yarn], [weave] and their sett, or a preset, such as silk-habotai, wool-suiting, denim; "
+        "default: woven where fabric.ends_per_cm and picks_per_cm are stated, else cotton-shirting",
+    )
+    measured: Annotated[str | None, MEASURED_FILE] = Field(
+        default=None, description="a .toml file of properties as KES, FAST or a cantilever measure them, in their place"
+    )
     properties: PropertiesSection = PropertiesSection()
     friction: float = Field(default=0.3, ge=0, le=5, description="between cloth and skin")
     gap_mm: float = Field(default=4.0, ge=0, le=30, description="kept between the body and the key points [mm]")

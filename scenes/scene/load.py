@@ -66,7 +66,8 @@ def load_scene(name: str, overrides: list[str] | None = None) -> Scene:
     """A built-in scene by name or a TOML file by path, with `key=value` overrides as on the command line.
 
     A WIF file brings its own size, colours, spacing and thickness: when `weave.draft` is overridden with one, what
-    the scene says of these for its own draft is dropped; further overrides still hold.
+    the scene says of these for its own draft is dropped; further overrides still hold. Likewise a cloth or garment
+    whose sett is overridden is woven, and no longer of the scene's material.
     Raises InputError, one line: which file, key and value, what is allowed, and the nearest right spelling.
 
     >>> load_scene("swatch", ["weave.draft=satin-5", "output.views=4"]).output.views
@@ -83,6 +84,8 @@ def load_scene(name: str, overrides: list[str] | None = None) -> Scene:
                 _drop(data, section, keys)
         if f"{section}.count" in given:
             _drop(data, section, ("plies",))  # it says them
+    if all(f"fabric.{key}" in given for key in ("ends_per_cm", "picks_per_cm")):
+        _forget_material(data)
     for text in overrides or []:
         _override(data, text)
     for name, table, key in files_named(data) if folder else ():
@@ -99,6 +102,15 @@ def _names(given: Mapping[str, str], key: str, file: NamesFile) -> bool:
 def _said(given: Mapping[str, str], name: str) -> bool:
     """Whether an override states a key, by itself or with the table it is in."""
     return any(f"{name}.".startswith(f"{other}.") for other in given)
+
+
+def _forget_material(data: dict[str, Any]) -> None:
+    """A cloth or garment whose sett is overridden is another cloth: what the scene says of its own material goes."""
+    for section in ("cloth", "garment"):
+        _drop(data, section, ("material", "measured"))
+        if isinstance(data.get(section), dict) and isinstance(data[section].get("properties"), dict):
+            kept = {key: value for key, value in data[section]["properties"].items() if "damping" in key}
+            data[section] = data[section] | {"properties": kept}
 
 
 def _drop(data: dict[str, Any], section: str, keys: tuple[str, ...]) -> None:

@@ -21,6 +21,7 @@ from .garment_schema import GarmentSection
 from .section import DRAFT_FILE, SPRITE_FILE, Positive, Section, Share
 
 __all__ = [
+    "WOVEN",
     "Camera",
     "FabricSection",
     "Fibre",
@@ -34,6 +35,9 @@ __all__ = [
     "Weave",
     "YarnSection",
 ]
+
+WOVEN = "woven"
+"""The material of a cloth whose properties follow from its yarns and weave."""
 
 Subject = Literal["fibre", "yarn", "twist", "fabric", "cloth", "garment"]
 
@@ -322,6 +326,15 @@ class Scene(Section):
                 "make; say these"
             )
         return self
+
+    @property
+    def material(self) -> str:
+        """Of what moves: as stated, or what [yarn], [weave] and a sett make."""
+        section = self.cloth or self.garment
+        if section is not None and section.material is not None:
+            return section.material
+        sett = self.fabric is not None and None not in (self.fabric.ends_per_cm, self.fabric.picks_per_cm)
+        return WOVEN if self.weave is not None and self.yarn is not None and sett else "cotton-shirting"
 
     @property
     def subject(self) -> Subject:

@@ -8,6 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field
 __all__ = [
     "BODY_FILE",
     "DRAFT_FILE",
+    "MEASURED_FILE",
     "MOTION_FILE",
     "PATTERN_FILE",
     "PICTURE_FILE",
@@ -44,6 +45,7 @@ DRAFT_FILE = NamesFile((".wif",))
 SPRITE_FILE = NamesFile((".png",))
 PATTERN_FILE = NamesFile((".json",))
 PICTURE_FILE = NamesFile()
+MEASURED_FILE = NamesFile()
 BODY_FILE = NamesFile((".obj", ".ply", ".glb", ".stl"))
 MOTION_FILE = NamesFile((".bvh",))
 PRIMITIVES_FILE = NamesFile()
