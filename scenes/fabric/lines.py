@@ -109,6 +109,6 @@ def _properties(ticket: Ticket) -> list[tuple[str, ...]]:
     rows = [("", "from the construction", "", "drawn", "simulated" if ticket.simulated else "")]
     for key, quantity in ticket.properties.items():
         moves = ticket.simulated.get(key)
-        shown = "" if moves is None else f"{moves.shown} ({moves.origin}, {moves.how})"
+        shown = "" if moves is None else f"{moves.shown} ({moves.provenance})"
         rows.append((quantity.name, quantity.shown, quantity.provenance, drawn.get(key, ""), shown))
     return rows

@@ -79,13 +79,15 @@ def sheet_stages(scene: Scene) -> tuple[dict[str, str], dict[str, str]]:
     solver = solver_of(sheet, forces, scene.solver, frame_rate=float(scene.output.fps))
     s, material = sheet.springs, sheet.material
     law = "hinges" if s.law == "hinge" else "springs to second neighbours"
+    stated = material_stage(scene)
+    weight = "" if stated else f", {1e3 * material.density:.0f} g/m²"
     built = {
         "sheet": (
             f"{cloth.rows} × {cloth.columns} key points, {1e3 * s.spacing_x:.1f} × {1e3 * s.spacing_y:.1f} mm apart, "
-            f"{scene.material}, {1e3 * material.density:.0f} g/m²; bending by {law}"
+            f"{scene.material}{weight}; bending by {law}"
         ),
     }
-    built |= material_stage(scene)
+    built |= stated
     built |= solver_stages(choice_of(sheet, forces, scene.solver), solver, scene)
     left: dict[str, str] = {}
     held = int(sheet.pinned.sum())

@@ -4,10 +4,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from taichi_cloth.fabric.layout import FabricLayout, drawn_tex
-from taichi_cloth.ground.errors import InputError
+from taichi_cloth.ground.errors import InputError, did_you_mean
 from taichi_cloth.mechanics.construction import Construction
 from taichi_cloth.mechanics.measured import measured_properties, read_measured
-from taichi_cloth.mechanics.presets import PRESET_KEYS, preset_properties
+from taichi_cloth.mechanics.presets import PRESET_KEYS, TRADE, preset_properties
 from taichi_cloth.mechanics.properties import FabricProperties, woven_properties
 from taichi_cloth.sheet.materials import MATERIALS, Material, named_material
 from taichi_cloth.weave.cloth_facts import ClothFacts, cloth_facts
@@ -59,8 +59,13 @@ def fabric_properties(scene: Scene) -> FabricProperties | None:
                 f".wif file that states its spacing; or name a preset: {', '.join(MATERIALS)}"
             )
         return with_measured(woven_properties(construction_of(scene)), section.measured)
-    named_material(scene.material)
-    return None if section.measured is None else with_measured(preset_properties(scene.material), section.measured)
+    if scene.material not in TRADE:
+        known = ", ".join((WOVEN, *TRADE))
+        hint = did_you_mean(scene.material, (WOVEN, *TRADE))
+        raise InputError(f"material: unknown material {scene.material!r}; known: {known}{hint}")
+    if scene.material in MATERIALS and section.measured is None:
+        return None
+    return with_measured(preset_properties(scene.material), section.measured)
 
 
 def own_material(scene: Scene) -> Material | None:
@@ -69,7 +74,7 @@ def own_material(scene: Scene) -> Material | None:
     if properties is None:
         return None
     found = {field: properties[key].value / unit for key, (field, unit) in PRESET_KEYS.items()}
-    if scene.material == WOVEN:
+    if scene.material not in MATERIALS:
         return Material(**found)
     preset = named_material(scene.material)
     bent = {field for field in found if field.startswith(("drawn", "crimp")) and getattr(preset, field) == 0}

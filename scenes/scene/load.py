@@ -13,11 +13,12 @@ from pydantic import BaseModel, ValidationError
 
 from taichi_cloth.ground.errors import InputError, did_you_mean
 from taichi_cloth.ground.files import read_text, shown_path
+from taichi_cloth.mechanics.presets import TRADE, trade_sections
 from taichi_cloth.weave.colour_order import colour
 
 from ...render.data.finish import finish_for
 from .scene_files import files_named
-from .schema import Scene
+from .schema import WOVEN, Scene
 from .section import DRAFT_FILE, SPRITE_FILE, NamesFile
 
 __all__ = ["built_in_scenes", "load_scene", "make_scene"]
@@ -125,14 +126,33 @@ def make_scene(data: dict[str, Any], where: str = "scene") -> Scene:
     if _longest(data) > LONGEST_LIST:
         raise InputError(f"{where}: a list of {_longest(data):,} values; allowed: up to {LONGEST_LIST:,}")
     try:
-        scene = Scene.model_validate(data)
+        scene = Scene.model_validate(_with_construction(data))
+        _check_names(scene)
     except ValidationError as error:
         raise InputError(f"{where}: {_line(error)}") from None
-    try:
-        _check_names(scene)
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
     return scene
+
+
+def _with_construction(data: dict[str, Any]) -> dict[str, Any]:
+    """The data of a cloth or garment whose fibres are drawn and that names a material known to the trade and no [yarn]:
+    what it does not say of fibre, yarn, weave and sett is that material's."""
+    for section in ("cloth", "garment"):
+        said = data.get(section)
+        if not isinstance(said, dict) or said.get("representation", "fibre") != "fibre" or "yarn" in data:
+            continue
+        material = said.get("material")
+        if isinstance(material, str) and material not in (WOVEN, *TRADE):
+            known = (WOVEN, *TRADE)
+            hint = did_you_mean(material[:100], known)
+            raise InputError(f"{section}.material: {_short(material)}; known: {', '.join(known)}{hint}")
+        if material in TRADE:
+            brought = trade_sections(material)
+            own = {key: data.get(key, {}) for key in brought}
+            if all(isinstance(value, dict) for value in own.values()):
+                return {**data, **{key: {**brought[key], **own[key]} for key in brought}}
+    return data
 
 
 def _longest(data: Any) -> int:

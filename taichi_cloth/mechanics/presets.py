@@ -19,7 +19,15 @@ from taichi_cloth.weave.draft import named_weave
 from taichi_cloth.yarn.count import parse_count
 from taichi_cloth.yarn.yarn import Yarn, turns_per_m
 
-__all__ = ["PRESET_KEYS", "TRADE", "TradeCloth", "named_construction", "preset_properties", "yarn_of_count"]
+__all__ = [
+    "PRESET_KEYS",
+    "TRADE",
+    "TradeCloth",
+    "named_construction",
+    "preset_properties",
+    "trade_sections",
+    "yarn_of_count",
+]
 
 INCH = 2.54  # cm
 
@@ -190,6 +198,26 @@ def named_construction(name: str) -> Construction:
         flattening=cloth.flattening or FLATTENING[fibre.form],
         finish=cloth.finish,
     )
+
+
+def trade_sections(name: str) -> dict[str, dict[str, object]]:
+    """A cloth of the trade in the words of a scene: sections, each with the keys that make it. Raises InputError."""
+    made = named_construction(name)
+    cloth = TRADE[name]
+    yarn: dict[str, object] = {"count": cloth.warp, "twist_multiplier": cloth.twist_multiplier}
+    sections: dict[str, dict[str, object]] = {
+        "fibre": {"kind": cloth.fibre},
+        "yarn": yarn,
+        "weave": {"draft": cloth.weave},
+        "fabric": {
+            "ends_per_cm": cloth.ends_per_cm,
+            "picks_per_cm": cloth.picks_per_cm,
+            "flattening": made.flattening,
+            "balance": round(made.resting_balance, 3),
+            "finish": cloth.finish,
+        },
+    }
+    return sections if cloth.weft == cloth.warp else {**sections, "weft_yarn": {**yarn, "count": cloth.weft}}
 
 
 PRESET_KEYS: Mapping[str, tuple[str, float]] = MappingProxyType(

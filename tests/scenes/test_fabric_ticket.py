@@ -99,7 +99,7 @@ def test_a_moving_cloth_shows_what_it_moves_by_beside_what_it_is_woven_of() -> N
     assert ticket.simulated["areal_density"].origin == "preset"
     assert (ticket.piece.length.size, ticket.piece.width.size) == (1.0, 1.0)
     shown = "\n".join(ticket_lines(ticket))
-    assert "115 g/m² (preset, cotton-shirting)" in shown
+    assert "115 g/m² (preset cotton-shirting)" in shown
     assert "note: no yarn.count is stated" in shown
 
 

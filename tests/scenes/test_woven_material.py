@@ -135,3 +135,28 @@ def test_the_sheet_has_the_mass_of_the_cloth_it_is_woven_of() -> None:
     assert scene.cloth is not None
     sheet: Sheet = sheet_of(scene.cloth, scene.solver, own_material(scene))
     assert float(sheet.mass.sum()) == pytest.approx(1e-3 * construction_of(scene).areal_density, rel=1e-6)
+
+
+def test_a_material_alone_brings_its_yarn_weave_and_sett() -> None:
+    scene = make_scene(
+        {"cloth": {"material": "silk-habotai", "width_m": 0.3, "length_m": 0.3, "columns": 31, "rows": 31}}
+    )
+    prepared = plan(scene).prepared
+    assert prepared is not None
+    assert scene.fibre.kind == "silk"
+    assert own_material(scene) is None
+    assert drawn_density(prepared.layout) == pytest.approx(named_material("silk-habotai").density, rel=0.01)
+    dyed = make_scene({"weave": {"warp_colours": "navy"}, "cloth": {"material": "silk-habotai"}})
+    assert dyed.weave is not None
+    assert (dyed.weave.draft, dyed.weave.warp_colours) == ("plain", "navy")
+    assert make_scene({"cloth": {"material": "silk-habotai", "representation": "mesh"}}).weave is None
+
+
+def test_a_cloth_of_the_trade_is_a_material() -> None:
+    scene = make_scene({"cloth": {"material": "poplin", "columns": 31, "rows": 31}})
+    own = own_material(scene)
+    assert own is not None
+    assert own.density == pytest.approx(0.128, rel=0.05)
+    assert moved_by(scene)["shear"].origin == "woven"
+    with pytest.raises(InputError, match=r'cloth.material: \'popln\'; known: woven, cotton-shirting.*mean "poplin"'):
+        make_scene({"cloth": {"material": "popln"}})
