@@ -79,6 +79,29 @@ round 2 to 3 %: close setts put the wave into the warp. The stiffness of straigh
 preset's, which stands for a thinner silk of 44 g/m².
 """
 
+SCENES = """
+## In a scene
+
+A cloth or garment that states `fabric.ends_per_cm` and `fabric.picks_per_cm` and no `material` is woven: it moves by
+what follows from `[fibre]`, `[yarn]`, `[weave]` and that sett. A `material` alone, without `[yarn]`, brings its yarn,
+weave and sett; `poplin`, `sheeting`, `habotai-8mm`, `denim-12oz` and `wool-flannel` are materials too. Each number
+can be stated (`cloth.properties.shear_n_per_m`) or measured, in a file that names the method and is named by
+`cloth.measured`:
+
+    source = "our laboratory, cloth 17"
+
+    [kes]                           # Kawabata's KES-F, in its own units
+    bending_warp = 0.09             # B [gf·cm²/cm]
+    bending_hysteresis_warp = 0.08  # 2HB [gf·cm/cm]
+    shear = 1.2                     # G [gf/(cm·deg)]
+
+    [cantilever]                    # [fast], [tensile] and [other] as well
+    bending_length_weft = 18        # c [mm]
+
+`taichi-cloth plan` and `taichi-cloth fabric` say of each number whether it is woven, measured, a preset's or stated.
+Bending's couple, torsion, shear's hysteresis and locking are on the ticket; the springs do not have them yet.
+"""
+
 TRADE_TITLE = """
 ## Weights the trade knows
 """
@@ -91,7 +114,7 @@ def table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> list[str]:
 
 
 def pair(row: Compared, key: str) -> str:
-    """Predicted / measured, bold where it misses."""
+    """Predicted / measured, marked where it misses."""
     if key not in row.values:
         return ""
     predicted, measured = row.values[key]
@@ -123,6 +146,11 @@ def rates(rows: list[Compared]) -> list[str]:
     return lines
 
 
+def digits(value: float) -> str:
+    """Three digits, without powers of ten."""
+    return f"{float(f'{value:.3g}'):,.10g}"
+
+
 def preset_rows() -> list[list[str]]:
     """Of each preset: woven / preset, property by property."""
     out = []
@@ -132,7 +160,7 @@ def preset_rows() -> list[list[str]]:
         for key, (field, unit) in PRESET_KEYS.items():
             quantity, value = woven[key], unit * getattr(preset, field)
             band = BANDS[key][2].limits(quantity.value)
-            cells.append(f"{quantity.value:.3g} / {value:.3g}" + ("" if band[0] <= value <= band[1] else " ✗"))
+            cells.append(f"{digits(quantity.value)} / {digits(value)}" + ("" if band[0] <= value <= band[1] else " ✗"))
         kes = [f"{woven[key].value / unit:.2g}" for key, unit in GF.items()]
         bending, shear, weight = USUAL[name]
         cells.append(f"B {kes[0]}, {kes[1]} [{bending}], G {kes[2]} [{shear}], g/m² [{weight}]")
@@ -159,7 +187,8 @@ def page(path: Path) -> str:
             [f"`{name}`", cloth.title, f"{made.areal_density:.0f} / {cloth.weight:g} g/m² ({off:+.1f} %)", crimp]
         )
     lines += table(("", "cloth", "predicted / known", "crimp, warp and weft"), trade)
-    return "\n".join(lines) + "\n"
+    lines.append(SCENES)
+    return "\n".join(lines)
 
 
 def main() -> None:

@@ -63,7 +63,7 @@ def compared(row: Mapping[str, str]) -> Compared:
         measured["bending"] = (pair[0] + pair[1]) / 2.0
     predicted = _predicted(made, measured["mass"]) if made is not None else {}
     if how == "inferred":  # found from these two
-        predicted.pop("mass"), predicted.pop("thickness")
+        del predicted["mass"], predicted["thickness"]
     found = {key: (predicted.get(key), value) for key, value in measured.items() if value is not None}
     return Compared(row["id"], row["name"], how, found)
 
