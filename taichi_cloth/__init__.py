@@ -30,6 +30,9 @@ if TYPE_CHECKING:
     from taichi_cloth.fabric.woven import weave_fabric
     from taichi_cloth.ground.errors import InputError, Unstable
     from taichi_cloth.ground.runtime import start
+    from taichi_cloth.mechanics.construction import Construction
+    from taichi_cloth.mechanics.presets import named_construction
+    from taichi_cloth.mechanics.properties import woven_properties
     from taichi_cloth.render.image.image import write_png
     from taichi_cloth.scenes.models.build import build
     from taichi_cloth.scenes.picture.view import View
@@ -40,6 +43,7 @@ if TYPE_CHECKING:
     from taichi_cloth.yarn.yarn import Yarn
 
 __all__ = [
+    "Construction",
     "InputError",
     "Unstable",
     "View",
@@ -48,15 +52,18 @@ __all__ = [
     "build",
     "built_in_scenes",
     "load_scene",
+    "named_construction",
     "named_weave",
     "plan",
     "read_wif",
     "start",
     "weave_fabric",
+    "woven_properties",
     "write_png",
 ]
 
 _ROOMS = {
+    "Construction": "mechanics.construction",
     "InputError": "ground.errors",
     "Unstable": "ground.errors",
     "View": "scenes.picture.view",
@@ -64,11 +71,13 @@ _ROOMS = {
     "build": "scenes.models.build",
     "built_in_scenes": "scenes.scene.load",
     "load_scene": "scenes.scene.load",
+    "named_construction": "mechanics.presets",
     "named_weave": "weave.draft",
     "plan": "scenes.plan.plan",
     "read_wif": "weave.wif",
     "start": "ground.runtime",
     "weave_fabric": "fabric.woven",
+    "woven_properties": "mechanics.properties",
     "write_png": "render.image.image",
 }
 """Name to the module it lives in."""

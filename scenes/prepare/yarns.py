@@ -6,7 +6,7 @@ import numpy as np
 
 from taichi_cloth.fibre.contours import FIBRES, FibreKind
 from taichi_cloth.ground.errors import InputError, did_you_mean
-from taichi_cloth.mechanics.fibre_mechanics import FibreMechanics, fibre_mechanics
+from taichi_cloth.mechanics.fibre_mechanics import FibreMechanics, blend, fibre_mechanics
 from taichi_cloth.weave.colour_order import coloured
 from taichi_cloth.weave.draft import Draft, named_weave, tile
 from taichi_cloth.weave.wif import read_wif
@@ -24,12 +24,15 @@ LARGEST_COUNT_TEX = 10_000.0
 
 
 def fibre_kind(scene: Scene) -> FibreKind:
-    """The scene's fibre. Raises InputError for a kind that is not known."""
+    """The scene's fibre; of a blend its kind is what is drawn. Raises InputError for a kind that is not known."""
     kind = scene.fibre.kind
     if kind not in FIBRES:
         raise InputError(f"fibre.kind: unknown fibre {kind!r}; known: {', '.join(FIBRES)}{did_you_mean(kind, FIBRES)}")
-    own = scene.fibre.fineness_dtex
-    return FIBRES[kind] if own is None else replace(FIBRES[kind], fineness_dtex=own)
+    found, own = FIBRES[kind], scene.fibre.fineness_dtex
+    if scene.fibre.blend:
+        mixed = _blended(scene)
+        found = replace(found, density_kg_m3=1e3 * mixed.density, fineness_dtex=10.0 * mixed.fineness)
+    return found if own is None else replace(found, fineness_dtex=own)
 
 
 def yarn_of(section: YarnSection, fibre: FibreKind, *, diameter: float | None = None) -> Yarn:
@@ -70,9 +73,24 @@ def yarn_of(section: YarnSection, fibre: FibreKind, *, diameter: float | None = 
 def mechanics_of(section: YarnSection, scene: Scene) -> FibreMechanics:
     """What a yarn's fibres are when they are bent and pulled; spun or of filaments as its count says, else as is usual
     of the fibre. Raises InputError."""
-    fibre = fibre_mechanics(fibre_kind(scene).name)
+    own = scene.fibre
+    fibre = _blended(scene) if own.blend else fibre_mechanics(fibre_kind(scene).name)
     form = parse_count(section.count).form if section.count is not None else None
-    return replace(fibre, form=form) if form else fibre
+    stated = {
+        "form": form,
+        "modulus": own.modulus_n_per_tex,
+        "flexural": own.flexural_mn_mm2_per_tex2,
+        "friction": own.friction,
+    }
+    return replace(fibre, **{key: value for key, value in stated.items() if value is not None})
+
+
+def _blended(scene: Scene) -> FibreMechanics:
+    """The blend that a scene states. Raises InputError."""
+    try:
+        return blend([(share, fibre_mechanics(name)) for name, share in scene.fibre.blend.items()])
+    except InputError as error:
+        raise InputError(f"fibre.blend: {str(error).removeprefix('fibre: ')}") from None
 
 
 def draft_of(weave: Weave) -> Draft:

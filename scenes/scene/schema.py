@@ -52,6 +52,14 @@ class Fibre(Section):
     fineness_dtex: Positive | None = Field(
         default=None, description="linear density of one fibre [dtex]; default: what is usual of its kind"
     )
+    blend: dict[str, Positive] = Field(
+        default={}, description="shares of the mass of what it is spun of, such as {cotton = 65, polyester = 35}"
+    )
+    modulus_n_per_tex: Positive | None = Field(default=None, description="of the fibre in tension [N/tex]")
+    flexural_mn_mm2_per_tex2: Positive | None = Field(
+        default=None, description="specific flexural rigidity of the fibre [mN·mm²/tex²]; default: that of its kind"
+    )
+    friction: Positive | None = Field(default=None, description="of its yarns on one another; default: its kind's")
     length_um: float = Field(default=240.0, gt=0, le=1e5, description="length of the fibre shown [µm]")
     spacing_um: float = Field(default=0.7, gt=0, description="distance between lattice particles [µm]")
     jitter: float = Field(default=0.3, ge=0, le=1, description="largest perturbation, in fractions of the spacing")

@@ -160,3 +160,18 @@ def test_a_cloth_of_the_trade_is_a_material() -> None:
     assert moved_by(scene)["shear"].origin == "woven"
     with pytest.raises(InputError, match=r'cloth.material: \'popln\'; known: woven, cotton-shirting.*mean "poplin"'):
         make_scene({"cloth": {"material": "popln"}})
+
+
+def test_a_blend_and_ones_own_fibre_data_reach_the_cloth() -> None:
+    cotton = construction_of(shirting())
+    mixed = construction_of(make_scene(SHIRTING | {"fibre": {"blend": {"cotton": 65, "polyester": 35}}}))
+    assert mixed.warp_fibre.name == "cotton 65 polyester 35"
+    assert mixed.warp.fibre_density == pytest.approx(1 / (0.65 / 1520 + 0.35 / 1380))
+    assert mixed.warp_fibre.flexural == pytest.approx(0.65 * 0.19 + 0.35 * 0.42)
+    own = {"modulus_n_per_tex": 6.0, "flexural_mn_mm2_per_tex2": 0.38, "friction": 0.36, "fineness_dtex": 0.85}
+    stiff = construction_of(make_scene(SHIRTING | {"fibre": own}))
+    found = (stiff.warp_fibre.modulus, stiff.warp_fibre.flexural, stiff.families[0].single_fibre)
+    assert found == pytest.approx((6.0, 0.38, 0.085))
+    assert stiff.areal_density == pytest.approx(cotton.areal_density)
+    with pytest.raises(InputError, match=r"fibre.blend: unknown fibre 'coton'; known: .*did you mean \"cotton\""):
+        construction_of(make_scene(SHIRTING | {"fibre": {"blend": {"coton": 65}}}))
