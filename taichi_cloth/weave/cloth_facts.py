@@ -49,7 +49,8 @@ def cover_factor(threads_per_cm: float, tex: float) -> float:
 
 
 def cloth_cover(k1: float, k2: float) -> float:
-    """Cover factor of the cloth, Kc = k1 + k2 - k1 k2 / 28; 28 is a cloth without holes."""
+    """Cover factor of the cloth, Kc = k1 + k2 - k1 k2 / 28; 28 is a cloth without holes, whoever closes them."""
+    k1, k2 = min(k1, 28.0), min(k2, 28.0)
     return k1 + k2 - k1 * k2 / 28
 
 

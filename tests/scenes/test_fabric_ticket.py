@@ -129,3 +129,26 @@ def test_a_draft_file_has_a_ticket_as_json(capsys: pytest.CaptureFixture[str], t
 def test_a_scene_without_a_weave_has_no_ticket(capsys: pytest.CaptureFixture[str]) -> None:
     assert command_line._status(["fabric", "yarn"]) == 2
     assert "a scene of a yarn has no [weave]" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("count", ["0.5 tex", "5000 tex", "20 den"])
+@pytest.mark.parametrize("sett", [(0.1, 300.0), (60.0, 60.0)])
+@pytest.mark.parametrize("weave", ["plain", "twill-7/1"])
+def test_cloth_that_nobody_would_weave_still_has_finite_numbers(
+    count: str, sett: tuple[float, float], weave: str
+) -> None:
+    """All jammed, or all holes: what follows is no cloth, but numbers that are finite and not negative."""
+    scene = make_scene(
+        {
+            "yarn": {"count": count},
+            "weave": {"draft": weave, "ends": 8, "picks": 8},
+            "fabric": {"ends_per_cm": sett[0], "picks_per_cm": sett[1], "balance": 0.05},
+        }
+    )
+    ticket = ticket_of(scene, PieceAsked(1.0, 1.0, (50.0, 0.0)))
+    for quantity in ticket.properties.values():
+        assert np.isfinite(quantity.value), quantity
+        assert quantity.value >= 0, quantity
+    for family in ("warp", "weft"):
+        assert ticket.properties[f"tensile_{family}"].value <= ticket.properties[f"drawn_{family}"].value
+    assert list(ticket_lines(ticket))
