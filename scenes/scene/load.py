@@ -143,15 +143,16 @@ def _with_construction(data: dict[str, Any]) -> dict[str, Any]:
         if not isinstance(said, dict) or said.get("representation", "fibre") != "fibre" or "yarn" in data:
             continue
         material = said.get("material")
-        if isinstance(material, str) and material not in (WOVEN, *TRADE):
+        if not isinstance(material, str) or material == WOVEN:
+            continue
+        if material not in TRADE:
             known = (WOVEN, *TRADE)
             hint = did_you_mean(material[:100], known)
             raise InputError(f"{section}.material: {_short(material)}; known: {', '.join(known)}{hint}")
-        if material in TRADE:
-            brought = trade_sections(material)
-            own = {key: data.get(key, {}) for key in brought}
-            if all(isinstance(value, dict) for value in own.values()):
-                return {**data, **{key: {**brought[key], **own[key]} for key in brought}}
+        brought = trade_sections(material)
+        own = {key: data.get(key, {}) for key in brought}
+        if all(isinstance(value, dict) for value in own.values()):
+            return {**data, **{key: {**brought[key], **own[key]} for key in brought}}
     return data
 
 
