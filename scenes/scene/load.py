@@ -106,7 +106,10 @@ def _said(given: Mapping[str, str], name: str) -> bool:
 
 
 def _forget_material(data: dict[str, Any]) -> None:
-    """A cloth or garment whose sett is overridden is another cloth: what the scene says of its own material goes."""
+    """A cloth or garment whose sett is overridden is another cloth: what the scene says of its own material, and of how
+    its threads lie, goes."""
+    if any(isinstance(data.get(section), dict) for section in ("cloth", "garment")):
+        _drop(data, "fabric", ("flattening", "balance", "finish"))
     for section in ("cloth", "garment"):
         _drop(data, section, ("material", "measured"))
         if isinstance(data.get(section), dict) and isinstance(data[section].get("properties"), dict):
