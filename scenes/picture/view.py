@@ -7,6 +7,7 @@ from math import cos, radians, sin
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_cloth.detail.cell_stream import TARGET, CellStream
 from taichi_cloth.weave.colour_order import colour
 
 from ...render.data.backdrop import Backdrop
@@ -157,6 +158,8 @@ class View:
         for panel, splatter, mesh in zip(self._panels, self._splatters, self._meshes, strict=True):
             if panel.source is not None:
                 assert isinstance(panel.particles, ParticleBlocks)
+                if isinstance(panel.source, CellStream):
+                    panel.source.target = TARGET * self.scale
                 self._streamed.append(Streamed(splatter, panel.particles, floor=on, mesh=mesh))
                 self._stages.append(None)
                 continue

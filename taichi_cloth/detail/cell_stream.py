@@ -35,14 +35,15 @@ from taichi_cloth.detail.view import Pinhole, view_of
 from taichi_cloth.fabric.cells import CellCloth
 from taichi_cloth.ground.particles import HALF_LENGTH, LANES, POSITION, RADIUS, ROWS, fill_up
 
-__all__ = ["CellStream", "Seen"]
+__all__ = ["TARGET", "CellStream", "Seen"]
 
 F32 = NDArray[np.float32]
 I32 = NDArray[np.int32]
 F64 = NDArray[np.float64]
 
-TARGET = 0.4
-"""Radius [px] of the smallest particles."""
+TARGET = 0.25
+"""Radius of the smallest particles, in pixels of the picture that is shown: on a canvas with several samples a pixel
+each way, as many times as much."""
 MOST = 16_384
 """Particles of a patch, beyond which it is parted, down to single crossings."""
 
