@@ -35,6 +35,8 @@ class Constraint:
     limit asks: what one of them changes the next answers. They are whole, and keep the sheet to one thread.
     remembers: numbers of each key point that it keeps in the state from frame to frame, by `open` and `close`; above 0
     it has a `warm_start`. At most one constraint of a solver may.
+    keeps: planes of the state, as large as one of positions, that it uses as it likes, by `begin`, `end` and `rescale`.
+    They are the last of the state. At most one constraint of a solver may.
     """
 
     answers = ""
@@ -43,6 +45,7 @@ class Constraint:
     paired = False
     repeated = False
     remembers = 0
+    keeps = 0
 
     def made_of(self) -> str:
         """A hash of what the motion follows from beside the sheet and the forces; "" where that is all."""

@@ -46,3 +46,16 @@ def test_seams_finer_than_the_cells_close_and_shake_nothing(strips):
         gaps.append(ties.gaps(simulation.state).max())
     assert max(gaps) < 1e-5
     assert max(energy) < 1.1 * energy[0]
+
+
+def test_what_seams_are_usually_pushed_by_is_kept_with_the_state(strips):
+    """In planes of its own, and as much as the square of the step: it is a force."""
+    sheet, nodes, weights = strips
+    ties = Ties(sheet, nodes, weights)
+    state = sheet.state(joined(sheet), ties.keeps)
+    assert state.values[6:].size >= 3 * TIES
+    state.values[6:] = 1.0
+    ties.rescale(state, 0.5)
+    assert np.count_nonzero(state.values[6:] == 0.25) == 3 * TIES
+    assert (state.values[:6] == sheet.state(joined(sheet)).values).all()
+    assert Ties(sheet, nodes, weights, repeated=False).keeps == 0
