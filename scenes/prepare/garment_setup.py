@@ -55,7 +55,7 @@ __all__ = [
     "woven_garment",
 ]
 
-VERSION = 11
+VERSION = 12
 """Of what is kept on disk: raised whenever the same scene would come to another rest."""
 
 Progress = Callable[[str, int, int], None]

@@ -16,10 +16,10 @@ Seams take turns with the strain limit; after the first turn those still too wid
 λ = d / G_ii.
 
 A whole yarn answers a seam as a rod does, and G takes its end for a free key point: what yarns pull open in each sweep
-is closed again, and the last thread of each stays as long as that takes, by the square of the step. So among whole yarns
-a substep begins with what seams were pushed by in those before, averaged over FOLLOWING, and what is left to find is
-how that changes. Taken over at once and not slowly, it would act on cloth that hangs on a seam as a spring that comes
-too late does, and shake it.
+is closed again, and their last threads stay as long as that takes, by the square of the step. So among whole yarns a
+substep begins with what seams were pushed by in those before, averaged over FOLLOWING, and what is left to find is how
+that changes. Taken over at once and not slowly, it would act on cloth that hangs on a seam as a spring that comes too
+late does, and shake it.
 
 A gap wider than CLOSED shrinks at a set speed instead, so that panels are drawn together, and loses no
 more of its steps than it grows. Holds come before contact, which has the last word: they close what a step has opened,
@@ -69,9 +69,9 @@ FRESH, PUSHED = -1, -2
 """In place of how many ties are listed, in a substep: nothing was done yet; what those before were pushed by."""
 
 FOLLOWING = 0.1
-"""Over which pushes are averaged that the next substep begins with [s]. A T-shirt that walks has 51 of its 12,000 threads
-beyond 3 % without, 15 at 0.1 and 8 at 0.04; but key points that stand half outside the cloth twitch in its armpits, by
-27 mm/s at 0.1 and by 140 at 0.03, and at 0.01 a curtain shakes that has a seam across."""
+"""Over which pushes are averaged that the next substep begins with [s]. A T-shirt that walks has 51 of its 12,000
+threads beyond 3 % without, 15 at 0.1 and 8 at 0.04; but key points that stand half outside the cloth twitch in its
+armpits, by 27 mm/s at 0.1 and by 140 at 0.03, and at 0.01 a curtain shakes that has a seam across."""
 
 SLACK = 1e-4
 """By how much a tie has to be too wide to be seen to more than once in a substep [m]: few are."""
@@ -259,10 +259,9 @@ class TieFields:
     @ti.func
     def learn(self, points: Template, k, push):
         """That tie k was pushed by so much more than usual, unless it is still being drawn together."""
-        if ti.static(points.sums and self.repeated):
-            if self.path[k, ALLOWED] <= 0.0:
-                for c in ti.static(range(3)):
-                    self.usual[c, k] += self.path[self.capacity, 3] * push[3 + c]
+        if ti.static(points.sums and self.repeated) and self.path[k, ALLOWED] <= 0.0:
+            for c in ti.static(range(3)):
+                self.usual[c, k] += self.path[self.capacity, 3] * push[3 + c]
 
 
 class Ties(SharedConstraint):

@@ -260,8 +260,8 @@ def test_a_seam_moves_as_the_cloth_without_it() -> None:
 @pytest.mark.slow  # the same
 def test_what_hangs_on_a_seam_stretches_no_thread_and_is_not_shaken(tmp_path: Path) -> None:
     """A curtain with a seam across, moved a little: once what the seam is pushed by is known, threads are as long as
-    those of whole cloth to 1e-4 (a seam that finds its push anew in each substep leaves 1e-3), and key points as slow. A
-    run that is taken up again knows it too."""
+    those of whole cloth to 1e-4 (a seam that finds its push anew in each substep leaves 1e-3), and key points as slow.
+    A run that is taken up again knows it too."""
     panels, seam, flat, _ = sewn_panels()
     flat[..., 2] = 2e-3 * np.sin(7 * flat[..., 0]) * np.sin(5 * flat[..., 1])
     sheet = sheet_of(times(1e4), pinned=(-1, slice(None)))
@@ -273,10 +273,8 @@ def test_what_hangs_on_a_seam_stretches_no_thread_and_is_not_shaken(tmp_path: Pa
         before = sewn.positions, whole.positions
         sewn.step()
         whole.step()
-        moved = [
-            np.sqrt(((one.positions - old) ** 2).sum(-1).mean()) for one, old in zip((sewn, whole), before, strict=True)
-        ]
-        speeds.append(moved)
+        both = zip((sewn, whole), before, strict=True)
+        speeds.append([np.sqrt(((one.positions - old) ** 2).sum(-1).mean()) for one, old in both])
         if frame == 50:
             sewn.save(tmp_path / "state.npz")
     mine, plain = np.array(speeds[30:]).mean(axis=0)
