@@ -1,5 +1,9 @@
 """Routines: what they change is seen by the loop that calls them, called as on a CPU or copied as elsewhere."""
 
+import os
+import subprocess
+import sys
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -54,3 +58,52 @@ def test_what_a_routine_changes_is_seen_by_its_caller(monkeypatch: pytest.Monkey
 def test_a_kernel_that_keeps_fields_in_registers_may_call_none() -> None:
     with pytest.raises(ti.TaichiCompilationError, match="add: what it changes would not be seen"):
         Sums().run()
+
+
+SIX = """
+import taichi as ti
+from taichi_cloth.ground import runtime
+from taichi_cloth.ground.arrays import Int, Template
+from taichi_cloth.ground.routine import routine
+
+@ti.data_oriented
+class Six:
+    def __init__(self):
+        self.total = ti.field(ti.i32, ())
+
+    @routine
+    def add(self, much: Template, times: Int):
+        for _ in range(times):
+            self.total[None] += much
+
+    @ti.kernel
+    def run(self, times: Int):
+        for much in ti.static(range(6)):
+            self.add(much, times)
+
+runtime.start("cpu", threads=1)
+six = Six()
+with runtime.plain_code(routines=True):
+    six.run(2)
+print(six.total.to_numpy())
+"""
+
+
+def test_a_kernel_with_routines_comes_from_the_cache_in_another_process(tmp_path: Path) -> None:
+    """Six routines: with objects that lie anywhere, 1 of 720 processes would have those in the order of the first."""
+    (tmp_path / "six.py").write_text(SIX)
+    cache, found = tmp_path / "cache", []
+    for _ in range(3):
+        done = subprocess.run(
+            [sys.executable, "six.py"],
+            cwd=tmp_path,
+            env={**os.environ, "TI_OFFLINE_CACHE_FILE_PATH": str(cache)},
+            capture_output=True,
+            text=True,
+            check=True,
+            timeout=300,
+        )
+        assert done.stdout == "30\n"
+        found.append({path.name for path in cache.glob("**/*.tic")})
+    assert found[0]
+    assert found[0] == found[1] == found[2]
