@@ -158,7 +158,7 @@ class TieFields:
     @ti.func
     def push_as_usual(self, points: Template):
         """All ties by what they are usually pushed by in a substep."""
-        for k in range(ti.cast(self.path[self.capacity, 0], ti.i32)):
+        for k in range(ti.cast(self.path[self.capacity, 0], ti.i32)):  # pyright: ignore[reportArgumentType]
             push = ti.Vector([0.0] * 6)
             for c in ti.static(range(3)):
                 push[c] = push[3 + c] = self.usual[c, k]
