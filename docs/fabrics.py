@@ -79,6 +79,25 @@ round 2 to 3 %: close setts put the wave into the warp. The stiffness of straigh
 preset's, which stands for a thinner silk of 44 g/m².
 """
 
+DISC = """
+## A disc that is draped
+
+`taichi-cloth fabric SCENE --drape --shadow shadow.png` drapes four discs of 30 cm over a support of 18 cm, as Cusick's
+instrument does (ISO 9073-9), and counts their folds. Means of four specimens, by the distance of key points (the
+largest standard deviation of the four is 2.7):
+
+| preset | 7.5 mm | 5 mm | 3.5 mm |
+| --- | --- | --- | --- |
+| cotton-shirting | 55.2 % | 57.3 % | 58.4 % |
+| silk-habotai | 41.6 % | 41.6 % | 36.4 % |
+| wool-suiting | 51.9 % | 51.8 % | 51.6 % |
+| denim | 79.9 % | 78.0 % | 76.0 % |
+
+A coefficient should not depend on the key points by more than 3 points: wool's does not, those of cotton (3.2), denim
+(3.9) and silk (5.2) do by a little more. The sheet bends without friction and without torsion so far: cotton whose couple
+is as large as its bending drapes less than this disc says.
+"""
+
 SCENES = """
 ## In a scene
 
@@ -187,7 +206,7 @@ def page(path: Path) -> str:
             [f"`{name}`", cloth.title, f"{made.areal_density:.0f} / {cloth.weight:g} g/m² ({off:+.1f} %)", crimp]
         )
     lines += table(("", "cloth", "predicted / known", "crimp, warp and weft"), trade)
-    lines.append(SCENES)
+    lines += [DISC, SCENES]
     return "\n".join(lines)
 
 

@@ -167,6 +167,10 @@ def fabric(
     shrinkage_width: Annotated[float, typer.Option(help="In finishing, of the width on the loom [%].")] = 0.0,
     waste: Annotated[float, typer.Option("--waste", help="Warp left at both ends of the loom [m].")] = 0.0,
     measured: Annotated[Path | None, typer.Option("--measured", help="A .toml file of measured properties.")] = None,
+    drape: Annotated[
+        bool, typer.Option("--drape", help="Drape a disc of it over Cusick's support, simulated.")
+    ] = False,
+    shadow: Annotated[Path | None, typer.Option("--shadow", help="With --drape: a .png for the disc's shadow.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="As JSON.")] = False,
 ) -> None:
     """The mill's ticket of a cloth: sett, widths, weight, yarn needed, and how it bends, shears and pulls."""
@@ -174,7 +178,7 @@ def fabric(
     from .fabric.ticket import PieceAsked
 
     asked = PieceAsked(length, width, (shrinkage_length, shrinkage_width), waste)
-    print_ticket(scene, list(overrides or []), asked, measured=measured, as_json=as_json)
+    print_ticket(scene, list(overrides or []), asked, measured=measured, as_json=as_json, draped=drape, shadow=shadow)
 
 
 @app.command("profile")

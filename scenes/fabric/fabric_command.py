@@ -3,18 +3,60 @@
 import json
 from pathlib import Path
 
+from taichi_cloth.ground.errors import InputError
+
 from ..scene.load import load_scene
 from .lines import ticket_lines
-from .ticket import PieceAsked, ticket_of
+from .ticket import PieceAsked, Ticket, ticket_of
 
 __all__ = ["print_ticket"]
 
 
-def print_ticket(name: str, overrides: list[str], asked: PieceAsked, *, measured: Path | None, as_json: bool) -> None:
-    """One ticket to standard output. Raises InputError before anything is printed."""
+def print_ticket(
+    name: str,
+    overrides: list[str],
+    asked: PieceAsked,
+    *,
+    measured: Path | None,
+    as_json: bool,
+    draped: bool = False,
+    shadow: Path | None = None,
+) -> None:
+    """One ticket to standard output. draped: with the drape coefficient of a simulated disc, which starts Taichi.
+    shadow: a .png for its shadow. Raises InputError before anything is printed."""
+    if shadow is not None and (not draped or shadow.suffix.lower() != ".png" or not shadow.parent.is_dir()):
+        raise InputError(f"--shadow: {shadow}; allowed with --drape: a .png in a folder that is there")
     ticket = ticket_of(load_scene(name, overrides), asked, None if measured is None else str(measured))
+    drape = _drape(ticket, shadow) if draped else None
     if as_json:
-        print(json.dumps(ticket.as_dict(), indent=2, ensure_ascii=False))
+        print(json.dumps(ticket.as_dict() | ({} if drape is None else {"drape": drape}), indent=2, ensure_ascii=False))
         return
     for line in ticket_lines(ticket):
         print(line)
+    if drape is not None:
+        each = ", ".join(f"{one:.0f}" for one in drape["of_each_percent"])
+        folds = "/".join(str(one) for one in drape["folds"])
+        print(
+            f"draped disc (30 cm on 18, simulated): coefficient {drape['coefficient_percent']:.0f} %, "
+            f"specimens {each}; {folds} folds, {drape['key_points']:,} key points"
+        )
+
+
+def _drape(ticket: Ticket, shadow: Path | None) -> dict:
+    """Of the disc that is simulated, for JSON."""
+    from taichi_cloth.ground import runtime
+
+    from ...render.image.image import write_png
+    from .drapemeter import SPACING, drape, picture_of
+
+    runtime.start("cpu")
+    found = drape(ticket.material)
+    if shadow is not None:
+        write_png(shadow, picture_of(found))
+    return {
+        "coefficient_percent": found.coefficient,
+        "of_each_percent": found.coefficients.tolist(),
+        "folds": found.folds.tolist(),
+        "key_points": found.key_points,
+        "spacing_mm": 1e3 * SPACING,
+    }

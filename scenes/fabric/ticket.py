@@ -5,9 +5,10 @@ from dataclasses import dataclass
 from taichi_cloth.fabric.layout import FabricLayout
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.mechanics.construction import Construction
-from taichi_cloth.mechanics.presets import named_construction
+from taichi_cloth.mechanics.presets import PRESET_KEYS, named_construction
 from taichi_cloth.mechanics.properties import FabricProperties, woven_properties
 from taichi_cloth.mechanics.quantity import Quantity
+from taichi_cloth.sheet.materials import Material
 from taichi_cloth.yarn.yarn import Yarn
 
 from ..plan.plan import plan
@@ -74,6 +75,14 @@ class Ticket:
             "piece": self.piece.as_dict(),
             "notes": list(self.notes),
         }
+
+    @property
+    def material(self) -> Material:
+        """The sheet that moves, or what would move of a cloth that lies."""
+        found = self.simulated or self.properties
+        return Material(
+            **{field: found[key].value / unit for key, (field, unit) in PRESET_KEYS.items() if key in found}
+        )
 
     @property
     def drawn_mass(self) -> float | None:

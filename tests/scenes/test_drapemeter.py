@@ -1,0 +1,79 @@
+"""The drapemeter: shadows of shapes in closed form; slow: coefficients of limp, stiff and real cloth."""
+
+from dataclasses import replace
+from math import cos, pi
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from taichi_cloth.ground.errors import InputError
+from taichi_cloth.scenes.fabric.drapemeter import (
+    DISC,
+    PIXELS_PER_METRE,
+    SUPPORT,
+    Draped,
+    _folds,
+    drape,
+    picture_of,
+    shadow_of,
+    specimen_of,
+)
+from taichi_cloth.scenes.fabric.fabric_command import print_ticket
+from taichi_cloth.scenes.fabric.ticket import PieceAsked
+from taichi_cloth.sheet.materials import MATERIALS
+
+SPACING = 5e-3
+COTTON = MATERIALS["cotton-shirting"]
+
+
+def disc() -> tuple[np.ndarray, np.ndarray]:
+    """Key points of a specimen that lies flat, y up, and how far each is from the middle."""
+    flat = specimen_of(COTTON, SPACING).flat()
+    across = flat - flat.mean(axis=(0, 1))
+    return np.stack([across[..., 0], across[..., 2], across[..., 1]], -1), np.hypot(across[..., 0], across[..., 1])
+
+
+def area(shadow: np.ndarray) -> float:
+    return float((shadow > 0).sum()) / PIXELS_PER_METRE**2
+
+
+def test_a_specimen_weighs_what_a_disc_weighs() -> None:
+    """(Key points at the rim have a least mass.)"""
+    assert specimen_of(COTTON, SPACING).mass.sum() == pytest.approx(COTTON.density * pi * DISC**2, rel=1e-2)
+
+
+def test_a_disc_that_does_not_drape_covers_itself() -> None:
+    assert area(shadow_of(disc()[0], SPACING)) == pytest.approx(pi * DISC**2, rel=5e-3)
+
+
+def test_a_ring_that_hangs_at_an_angle_covers_what_a_cone_does() -> None:
+    """All of the ring at 60 degrees below the horizontal: a disc of 9 + 6 cos 60° = 12 cm."""
+    x, radius = disc()
+    beyond = np.maximum(radius - SUPPORT, 0.0)
+    near = (radius - beyond * (1 - cos(pi / 3))) / np.maximum(radius, 1e-9)
+    x[..., 0] *= near
+    x[..., 2] *= near
+    assert area(shadow_of(x, SPACING)) == pytest.approx(pi * 0.12**2, rel=1e-2)
+
+
+def test_folds_are_counted_and_the_picture_has_both_rims() -> None:
+    x, radius = disc()
+    wave = 1 - 0.1 * np.clip(radius / DISC, 0, 1) ** 4 * (1 + np.cos(7 * np.arctan2(x[..., 2], x[..., 0])))
+    shadow = shadow_of(x * wave[..., None], SPACING)
+    assert _folds(shadow) == 7
+    picture = picture_of(Draped(np.zeros(1), np.array([7]), shadow, 0.0, 1))
+    assert len(np.unique(picture.reshape(-1, 3), axis=0)) >= 3
+
+
+def test_a_shadow_without_a_disc_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"--shadow: .*; allowed with --drape: a .png"):
+        print_ticket("drape", [], PieceAsked(), measured=None, as_json=False, shadow=tmp_path / "shadow.png")
+
+
+@pytest.mark.slow
+def test_limp_cloth_covers_little_and_stiff_cloth_all() -> None:
+    limp = replace(COTTON, bending_warp=1e-8, bending_weft=1e-8, shear=2.0)
+    stiff = replace(COTTON, bending_warp=2e-3, bending_weft=2e-3, shear=500.0)
+    assert drape(limp, spacing=7.5e-3, specimens=1).coefficient < 25
+    assert drape(stiff, spacing=7.5e-3, specimens=1).coefficient > 95
