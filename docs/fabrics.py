@@ -94,8 +94,8 @@ largest standard deviation of the four is 2.7):
 | denim | 79.9 % | 78.0 % | 76.0 % |
 
 A coefficient should not depend on the key points by more than 3 points: wool's does not, those of cotton (3.2), denim
-(3.9) and silk (5.2) do by a little more. The sheet bends without friction and without torsion so far: cotton whose couple
-is as large as its bending drapes less than this disc says.
+(3.9) and silk (5.2) do by a little more. The sheet bends without friction and without torsion so far: cotton, whose
+couple is as large as its bending, drapes less than this disc says.
 """
 
 SCENES = """
