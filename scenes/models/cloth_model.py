@@ -62,6 +62,7 @@ class ClothModel(MovingModel):
         self.scene, self.frames = scene, scene.output.frames
         self.body = standing_in(scene)
         self.simulation = self.at_start()
+        self.simulation.solver.make_ready(self.simulation.state)  # before what is drawn, which differs more
         self.fibres = fibres_of(scene, prepared) if scene.cloth.representation == "fibre" else None
         if self.fibres is None:
             self.faces = grid_faces(np.ones(self.simulation.sheet.shape, bool))

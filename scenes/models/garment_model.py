@@ -145,10 +145,11 @@ class GarmentCells:
 class GarmentModel(MovingModel):
     """A garment in motion on its body. Make it with `GarmentModel.of`."""
 
-    def __init__(self, scene: Scene, dressed: Dressed, fibres: GarmentFibres | GarmentCells | None) -> None:
-        self.scene, self.dressed, self.fibres, self.frames = scene, dressed, fibres, scene.output.frames
+    def __init__(self, scene: Scene, dressed: Dressed) -> None:
+        self.scene, self.dressed, self.fibres, self.frames = scene, dressed, None, scene.output.frames
         self.motion = motion_of(scene, dressed.body)
         self.simulation = self.at_start()
+        self.simulation.solver.make_ready(self.simulation.state)  # before what is drawn, as where it was sewn just now
         self.surface = Surface(dressed.garment.atlas)
         box = scene.camera.box_m
         at_rest = self.simulation.positions[self.simulation.sheet.present]
@@ -164,15 +165,14 @@ class GarmentModel(MovingModel):
     ) -> "GarmentModel":
         """The scene's garment, sewn unless it was before, with its fibres where it shows them."""
         assert scene.garment is not None
-        worn = dressed or dress(scene, each)
-        fibres: GarmentFibres | GarmentCells | None = None
+        model = GarmentModel(scene, dressed or dress(scene, each))
         if scene.garment.representation == "fibre":
-            prepared = prepared or prepare_garment(scene, worn.garment.atlas)
+            prepared = prepared or prepare_garment(scene, model.dressed.garment.atlas)
             if prepared is not None and prepared.cells is not None:
-                fibres = GarmentCells(scene, worn, prepared)
+                model.fibres = GarmentCells(scene, model.dressed, prepared)
             else:
-                fibres = GarmentFibres(scene, worn, prepared, near)
-        return GarmentModel(scene, worn, fibres)
+                model.fibres = GarmentFibres(scene, model.dressed, prepared, near)
+        return model
 
     def at_start(self) -> Simulation:
         """The garment at rest."""

@@ -114,11 +114,7 @@ class KernelSolver(Solver):
             one.rescale(state, share)
 
     def advance(self, state: SheetState, forces: FrameForces) -> None:
-        size = capacity_of(self.sheet.padded_shape)
-        frame = _frame(runtime.generation(), self.frame_of, size, self.threads, self.constraints, self.clock)
-        if frame.holder != (self, self.numbers):
-            self.fill(frame, state)
-            frame.holder = self, self.numbers
+        frame = self._filled(state)
         first, last = np.asarray(forces.wind_start), np.asarray(forces.wind_end)
         wind, change = first.tolist(), ((last - first) / self.substeps).tolist()
         for one in self.constraints:
@@ -134,6 +130,18 @@ class KernelSolver(Solver):
         self.spent += took
         for one in self.constraints:
             one.end(state)
+
+    def make_ready(self, state: SheetState) -> None:
+        if runtime.generation():
+            self._filled(state)
+
+    def _filled(self, state: SheetState) -> Any:
+        size = capacity_of(self.sheet.padded_shape)
+        frame = _frame(runtime.generation(), self.frame_of, size, self.threads, self.constraints, self.clock)
+        if frame.holder != (self, self.numbers):
+            self.fill(frame, state)
+            frame.holder = self, self.numbers
+        return frame
 
     def fill(self, frame: Any, state: SheetState) -> None:
         """What stays the same from frame to frame, into fields that hold that of another solver, or of other steps."""

@@ -82,6 +82,10 @@ class Solver(ABC):
         """Of key points (rows, cols, 3) [m/s²] at those positions [m], by springs and gravity."""
         return accelerations(sheet, positions, gravity)
 
+    def make_ready(self, state: SheetState) -> None:  # noqa: B027 (there may be none)
+        """Makes now what the first frame would: fields. Taichi finds a kernel that another process compiled only where
+        the same fields were made there before those of the kernel."""
+
     @abstractmethod
     def advance(self, state: SheetState, forces: FrameForces) -> None:
         """Moves the state on by one frame, in place.

@@ -1,22 +1,31 @@
 """Scenes whose cloth moves: what they refuse, mesh and fibres on one sheet, and a run that was killed goes on."""
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+import taichi as ti
+from taichi.lang import impl
 
+from taichi_cloth.garment.sewn.sew import Worn
 from taichi_cloth.ground.errors import InputError, Unstable
 from taichi_cloth.motion.forces import SelfContact, StrainLimit
+from taichi_cloth.motion.kernel_solver import KernelSolver
 from taichi_cloth.motion.simulation import Simulation
 from taichi_cloth.render.data.blocks import ParticleBlocks
 from taichi_cloth.scenes import __main__ as command_line
 from taichi_cloth.scenes.models.cloth_model import ClothModel
-from taichi_cloth.scenes.models.moving_model import STATE
+from taichi_cloth.scenes.models.garment_model import GarmentModel
+from taichi_cloth.scenes.models.moving_model import STATE, MovingModel
 from taichi_cloth.scenes.picture.view import View
 from taichi_cloth.scenes.plan.plan import plan
+from taichi_cloth.scenes.prepare.garment_setup import Dressed, dressed_parts
 from taichi_cloth.scenes.prepare.sheet_setup import forces_of, material_of, sheet_simulation, start_of
 from taichi_cloth.scenes.scene.load import load_scene
 from taichi_cloth.sheet.materials import Material, named_material
+from taichi_cloth.sheet.sheet import SheetState
 
 SCENES = ("drape", "flag", "hanging", "stretch")
 SMALL = ["cloth.rows=9", "cloth.columns=9", "cloth.threads_per_key_point=2", "output.frames=4"]
@@ -53,6 +62,40 @@ def test_fibres_lie_on_the_sheet_that_the_mesh_shows(draped: ClothModel) -> None
     assert len(solid.particles) == 0
     assert solid.meshes[0].normals is not None
     assert np.linalg.norm(solid.meshes[0].normals, axis=1) == pytest.approx(1.0, abs=1e-5)
+
+
+def unsewn(name: str, *more: str) -> GarmentModel:
+    """A garment that lies flat beside its body."""
+    scene = load_scene(name, ["garment.key_points=800", "light.occlusion=false", "light.shadows=false", *more])
+    parts = dressed_parts(scene)
+    worn = Worn(
+        parts.garment.atlas.start().astype(np.float32), gap=0.0, depth=0.0, stretch=0.0, taut=0.0, speed=0.0, frames=0
+    )
+    return GarmentModel.of(scene, dressed=Dressed(**vars(parts), worn=worn, from_disk=True))
+
+
+@pytest.mark.parametrize("made", [small, unsewn])
+def test_fields_of_motion_come_first(monkeypatch: pytest.MonkeyPatch, made: Callable[[str], MovingModel]) -> None:
+    """In a tree of their own, so that a process with other pictures finds the same kernel in the cache."""
+    order: list[str] = []
+    make_ready, field = KernelSolver.make_ready, ti.field
+
+    def ready(self: KernelSolver, state: SheetState) -> None:
+        order.append("motion")
+        with monkeypatch.context() as of_motion:
+            of_motion.setattr(ti, "field", field)
+            make_ready(self, state)
+        assert impl.root.empty  # none waits to be put beside others
+
+    def noted(*args: Any, **kwargs: Any) -> Any:
+        order.append("picture")
+        return field(*args, **kwargs)
+
+    monkeypatch.setattr(KernelSolver, "make_ready", ready)
+    monkeypatch.setattr(ti, "field", noted)
+    made("drape" if made is small else "skirt")
+    assert order[0] == "motion"
+    assert "picture" in order
 
 
 def test_a_mesh_has_the_colours_of_the_threads() -> None:
