@@ -10,6 +10,7 @@ from ..models.cloth_model import ClothModel
 from ..models.fabric_model import FabricModel
 from ..picture.view import View
 from ..scene.load import load_scene
+from .scenes import PAPER_DRAPE
 
 __all__ = ["drape", "fibre", "picture", "springs", "textured", "twist", "weaves"]
 
@@ -117,7 +118,7 @@ def _line(image: Image, ends: NDArray, ink: tuple[int, int, int], bulge: float, 
 def drape(quick: bool) -> Image:
     images, simulation = [], None
     for form in ("mesh", "fibre"):
-        model = build(load_scene("drape", [f"cloth.representation={form}", "camera.zoom=1.3"]))
+        model = build(load_scene(PAPER_DRAPE, [f"cloth.representation={form}", "camera.zoom=1.3"]))
         assert isinstance(model, ClothModel)
         model.simulation = simulation or model.simulation
         model.step(min(model.frames - 1, 45) if quick else model.frames - 1)

@@ -9,6 +9,7 @@ from taichi_cloth.motion.solver import Solver
 from taichi_cloth.solvers.choice import Choice
 
 from ..prepare.construction import fabric_properties, own_material
+from ..prepare.gaps import gaps_of
 from ..prepare.sheet_setup import choice_of, forces_of, moved_by, sheet_of, solver_of, standing_in
 from ..scene.schema import Scene
 
@@ -75,7 +76,8 @@ def sheet_stages(scene: Scene) -> tuple[dict[str, str], dict[str, str]]:
     """Stages that are built, with what of, and those left out, with why. Raises InputError as building would."""
     cloth = scene.cloth
     assert cloth is not None
-    sheet, forces = sheet_of(cloth, scene.solver, own_material(scene)), forces_of(scene.forces)
+    gaps = gaps_of(scene)
+    sheet, forces = sheet_of(cloth, scene.solver, own_material(scene)), forces_of(scene.forces, gaps)
     solver = solver_of(sheet, forces, scene.solver, frame_rate=float(scene.output.fps))
     s, material = sheet.springs, sheet.material
     law = "hinges" if s.law == "hinge" else "springs to second neighbours"
@@ -100,7 +102,7 @@ def sheet_stages(scene: Scene) -> tuple[dict[str, str], dict[str, str]]:
         left["body"] = left[THIN] = "the scene has no [body]"
     if standing is not None:
         solids = standing.colliders.solids
-        thin = thin_limbs(solids, s.diagonal_length, 1e-3 * cloth.gap_mm)
+        thin = thin_limbs(solids, s.diagonal_length, gaps.body.size)
         for stages, more in zip((built, left), thin, strict=True):
             stages |= more
     if held:
@@ -111,11 +113,13 @@ def sheet_stages(scene: Scene) -> tuple[dict[str, str], dict[str, str]]:
         left["pins"] = "cloth.pins names none"
     for stages, more in zip((built, left), force_stages(forces), strict=True):
         stages |= more
-    ball = f"a ball of {forces.sphere.radius:g} m" if forces.sphere else ""
-    floor = f"a floor at {forces.plane.height:g} m" if forces.plane else ""
-    person = f"the body's {body.contact}, µ {cloth.friction:g}, {cloth.gap_mm:g} mm apart" if body else ""
+    if forces.self_contact:
+        built["cloth on cloth"] = f"{gaps.layers.said}; friction {forces.self_contact.friction:g}"
+    ball = f"a ball of {forces.sphere.radius:g} m, {gaps.ball.said}" if forces.sphere else ""
+    floor = f"a floor at {forces.plane.height:g} m, {gaps.floor.said}" if forces.plane else ""
+    person = f"the body's {body.contact}, µ {cloth.friction:g}, {gaps.body.said}" if body else ""
     if ball or floor or person:
-        built["contact"] = " and ".join(filter(None, (person, ball, floor)))
+        built["contact"] = "; ".join(filter(None, (person, ball, floor)))
     else:
         left["contact"] = "the scene has neither [body], [forces.sphere] nor [forces.plane]"
     shown = (cloth.representation == "mesh", "the sheet"), (bool(ball), "the ball"), (bool(body), "the body's skin")

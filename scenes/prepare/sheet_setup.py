@@ -28,6 +28,7 @@ from ..scene.cloth_schema import BodyPinSection, ClothSection, ForcesSection, Pi
 from ..scene.garment_schema import GarmentSection
 from ..scene.schema import FabricSection, Scene
 from .construction import fabric_properties, own_material
+from .gaps import OF_GARMENTS, Gap, SheetGaps, gaps_of
 
 if TYPE_CHECKING:  # only a scene with a body loads it
     from .body_setup import Standing
@@ -125,8 +126,13 @@ def sheet_of(cloth: ClothSection, solver: SolverSection | None = None, own: Mate
     return Sheet.rectangle(cloth.rows, cloth.columns, material=material, springs=springs, pinned=_pinned(cloth))
 
 
-def forces_of(section: ForcesSection | None) -> Forces:
+def forces_of(section: ForcesSection | None, gaps: SheetGaps = OF_GARMENTS) -> Forces:
+    """What acts on a sheet from outside. gaps: kept where the section states none."""
     section = section or ForcesSection()
+
+    def kept(stated_mm: float | None, gap: Gap) -> float:
+        return gap.size if stated_mm is None else 1e-3 * stated_mm
+
     wind, ball, floor = section.wind, section.sphere, section.plane
     limit, layers = section.strain_limit, section.self_contact
     return Forces(
@@ -141,10 +147,11 @@ def forces_of(section: ForcesSection | None) -> Forces:
             seed=wind.seed,
         ),
         sphere=ball
-        and Sphere(centre=ball.centre_m, radius=ball.radius_m, friction=ball.friction, gap=1e-3 * ball.gap_mm),
-        plane=floor and Plane(height=floor.height_m, friction=floor.friction, gap=1e-3 * floor.gap_mm),
+        and Sphere(centre=ball.centre_m, radius=ball.radius_m, friction=ball.friction, gap=kept(ball.gap_mm, gaps.ball)),
+        plane=floor and Plane(height=floor.height_m, friction=floor.friction, gap=kept(floor.gap_mm, gaps.floor)),
         strain_limit=limit and StrainLimit(strain=1e-2 * limit.percent, passes=limit.passes),
-        self_contact=layers and SelfContact(thickness=1e-3 * layers.thickness_mm, friction=layers.friction),
+        self_contact=layers
+        and SelfContact(thickness=kept(layers.thickness_mm, gaps.layers), friction=layers.friction),
     )
 
 
@@ -174,14 +181,14 @@ def standing_in(scene: Scene) -> "Standing | None":
         return None
     from .body_setup import standing
 
-    return standing(scene.body, friction=cloth.friction, gap=1e-3 * cloth.gap_mm)
+    return standing(scene.body, friction=cloth.friction, gap=gaps_of(scene).body.size)
 
 
 def sheet_simulation(scene: Scene, body: "Standing | None" = None) -> Simulation:
     """The scene's sheet, ready to move by one frame of the video at a time. body: `standing_in` of the same scene."""
     cloth = scene.cloth
     assert cloth is not None
-    sheet, forces = sheet_of(cloth, scene.solver, own_material(scene)), forces_of(scene.forces)
+    sheet, forces = sheet_of(cloth, scene.solver, own_material(scene)), forces_of(scene.forces, gaps_of(scene))
     if body is not None:
         forces = replace(forces, body=body.colliders)
     positions = start_of(cloth, seed=scene.seed)

@@ -16,6 +16,7 @@ __all__ = ["BodyPinSection", "ClothSection", "ForcesSection", "PinsSection", "So
 Edge = Literal["left", "right", "top", "bottom"]
 Corner = Literal["top-left", "top-right", "bottom-left", "bottom-right"]
 Vector = tuple[float, float, float]
+AS_DRAWN = "default: as thick as the cloth is drawn, or what its key points can keep"
 
 
 class PropertiesSection(Section):
@@ -106,7 +107,9 @@ class ClothSection(Section):
     turn_deg: float = Field(default=0.0, ge=-360, le=360, description="turned about the vertical at the start")
     centre_m: tuple[float, float] = Field(default=(0.0, 0.0), description="its middle at the start, x and z [m]")
     friction: float = Field(default=0.3, ge=0, le=5, description="between cloth and [body]")
-    gap_mm: float = Field(default=4.0, ge=0, le=30, description="kept between [body] and the key points [mm]")
+    gap_mm: float | None = Field(
+        default=None, ge=0, le=30, description=f"kept between [body] and the key points [mm]; {AS_DRAWN}"
+    )
     pleats: int = Field(default=0, ge=0, le=100, description="an upright sheet starts in so many folds, as a curtain")
     fullness: float = Field(default=2.0, gt=1, le=2.5, description="width of the sheet over that of its pleats")
     roughness_mm: float = Field(
@@ -134,14 +137,16 @@ class SphereSection(Section):
     centre_m: Vector = (0.0, 0.0, 0.0)
     radius_m: Positive = 0.25
     friction: float = Field(default=0.3, ge=0)
-    gap_mm: float = Field(default=3.0, ge=0, description="kept between its surface and the key points [mm]")
+    gap_mm: float | None = Field(
+        default=None, ge=0, description=f"kept between its surface and the key points [mm]; {AS_DRAWN}"
+    )
     colour: str = Field(default="#b9b4aa", description="of the ball that is drawn")
 
 
 class PlaneSection(Section):
     height_m: float = 0.0
     friction: float = Field(default=0.3, ge=0)
-    gap_mm: float = Field(default=2.0, ge=0, description="kept between it and the key points [mm]")
+    gap_mm: float | None = Field(default=None, ge=0, description=f"kept between it and the key points [mm]; {AS_DRAWN}")
 
 
 class StrainLimitSection(Section):
@@ -150,7 +155,9 @@ class StrainLimitSection(Section):
 
 
 class SelfContactSection(Section):
-    thickness_mm: Positive = Field(default=2.0, description="kept between layers, at most 4 times the spacing [mm]")
+    thickness_mm: Positive | None = Field(
+        default=None, description=f"kept between layers, at most 4 times the spacing of key points [mm]; {AS_DRAWN}"
+    )
     friction: float = Field(default=0.3, ge=0, le=5)
 
 

@@ -27,13 +27,14 @@ from taichi_cloth.solvers.verlet import Verlet
 from ..measure.study import Axis, Row, Study, cpu_seconds
 from ..prepare.sheet_setup import material_of, woven_scene
 from ..prepare.weave_layout import prepare_fabric
+from ..paper.scenes import PAPER_DRAPE
 from ..scene.load import load_scene
 
 __all__ = ["STUDY", "Cloth", "bent", "bilinear", "draped", "errors", "rows", "wave"]
 
 F64 = NDArray[np.float64]
 PITCH = 1 / 78 / 4
-"""Between threads [m], as in `drape`, whose key points are four of them apart."""
+"""Between threads [m], as in Figure 9 of the paper, whose key points are four of them apart."""
 DEFAULT = 4
 WAVE, SLOPE, COURSE = 0.2, 0.7, pi / 6  # λ [m], θ [rad], direction of s off the weft [rad]
 MARGIN = 24
@@ -90,7 +91,7 @@ def bilinear(points: F64, k: int) -> F64:
 
 def _fabric(threads: int) -> Fabric:
     scene = load_scene(
-        "drape",
+        PAPER_DRAPE,
         [
             f"cloth.columns={threads}",
             f"cloth.rows={threads}",
@@ -103,8 +104,8 @@ def _fabric(threads: int) -> Fabric:
 
 
 def _sheet(threads: int, k: int) -> Sheet:
-    """Of a cloth of threads × threads with a key point every k, as `drape` has it."""
-    scene = load_scene("drape")
+    """Of a cloth of threads × threads with a key point every k, as Figure 9 has it."""
+    scene = load_scene(PAPER_DRAPE)
     assert scene.cloth is not None
     material = replace(material_of(scene.cloth).linear, air_damping=AIR)
     points = (threads - 1) // k + 1

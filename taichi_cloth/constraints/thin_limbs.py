@@ -7,10 +7,11 @@ from all of them, l the diagonal of the cell. A ball of radius r that comes up t
 
 above the place where it would touch them. Where s is more than g and what a key point may be deep, DEEP, the sheet is
 pierced. Solved for r: of limbs thinner than (l²/4 + u²) / 2u − g, u = g + DEEP, the middles of springs are needed too.
-They leave holes of half the size.
+They leave holes of half the size. Solved for g: `least_gap`.
 """
 
 from collections.abc import Sequence
+from math import hypot
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,7 @@ from scipy.ndimage import distance_transform_edt
 from taichi_cloth.body.colliders.colliders import Solid
 from taichi_cloth.body.colliders.grid import DistanceGrid
 
-__all__ = ["DEEP", "let_through", "thinnest_held"]
+__all__ = ["DEEP", "least_gap", "let_through", "thinnest_held"]
 
 DEEP = 5e-4  # [m]
 
@@ -31,6 +32,14 @@ def thinnest_held(diagonal: float, gap: float, *, middles: bool = False) -> floa
     """
     hole, u = diagonal / (4 if middles else 2), gap + DEEP
     return (hole * hole + u * u) / (2 * u) - gap if u < hole else 0.0
+
+
+def least_gap(diagonal: float, radius: float, *, middles: bool = False) -> float:
+    """Least gap [m] at which key points, or they and the middles of springs, keep out limbs of a radius [m] or more:
+    that at which `thinnest_held` is the radius, u = √(ρ² + h²) − ρ with ρ = r − DEEP and h half the hole. 0 where none
+    is needed."""
+    hole, rest = diagonal / (4 if middles else 2), radius - DEEP
+    return max(0.0, hypot(rest, hole) - rest - DEEP)
 
 
 def let_through(solids: Sequence[Solid], diagonal: float, gap: float) -> NDArray[np.int32]:
