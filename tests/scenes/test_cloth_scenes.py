@@ -19,6 +19,7 @@ from taichi_cloth.scenes import __main__ as command_line
 from taichi_cloth.scenes.models.cloth_model import ClothModel
 from taichi_cloth.scenes.models.garment_model import GarmentModel
 from taichi_cloth.scenes.models.moving_model import STATE, MovingModel
+from taichi_cloth.scenes.paper.scenes import PAPER_DRAPE
 from taichi_cloth.scenes.picture.view import View
 from taichi_cloth.scenes.plan.plan import plan
 from taichi_cloth.scenes.prepare.garment_setup import Dressed, dressed_parts
@@ -43,14 +44,14 @@ def small(name: str, *more: str) -> ClothModel:
 
 @pytest.fixture(scope="module")
 def draped() -> ClothModel:
-    model = small("drape")
+    model = small(PAPER_DRAPE)
     model.step(3)
     return model
 
 
 def test_fibres_lie_on_the_sheet_that_the_mesh_shows(draped: ClothModel) -> None:
     """Same key points, byte for byte; no fibre farther from a key point than half a cell's diagonal and a thread."""
-    mesh = small("drape", "cloth.representation=mesh")
+    mesh = small(PAPER_DRAPE, "cloth.representation=mesh")
     mesh.step(3)
     (panel,), (solid,) = draped.panels(), mesh.panels()
     assert (draped.simulation.positions == mesh.simulation.positions).all()
@@ -100,10 +101,10 @@ def test_fields_of_motion_come_first(monkeypatch: pytest.MonkeyPatch, made: Call
 
 def test_a_mesh_has_the_colours_of_the_threads() -> None:
     colours = small(
-        "drape", "cloth.representation=mesh", "weave.warp_colours='red'", "weave.weft_colours='red'"
+        PAPER_DRAPE, "cloth.representation=mesh", "weave.warp_colours='red'", "weave.weft_colours='red'"
     ).colours
     assert colours == pytest.approx(np.tile(colours[0], (81, 1)), abs=1e-6)
-    checked = small("drape", "cloth.representation=mesh", "weave.warp_colours='black*8 white*9'").colours
+    checked = small(PAPER_DRAPE, "cloth.representation=mesh", "weave.warp_colours='black*8 white*9'").colours
     assert checked.reshape(9, 9, 3)[:, 0].max() < checked.reshape(9, 9, 3)[:, 8].min()
 
 
@@ -113,7 +114,7 @@ def test_a_mesh_is_as_bright_as_the_fibres_on_its_sheet() -> None:
     sheet = ["cloth.rows=21", "cloth.columns=21", "cloth.threads_per_key_point=14", "camera.zoom=3.5"]
     light, simulation = [], None
     for form in ("mesh", "fibre"):
-        model = ClothModel(load_scene("drape", [*sheet, f"cloth.representation={form}"]))
+        model = ClothModel(load_scene(PAPER_DRAPE, [*sheet, f"cloth.representation={form}"]))
         if simulation is None:
             model.step(20)
         model.simulation = simulation = simulation or model.simulation
@@ -141,7 +142,7 @@ def test_going_back_a_frame_gives_the_frame_again(draped: ClothModel) -> None:
 
 
 def test_a_run_that_was_killed_gives_the_same_states(tmp_path: Path, draped: ClothModel) -> None:
-    one = small("drape")
+    one = small(PAPER_DRAPE)
     one.keep(tmp_path, 0)
     one.step(2)
     again = small("drape")
@@ -268,7 +269,7 @@ def test_threads_whose_stiffness_a_scene_names_are_linear_and_so_are_all_of_verl
     """Unless the scene says from when on they get stiffer."""
 
     def material(*changes: str) -> Material:
-        scene = load_scene("drape", list(changes))
+        scene = load_scene(PAPER_DRAPE, list(changes))
         assert scene.cloth is not None
         return material_of(scene.cloth, scene.solver)
 

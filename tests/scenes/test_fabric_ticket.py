@@ -13,6 +13,7 @@ from taichi_cloth.scenes import __main__ as command_line
 from taichi_cloth.scenes.fabric.lines import ticket_lines
 from taichi_cloth.scenes.fabric.piece import piece_of
 from taichi_cloth.scenes.fabric.ticket import PieceAsked, ticket_of
+from taichi_cloth.scenes.paper.scenes import PAPER_DRAPE
 from taichi_cloth.scenes.scene.load import load_scene, make_scene
 
 WIF = Path(__file__).parents[1] / "data" / "wif" / "schort.wif"
@@ -92,7 +93,7 @@ def test_what_is_drawn_weighs_what_the_construction_says_where_nothing_jams() ->
 
 
 def test_a_moving_cloth_shows_what_it_moves_by_beside_what_it_is_woven_of() -> None:
-    scene = load_scene("drape", ["cloth.properties.shear_n_per_m=33", "cloth.representation=mesh"])
+    scene = load_scene(PAPER_DRAPE, ["cloth.properties.shear_n_per_m=33", "cloth.representation=mesh"])
     ticket = ticket_of(scene)
     assert str(ticket.simulated["shear"]) == "shear G 33 N/m (properties.shear_n_per_m)"
     assert ticket.simulated["areal_density"].value == pytest.approx(115.0)

@@ -10,6 +10,7 @@ from taichi_cloth.ground.errors import InputError
 from taichi_cloth.scenes import __main__ as command_line
 from taichi_cloth.scenes.models.cell_fibres import CellFibres
 from taichi_cloth.scenes.models.cloth_model import ClothModel, key_colours
+from taichi_cloth.scenes.paper.scenes import PAPER_DRAPE
 from taichi_cloth.scenes.picture import view as picture
 from taichi_cloth.scenes.picture.view import View
 from taichi_cloth.scenes.plan.plan import plan
@@ -54,7 +55,7 @@ def test_threads_farther_apart_than_key_points_bring_key_points_with_them() -> N
     assert spacing_on((30.0, 2800.0), (0.012, 0.012)) == ((1 / 30, 34 / 2800), (1, 34))
 
 
-@pytest.mark.parametrize("name", ["drape", "flag", "tshirt"])
+@pytest.mark.parametrize("name", [PAPER_DRAPE, "stretch"])
 def test_a_scene_without_a_sett_is_left_as_it_is(name: str) -> None:
     scene = load_scene(name)
     assert sett_of(scene) is None
