@@ -24,7 +24,6 @@ from ...render.splat.splat import Splatter
 from ..models.build import build
 from ..models.fabric_model import FabricModel
 from ..picture.view import View
-from ..prepare.sett import sett_of
 from ..prepare.weave_layout import prepare_fabric
 from ..scene.load import load_scene, make_scene
 from ..scene.schema import Scene
@@ -53,11 +52,6 @@ def profile_lines(
     scene = load_scene(name, overrides)
     if scene.subject == "fabric":
         prepare_fabric(scene)
-    if scene.subject == "cloth" and sett_of(scene) is not None:
-        raise InputError(
-            "profile: a cloth with a sett is made where a picture shows it, and does not follow; leave "
-            "fabric.ends_per_cm and fabric.picks_per_cm out"
-        )
     started = runtime.start(arch, threads=threads, pin=True)
     yield f"{cpu_name()}, {cores()} cores; Taichi on {started.arch}, {started.threads} threads"
     yield f"medians of {repeats} (least to greatest)"

@@ -14,7 +14,7 @@ from ...render.splat.splat import Splatter
 from ...render.stage.paint import paint
 from ...render.tiles.mesh import join
 from ..models.cloth_model import ClothModel
-from ..picture.view import finish_of, lighting_of
+from ..picture.view import View, finish_of, lighting_of
 from ..scene.schema import Scene
 
 __all__ = ["cloth_profile_lines"]
@@ -49,7 +49,9 @@ def cloth_profile_lines(scene: Scene, *, repeats: int) -> Iterator[str]:
     )
     sheet, solver = fibre.simulation.sheet, fibre.simulation.solver
     follower, k = fibre.follower, scene.cloth.threads_per_key_point
-    assert follower is not None
+    if follower is None:  # threads of a sett, made where a picture shows them
+        yield from _cell_lines(fibre, mesh, repeats)
+        return
     drawing = {form: _drawing(model) for form, model in (("mesh", mesh), ("fibre", fibre))}
     fibre.step(BEFORE)
     mesh.simulation = fibre.simulation
@@ -83,6 +85,24 @@ def cloth_profile_lines(scene: Scene, *, repeats: int) -> Iterator[str]:
     yield f"  fibres / mesh {fibre_frame / mesh_frame:.3f} (paper's Table 1: 1.18 to 1.29, with drawing)"
     drawn = {form: clock.median(*(f"{s}, {form}" for s in drawing[form])) for form in drawing}
     yield f"  drawn at {SIZE[0]} × {SIZE[1]}: mesh {drawn['mesh']:.2f} ms, fibres {drawn['fibre']:.2f} ms"
+
+
+def _cell_lines(fibre: ClothModel, mesh: ClothModel, repeats: int) -> Iterator[str]:
+    """Of cloth whose fibres are made in batches while they are drawn, so that its picture is one stage."""
+    views = {form: View(model, SIZE) for form, model in (("mesh", mesh), ("fibre", fibre))}
+    fibre.step(BEFORE)
+    mesh.simulation = fibre.simulation
+    clock = _Clock()
+    for run in range(repeats + 1):
+        if run == 1:
+            clock = _Clock()  # the first frame compiled
+        clock.time("forces and solver", lambda: fibre.step(fibre.simulation.frame + 1))
+        for form, view in views.items():
+            clock.time(f"picture, {form}", lambda v=view: list(v.turntable(1, [0])))
+    rows, columns = fibre.simulation.sheet.shape
+    yield f"{rows} × {columns} key points, {fibre.simulation.solver.substeps} substeps a frame"
+    for stage, times in clock.times.items():
+        yield f"  {stage:<20} {np.median(times):>8.2f} ms  ({min(times):.2f} to {max(times):.2f})"
 
 
 def _drawing(model: ClothModel) -> dict[str, Callable[[], object]]:

@@ -147,11 +147,12 @@ def forces_of(section: ForcesSection | None, gaps: SheetGaps = OF_GARMENTS) -> F
             seed=wind.seed,
         ),
         sphere=ball
-        and Sphere(centre=ball.centre_m, radius=ball.radius_m, friction=ball.friction, gap=kept(ball.gap_mm, gaps.ball)),
+        and Sphere(
+            centre=ball.centre_m, radius=ball.radius_m, friction=ball.friction, gap=kept(ball.gap_mm, gaps.ball)
+        ),
         plane=floor and Plane(height=floor.height_m, friction=floor.friction, gap=kept(floor.gap_mm, gaps.floor)),
         strain_limit=limit and StrainLimit(strain=1e-2 * limit.percent, passes=limit.passes),
-        self_contact=layers
-        and SelfContact(thickness=kept(layers.thickness_mm, gaps.layers), friction=layers.friction),
+        self_contact=layers and SelfContact(thickness=kept(layers.thickness_mm, gaps.layers), friction=layers.friction),
     )
 
 
