@@ -80,7 +80,7 @@ def test_the_plan_says_where_key_points_are_close_enough() -> None:
     scene = load_scene("drape-body", ["cloth.representation=mesh", "cloth.gap_mm=4"])
     stages = {stage.name: stage for stage in plan(scene).stages}
     assert not stages["thin limbs"].built
-    assert "from 3.8 mm" in stages["thin limbs"].why
+    assert "from 3.9 mm" in stages["thin limbs"].why
 
 
 @pytest.mark.parametrize(

@@ -145,16 +145,16 @@ def test_a_run_that_was_killed_gives_the_same_states(tmp_path: Path, draped: Clo
     one = small(PAPER_DRAPE)
     one.keep(tmp_path, 0)
     one.step(2)
-    again = small("drape")
+    again = small(PAPER_DRAPE)
     again.keep(tmp_path, 2)
     assert again.simulation.frame == 2
     again.step(3)
     assert again.simulation.state.values.tobytes() == draped.simulation.state.values.tobytes()
-    earlier = small("drape")
+    earlier = small(PAPER_DRAPE)
     earlier.keep(tmp_path, 1)  # frame 1 is to be drawn again: the state of frame 3 is of no use
     assert earlier.simulation.frame == 0
     with pytest.raises(InputError, match="another"):
-        small("drape", "cloth.material=denim").keep(tmp_path, 3)
+        small(PAPER_DRAPE, "cloth.material=denim").keep(tmp_path, 3)
 
 
 def test_an_animation_cut_off_and_resumed_is_the_one_left_alone(
