@@ -23,6 +23,7 @@ from ..prepare.body_setup import primitives_of
 from ..prepare.garment_setup import woven_garment
 from ..prepare.weave_layout import prepare_fabric
 from ..scene.load import load_scene
+from .own_scenes import scene_file
 
 __all__ = ["body_parts", "dressed_twice", "magnified", "moving", "primitives", "skirt_and_shirt", "stretched"]
 
@@ -69,7 +70,7 @@ def _panels(shown: list[Shown], body, entries: list) -> Image:
 @lru_cache(maxsize=1)
 def _garment(name: str, *overrides: str) -> GarmentModel:
     """The last garment that was drawn; another takes its place."""
-    model = build(load_scene(name, [FLOOR, *overrides]))
+    model = build(load_scene(scene_file(name), [FLOOR, *overrides]))
     assert isinstance(model, GarmentModel)
     return model
 

@@ -19,6 +19,7 @@ from ..prepare.weave_layout import prepare_fabric
 from ..scene.load import built_in_scenes, load_scene
 from ..scene.schema import Scene
 from .garment_timing import measure
+from .own_scenes import scene_file
 from .table_text import PAPER, Measured, tables_of, write_tables
 
 __all__ = ["FRAMES", "QUICK", "scene_of", "table_lines"]
@@ -106,7 +107,7 @@ def scene_of(name: str) -> Scene:
 
     def scene(fibres: int, steps: int, ends: float) -> Scene:
         numbers = [f"yarn.fibres={fibres}", f"fabric.steps={steps}", f"yarn.hairiness.ends_per_m={ends:.2f}"]
-        return load_scene(scene_name, fixed + numbers)
+        return load_scene(scene_file(scene_name), fixed + numbers)
 
     def count(fibres: int, steps: int, ends: float) -> int:
         return _count(scene(fibres, steps, ends))

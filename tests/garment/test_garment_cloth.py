@@ -13,6 +13,7 @@ from taichi_cloth.render.data.particles import Particles
 from taichi_cloth.render.splat.splat import Splatter
 from taichi_cloth.scenes.models.garment_model import box_round
 from taichi_cloth.scenes.models.model import OPACITY
+from taichi_cloth.scenes.paper.own_scenes import scene_file
 from taichi_cloth.scenes.prepare.weave_layout import prepare_fabric
 from taichi_cloth.scenes.scene.load import load_scene
 
@@ -24,7 +25,8 @@ than their threads do."""
 
 @pytest.mark.parametrize("name", DRAFTS)
 def test_the_cloth_of_a_garment_hides_what_is_behind(name: str) -> None:
-    scene = load_scene(name)
+    """Of threads as wide as their spacing: a cloth with a stated count and sett is as open as these make it."""
+    scene = load_scene(scene_file(name))
     assert scene.weave is not None
     assert scene.fabric is not None
     flat = {"ends_per_cm": 4.0, "picks_per_cm": 4.0, "fringe": 0.0, "irregularity": 0.0}

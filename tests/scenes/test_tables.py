@@ -10,6 +10,7 @@ from strips import simulate, strip
 from taichi_cloth.fabric.fabric import build_fabric
 from taichi_cloth.fabric.follow import FibreFollower
 from taichi_cloth.scenes.paper.garment_timing import free_sheet, measure
+from taichi_cloth.scenes.paper.own_scenes import scene_file
 from taichi_cloth.scenes.paper.table_text import PAPER, Measured, tables_of, write_tables
 from taichi_cloth.scenes.paper.tables import _count, scene_of
 from taichi_cloth.scenes.prepare.weave_layout import prepare_fabric
@@ -84,7 +85,9 @@ def test_a_garment_is_timed_in_every_way_from_the_same_state() -> None:
     """A coarse skirt: every stage has as many frames as were asked for, and parts add up."""
     changes = ("garment.key_points=800", "garment.hem_mm=0", "body.motion=walk", "output.fps=60", "yarn.fibres=2")
     told: list[str] = []
-    timing = measure("skirt", load_scene("skirt", list(changes)), 3, each=lambda stage, done, most: told.append(stage))
+    timing = measure(
+        "skirt", load_scene(scene_file("skirt"), list(changes)), 3, each=lambda stage, done, most: told.append(stage)
+    )
     while True:
         try:
             next(timing)
