@@ -10,7 +10,7 @@ from ..models.cloth_model import ClothModel
 from ..models.fabric_model import FabricModel
 from ..picture.view import View
 from ..scene.load import load_scene
-from .scenes import PAPER_DRAPE
+from .own_scenes import PAPER_DRAPE
 
 __all__ = ["drape", "fibre", "picture", "springs", "textured", "twist", "weaves"]
 

@@ -25,7 +25,7 @@ from taichi_cloth.sheet.springs import calibrate
 from taichi_cloth.solvers.verlet import Verlet
 
 from ..measure.study import Axis, Row, Study, cpu_seconds
-from ..paper.scenes import PAPER_DRAPE
+from ..paper.own_scenes import PAPER_DRAPE
 from ..prepare.sheet_setup import material_of, woven_scene
 from ..prepare.weave_layout import prepare_fabric
 from ..scene.load import load_scene

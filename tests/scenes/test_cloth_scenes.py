@@ -19,7 +19,7 @@ from taichi_cloth.scenes import __main__ as command_line
 from taichi_cloth.scenes.models.cloth_model import ClothModel
 from taichi_cloth.scenes.models.garment_model import GarmentModel
 from taichi_cloth.scenes.models.moving_model import STATE, MovingModel
-from taichi_cloth.scenes.paper.scenes import PAPER_DRAPE
+from taichi_cloth.scenes.paper.own_scenes import PAPER_DRAPE, scene_file
 from taichi_cloth.scenes.picture.view import View
 from taichi_cloth.scenes.plan.plan import plan
 from taichi_cloth.scenes.prepare.garment_setup import Dressed, dressed_parts
@@ -94,7 +94,7 @@ def test_fields_of_motion_come_first(monkeypatch: pytest.MonkeyPatch, made: Call
 
     monkeypatch.setattr(KernelSolver, "make_ready", ready)
     monkeypatch.setattr(ti, "field", noted)
-    made("drape" if made is small else "skirt")
+    made(PAPER_DRAPE if made is small else scene_file("skirt"))
     assert order[0] == "motion"
     assert "picture" in order
 

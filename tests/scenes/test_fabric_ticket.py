@@ -13,7 +13,7 @@ from taichi_cloth.scenes import __main__ as command_line
 from taichi_cloth.scenes.fabric.lines import ticket_lines
 from taichi_cloth.scenes.fabric.piece import piece_of
 from taichi_cloth.scenes.fabric.ticket import PieceAsked, ticket_of
-from taichi_cloth.scenes.paper.scenes import PAPER_DRAPE
+from taichi_cloth.scenes.paper.own_scenes import PAPER_DRAPE
 from taichi_cloth.scenes.scene.load import load_scene, make_scene
 
 WIF = Path(__file__).parents[1] / "data" / "wif" / "schort.wif"

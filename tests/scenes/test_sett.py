@@ -10,7 +10,7 @@ from taichi_cloth.ground.errors import InputError
 from taichi_cloth.scenes import __main__ as command_line
 from taichi_cloth.scenes.models.cell_fibres import CellFibres
 from taichi_cloth.scenes.models.cloth_model import ClothModel, key_colours
-from taichi_cloth.scenes.paper.scenes import PAPER_DRAPE
+from taichi_cloth.scenes.paper.own_scenes import PAPER_DRAPE
 from taichi_cloth.scenes.picture import view as picture
 from taichi_cloth.scenes.picture.view import View
 from taichi_cloth.scenes.plan.plan import plan
