@@ -8,7 +8,7 @@ Key points between the two discs are held. A hinge at the last of these bends as
 the last of a row lies a quarter of a spacing inside the rim on average: so those up to ¾ spacing outside it are held.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import ceil, pi
 
 import cv2
@@ -92,7 +92,7 @@ def specimen_of(material: Material, spacing: float) -> Sheet:
     cells[cells < 0.02] = 0.0
     at = (np.arange(2 * half + 1) - half) * spacing
     held = np.hypot(at, at[:, None]) <= SUPPORT + 0.75 * spacing
-    damped = Material(**{**vars(material), "air_damping": AIR})
+    damped = replace(material, air_damping=AIR)
     springs = calibrate(damped, spacing_x=spacing, spacing_y=spacing)
     return Sheet.of_cells(cells, material=damped, springs=springs, pinned=held)
 

@@ -39,6 +39,11 @@ class _Clock:
         """Of the sum of some stages [ms]."""
         return float(np.median(np.sum([self.times[s] for s in stages if s in self.times], axis=0)))
 
+    def lines(self) -> Iterator[str]:
+        """Of each stage, its median with the least and the greatest."""
+        for stage, times in self.times.items():
+            yield f"  {stage:<20} {np.median(times):>8.2f} ms  ({min(times):.2f} to {max(times):.2f})"
+
 
 def cloth_profile_lines(scene: Scene, *, repeats: int) -> Iterator[str]:
     """Times `repeats` frames; the mesh's and the fibres' stages in turn on the same state. Taichi is running."""
@@ -72,9 +77,7 @@ def cloth_profile_lines(scene: Scene, *, repeats: int) -> Iterator[str]:
                 clock.time(f"{stage}, {form}", work)
     size = f"{sheet.shape[0]} × {sheet.shape[1]} key points"
     yield f"{size}, {follower.particles:,} particles, {solver.substeps} substeps a frame"
-    for stage in clock.times:
-        times = clock.times[stage]
-        yield f"  {stage:<20} {np.median(times):>8.2f} ms  ({min(times):.2f} to {max(times):.2f})"
+    yield from clock.lines()
     solve = clock.median("forces and solver")
     moved = clock.median("crossings", "frames and fibres")
     mesh_frame = clock.median("forces and solver", "vertex normals")
@@ -101,8 +104,7 @@ def _cell_lines(fibre: ClothModel, mesh: ClothModel, repeats: int) -> Iterator[s
             clock.time(f"picture, {form}", lambda v=view: list(v.turntable(1, [0])))
     rows, columns = fibre.simulation.sheet.shape
     yield f"{rows} × {columns} key points, {fibre.simulation.solver.substeps} substeps a frame"
-    for stage, times in clock.times.items():
-        yield f"  {stage:<20} {np.median(times):>8.2f} ms  ({min(times):.2f} to {max(times):.2f})"
+    yield from clock.lines()
 
 
 def _drawing(model: ClothModel) -> dict[str, Callable[[], object]]:

@@ -11,12 +11,34 @@ from taichi_cloth.sheet.springs import BendingLaw
 
 from .section import MEASURED_FILE, Positive, Section, Share
 
-__all__ = ["BodyPinSection", "ClothSection", "ForcesSection", "PinsSection", "SolverSection"]
+__all__ = [
+    "BodyPinSection",
+    "ClothSection",
+    "ForcesSection",
+    "MaterialName",
+    "MeasuredFile",
+    "PinsSection",
+    "PropertiesSection",
+    "SolverSection",
+]
 
 Edge = Literal["left", "right", "top", "bottom"]
 Corner = Literal["top-left", "top-right", "bottom-left", "bottom-right"]
 Vector = tuple[float, float, float]
 AS_DRAWN = "default: as thick as the cloth is drawn, or what its key points can keep"
+
+MaterialName = Annotated[
+    str | None,
+    Field(
+        description="woven, of [yarn], [weave] and their sett, or a preset, such as silk-habotai, wool-suiting, denim; "
+        "default: woven where fabric.ends_per_cm and picks_per_cm are stated, else cotton-shirting"
+    ),
+]
+MeasuredFile = Annotated[
+    str | None,
+    MEASURED_FILE,
+    Field(description="a .toml file of properties as KES, FAST or a cantilever measure them, in their place"),
+]
 
 
 class PropertiesSection(Section):
@@ -88,14 +110,8 @@ class ClothSection(Section):
     threads_per_key_point: int = Field(
         default=1, ge=1, le=1000, description="threads woven for each key point where no sett is stated in [fabric]"
     )
-    material: str | None = Field(
-        default=None,
-        description="woven, of [yarn], [weave] and their sett, or a preset, such as silk-habotai, wool-suiting, denim; "
-        "default: woven where fabric.ends_per_cm and picks_per_cm are stated, else cotton-shirting",
-    )
-    measured: Annotated[str | None, MEASURED_FILE] = Field(
-        default=None, description="a .toml file of properties as KES, FAST or a cantilever measure them, in their place"
-    )
+    material: MaterialName = None
+    measured: MeasuredFile = None
     properties: PropertiesSection = PropertiesSection()
     bending: BendingLaw = Field(default="hinge", description='"spring" is the paper\'s')
     follow: FollowRule = Field(default="smooth", description='how fibres follow key points; "paper": in world axes')

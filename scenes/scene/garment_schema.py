@@ -6,8 +6,8 @@ from pydantic import Field
 
 from taichi_cloth.fabric.follow_rule import FollowRule
 
-from .cloth_schema import PropertiesSection
-from .section import DRAFT_FILE, MEASURED_FILE, PATTERN_FILE, PICTURE_FILE, Positive, Section
+from .cloth_schema import MaterialName, MeasuredFile, PropertiesSection
+from .section import DRAFT_FILE, PATTERN_FILE, PICTURE_FILE, Positive, Section
 
 __all__ = ["GarmentSection", "PanelColours", "PrintSection"]
 
@@ -42,14 +42,8 @@ class GarmentSection(Section):
     length_cm: Positive | None = Field(default=None, description="from the neck's side or the waist to the hem [cm]")
     sleeve_cm: Positive | None = Field(default=None, description="from the underarm to the sleeve's hem [cm]")
     flare: Positive | None = Field(default=None, description="girth of the hem over that of the hip")
-    material: str | None = Field(
-        default=None,
-        description="woven, of [yarn], [weave] and their sett, or a preset, such as silk-habotai, wool-suiting, denim; "
-        "default: woven where fabric.ends_per_cm and picks_per_cm are stated, else cotton-shirting",
-    )
-    measured: Annotated[str | None, MEASURED_FILE] = Field(
-        default=None, description="a .toml file of properties as KES, FAST or a cantilever measure them, in their place"
-    )
+    material: MaterialName = None
+    measured: MeasuredFile = None
     properties: PropertiesSection = PropertiesSection()
     friction: float = Field(default=0.3, ge=0, le=5, description="between cloth and skin")
     gap_mm: float = Field(default=4.0, ge=0, le=30, description="kept between the body and the key points [mm]")
