@@ -12,7 +12,14 @@ from taichi_cloth.motion.stage_clock import StageClock
 
 __all__ = ["KERNEL_PARTS", "clock_or_none", "kernel_parts"]
 
-STAGES = {"ahead": "springs", "springs": "springs", "threads": "yarns", "shapes": "ball and plane", "state": "state"}
+STAGES = {
+    "ahead": "springs",
+    "friction within": "springs",
+    "springs": "springs",
+    "threads": "yarns",
+    "shapes": "ball and plane",
+    "state": "state",
+}
 CONSTRAINTS = {
     Contact: "contact",
     MiddleContact: "contact",

@@ -1,8 +1,9 @@
 """A frame in one kernel: the stages of a substep as papers 3.2 and 4.1 list them, gone through by threads together.
 
-    read      positions and steps of the state
+    read      positions and steps of the state, and what friction within the sheet remembers
     of each substep:
         prepare   constraints look at where the cloth is; where key points will be a lag later
+        slip      what rubs and locks within the sheet, if anything does
         move      springs, gravity, wind, fixed shapes: the solver's own stages
         warm      what constraints remember acts again
         correct   ties that hold, cloth on cloth, the body; then, in turns, strain limit and seams
@@ -22,6 +23,7 @@ from taichi_cloth.ground.arrays import F32x1, F32x3, Float, I32x1, Int, Template
 from taichi_cloth.motion.constraint import Constraint
 from taichi_cloth.motion.crew import PARTS, Crew, parts_of
 from taichi_cloth.motion.numbers import NUMBERS, Numbers
+from taichi_cloth.motion.slipping import Slipping
 from taichi_cloth.motion.stage_clock import StageClock
 from taichi_cloth.motion.stencil import Stencil
 from taichi_cloth.sheet.sheet import LANES, Sheet, SheetState
@@ -38,15 +40,26 @@ class Frame(Stencil):
     numbers: of a step. packet: 8 neighbouring key points each, by the number of their lanes in the padded grid; cut:
     which of them are whose part. holder: whose constants are in the fields, the host's to use. sums: whether it goes
     through constraints several times in a substep. clock: is told where stages end; None: nothing of it is compiled.
+    slips: whether there is friction within the sheet.
     """
 
     sums = False
+    plane = 6
+    """Of the state, the first of the anchors of friction within the sheet."""
     cut: Any  # its numbers are bounds of loops: type checkers would take them for matrices
 
     def __init__(
-        self, size: int, threads: int, constraints: tuple[Constraint, ...], clock: StageClock | None = None
+        self,
+        size: int,
+        threads: int,
+        constraints: tuple[Constraint, ...],
+        clock: StageClock | None = None,
+        slips: bool = False,
     ) -> None:
         super().__init__(size)
+        if slips:
+            self.slipping = Slipping(size)
+            self.plane = 6 + sum(one.remembers for one in constraints)
         self.constraints, self.crew = constraints, Crew(threads)
         self.clock: Any = clock  # its functions are called where it is one
         self.timed = clock is not None
@@ -125,6 +138,9 @@ class Frame(Stencil):
             if ti.static(not features.leads):
                 stage, ended = self.in_parts(self.prepare, thread, stage, ended, done, at, wind, values, n, features)
                 self.ends(thread, "ahead")
+            if ti.static(features.slips):
+                stage, ended = self.in_parts(self.slip, thread, stage, ended, done, at, wind, values, n, features)
+                self.ends(thread, "friction within")
             air = wind + done * change
             stage, ended = self.move(thread, stage, ended, done, at, air, values, n, features)
             self.ends(thread, "springs")
@@ -186,6 +202,8 @@ class Frame(Stencil):
     @ti.func
     def read(self, part, done, at, wind, values: Template, n: Template, features: Template):
         """The state of a part's key points from what the host holds."""
+        if ti.static(features.slips):
+            self.slipping.begin(part)
         for e in range(self.cut[part], self.cut[part + 1]):
             p = self.lanes(self.packet[e] * LANES)
             i, j = p // self.row[None], p % self.row[None]
@@ -195,6 +213,8 @@ class Frame(Stencil):
                     self.step[c][p + k] = values[3 + c, i, j + k]
             for one in ti.static([one for one in self.constraints if one.remembers]):
                 one.open(values, p, i, j)
+            if ti.static(features.slips):
+                self.slipping.open(values, self.plane, p, i, j)
         if ti.static(features.leads):
             self.lead_part(part, n)
 
@@ -212,6 +232,8 @@ class Frame(Stencil):
                     values[3 + c, i, j + k] = self.step[c][p + k]
             for one in ti.static([one for one in self.constraints if one.remembers]):
                 one.close(values, p, i, j)
+            if ti.static(features.slips):
+                self.slipping.close(values, self.plane, p, i, j)
 
     @ti.func
     def prepare(self, part, done, at, wind, values: Template, n: Template, features: Template):
@@ -219,6 +241,13 @@ class Frame(Stencil):
         if part == 0:
             self.before_springs(done, n)
         self.lead_part(part, n)
+
+    @ti.func
+    def slip(self, part, done, at, wind, values: Template, n: Template, features: Template):
+        """What rubs within the sheet, of a part, at buffer `at` of what is ahead."""
+        for e in range(self.cut[part], self.cut[part + 1]):
+            p = self.lanes(self.packet[e] * LANES)
+            self.slipping.find(self, features.hinges, part, self.lanes(p + at), p)
 
     @ti.func
     def lead_part(self, part, n: Template):

@@ -15,7 +15,8 @@ from taichi_cloth.motion.constraint import Constraint
 from taichi_cloth.motion.crew import PARTS, Pace
 from taichi_cloth.motion.forces import Forces, FrameForces
 from taichi_cloth.motion.frame import Frame
-from taichi_cloth.motion.numbers import numbers_of
+from taichi_cloth.motion.numbers import acting, numbers_of
+from taichi_cloth.motion.slipping import ANCHORS, slip_numbers
 from taichi_cloth.motion.solver import Solver
 from taichi_cloth.motion.stage_clock import StageClock
 from taichi_cloth.motion.stencil import Features
@@ -91,11 +92,17 @@ class KernelSolver(Solver):
             wind=forces.wind is not None,
             sphere=forces.sphere is not None,
             plane=forces.plane is not None,
+            twists=sheet.springs.twist > 0,
+            slips=sheet.springs.slips,
             leads=self.springs_are_threads and not constraints,
             apart=not self.springs_are_threads or bool(constraints) or sheet.material.fibre_damping > 0,
         )
         self.take_steps(substeps)
         self._pace = Pace(self.threads)
+
+    @property
+    def remembered(self) -> int:
+        return super().remembered + (ANCHORS if self.sheet.springs.slips else 0)
 
     def take_steps(self, substeps: int) -> None:
         """From now on so many a frame."""
@@ -137,7 +144,8 @@ class KernelSolver(Solver):
 
     def _filled(self, state: SheetState) -> Any:
         size = capacity_of(self.sheet.padded_shape)
-        frame = _frame(runtime.generation(), self.frame_of, size, self.threads, self.constraints, self.clock)
+        slips = self.features.slips
+        frame = _frame(runtime.generation(), self.frame_of, size, self.threads, self.constraints, self.clock, slips)
         if frame.holder != (self, self.numbers):
             self.fill(frame, state)
             frame.holder = self, self.numbers
@@ -146,6 +154,9 @@ class KernelSolver(Solver):
     def fill(self, frame: Any, state: SheetState) -> None:
         """What stays the same from frame to frame, into fields that hold that of another solver, or of other steps."""
         frame.fill(self.sheet, state, self.numbers)
+        if self.features.slips:
+            squared = self.step**2 * acting(self.sheet.material.air_damping, self.step)
+            frame.slipping.take(np.array(list(slip_numbers(self.sheet.springs, squared).values()), np.float32))
 
     def look(self, frame: Any) -> None:
         """At the fields after a frame."""
@@ -159,6 +170,7 @@ def _frame(
     threads: int,
     constraints: tuple[Constraint, ...],
     clock: StageClock | None,
+    slips: bool,
 ) -> Frame:
     """Sheets of one class share it. generation: of the Taichi runtime; a new start throws all fields away."""
-    return frame_of(size, threads, constraints, clock)
+    return frame_of(size, threads, constraints, clock, slips)

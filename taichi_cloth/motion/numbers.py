@@ -8,10 +8,10 @@ import taichi as ti
 from taichi_cloth.motion.forces import Forces
 from taichi_cloth.sheet.sheet import Sheet
 
-__all__ = ["NUMBERS", "Numbers", "numbers_of"]
+__all__ = ["NUMBERS", "Numbers", "acting", "numbers_of"]
 
 NUMBERS = (
-    *("structural_x", "structural_y", "diagonal", "second_x", "second_y", "hinge_x", "hinge_y"),  # × h² [N s²/m = kg]
+    *("structural_x", "structural_y", "diagonal", "second_x", "second_y", "hinge_x", "hinge_y", "twist"),  # × h² [kg]
     *("spacing_x", "spacing_y", "diagonal_length"),  # [m]
     "kept",  # share of a step that viscous damping leaves
     "lag",  # τ/h of damping along the springs
@@ -30,8 +30,8 @@ Numbers: Any = ti.types.struct(**dict.fromkeys(NUMBERS, ti.f32))
 def numbers_of(sheet: Sheet, forces: Forces, step: float) -> dict[str, float]:
     """The values of `Numbers` for steps of `step` [s]."""
     s, m = sheet.springs, sheet.material
-    h2 = step * step * _acting(m.air_damping, step)
-    scaled = ("structural_x", "structural_y", "diagonal", "second_x", "second_y", "hinge_x", "hinge_y")
+    h2 = step * step * acting(m.air_damping, step)
+    scaled = NUMBERS[:8]
     out = {name: getattr(s, name) * h2 for name in scaled}
     out |= {name: getattr(s, name) for name in ("spacing_x", "spacing_y", "diagonal_length")}
     out |= {"kept": exp(-m.air_damping * step), "lag": m.fibre_damping / step, "rate": 1 / step}
@@ -52,6 +52,6 @@ def numbers_of(sheet: Sheet, forces: Forces, step: float) -> dict[str, float]:
     return out
 
 
-def _acting(air_damping: float, step: float) -> float:
+def acting(air_damping: float, step: float) -> float:
     """Share of a step for which a constant force acts, (1 − e^(−ch))/(ch): second order, and the right end speed."""
     return -expm1(-air_damping * step) / (air_damping * step) if air_damping > 0 else 1.0

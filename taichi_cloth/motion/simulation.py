@@ -70,7 +70,7 @@ class Simulation:
             raise InputError("pins: their masks and the key points the sheet was made with as pinned differ")
         self.sheet, self.solver, self.forces, self.pins = sheet, solver, forces, pins
         self.frame = 0
-        self.state = sheet.state(positions, sum(one.remembers + one.keeps for one in solver.constraints))
+        self.state = sheet.state(positions, solver.remembered)
         for group in pins:
             start = np.asarray(positions, np.float64)[group.mask]
             if group.path is not None and np.abs(group.at(0.0) - start).max(initial=0.0) > 1e-6:

@@ -33,6 +33,12 @@ class Solver(ABC):
     """What acts on key points beside springs, after each step."""
 
     @property
+    def remembered(self) -> int:
+        """Numbers of a key point that a state keeps beside its place and step: first what constraints remember, then
+        the solver's own, last what constraints keep."""
+        return sum(one.remembers + one.keeps for one in self.constraints)
+
+    @property
     def explicit(self) -> Sheet:
         """The sheet with those springs only whose pull follows from where key points are. What others hold, which are
         solved, is not told from a state."""

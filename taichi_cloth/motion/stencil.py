@@ -39,6 +39,8 @@ class Features:
     wind: bool
     sphere: bool
     plane: bool
+    twists: bool  # cells resist to be twisted
+    slips: bool  # something rubs or locks within the sheet (`slipping.py`)
     leads: bool  # a substep says what is ahead of it: nothing moves key points after it
     apart: bool  # positions are not what is ahead: by damping, or because constraints change them
 
@@ -75,6 +77,28 @@ def largest(values):
 
 
 @ti.func
+def scaled(vector: Template, factor):
+    """A vector of lanes times a number a lane."""
+    return vector[0] * factor, vector[1] * factor, vector[2] * factor
+
+
+@ti.func
+def area_around(work: Template, around: Template, p):
+    """The area vector of the lanes at p times 4, of the cells around, so it is right at edges too. work: the `Stencil`.
+    around: see there."""
+    row = work.row[None]
+    e, w = ti.min(2.0 * load(work.east, p), 1.0), ti.min(2.0 * load(work.east, near(p - 1)), 1.0)
+    s, t = ti.min(2.0 * load(work.north, p), 1.0), ti.min(2.0 * load(work.north, near(p - row)), 1.0)
+    x1, y1, z1 = around[1]
+    x2, y2, z2 = around[2]
+    ax, ay, az = e * x1 - w * x2, e * y1 - w * y2, e * z1 - w * z2
+    x1, y1, z1 = around[3]
+    x2, y2, z2 = around[4]
+    bx, by, bz = s * x1 - t * x2, s * y1 - t * y2, s * z1 - t * z2
+    return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+
+
+@ti.func
 def push_out(nx, ny, nz, depth, friction, dx, dy, dz):
     """The step (dx, dy, dz) [m] after a push out by `depth` along n, and Coulomb friction of at most µ × push."""
     along = dx * nx + dy * ny + dz * nz
@@ -107,8 +131,10 @@ class Stencil:
 
     position, step: [axis] fields [m]. ahead: [axis], position and what is moved within the lag of the stress [m], both
     buffers one after the other: element p of the second is size + p, so that one copy of the code serves both. east,
-    north, cell: weights of `Sheet`. inverse_mass: [1/kg].
+    north, cell: weights of `Sheet`. inverse_mass: [1/kg]. slipping: of sheets that have friction within, else None.
     """
+
+    slipping: Any = None
 
     def __init__(self, size: int) -> None:
         def fields(count: int, buffers: int = 1) -> list[ti.Field]:
@@ -219,17 +245,37 @@ class Stencil:
             x, y, z = x + u, y + v, z + t
             u, v, t = self.spring(around[4], n.structural_y * w, n.spacing_y)
             x, y, z = x + u, y + v, z + t
-        for corner, cell in ti.static(((row + 1, 0), (-row - 1, -row - 1), (row - 1, -1), (1 - row, -row))):
-            c = n.diagonal * load(self.cell, near(p + cell))
+        for number, corner, cell in ti.static(
+            ((0, row + 1, 0), (1, -row - 1, -row - 1), (2, row - 1, -1), (3, 1 - row, -row))
+        ):
+            share = load(self.cell, near(p + cell))
+            c = n.diagonal * share
             to = self.away(self.ahead, around[0], a, corner)
             u, v, t = self.spring(to, c, n.diagonal_length)
             x, y, z = x + u, y + v, z + t
-        if ti.static(features.hinges):
+            if ti.static(features.slips):
+                u, v, t = scaled(to, load(self.slipping.sheared[number // 2], near(p + cell)))
+                x, y, z = x + u, y + v, z + t
+            if ti.static(features.twists):
+                k = n.twist * share
+                one, two = ti.static(around[1 if number % 3 == 0 else 2], around[3 if number % 2 == 0 else 4])
+                x, y, z = (
+                    x + k * (one[0] + two[0] - to[0]),
+                    y + k * (one[1] + two[1] - to[1]),
+                    z + k * (one[2] + two[2] - to[2]),
+                )
+        if ti.static(features.slips):
+            x, y, z = (
+                x + self.slipping.bending(0, p, row),
+                y + self.slipping.bending(1, p, row),
+                z + self.slipping.bending(2, p, row),
+            )
+        elif ti.static(features.hinges):
             u, v, t = self.bend(around, around[1], around[2], a, p, 1, self.east, n.hinge_x)
             x, y, z = x + u, y + v, z + t
             u, v, t = self.bend(around, around[3], around[4], a, p, row, self.north, n.hinge_y)
             x, y, z = x + u, y + v, z + t
-        else:
+        if ti.static(not features.hinges):
             u, v, t = self.second(around, a, p, 1, self.east, n.second_x, 2.0 * n.spacing_x)
             x, y, z = x + u, y + v, z + t
             u, v, t = self.second(around, a, p, row, self.north, n.second_y, 2.0 * n.spacing_y)
@@ -238,17 +284,8 @@ class Stencil:
 
     @ti.func
     def air(self, around: Template, p, dx, dy, dz, wind, n: Template):
-        """Drag and lift of the wind × h². The area vector is that of the cells around, so it is right at edges too."""
-        row = self.row[None]
-        e, w = ti.min(2.0 * load(self.east, p), 1.0), ti.min(2.0 * load(self.east, near(p - 1)), 1.0)
-        s, t = ti.min(2.0 * load(self.north, p), 1.0), ti.min(2.0 * load(self.north, near(p - row)), 1.0)
-        x1, y1, z1 = around[1]
-        x2, y2, z2 = around[2]
-        ax, ay, az = e * x1 - w * x2, e * y1 - w * y2, e * z1 - w * z2
-        x1, y1, z1 = around[3]
-        x2, y2, z2 = around[4]
-        bx, by, bz = s * x1 - t * x2, s * y1 - t * y2, s * z1 - t * z2
-        nx, ny, nz = 0.25 * (ay * bz - az * by), 0.25 * (az * bx - ax * bz), 0.25 * (ax * by - ay * bx)
+        """Drag and lift of the wind × h²."""
+        nx, ny, nz = scaled(area_around(self, around, p), 0.25)
         ux, uy, uz = wind[0] - n.rate * dx, wind[1] - n.rate * dy, wind[2] - n.rate * dz
         speed = ti.sqrt(ux * ux + uy * uy + uz * uz + 1e-30)
         area = ti.sqrt(nx * nx + ny * ny + nz * nz + 1e-30)

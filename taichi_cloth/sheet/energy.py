@@ -1,6 +1,9 @@
 """Energy and forces of a sheet in float64 on the host: the reference that kernels and tests are held against.
 
 W = Σ k/2 (|d| − L)² over structural, diagonal and second-neighbour springs + Σ β/2 |x₋ − 2x + x₊|² over hinges
+  + Σ τ/2 |x₀₀ − x₁₀ − x₀₁ + x₁₁|² over cells
+
+Friction within the sheet follows from what went before and is not in it, nor is locking.
 """
 
 from collections.abc import Iterator
@@ -11,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from taichi_cloth.sheet.sheet import Sheet
 
-__all__ = ["Links", "accelerations", "elastic_energy", "elastic_forces", "hinges", "kinetic_energy", "links"]
+__all__ = ["Links", "accelerations", "elastic_energy", "elastic_forces", "hinges", "kinetic_energy", "links", "twists"]
 
 F64 = NDArray[np.float64]
 Window = tuple[slice, slice]
@@ -71,6 +74,15 @@ def hinges(sheet: Sheet) -> Iterator[tuple[Window, Window, Window, F64]]:
         yield before, at, after, s.hinge_y * np.minimum(north[before], north[at])
 
 
+def twists(sheet: Sheet) -> tuple[tuple[Window, Window, Window, Window], F64] | None:
+    """Windows of the corners 00, 10, 01 and 11 of all cells, and τ [N/m] of each; None of a sheet without torsion."""
+    if sheet.springs.twist == 0:
+        return None
+    rows, cols = sheet.shape
+    low, left, high, right = slice(0, rows - 1), slice(0, cols - 1), slice(1, rows), slice(1, cols)
+    return ((low, left), (high, left), (low, right), (high, right)), sheet.springs.twist * sheet.cells
+
+
 def elastic_energy(sheet: Sheet, positions: ArrayLike) -> float:
     """Energy of all springs and hinges [J]. positions: (rows, cols, 3) [m]."""
     x = np.asarray(positions, np.float64)
@@ -81,6 +93,10 @@ def elastic_energy(sheet: Sheet, positions: ArrayLike) -> float:
     for before, at, after, beta in hinges(sheet):
         bend = x[before] - 2 * x[at] + x[after]
         total += 0.5 * float(np.sum(beta[..., None] * bend**2))
+    if (found := twists(sheet)) is not None:
+        (one, two, three, four), constant = found
+        turn = x[one] - x[two] - x[three] + x[four]
+        total += 0.5 * float(np.sum(constant[..., None] * turn**2))
     return total
 
 
@@ -99,6 +115,11 @@ def elastic_forces(sheet: Sheet, positions: ArrayLike) -> F64:
         out[before] -= bend
         out[at] += 2 * bend
         out[after] -= bend
+    if (found := twists(sheet)) is not None:
+        (one, two, three, four), constant = found
+        turn = constant[..., None] * (x[one] - x[two] - x[three] + x[four])
+        for window, sign in ((one, -1), (two, 1), (three, 1), (four, -1)):
+            out[window] += sign * turn
     return out
 
 

@@ -31,6 +31,7 @@ __all__ = ["MATERIALS", "Material", "named_material"]
 
 _BENDING = 98.07e-6  # N·m of 1 gf·cm²/cm
 _SHEAR = 56.2  # N/m of 1 gf/(cm·deg)
+RIGHT_ANGLE = 1.57  # rad
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,6 +44,11 @@ class Material:
     shear: force per width and radian of shear angle [N/m].
     bending_warp, bending_weft: rigidity when the warp, or the weft, is bent [N·m] (moment per width and curvature).
     density: mass per area [kg/m²].
+    couple_warp, couple_weft: moment a width that fibres hold by friction before they slip, half of KES's 2HB [N].
+    torsion: J of both families together, moment a width and twist [N·m].
+    shear_friction: force per width that crossings hold before they turn, half of KES's 2HG [N/m].
+    locking: shear angle at which neighbouring threads touch [rad].
+    What is 0 of these five the fabric has none of, nor do its kernels.
     air_damping: share of the velocity lost a second, as a rate [1/s].
     fibre_damping: time by which the stress in springs and hinges lags behind, of Kelvin and Voigt [s].
     """
@@ -59,6 +65,11 @@ class Material:
     drawn_weft: float = 0.0
     crimp_warp: float = 0.0
     crimp_weft: float = 0.0
+    couple_warp: float = 0.0
+    couple_weft: float = 0.0
+    torsion: float = 0.0
+    shear_friction: float = 0.0
+    locking: float = 0.0
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -67,6 +78,8 @@ class Material:
             if not (isfinite(value) and (value > 0 if positive else value >= 0)):
                 allowed = "above 0" if positive else "0 or more"
                 raise InputError(f"material.{field.name}: {value!r}; allowed: a finite number, {allowed}")
+        if self.locking >= RIGHT_ANGLE:
+            raise InputError(f"material.locking: {self.locking!r} rad; allowed: less than a right angle, or 0 for none")
         for family in ("warp", "weft"):
             soft, stiff = getattr(self, f"tensile_{family}"), getattr(self, f"drawn_{family}")
             if 0 < stiff < soft:
@@ -78,6 +91,11 @@ class Material:
     def linear(self) -> "Material":
         """The same with threads that stay as they are before their crimp is drawn out."""
         return replace(self, drawn_warp=0.0, drawn_weft=0.0, crimp_warp=0.0, crimp_weft=0.0)
+
+    @property
+    def elastic(self) -> "Material":
+        """The same without friction within it, torsion and locking: the five numbers that may be 0."""
+        return replace(self, couple_warp=0.0, couple_weft=0.0, torsion=0.0, shear_friction=0.0, locking=0.0)
 
     @property
     def curved(self) -> bool:

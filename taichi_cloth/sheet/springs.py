@@ -22,10 +22,22 @@ Bending laws:
   grid; linear in the positions, right near the flat state. Energy of a hinge: β/2 |x₋ − 2x + x₊|², β = B b/a³.
 - "spring": the paper's spring to the second neighbour. Its length changes only with the square of the angle, so it
   has no stiffness near the flat state; it stores the energy of B at one curvature κ₀ only: q = 16 B b / (a⁵ κ₀²).
+
+What woven cloth has beside, each where the fabric has it:
+- Torsion: J/2 ∫ κ_xy² with κ_xy ≈ |x₀₀ − x₁₀ − x₀₁ + x₁₁| / (a b) of a cell's corners; τ/2 |…|², τ = J/(a b). Bent
+  at an angle φ to the warp the sheet then has Cooper's B₁ cos⁴φ + B₂ sin⁴φ + J cos²φ sin²φ. Diagonals are springs
+  along themselves, and add nothing to that near the flat state.
+- Friction of bending: an elastic part in series with a slider (Prandtl), at every hinge, on c = (x₋ − 2x + x₊)·n: it
+  pulls by r (c − c₀), at most by s = HB b/a, and beyond that c₀ is dragged along. r is that of HELD_BENDING × B, or of
+  what reaches HB at the curvature SLIPS, whichever is less.
+- Friction of shear: the same in every cell, on the difference of its diagonals' lengths: s = HG l/2 and r = r_G
+  l²/(4ab), r_G = HELD_SHEAR × G.
+- Locking: as threads touch, shear gets stiffer: from LOCKS_OVER before the locking angle to as much after it its
+  stiffness rises evenly from G to (1 + LOCKED) G, and stays there.
 """
 
 from dataclasses import dataclass, fields, replace
-from math import hypot, isfinite, sqrt
+from math import hypot, isfinite, pi, sin, sqrt
 from typing import Literal, get_args
 
 from taichi_cloth.ground.errors import InputError, did_you_mean
@@ -35,6 +47,16 @@ __all__ = ["BendingLaw", "Springs", "calibrate"]
 
 BendingLaw = Literal["hinge", "spring"]
 
+HELD_BENDING, SLIPS = 4.0, 10.0
+"""Bending before fibres slip, over B at most; and the curvature [1/m] at which they do at least."""
+
+HELD_SHEAR = 0.3
+"""Shear stiffness that friction adds before crossings turn, over G. KES finds them turning within half a degree, which
+asks for some 2; but shear sets the step, and this costs a seventh of it. So loops of less than 5° or so are narrow."""
+
+LOCKED, LOCKS_OVER = 8.0, 0.07
+"""What locking adds to the shear stiffness, over G, and half of the angle in which it comes [rad]: 4°."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Springs:
@@ -42,6 +64,9 @@ class Springs:
 
     structural_x, structural_y, diagonal: [N/m]. second_x, second_y: the paper's bending springs [N/m], 0 with hinges.
     hinge_x, hinge_y: β [N/m], 0 with springs. spacing_x, spacing_y: rest lengths [m]. law: which of them bends.
+    twist: τ [N/m]. rub_x, rub_y: r of hinges [N/m], couple_x, couple_y: their s [N]. rub_shear: r of cells [N/m],
+    slip_shear: their s [N]. lock: what locking adds in the end [N/m], on the difference of diagonals' lengths from
+    lock_from [m] on, fully after lock_over more.
     Raises InputError on constants below 0 and rest lengths that are not above.
     """
 
@@ -55,6 +80,16 @@ class Springs:
     spacing_x: float
     spacing_y: float
     law: BendingLaw
+    twist: float = 0.0
+    rub_x: float = 0.0
+    rub_y: float = 0.0
+    couple_x: float = 0.0
+    couple_y: float = 0.0
+    rub_shear: float = 0.0
+    slip_shear: float = 0.0
+    lock: float = 0.0
+    lock_from: float = 0.0
+    lock_over: float = 0.0
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -73,6 +108,27 @@ class Springs:
     def without_threads(self) -> "Springs":
         """What is soft in cloth: shear and bending."""
         return replace(self, structural_x=0.0, structural_y=0.0)
+
+    def alone(self, diagonal: float) -> "Springs":
+        """Diagonals [N/m] and nothing else."""
+        names = ("structural_x", "structural_y", "second_x", "second_y", "hinge_x", "hinge_y", "twist")
+        return replace(self, diagonal=diagonal, **dict.fromkeys(names, 0.0))
+
+    @property
+    def slips(self) -> bool:
+        """Whether anything rubs within the sheet, or locks: what is not a spring."""
+        return max(self.rub_x, self.rub_y, self.rub_shear, self.lock) > 0
+
+    @property
+    def held(self) -> "Springs":
+        """As stiff as before anything slips: what steps have to follow. A slider on the difference of two diagonals is
+        at most twice as stiff on each."""
+        return replace(
+            self,
+            hinge_x=self.hinge_x + self.rub_x,
+            hinge_y=self.hinge_y + self.rub_y,
+            diagonal=self.diagonal + 2 * self.rub_shear,
+        )
 
     def drawn(self, material: Material) -> "Springs":
         """Once the crimp of threads is drawn out, of a material whose threads get stiffer then; what diagonals add
@@ -148,4 +204,39 @@ def calibrate(
         spacing_x=a,
         spacing_y=b,
         law=bending,
+        twist=material.torsion / (a * b),
+        **_friction(material, a, b),
+        **_locking(material, a, b),
     )
+
+
+def _friction(material: Material, a: float, b: float) -> dict[str, float]:
+    """Sliders of hinges and cells. a, b: spacing_x, spacing_y [m]."""
+
+    def held(couple: float, bending: float) -> float:
+        """Rigidity before fibres slip [N·m]; where nothing else bends what the couple reaches at SLIPS."""
+        return min(couple / SLIPS, HELD_BENDING * bending if bending > 0 else couple / SLIPS)
+
+    shear = HELD_SHEAR * material.shear if material.shear_friction > 0 else 0.0
+    return {
+        "rub_x": held(material.couple_weft, material.bending_weft) * b / a**3,
+        "rub_y": held(material.couple_warp, material.bending_warp) * a / b**3,
+        "couple_x": material.couple_weft * b / a,
+        "couple_y": material.couple_warp * a / b,
+        "rub_shear": shear * (a * a + b * b) / (4 * a * b),
+        "slip_shear": material.shear_friction * hypot(a, b) / 2,
+    }
+
+
+def _locking(material: Material, a: float, b: float) -> dict[str, float]:
+    """By the difference of a sheared cell's diagonals, sqrt(l² + 2 a b sin γ) − sqrt(l² − 2 a b sin γ)."""
+    if material.locking <= 0:
+        return {}
+
+    def apart(angle: float) -> float:
+        turned = 2 * a * b * sin(min(max(angle, 0.0), pi / 2))
+        return sqrt(a * a + b * b + turned) - sqrt(a * a + b * b - turned)
+
+    begin, end = (apart(material.locking + way * LOCKS_OVER) for way in (-1, 1))
+    stiffness = LOCKED * material.shear * (a * a + b * b) / (4 * a * b)
+    return {"lock": stiffness, "lock_from": begin, "lock_over": end - begin}

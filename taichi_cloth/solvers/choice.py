@@ -68,7 +68,7 @@ def choose(
     points = int(sheet.present.sum())
 
     def longest(explicit: Springs) -> float:
-        return _longest(replace(sheet, springs=explicit), safety)
+        return _longest(replace(sheet, springs=explicit.held), safety)
 
     def cost(name: str, allowed: float, factor: float) -> Cost:
         """allowed: step [s]."""

@@ -1,5 +1,7 @@
 """What Verlet and whole yarns have in common: positions in float32, and starts that no cloth survives."""
 
+from typing import Any
+
 from taichi_cloth.motion.kernel_solver import KernelSolver
 from taichi_cloth.sheet.sheet import SheetState
 from taichi_cloth.solvers.stability import rounding_speed
@@ -10,6 +12,13 @@ __all__ = ["SpringSolver"]
 
 class SpringSolver(KernelSolver):
     """A solver of one sheet whose explicit springs set the step."""
+
+    locked = 0.0
+    """The largest share of the stiffness of locking that a cell had in the last frame."""
+
+    def look(self, frame: Any) -> None:
+        if self.sheet.springs.lock > 0:
+            self.locked = frame.slipping.most_locked()
 
     def rounding(self, ulp: float) -> float:
         m = self.sheet.material

@@ -6,7 +6,8 @@ Where the step is within 3 % of what the bound allows, the frequency itself is w
 what this allows, shorter steps are wanted.
 """
 
-from math import ceil
+from dataclasses import replace
+from math import ceil, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,9 @@ NEAR = 0.97
 GROWTH = 1.02
 """By how much the bound of the frequency has to grow before the frequency itself is worked out again."""
 
+QUARTERS = 4
+"""Shares of locking that steps are chosen for: not each frame asks for others."""
+
 ROUGH = 1e-2
 """Tolerance with which the square of that frequency is worked out on the way: a frame waits for it."""
 
@@ -38,7 +42,9 @@ class StepChoice:
 
     Raises InputError on either where it can be none.
 
-    frequency: ω_max [rad/s] that steps were last chosen for. seen: the bound then [rad/s], 0 at rest.
+    frequency: ω_max [rad/s] that steps were last chosen for. seen: the bound then [rad/s], 0 at rest. locked: the share
+    of the stiffness of locking that they are for; what it adds to ω² is at most that share of ω² of the locked cells
+    alone.
     """
 
     def __init__(self, sheet: Sheet, *, frame_rate: float, safety: float) -> None:
@@ -47,8 +53,12 @@ class StepChoice:
         if not 0 < safety <= 1:
             raise InputError(f"solver.safety: {safety!r}; allowed: above 0, at most 1")
         self.sheet, self.frame_rate, self.safety = sheet, frame_rate, safety
-        self.frequency, self.seen = highest_frequency(sheet), 0.0
-        self.bound = FrequencyBound(sheet)
+        self._held = replace(sheet, springs=sheet.springs.held)
+        self.frequency, self.seen = highest_frequency(self._held), 0.0
+        self.bound = FrequencyBound(self._held)
+        lock, self.locked = sheet.springs.lock, 0.0
+        alone = replace(sheet, springs=sheet.springs.alone(2 * lock)) if lock > 0 else None
+        self._of_locked = highest_frequency(alone, tolerance=ROUGH) ** 2 if alone else 0.0
 
     @property
     def limit(self) -> float:
@@ -64,19 +74,27 @@ class StepChoice:
         """Of a frame, each of at most `step` [s]."""
         return substeps_of(self.frame_rate, step)
 
+    def lock(self, share: float) -> bool:
+        """Takes steps for that much of locking, in quarters; whether that is another share than before."""
+        before, self.locked = self.locked, ceil(QUARTERS * share - 1e-6) / QUARTERS
+        return self.locked != before
+
     def crossed(self, step: float, bound: float) -> bool:
         """Whether a shape of that bound [rad/s] has to be looked at by `look`."""
         return bound >= GROWTH * self.seen and step >= NEAR * self._allowed(bound)
 
     def look(self, step: float, shape: NDArray[np.float64], bound: float) -> bool:
         """Works out the frequency of a shape (rows, cols, 3) [m]: whether the step is too near its limit."""
-        self.frequency, self.seen = highest_frequency(self.sheet, shape, tolerance=ROUGH), bound
+        self.frequency, self.seen = highest_frequency(self._held, shape, tolerance=ROUGH), bound
         return step >= NEAR * self.limit
 
     def any_shape(self) -> None:
         """From now on steps are for any shape."""
+        self.locked = 1.0
         self.frequency, self.seen = self.bound.anywhere(), np.inf
 
     def _allowed(self, frequency: float) -> float:
         m = self.sheet.material
+        if self.locked > 0:
+            frequency = sqrt(frequency**2 + self.locked * self._of_locked)
         return longest_step(frequency, fibre_damping=m.fibre_damping, air_damping=m.air_damping)

@@ -75,8 +75,10 @@ class Verlet(SpringSolver):
         if reached is None:
             choice.any_shape()
         else:
+            locked = self.locked > choice.locked and choice.lock(self.locked)
             bound = choice.bound.at(self._shape(state)) if reached is state else self._now
-            if not (choice.crossed(self.step, bound) and choice.look(self.step, self._shape(reached), bound)):
+            nearer = choice.crossed(self.step, bound) and choice.look(self.step, self._shape(reached), bound)
+            if not (locked or nearer):
                 return False
         substeps = choice.substeps(choice.longest)
         if substeps <= self.substeps:
@@ -97,10 +99,12 @@ class Verlet(SpringSolver):
 
     @property
     def found(self) -> tuple[float, ...]:
-        return self.substeps, self.choice.frequency, self.choice.seen
+        locked = (self.choice.locked,) if self.sheet.springs.lock > 0 else ()
+        return self.substeps, self.choice.frequency, self.choice.seen, *locked
 
     def go_on(self, found: tuple[float, ...]) -> None:
-        substeps, self.choice.frequency, self.choice.seen = found
+        substeps, self.choice.frequency, self.choice.seen, *locked = found
+        self.choice.locked = locked[0] if locked else 0.0
         if substeps != self.substeps:
             self.take_steps(int(substeps))
 
@@ -109,4 +113,5 @@ class Verlet(SpringSolver):
         frame.stiff.take(self.choice.bound, self.step)
 
     def look(self, frame: VerletFrame) -> None:
+        super().look(frame)
         self._now = frame.stiffest() ** 0.5 / self.step

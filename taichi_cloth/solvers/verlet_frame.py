@@ -18,9 +18,14 @@ class VerletFrame(Frame):
     """stiff: the terms of the sheet's `FrequencyBound`."""
 
     def __init__(
-        self, size: int, threads: int, constraints: tuple[Constraint, ...], clock: StageClock | None = None
+        self,
+        size: int,
+        threads: int,
+        constraints: tuple[Constraint, ...],
+        clock: StageClock | None = None,
+        slips: bool = False,
     ) -> None:
-        super().__init__(size, threads, constraints, clock)
+        super().__init__(size, threads, constraints, clock, slips)
         self.stiff = Stiffest(self.size)
 
     @ti.func

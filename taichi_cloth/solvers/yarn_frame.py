@@ -37,9 +37,14 @@ class YarnFrame(Frame):
     families = 2
 
     def __init__(
-        self, size: int, threads: int, constraints: tuple[Constraint, ...], clock: StageClock | None = None
+        self,
+        size: int,
+        threads: int,
+        constraints: tuple[Constraint, ...],
+        clock: StageClock | None = None,
+        slips: bool = False,
     ) -> None:
-        super().__init__(size, threads, constraints, clock)
+        super().__init__(size, threads, constraints, clock, slips)
         self.yarns = WholeYarns(size, self.families)
         self.pressed = [ti.field(ti.f32, self.size) for _ in (BALL, FLOOR)]
         self.rubbed = [[ti.field(ti.f32, self.size) for _ in range(3)] for _ in (BALL, FLOOR)]
@@ -55,6 +60,9 @@ class YarnFrame(Frame):
             air = wind + done * change
             stage, ended = self.in_parts(self.prepare, thread, stage, ended, done, 0, air, values, n, features)
             self.ends(thread, "ahead")
+            if ti.static(features.slips):
+                stage, ended = self.in_parts(self.slip, thread, stage, ended, done, 0, air, values, n, features)
+                self.ends(thread, "friction within")
             stage, ended = self.in_parts(self.soften, thread, stage, ended, done, 0, air, values, n, features)
             self.ends(thread, "springs")
             for turn in range(turns + 1):

@@ -98,7 +98,7 @@ class Yarns(SpringSolver):
         if step is not None and not 0 < step <= longest:
             raise InputError(f"solver.step: {step!r} s; allowed: above 0, at most {longest:.4g} s")
         substeps = self.choice.substeps(step or longest)
-        self._least = substeps
+        self._asked, self._least = step or longest, substeps
         super().__init__(
             sheet, forces, frame_rate=frame_rate, substeps=substeps, threads=threads, constraints=constraints
         )
@@ -152,6 +152,7 @@ class Yarns(SpringSolver):
         frame.yarns.take(self.sheet.padded(self.sheet.present), self.families())
 
     def look(self, frame: YarnFrame) -> None:
+        super().look(frame)
         self.tight = frame.tightest()
 
     def shorten(self, state: SheetState, reached: SheetState | None) -> bool:
@@ -174,7 +175,12 @@ class Yarns(SpringSolver):
         return f"threads are pulled by {pull:.2g} N/m, and more than {MOST_SUBSTEPS} substeps a frame would follow them"
 
     def _for_tension(self) -> int:
-        """Substeps that the tension of the last frame asks for; at least those of the soft springs."""
+        """Substeps that the last frame asks for by its tension; at least those of the soft springs, as locked as they
+        were."""
+        if self.choice.lock(self.locked):
+            self._least = self.choice.substeps(min(self._asked, self.choice.longest))
+        if self._least > self.substeps:
+            return self._least
         if self.tight > TIGHTEST:
             return 2 * ceil(0.55 * self.substeps * sqrt(self.tight / TIGHTEST))
         calm = 2 * ceil(0.5 * self.substeps * max(sqrt(2 * self.tight / TIGHTEST), 0.5))

@@ -1,0 +1,171 @@
+"""What rubs and locks within a sheet: fibres in a bent yarn, crossings in a sheared cell, threads that touch.
+
+A slider with an elastic part in series (Prandtl) remembers one number, where it would pull nothing: of both hinges of a
+key point a second difference along the normal, of the cell that begins there a difference of its diagonals' lengths
+[m]. These are the planes ANCHORS of a state; 0 is the sheet as it was woven, flat and square.
+
+It is found for 8 key points before the springs of each substep, at what is ahead: how much each hinge and each cell
+pulls, of which key points then take their parts (`Stencil.elastic`). With hinges come those that only bend, so that
+their code is not there twice.
+"""
+
+from typing import Any
+
+import taichi as ti
+
+from taichi_cloth.ground.arrays import F32x1, Float, Template
+from taichi_cloth.motion.crew import LINE, PARTS
+from taichi_cloth.motion.stencil import area_around, load, near, scaled, store
+from taichi_cloth.sheet.sheet import LANES
+from taichi_cloth.sheet.springs import Springs
+
+__all__ = ["ANCHORS", "Slipping", "slip_numbers"]
+
+ANCHORS = 3
+ALONG_X, ALONG_Y, SHEAR = range(ANCHORS)
+
+LEAST = 1e-30
+
+SLIP_NUMBERS = (
+    *("hinge_x", "hinge_y", "rub_x", "rub_y", "rub_shear", "lock"),  # × h² [kg]
+    *("couple_x", "couple_y", "slip_shear"),  # × h² [kg m]
+    *("give_x", "give_y", "give_shear"),  # 1/r over h², 0 where nothing rubs [1/kg]
+    *("lock_from", "lock_over"),  # [m]
+)
+
+SlipNumbers: Any = ti.types.struct(**dict.fromkeys(SLIP_NUMBERS, ti.f32))
+
+
+def slip_numbers(springs: Springs, squared: float) -> dict[str, float]:
+    """The values of `SlipNumbers`. squared: h², less what the air takes meanwhile [s²]."""
+    out = {name: squared * getattr(springs, name) for name in SLIP_NUMBERS[:9]}
+    for way in ("x", "y", "shear"):
+        rub = out[f"rub_{way}"]
+        out[f"give_{way}"] = 1 / rub if rub > 0 else 0.0
+    return out | {"lock_from": springs.lock_from, "lock_over": max(springs.lock_over, 1e-9)}
+
+
+@ti.func
+def slider(value, anchor, rub, give, most):
+    """The pull of a slider at `value`, and where it would pull nothing from now on."""
+    pull = ti.max(ti.min(rub * (value - anchor), most), -most)
+    return pull, value - give * pull
+
+
+@ti.data_oriented
+class Slipping:
+    """Fields for a padded grid of up to `size` elements.
+
+    anchor: see above. bent: [along x, along y][axis], what a hinge pulls by [kg m]. sheared: what the two diagonals of
+    a cell are pulled by over their lengths [kg]. locked: of each part of the sheet and each lane, the largest share of
+    the stiffness `lock` that a cell had in this frame.
+    """
+
+    def __init__(self, size: int) -> None:
+        def fields(count: int) -> list[ti.Field]:
+            return [ti.field(ti.f32, size) for _ in range(count)]
+
+        self.size = size
+        self.anchor, self.sheared = fields(ANCHORS), fields(2)
+        self.bent = [fields(3), fields(3)]
+        self.locked = ti.field(ti.f32, PARTS * LINE)
+        self.numbers = SlipNumbers.field(shape=())
+        self._number = [self.numbers.get_member_field(name) for name in SLIP_NUMBERS]
+        self._all = (*self.anchor, *self.sheared, *self.bent[0], *self.bent[1])
+
+    @ti.kernel
+    def take(self, named: F32x1):
+        """named: values of `SlipNumbers`. Nothing pulls yet, also where there is no cloth."""
+        ti.loop_config(serialize=True)
+        for p in range(self.size):
+            for field in ti.static(self._all):
+                field[p] = 0.0
+        ti.loop_config(serialize=True)
+        for _ in range(1):
+            for k, number in ti.static(enumerate(self._number)):
+                number[None] = named[k]
+
+    @ti.func
+    def find(self, work: Template, hinges: Template, part, a, p):
+        """All of the lanes at p, at a of what is ahead. work: the `Stencil`. hinges: whether there are any that bend.
+        part: that the lanes are of."""
+        n, row = self.numbers[None], work.row[None]
+        around = work.around(a)
+        # Bending, along the normal.
+        nx, ny, nz = area_around(work, around, p)
+        inverse = 1.0 / ti.sqrt(nx * nx + ny * ny + nz * nz + LEAST)
+        normal = scaled((nx, ny, nz), inverse)
+        weft = n.rub_x, n.give_x, n.couple_x, n.hinge_x
+        warp = n.rub_y, n.give_y, n.couple_y, n.hinge_y
+        self.bend(ALONG_X, p, around[1], around[2], 1, work.east, normal, weft, hinges)
+        self.bend(ALONG_Y, p, around[3], around[4], row, work.north, normal, warp, hinges)
+        # Shear of the cell whose first corner is here: its diagonals, from here and from the next in the row.
+        to, x, y = work.away(work.ahead, around[0], a, row + 1), around[1], around[3]
+        u, v, w = y[0] - x[0], y[1] - x[1], y[2] - x[2]
+        first = ti.sqrt(ti.max(to[0] * to[0] + to[1] * to[1] + to[2] * to[2], 1e-20))
+        second = ti.sqrt(ti.max(u * u + v * v + w * w, 1e-20))
+        apart = first - second
+        pull, anchor = slider(apart, load(self.anchor[SHEAR], p), n.rub_shear, n.give_shear, n.slip_shear)
+        store(self.anchor[SHEAR], p, anchor)
+        beyond = ti.max(ti.abs(apart) - n.lock_from, 0.0)
+        begun = ti.min(beyond, n.lock_over)
+        lock = n.lock * (0.5 * begun * begun / n.lock_over + beyond - begun)
+        pull = load(work.cell, p) * (pull + ti.select(apart > 0.0, lock, -lock))
+        store(self.sheared[0], p, pull / first)
+        store(self.sheared[1], p, -pull / second)
+        there = ti.min(load(work.cell, p) * 1e30, 1.0) * begun / n.lock_over
+        store(self.locked, part * LINE, ti.max(load(self.locked, part * LINE), there))
+
+    @ti.func
+    def bend(self, way: Template, p, to: Template, back: Template, offset, weight, normal, numbers, hinges: Template):
+        """One hinge of the lanes at p. to, back: vectors to its neighbours. weight: field of the springs between."""
+        rub, give, couple, hinge = numbers
+        share = ti.min(load(weight, near(p - offset)), load(weight, p))
+        x, y, z = to[0] + back[0], to[1] + back[1], to[2] + back[2]
+        along = x * normal[0] + y * normal[1] + z * normal[2]
+        pull, anchor = slider(along, load(self.anchor[way], p), rub, give, couple)
+        store(self.anchor[way], p, anchor)
+        for axis, of in ti.static(((0, x), (1, y), (2, z))):
+            if ti.static(hinges):
+                store(self.bent[way][axis], p, share * (hinge * of + pull * normal[axis]))
+            else:
+                store(self.bent[way][axis], p, share * pull * normal[axis])
+
+    @ti.func
+    def bending(self, axis: Template, p, row):
+        """What all hinges pull the lanes at p by, along an axis."""
+        return self.taken(self.bent[ALONG_X][axis], p, 1) + self.taken(self.bent[ALONG_Y][axis], p, row)
+
+    @ti.func
+    def taken(self, bent: Template, p, offset):
+        """Of the three hinges along one family that the lanes at p are part of."""
+        return 2.0 * load(bent, p) - load(bent, near(p + offset)) - load(bent, near(p - offset))
+
+    @ti.func
+    def begin(self, part):
+        """A frame, of a part."""
+        store(self.locked, part * LINE, ti.Vector([0.0] * LANES))
+
+    @ti.kernel
+    def most_locked(self) -> Float:
+        """The largest of `locked`."""
+        most = 0.0
+        ti.loop_config(serialize=True)
+        for part in range(PARTS):
+            for lane in range(LANES):
+                most = ti.max(most, self.locked[part * LINE + lane])
+        return most
+
+    @ti.func
+    def open(self, values: Template, plane: Template, p, i, j):
+        """Anchors of the lanes at p from values[plane + k, i, j + lane] of the host."""
+        for k in ti.static(range(ANCHORS)):
+            for lane in range(LANES):
+                self.anchor[k][p + lane] = values[plane + k, i, j + lane]
+
+    @ti.func
+    def close(self, values: Template, plane: Template, p, i, j):
+        """And back."""
+        for k in ti.static(range(ANCHORS)):
+            for lane in range(LANES):
+                values[plane + k, i, j + lane] = self.anchor[k][p + lane]
