@@ -9,7 +9,7 @@ from taichi_cloth.motion.solver import Solver
 from taichi_cloth.solvers.choice import Choice
 
 from ..prepare.construction import fabric_properties, own_material
-from ..prepare.gaps import gaps_of
+from ..prepare.gaps import SheetGaps, gaps_of
 from ..prepare.sheet_setup import choice_of, forces_of, moved_by, sheet_of, solver_of, standing_in
 from ..scene.schema import Scene
 
@@ -47,8 +47,8 @@ def _short(value: float) -> str:
     return f"{value:,.0f}" if value >= 100 else f"{value:.3g}"
 
 
-def force_stages(forces: Forces) -> tuple[dict[str, str], dict[str, str]]:
-    """What acts beside springs and contact: what is built of it, and what is left out."""
+def force_stages(forces: Forces, gaps: SheetGaps) -> tuple[dict[str, str], dict[str, str]]:
+    """What acts beside springs and contact: what is built of it, and what is left out. gaps: that the scene keeps."""
     built: dict[str, str] = {}
     wind, limit, layers = forces.wind, forces.strain_limit, forces.self_contact
     if wind:
@@ -57,7 +57,7 @@ def force_stages(forces: Forces) -> tuple[dict[str, str], dict[str, str]]:
     if limit:
         built["strain limit"] = f"{100 * limit.strain:g} %, {limit.passes} passes a substep"
     if layers:
-        built["cloth on cloth"] = f"{1e3 * layers.thickness:g} mm apart, friction {layers.friction:g}"
+        built["cloth on cloth"] = f"{gaps.layers.said}; friction {layers.friction:g}"
     keys = {"wind": "wind", "strain limit": "strain_limit", "cloth on cloth": "self_contact"}
     return built, {stage: f"the scene has no [forces.{key}]" for stage, key in keys.items() if stage not in built}
 
@@ -111,10 +111,8 @@ def sheet_stages(scene: Scene) -> tuple[dict[str, str], dict[str, str]]:
         built["pins"] = f"{held} key points at {', '.join(at)}{pull}"
     else:
         left["pins"] = "cloth.pins names none"
-    for stages, more in zip((built, left), force_stages(forces), strict=True):
+    for stages, more in zip((built, left), force_stages(forces, gaps), strict=True):
         stages |= more
-    if forces.self_contact:
-        built["cloth on cloth"] = f"{gaps.layers.said}; friction {forces.self_contact.friction:g}"
     ball = f"a ball of {forces.sphere.radius:g} m, {gaps.ball.said}" if forces.sphere else ""
     floor = f"a floor at {forces.plane.height:g} m, {gaps.floor.said}" if forces.plane else ""
     person = f"the body's {body.contact}, µ {cloth.friction:g}, {gaps.body.said}" if body else ""

@@ -6,8 +6,15 @@ from taichi_cloth.garment.sewn.sew import Garment
 from taichi_cloth.motion.forces import Forces
 from taichi_cloth.solvers.named import named_solver
 
-from ..prepare.garment_setup import dressed_parts, garment_choice, motion_of, prepare_garment, woven_garment
-from ..prepare.sheet_setup import forces_of
+from ..prepare.gaps import garment_gaps
+from ..prepare.garment_setup import (
+    dressed_parts,
+    garment_choice,
+    garment_forces,
+    motion_of,
+    prepare_garment,
+    woven_garment,
+)
 from ..prepare.weave_layout import Prepared
 from ..scene.cloth_schema import SolverSection
 from ..scene.schema import Scene
@@ -24,6 +31,7 @@ def garment_stages(scene: Scene) -> tuple[dict[str, str], dict[str, str], int, S
     parts = dressed_parts(scene)
     pattern, atlas = parts.garment.pattern, parts.garment.atlas
     a, b = atlas.spacing
+    gaps = garment_gaps(scene, atlas.spacing)
     kinds = ["distance grid"] * len(parts.grids) or [p.kind for p in parts.primitives]
     counted = ", ".join(f"{kinds.count(k)} {k}{'s' * (kinds.count(k) > 1)}" for k in dict.fromkeys(kinds))
     moves = motion_of(scene, parts.body)
@@ -33,7 +41,7 @@ def garment_stages(scene: Scene) -> tuple[dict[str, str], dict[str, str], int, S
         f"{sum(p.area for p in pattern.panels):.2f} m²",
         "sheet": f"{atlas.key_points:,} key points, {1e3 * a:.1f} × {1e3 * b:.1f} mm apart, {scene.material}",
         "seams": f"{len(parts.garment.seams()[0])} ties, {len(parts.garment.holds()[0])} to the body",
-        "contact": f"{counted}, {section.gap_mm:g} mm kept, friction {section.friction:g}",
+        "contact": f"{counted}, {gaps.body.said}, friction {section.friction:g}",
         "meshes": "the body" if section.representation == "fibre" else "the body and the garment",
     }
     if section.weaves:
@@ -47,8 +55,8 @@ def garment_stages(scene: Scene) -> tuple[dict[str, str], dict[str, str], int, S
         built["motion"] = moves.name
     solids = parts.grids or parts.primitives
     for more_built, more_left in (
-        force_stages(forces_of(scene.forces)),
-        thin_limbs(solids, hypot(a, b), 1e-3 * section.gap_mm),
+        force_stages(garment_forces(scene, parts.garment), gaps),
+        thin_limbs(solids, hypot(a, b), gaps.body.size),
     ):
         built |= more_built
         left |= more_left

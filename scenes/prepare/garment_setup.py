@@ -36,6 +36,7 @@ from ..scene.section import PATTERN_FILE
 from .body_setup import grids_of, primitives_of
 from .cell_layout import prepare_cells
 from .construction import own_material
+from .gaps import garment_gaps
 from .sett import Sett, refuse, sett_of, spacing_on
 from .sheet_setup import choice_of, forces_of, material_of
 from .weave_layout import Prepared
@@ -47,6 +48,7 @@ __all__ = [
     "dress",
     "dressed_parts",
     "garment_choice",
+    "garment_forces",
     "garment_of",
     "garment_simulation",
     "motion_of",
@@ -106,7 +108,7 @@ def dress(scene: Scene, each: Progress | None = None) -> Dressed:
     """The scene's garment on its body, sewn unless it was before. Raises InputError; needs Taichi only to sew."""
     parts = dressed_parts(scene)
     colliders = _colliders(scene, parts)
-    limit = forces_of(scene.forces).strain_limit
+    limit = garment_forces(scene, parts.garment).strain_limit
     solver = garment_choice(scene, parts.garment).name
     made_of = digest(VERSION, solver, parts.garment, limit, colliders.made_of(), list(parts.primitives))
 
@@ -120,9 +122,14 @@ def dress(scene: Scene, each: Progress | None = None) -> Dressed:
     return Dressed(parts.body, parts.primitives, parts.grids, parts.garment, worn, found)
 
 
+def garment_forces(scene: Scene, garment: Garment) -> Forces:
+    """What acts on a garment from outside, but for its body. Raises InputError."""
+    return forces_of(scene.forces, garment_gaps(scene, garment.atlas.spacing))
+
+
 def garment_choice(scene: Scene, garment: Garment) -> Choice:
     """The solver that moves a garment, and sews it."""
-    return choice_of(garment.moving(), forces_of(scene.forces), scene.solver, seams=True)
+    return choice_of(garment.moving(), garment_forces(scene, garment), scene.solver, seams=True)
 
 
 def garment_of(
@@ -228,7 +235,7 @@ def garment_simulation(
     garment = dressed.garment
     met = spared(garment.atlas, dressed.worn.positions, dressed.primitives, moving=not still)
     colliders = replace(colliders, spared=met)
-    forces: Forces = replace(forces_of(scene.forces), body=colliders)
+    forces = replace(garment_forces(scene, garment), body=colliders)
     names = garment.holds()[3]
     solver = scene.solver or SolverSection()
     bones = np.array([dressed.body.skeleton.index(name) for name in names], np.int64)
@@ -248,4 +255,5 @@ def _colliders(scene: Scene, parts: Parts) -> Colliders:
     section = scene.garment
     assert section is not None
     touched = () if parts.grids else parts.primitives
-    return Colliders(primitives=touched, grids=parts.grids, friction=section.friction, gap=1e-3 * section.gap_mm)
+    gap = garment_gaps(scene, parts.garment.atlas.spacing).body.size
+    return Colliders(primitives=touched, grids=parts.grids, friction=section.friction, gap=gap)

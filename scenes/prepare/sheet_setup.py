@@ -28,7 +28,7 @@ from ..scene.cloth_schema import BodyPinSection, ClothSection, ForcesSection, Pi
 from ..scene.garment_schema import GarmentSection
 from ..scene.schema import FabricSection, Scene
 from .construction import fabric_properties, own_material
-from .gaps import OF_GARMENTS, Gap, SheetGaps, gaps_of
+from .gaps import Gap, SheetGaps, gaps_of
 
 if TYPE_CHECKING:  # only a scene with a body loads it
     from .body_setup import Standing
@@ -126,7 +126,7 @@ def sheet_of(cloth: ClothSection, solver: SolverSection | None = None, own: Mate
     return Sheet.rectangle(cloth.rows, cloth.columns, material=material, springs=springs, pinned=_pinned(cloth))
 
 
-def forces_of(section: ForcesSection | None, gaps: SheetGaps = OF_GARMENTS) -> Forces:
+def forces_of(section: ForcesSection | None, gaps: SheetGaps) -> Forces:
     """What acts on a sheet from outside. gaps: kept where the section states none."""
     section = section or ForcesSection()
 

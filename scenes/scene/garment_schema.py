@@ -46,7 +46,13 @@ class GarmentSection(Section):
     measured: MeasuredFile = None
     properties: PropertiesSection = PropertiesSection()
     friction: float = Field(default=0.3, ge=0, le=5, description="between cloth and skin")
-    gap_mm: float = Field(default=4.0, ge=0, le=30, description="kept between the body and the key points [mm]")
+    gap_mm: float | None = Field(
+        default=None,
+        ge=0,
+        le=30,
+        description="kept between the body and the key points [mm]; default: the thickness that is drawn, or what key "
+        "points and the body's primitives need",
+    )
     colours: dict[str, PanelColours] = Field(default={}, description="of panels by name, instead of the weave's")
     weaves: dict[str, Annotated[str, DRAFT_FILE]] = Field(
         default={}, description="weaves or .wif files by the panel's name, instead of weave.draft"

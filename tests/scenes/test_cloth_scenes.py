@@ -22,6 +22,7 @@ from taichi_cloth.scenes.models.moving_model import STATE, MovingModel
 from taichi_cloth.scenes.paper.own_scenes import PAPER_DRAPE, scene_file
 from taichi_cloth.scenes.picture.view import View
 from taichi_cloth.scenes.plan.plan import plan
+from taichi_cloth.scenes.prepare.gaps import gaps_of
 from taichi_cloth.scenes.prepare.garment_setup import Dressed, dressed_parts
 from taichi_cloth.scenes.prepare.sheet_setup import forces_of, material_of, sheet_simulation, start_of
 from taichi_cloth.scenes.scene.load import load_scene
@@ -240,7 +241,7 @@ def test_a_settled_drape_stays_out_of_the_ball_and_hardly_stretches(n: int) -> N
 def test_strain_limit_and_cloth_on_cloth_are_asked_for_by_the_scene() -> None:
     forces = ["forces.strain_limit.percent=4", "forces.self_contact={thickness_mm=3, friction=0.2}"]
     scene = load_scene("drape", [*PLANNED, *forces])
-    made = forces_of(scene.forces)
+    made = forces_of(scene.forces, gaps_of(scene))
     assert made.strain_limit == StrainLimit(strain=0.04, passes=3)
     assert made.self_contact == SelfContact(thickness=0.003, friction=0.2)
     for changes, built in ((forces, True), ([], False)):

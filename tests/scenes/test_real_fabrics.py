@@ -8,10 +8,11 @@ from taichi_cloth.ground.errors import InputError
 from taichi_cloth.motion.forces import SelfContact
 from taichi_cloth.scenes.plan.plan import plan
 from taichi_cloth.scenes.prepare.construction import drawn_of
-from taichi_cloth.scenes.prepare.gaps import FINGER, gaps_of
+from taichi_cloth.scenes.prepare.gaps import ARM, FINGER, gaps_of, garment_gaps
 from taichi_cloth.scenes.prepare.garment_setup import dressed_parts
 from taichi_cloth.scenes.prepare.sett import on_cells
 from taichi_cloth.scenes.prepare.sheet_setup import sheet_simulation, standing_in
+from taichi_cloth.scenes.scene.body_section import BodySection
 from taichi_cloth.scenes.scene.load import built_in_scenes, load_scene, make_scene
 
 NOT_YET = {"dress", "trousers", "tshirt"}
@@ -65,6 +66,21 @@ def test_a_garment_weighs_what_is_drawn(name: str) -> None:
     assert drawn_density(prepared.layout) == pytest.approx(density, rel=0.01)
 
 
+@pytest.mark.parametrize("name", [name for name in GARMENTS if name not in NOT_YET])
+def test_a_garment_keeps_what_is_drawn_or_says_why_more(name: str) -> None:
+    """From the skin itself and fine enough key points: the thickness drawn. From primitives: as far as skin stands out
+    of them. Layers: the thickness, or what key points keep."""
+    scene = load_scene(name, ["forces.self_contact={}"])
+    gaps = garment_gaps(scene, dressed_parts(scene).garment.atlas.spacing)
+    assert gaps.body.size == 4e-3
+    assert gaps.body.said.endswith("primitives do not cover all skin")
+    on_skin = scene.model_copy(update={"body": (scene.body or BodySection()).model_copy(update={"contact": "grid"})})
+    fine = garment_gaps(on_skin, (2e-3, 2e-3))
+    assert fine.body.size == fine.body.thickness == fine.layers.size == fine.floor.size
+    coarse = garment_gaps(on_skin, (12e-3, 12e-3))
+    assert thinnest_held(2**0.5 * 12e-3, coarse.body.size) <= ARM * (1 + 1e-9)
+
+
 def test_a_gap_that_a_scene_states_holds() -> None:
     stated = ["forces.sphere.gap_mm=5", "forces.plane.gap_mm=0", "forces.self_contact.thickness_mm=4"]
     forces = sheet_simulation(load_scene("drape", [*stated, "cloth.representation=mesh"])).forces
@@ -72,6 +88,9 @@ def test_a_gap_that_a_scene_states_holds() -> None:
     assert forces.plane is not None
     assert (forces.sphere.gap, forces.plane.gap) == (0.005, 0.0)
     assert forces.self_contact == SelfContact(thickness=0.004, friction=0.3)
+    stated = load_scene("tshirt", ["garment.gap_mm=2", "forces.self_contact={thickness_mm=1}"])
+    gaps = garment_gaps(stated, (12e-3, 12e-3))
+    assert (gaps.body.size, gaps.layers.size) == (0.002, 0.001)
     assert standing_in(load_scene("drape-body", ["cloth.gap_mm=3"])).colliders.gap == 0.003  # pyright: ignore[reportOptionalMemberAccess]
 
 
