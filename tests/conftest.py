@@ -17,10 +17,12 @@ SHARED = {
         "constraints",
         "motion",
         "solvers",
+        "garment/test_limbs.py",
         "scenes/test_body_scenes.py",
         "scenes/test_cloth_scenes.py",
         "scenes/test_report.py",
         "scenes/test_stability.py",
+        "scenes/test_tables.py",
     ),
     "drawing": (
         "render",

@@ -15,7 +15,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d, map_coordinates
-from scipy.signal import find_peaks
 
 from taichi_cloth.motion.forces import Forces
 from taichi_cloth.motion.simulation import Simulation
@@ -138,6 +137,8 @@ def _folds(shadow: NDArray[np.uint8]) -> int:
     x, y = (np.clip((SIZE / 2 + reach[:, None] * way(angle)).astype(int), 0, SIZE - 1) for way in (np.cos, np.sin))
     rim = gaussian_filter1d(np.where(shadow[y, x] > 0, reach[:, None], 0.0).max(axis=0), 3.0, mode="wrap")
     rim = np.roll(rim, -int(rim.argmin()))  # so that no fold lies across the ends
+    from scipy.signal import find_peaks  # half a second, of all that import this
+
     return len(find_peaks(rim, prominence=FOLD * PIXELS_PER_METRE)[0])
 
 

@@ -56,11 +56,7 @@ SPRITES = ("thread", "round", "soft", "fuzzy")
 
 def built_in_scenes() -> dict[str, str]:
     """Names of the built-in scenes and their titles, a line each."""
-    found = {}
-    for entry in files("taichi_cloth.scenes").iterdir():
-        if entry.name.endswith(".toml"):
-            found[entry.name.removesuffix(".toml")] = tomllib.loads(entry.read_text("utf-8")).get("title", "")
-    return dict(sorted(found.items()))
+    return {name: tomllib.loads(_built_in(name)).get("title", "") for name in _names_built_in()}
 
 
 def load_scene(name: str, overrides: list[str] | None = None) -> Scene:
@@ -198,10 +194,19 @@ def _check_names(scene: Scene) -> None:
             raise InputError(f"fibre.sprite: {error}") from None
 
 
+def _names_built_in() -> list[str]:
+    entries = [entry.name for entry in files("taichi_cloth.scenes").iterdir()]
+    return sorted(name.removesuffix(".toml") for name in entries if name.endswith(".toml"))
+
+
+def _built_in(name: str) -> str:
+    return (files("taichi_cloth.scenes") / f"{name}.toml").read_text("utf-8")
+
+
 def _read(name: str) -> tuple[dict[str, Any], str, Path | None]:
-    known = built_in_scenes()
+    known = _names_built_in()
     if name in known:
-        return tomllib.loads((files("taichi_cloth.scenes") / f"{name}.toml").read_text("utf-8")), name, None
+        return tomllib.loads(_built_in(name)), name, None
     path = Path(name)
     if DRAFT_FILE.fits(name):  # a draft is a scene of its own cloth
         return {"title": path.stem, "yarn": {"plies": 1}, "weave": {"draft": name}}, shown_path(name), None
