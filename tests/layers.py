@@ -36,11 +36,12 @@ def crossings(sheet: Sheet, x: NDArray, *, apart: int = 0) -> int:
         s, t = np.einsum("ij,ij->i", n, y[p] - a), np.einsum("ij,ij->i", n, y[q] - a)
         rows = np.abs(tri // sheet.shape[1] - p // sheet.shape[1]).min(1)
         near = (s * t < 0) & ~(tri == p).any(1) & ~(tri == q).any(1) & (rows >= apart)
-        for m in np.nonzero(near)[0]:
-            z = y[p] + (y[q] - y[p]) * s[m] / (s[m] - t[m])
-            corners = y[tri[m]]
-            sides = [np.dot(np.cross(corners[(k + 1) % 3] - corners[k], z - corners[k]), n[m]) for k in range(3)]
-            count += min(sides) >= 0
+        m = np.flatnonzero(near)
+        share = s[m] / (s[m] - t[m])
+        corners = y[tri[m]]  # (near, 3, 3)
+        from_corners = (y[p] + (y[q] - y[p]) * share[:, None])[:, None] - corners
+        inward = np.cross(np.roll(corners, -1, axis=1) - corners, from_corners)
+        count += int(((inward * n[m][:, None]).sum(-1) >= 0).all(axis=1).sum())
     return count
 
 

@@ -232,6 +232,8 @@ FULL = Lighting(
 
 
 LOBES = Finish(model="marschner")
+FAINT = KeyLight(direction=UP, intensity=1e-6, casts_shadow=True, follows_camera=False)
+"""Beside a key light that casts shadows: the kernels are those of `FULL`, and the light is that of the key alone."""
 
 
 def test_same_bytes_for_any_number_of_chunks() -> None:
@@ -315,12 +317,15 @@ def test_texels_stay_where_they_are_while_things_move(moved: float) -> None:
 
 
 def test_shadow_falls_on_the_image() -> None:
+    """In the light and of the layout of the tests above, which have compiled their kernels."""
     lid = sheet(0.04, half=0.02)
-    lighting = Lighting(direction=(0, 1, 0), key_follows_camera=False, fill=0.05, shadows=True, occlusion=True)
+    lighting = replace(FULL, direction=(0, 1, 0), fill=0.05, others=(FAINT,))
     view = look_at((0, 0.05, 0.3), (0, 0.0, 0), width=96, height=96, fov=40)
-    splatter = Splatter(96, 96).load(concatenate([sheet(0.0, half=0.06), lid]))
-    lit = splatter.render(view, lighting=lighting.without_maps()).astype(int)
-    dark = splatter.render(view, lighting=lighting).astype(int)
+    both = concatenate([sheet(0.0, half=0.06), lid])
+    both = replace(both, half_length=both.radius, openness=np.ones(len(both), np.float32))
+    splatter = Splatter(96, 96).load(both)
+    lit = splatter.render(view, lighting=lighting.without_maps(), finish=LOBES).astype(int)
+    dark = splatter.render(view, lighting=lighting, finish=LOBES).astype(int)
     x, y, _ = view.project([[0, 0, -0.003]])[0].astype(int)
     assert dark[y, x].max() < 0.5 * lit[y, x].max()
     x, y, _ = view.project([[0.045, 0, 0.0]])[0].astype(int)
@@ -390,7 +395,7 @@ def test_decay_is_the_exponential() -> None:
     np.testing.assert_allclose(values[:, 1], np.exp(-values[:, 0]), rtol=0.02, atol=1e-6)
 
 
-def brightness(finish: Finish, light: tuple[float, float, float], **more) -> float:
+def brightness(finish: Finish, light: tuple[float, float, float]) -> float:
     """Mean linear light of a thread across the image, lit from a direction of the viewer's."""
     x = np.arange(-0.05, 0.05, 0.002)
     thread = Particles(
@@ -403,7 +408,8 @@ def brightness(finish: Finish, light: tuple[float, float, float], **more) -> flo
         openness=np.ones(len(x)),
     )
     view = look_at((0, 0, 0.2), (0, 0, 0), width=64, height=64)
-    lighting = Lighting(direction=light, key=1.0, key_colour=(1, 1, 1), fill=0.0, occlusion=True, **more)
+    alone = replace(FULL, others=(FAINT,), fill=1e-6)
+    lighting = replace(alone, direction=light, key_follows_camera=True, key=1.0, key_colour=(1, 1, 1))
     splatter = Splatter(64, 64).load(thread)
     splatter.render(view, lighting=lighting, finish=finish, background=Background(top=(0, 0, 0)))
     return float(splatter.linear()[..., :3].mean())
@@ -414,20 +420,17 @@ def test_light_passes_through_a_fibre() -> None:
     clear = Finish(model="marschner", transmit=0.5, internal=0.0, reflect=0.0, sheen=0.0, fibre=0.0)
     closed = replace(clear, transmit=0.0)
     back = (0.0, 0.05, -1.0)
-    assert brightness(clear, back, shadows=True) > 10 * brightness(closed, back, shadows=True)
+    assert brightness(clear, back) > 10 * brightness(closed, back)
     lobes_only = replace(clear, transmit=1.0)
     front = (0.0, 0.05, 1.0)
-    assert brightness(lobes_only, back, shadows=True) > 3 * brightness(lobes_only, front, shadows=True)
+    assert brightness(lobes_only, back) > 3 * brightness(lobes_only, front)
 
 
 def test_materials_differ() -> None:
     """Along a sweep of the light, each pair of presets differs by more than a tenth somewhere."""
     lights = [(0.0, 0.3, 1.0), (0.3, 0.2, 1.0), (0.7, 0.2, 0.7), (0.0, 0.3, -1.0)]
     names = ("cotton", "silk", "wool", "polyester", "viscose")
-    curves = {
-        n: np.array([brightness(replace(FINISHES[n], model="marschner"), at, shadows=True) for at in lights])
-        for n in names
-    }
+    curves = {n: np.array([brightness(replace(FINISHES[n], model="marschner"), at) for at in lights]) for n in names}
     for i, one in enumerate(names):
         for two in names[i + 1 :]:
             assert np.abs(np.log(curves[one] / curves[two])).max() > 0.1, (one, two)
