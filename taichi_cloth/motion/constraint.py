@@ -5,6 +5,7 @@ The stencil knows neighbours at fixed offsets only. Whatever is irregular (a bod
 put together by whoever makes a solver (`constraints_for`); a solver that is given none compiles none.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Hashable
 from functools import cached_property, lru_cache
 from typing import Any, ClassVar
@@ -100,7 +101,7 @@ class Constraint:
         """The same, by one thread, after the calls of `correct_part` for all parts."""
 
 
-class SharedConstraint(Constraint):
+class SharedConstraint(Constraint, ABC):
     """A constraint whose fields are made when they are first asked for, of `kind`, and shared with all of that kind.
 
     So constraints can be put together where Taichi does not run. And those that share fields are one to a solver: it
@@ -112,9 +113,9 @@ class SharedConstraint(Constraint):
     fields_of: ClassVar[Callable[..., Any]]
 
     @property
+    @abstractmethod
     def kind(self) -> tuple[Hashable, ...]:
         """Sizes of the fields, and what the code depends on: arguments of `fields_of`."""
-        raise NotImplementedError
 
     @cached_property
     def fields(self) -> Any:
