@@ -372,7 +372,7 @@ def test_a_drape_falls_as_springs_with_many_steps_do() -> None:
     ball = replace(FAR, sphere=Sphere(centre=(0.0, -0.3, -0.5), radius=0.25, friction=0.3))
     falls = [Simulation(sheet, kind(sheet, ball), forces=ball, positions=level(sheet)) for kind in (Yarns, Verlet)]
     apart = []
-    for frame in range(30):
+    for _ in range(30):
         for fall in falls:
             fall.step()
         apart.append(falls[0].positions[..., 1].mean() - falls[1].positions[..., 1].mean())
