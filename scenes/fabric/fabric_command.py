@@ -47,7 +47,7 @@ def _drape(ticket: Ticket, shadow: Path | None) -> dict:
     from taichi_cloth.ground import runtime
 
     from ...render.image.image import write_png
-    from .drapemeter import SPACING, drape, picture_of
+    from .drapemeter import drape, picture_of
 
     runtime.start("cpu")
     found = drape(ticket.material)
@@ -58,5 +58,5 @@ def _drape(ticket: Ticket, shadow: Path | None) -> dict:
         "of_each_percent": found.coefficients.tolist(),
         "folds": found.folds.tolist(),
         "key_points": found.key_points,
-        "spacing_mm": 1e3 * SPACING,
+        "spacing_mm": 1e3 * found.spacing,
     }

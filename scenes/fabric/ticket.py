@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from taichi_cloth.fabric.layout import FabricLayout
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.mechanics.construction import Construction
-from taichi_cloth.mechanics.presets import PRESET_KEYS, named_construction
+from taichi_cloth.mechanics.presets import PRESET_KEYS, WITHIN, named_construction
 from taichi_cloth.mechanics.properties import FabricProperties, woven_properties
 from taichi_cloth.mechanics.quantity import Quantity
 from taichi_cloth.sheet.materials import Material
@@ -78,10 +78,13 @@ class Ticket:
 
     @property
     def material(self) -> Material:
-        """The sheet that moves, or what would move of a cloth that lies."""
+        """The sheet that moves, or what would move of a cloth that lies; with all that cloth has beside springs, also
+        where the scene leaves it out."""
         found = self.simulated or self.properties
+        beside = {key: one for keys in WITHIN.values() for key, one in keys.items()}
         return Material(
-            **{field: found[key].value / unit for key, (field, unit) in PRESET_KEYS.items() if key in found}
+            **{field: found[key].value / unit for key, (field, unit) in PRESET_KEYS.items() if key in found},
+            **{field: {**self.properties, **found}[key].value / unit for key, (field, unit) in beside.items()},
         )
 
     @property

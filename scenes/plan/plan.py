@@ -44,7 +44,19 @@ class Plan:
 
 ORDER = (
     *("fibre lattice", "yarn", "hairs", "twist", "weave", "fibre blocks"),
-    *("body", "pattern", "sheet", "material", "seams", "solver", "solver's cost", "pins", "wind", "strain limit"),
+    *(
+        "body",
+        "pattern",
+        "sheet",
+        "material",
+        "within cloth",
+        "seams",
+        "solver",
+        "solver's cost",
+        "pins",
+        "wind",
+        "strain limit",
+    ),
     *("contact", "thin limbs", "cloth on cloth", "motion"),
     *("light pass", "occlusion", "floor", "meshes", "splatter", "passes"),
 )

@@ -18,7 +18,7 @@ from ..prepare.garment_setup import (
 from ..prepare.weave_layout import Prepared
 from ..scene.cloth_schema import SolverSection
 from ..scene.schema import Scene
-from .plan_cloth import force_stages, material_stage, solver_stages, thin_limbs
+from .plan_cloth import force_stages, material_stage, solver_stages, thin_limbs, within_stages
 
 __all__ = ["garment_stages"]
 
@@ -55,6 +55,7 @@ def garment_stages(scene: Scene) -> tuple[dict[str, str], dict[str, str], int, S
         built["motion"] = moves.name
     solids = parts.grids or parts.primitives
     for more_built, more_left in (
+        within_stages(scene),
         force_stages(garment_forces(scene, parts.garment), gaps),
         thin_limbs(solids, hypot(a, b), gaps.body.size),
     ):

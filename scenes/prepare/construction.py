@@ -7,7 +7,7 @@ from taichi_cloth.fabric.layout import FabricLayout, drawn_tex
 from taichi_cloth.ground.errors import InputError, did_you_mean
 from taichi_cloth.mechanics.construction import Construction
 from taichi_cloth.mechanics.measured import measured_properties, read_measured
-from taichi_cloth.mechanics.presets import PRESET_KEYS, TRADE, preset_properties
+from taichi_cloth.mechanics.presets import PRESET_KEYS, TRADE, preset_properties, within_material
 from taichi_cloth.mechanics.properties import FabricProperties, woven_properties
 from taichi_cloth.sheet.materials import MATERIALS, Material, named_material
 from taichi_cloth.weave.cloth_facts import ClothFacts, cloth_facts
@@ -69,16 +69,20 @@ def fabric_properties(scene: Scene) -> FabricProperties | None:
 
 
 def own_material(scene: Scene) -> Material | None:
-    """What `fabric_properties` make of the sheet; None of a preset as it stands. Raises InputError."""
-    properties = fabric_properties(scene)
+    """What `fabric_properties` make of the sheet, with what the scene wants of WITHIN; None of a preset as it stands.
+    Raises InputError."""
+    properties, section = fabric_properties(scene), scene.cloth or scene.garment
+    assert section is not None
+    names = section.properties.wanted
+    within = within_material(properties or preset_properties(scene.material), names) if names else {}
     if properties is None:
-        return None
+        return replace(named_material(scene.material), **within) if within else None
     found = {field: properties[key].value / unit for key, (field, unit) in PRESET_KEYS.items()}
     if scene.material not in MATERIALS:
-        return Material(**found)
+        return Material(**found, **within)
     preset = named_material(scene.material)
     bent = {field for field in found if field.startswith(("drawn", "crimp")) and getattr(preset, field) == 0}
-    return replace(preset, **{field: value for field, value in found.items() if field not in bent})
+    return replace(preset, **{field: value for field, value in found.items() if field not in bent}, **within)
 
 
 def with_measured(properties: FabricProperties, measured: str | None) -> FabricProperties:

@@ -11,7 +11,7 @@ from scipy.special import j0
 
 from taichi_cloth.constraints.constraints_for import constraints_for
 from taichi_cloth.ground.errors import InputError
-from taichi_cloth.mechanics.presets import PRESET_KEYS
+from taichi_cloth.mechanics.presets import PRESET_KEYS, WITHIN, preset_properties
 from taichi_cloth.mechanics.properties import BANDS
 from taichi_cloth.mechanics.quantity import Quantity
 from taichi_cloth.motion.forces import Forces, Plane, SelfContact, Sphere, StrainLimit, Wind
@@ -57,6 +57,11 @@ UNITS = {  # a key of cloth.properties: the field of Material, and its unit in S
     "shear_n_per_m": ("shear", 1.0),
     "bending_warp_un_m": ("bending_warp", 1e-6),
     "bending_weft_un_m": ("bending_weft", 1e-6),
+    "couple_warp_mn": ("couple_warp", 0.5e-3),
+    "couple_weft_mn": ("couple_weft", 0.5e-3),
+    "torsion_un_m": ("torsion", 1e-6),
+    "shear_hysteresis_n_per_m": ("shear_friction", 0.5),
+    "locking_angle_deg": ("locking", pi / 180),
     "density_g_per_m2": ("density", 1e-3),
     "air_damping_per_s": ("air_damping", 1.0),
     "fibre_damping_ms": ("fibre_damping", 1e-3),
@@ -85,7 +90,7 @@ def material_of(
     """What the cloth is woven of, or the preset, with what the scene changes. Threads whose stiffness a scene names are
     linear unless it says from when on they get stiffer; where it names Verlet, which has springs of one stiffness, all
     are. own: `own_material` of the scene. Raises InputError."""
-    given = {UNITS[k][0]: UNITS[k][1] * v for k, v in cloth.properties.model_dump().items() if v is not None}
+    given = {UNITS[k][0]: UNITS[k][1] * v for k, v in cloth.properties.numbers.items()}
     preset = named_material(cloth.material or "cotton-shirting") if own is None else own
     for family in ("warp", "weft"):
         if f"tensile_{family}" in given or (solver is not None and solver.name == "verlet"):
@@ -100,7 +105,7 @@ def moved_by(scene: Scene) -> dict[str, Quantity]:
     assert section is not None
     own, properties = own_material(scene), fabric_properties(scene)
     material = material_of(section, scene.solver, own)
-    stated = {UNITS[key][0]: key for key, value in section.properties.model_dump().items() if value is not None}
+    stated = {UNITS[key][0]: key for key in section.properties.numbers}
     found = {}
     for key, (field, unit) in PRESET_KEYS.items():
         value = unit * getattr(material, field)
@@ -110,6 +115,14 @@ def moved_by(scene: Scene) -> dict[str, Quantity]:
         elif value > 0 or not field.startswith(("drawn", "crimp")):  # 0: threads stay as stiff as they are at first
             preset = Quantity(name, value, printed, "preset", f"preset {scene.material}")
             found[key] = preset if properties is None else properties[key]
+    beside = [one for keys in WITHIN.values() for one in keys.items() if getattr(material, one[1][0]) > 0]
+    for key, (field, unit) in beside:
+        name, printed, _ = BANDS[key]
+        if field in stated:
+            value = unit * getattr(material, field)
+            found[key] = Quantity(name, value, printed, "stated", f"properties.{stated[field]}")
+        else:
+            found[key] = (properties or preset_properties(scene.material))[key]
     return found
 
 

@@ -1,6 +1,6 @@
 """The sections of a scene whose cloth moves: the sheet, what holds it, what acts on it, and how it is solved."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 from pydantic import Field, field_validator, model_validator
 
@@ -25,6 +25,7 @@ __all__ = [
 Edge = Literal["left", "right", "top", "bottom"]
 Corner = Literal["top-left", "top-right", "bottom-left", "bottom-right"]
 Vector = tuple[float, float, float]
+Within = Literal["couple", "shear-hysteresis", "torsion", "locking"]
 AS_DRAWN = "default: as thick as the cloth is drawn, or what its key points can keep"
 
 MaterialName = Annotated[
@@ -53,9 +54,33 @@ class PropertiesSection(Section):
     shear_n_per_m: float | None = Field(default=None, ge=0, description="force per width and radian [N/m]")
     bending_warp_un_m: float | None = Field(default=None, ge=0, description="bending rigidity [µN·m]")
     bending_weft_un_m: float | None = Field(default=None, ge=0)
+    couple_warp_mn: float | None = Field(default=None, ge=0, description="bending hysteresis, KES's 2HB [mN]")
+    couple_weft_mn: float | None = Field(default=None, ge=0)
+    torsion_un_m: float | None = Field(default=None, ge=0, description="torsion J of both families [µN·m]")
+    shear_hysteresis_n_per_m: float | None = Field(default=None, ge=0, description="shear hysteresis, KES's 2HG [N/m]")
+    locking_angle_deg: float | None = Field(
+        default=None, ge=0, lt=89, description="shear angle at which neighbouring threads touch [°]"
+    )
+    within: Literal["none", "all"] | tuple[Within, ...] = Field(
+        default="none",
+        description="what moves as well of what the fabric has beside springs: couple (bending hysteresis), "
+        'shear-hysteresis, torsion, locking; "all" of them takes about a fifth longer. A number above adds its own',
+    )
     density_g_per_m2: Positive | None = None
     air_damping_per_s: float | None = Field(default=None, ge=0, description="share of the velocity lost [1/s]")
     fibre_damping_ms: float | None = Field(default=None, ge=0, description="lag of the stress in the threads [ms]")
+
+    @property
+    def numbers(self) -> dict[str, float]:
+        """Those that are stated, by key."""
+        return {key: value for key, value in self.model_dump(exclude={"within"}).items() if value is not None}
+
+    @property
+    def wanted(self) -> tuple[Within, ...]:
+        """`within` by names."""
+        if isinstance(self.within, str):
+            return get_args(Within) if self.within == "all" else ()
+        return self.within
 
     @model_validator(mode="before")
     @classmethod

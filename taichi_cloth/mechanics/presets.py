@@ -5,8 +5,9 @@ within the band of the formulas (docs/fabrics.md lists each property of both). T
 weight the trade knows: it lies within 5 %.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from math import pi
 from types import MappingProxyType
 
 from taichi_cloth.ground.errors import InputError, did_you_mean
@@ -22,10 +23,12 @@ from taichi_cloth.yarn.yarn import Yarn, turns_per_m
 __all__ = [
     "PRESET_KEYS",
     "TRADE",
+    "WITHIN",
     "TradeCloth",
     "named_construction",
     "preset_properties",
     "trade_sections",
+    "within_material",
     "yarn_of_count",
 ]
 
@@ -235,6 +238,23 @@ PRESET_KEYS: Mapping[str, tuple[str, float]] = MappingProxyType(
     }
 )
 """A quantity's key: the field of `Material`, and its unit in one of SI."""
+
+
+WITHIN: Mapping[str, Mapping[str, tuple[str, float]]] = MappingProxyType(
+    {
+        "couple": {"couple_warp": ("couple_warp", 2e3), "couple_weft": ("couple_weft", 2e3)},
+        "torsion": {"torsion": ("torsion", 1e6)},
+        "shear-hysteresis": {"shear_hysteresis": ("shear_friction", 2.0)},
+        "locking": {"locking_angle": ("locking", 180.0 / pi)},
+    }
+)
+"""What cloth has beside springs, by name: quantities, each as in PRESET_KEYS; of hysteresis the whole width of a loop,
+where a `Material` has half of it."""
+
+
+def within_material(properties: FabricProperties, names: Iterable[str]) -> dict[str, float]:
+    """Fields of a `Material` that properties have of WITHIN, by its names."""
+    return {field: properties[key].value / unit for name in names for key, (field, unit) in WITHIN[name].items()}
 
 
 def with_material(properties: FabricProperties, material: Material, origin: str, how: str) -> FabricProperties:

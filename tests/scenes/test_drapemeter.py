@@ -16,7 +16,9 @@ from taichi_cloth.scenes.fabric.drapemeter import (
     _folds,
     drape,
     picture_of,
+    place_of,
     shadow_of,
+    spacing_of,
     specimen_of,
 )
 from taichi_cloth.scenes.fabric.fabric_command import print_ticket
@@ -62,13 +64,46 @@ def test_folds_are_counted_and_the_picture_has_both_rims() -> None:
     wave = 1 - 0.1 * np.clip(radius / DISC, 0, 1) ** 4 * (1 + np.cos(7 * np.arctan2(x[..., 2], x[..., 0])))
     shadow = shadow_of(x * wave[..., None], SPACING)
     assert _folds(shadow) == 7
-    picture = picture_of(Draped(np.zeros(1), np.array([7]), shadow, 0.0, 1))
+    picture = picture_of(Draped(np.zeros(1), np.array([7]), shadow, 0.0, 1, SPACING))
     assert len(np.unique(picture.reshape(-1, 3), axis=0)) >= 3
+
+
+def test_specimens_lie_all_over_a_cell_of_their_grid_and_each_is_whole() -> None:
+    """Eight places: two in each half of the cell either way at least. Wherever it lies a disc weighs, holds and covers
+    the same."""
+    places = np.array([place_of(number) for number in range(8)])
+    assert ((places < 0.5).sum(axis=0) >= 3).all()
+    assert ((places >= 0.5).sum(axis=0) >= 3).all()
+    held = []
+    for number in range(4):
+        place = place_of(number)
+        sheet = specimen_of(COTTON, SPACING, place)
+        assert sheet.mass.sum() == pytest.approx(COTTON.density * pi * DISC**2, rel=1e-2)
+        held.append(sheet.pinned.sum() * SPACING**2)
+        flat = sheet.flat()
+        x = np.stack([flat[..., 0], 0 * flat[..., 0], flat[..., 1]], -1)
+        assert area(shadow_of(x, SPACING, place)) == pytest.approx(pi * DISC**2, rel=5e-3)
+    assert np.mean(held) == pytest.approx(pi * (SUPPORT + 0.75 * SPACING) ** 2, rel=0.02)
+
+
+def test_key_points_are_as_close_as_folds_ask_for() -> None:
+    silk = MATERIALS["silk-habotai"]
+    assert spacing_of(MATERIALS["denim"]) == 5e-3
+    assert 3e-3 < spacing_of(silk) < 3.6e-3
+    assert spacing_of(replace(silk, bending_warp=0.0, bending_weft=0.0)) == 2.5e-3
 
 
 def test_a_shadow_without_a_disc_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"--shadow: .*; allowed with --drape: a .png"):
         print_ticket("drape", [], PieceAsked(), measured=None, as_json=False, shadow=tmp_path / "shadow.png")
+
+
+@pytest.mark.slow
+def test_friction_between_fibres_holds_cloth_up() -> None:
+    """Cotton, whose couple is half of what a cm of curvature asks of its bending, with it and without."""
+    rubbing = replace(COTTON, couple_warp=0.53e-3, couple_weft=0.32e-3)
+    with_it, without = (drape(one, spacing=7.5e-3, specimens=2).coefficient for one in (rubbing, COTTON))
+    assert with_it > without + 5
 
 
 @pytest.mark.slow

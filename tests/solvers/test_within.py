@@ -137,6 +137,27 @@ def test_a_cylinder_at_any_angle_bends_as_cooper_says() -> None:
         assert elastic_energy(sheet_of(none), bent) == pytest.approx((bending + torsion) / 2, rel=1e-3)
 
 
+def test_a_strip_cut_on_the_bias_grows_by_its_shear() -> None:
+    """Pulled at 45° with free edges: 1/E = (S₁₁ + S₂₂ + 2 S₁₂)/4 + 1/(4G), S of the threads with what diagonals couple;
+    of cloth in the main four times its shear stiffness."""
+    material = replace(CLOTH, couple_warp=0.0, couple_weft=0.0, torsion=0.0, bending_warp=0.0, bending_weft=0.0)
+    sheet, g = sheet_of(material), CLOTH.shear
+    e_x, e_y = CLOTH.tensile_weft, CLOTH.tensile_warp
+    c_y = (e_y + sqrt(e_y**2 + 4 * g**2 * e_y / e_x)) / 2
+    give = np.linalg.inv(np.array([[c_y * e_x / e_y, g], [g, c_y]]))
+    strain = 1e-4
+    xx, yy, angle = (float(one) for one in (*(give @ [0.5, 0.5]), 0.5 / g))
+    along = (xx + yy + angle) / 2  # of a unit pull: the strain at 45°
+    shape = np.array([[1 + strain * xx / along, strain * angle / along / 2], [strain * angle / along / 2, 1.0]])
+    shape[1, 1] += strain * yy / along
+    x = sheet.flat()
+    x[..., :2] = x[..., :2] @ shape
+    energy = elastic_energy(sheet, x) / ((SIDE - 1) * SPACING) ** 2
+    expected = 4 / (give.sum() + 1 / g)
+    assert energy == pytest.approx(expected * strain**2 / 2, rel=1e-3)
+    assert 0.8 * 4 * g < expected < 4 * g
+
+
 def test_torsion_alone_pulls_as_its_energy_says() -> None:
     """The kernel without friction in it, on a rough sheet, against −∂W/∂x in float64."""
     rough = sheet_of().flat() + 2e-4 * np.random.default_rng(3).standard_normal((SIDE, SIDE, 3))
