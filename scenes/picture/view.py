@@ -27,6 +27,7 @@ from ..models.model import Model, Panel
 from ..prepare.drawing import has_floor
 from ..prepare.yarns import fibre_kind
 from ..scene.schema import Scene
+from .sheet_look import fit_look
 from .streamed import Streamed
 
 __all__ = ["Shot", "View", "finish_of", "lighting_of"]
@@ -160,6 +161,7 @@ class View:
                 assert isinstance(panel.particles, ParticleBlocks)
                 if isinstance(panel.source, CellStream):
                     panel.source.target = TARGET * self.scale
+                    panel.source.look = fit_look(panel.source, self.finish)
                 self._streamed.append(Streamed(splatter, panel.particles, floor=on, mesh=mesh))
                 self._stages.append(None)
                 continue

@@ -1,10 +1,10 @@
 """Cloth woven on cells, streamed: what a camera sees of threads that are counted in millions and stored nowhere.
 
 `CellStream.survey` looks at cells, not at threads. What it hands on is *patches*: the crossings of a cell, or of a part
-of it where they have many particles. Each is drawn at one of the bank's levels, the finest whose fibres are not smaller
-than `target` pixels, or, where even those of the coarsest are, by a sample of that whose areas add up to the same (see
-`thinning`): its particles are spread by an even sequence, as large as a pixel wants them, of the side that is seen and
-with the mean colour of the threads that they cover. `lay` makes the particles of patches.
+of it where they have many particles. Where a thread is wider than a pixel or two, a patch is drawn of fibres, at the
+finest of the bank's levels whose fibres are not smaller than `target` pixels. Where it is narrower, it is drawn as the
+*sheet* it is: of surfels about as far apart as pixels (see `surfels`). Between the two, fibres fade out as the sheet
+fades in. `lay` makes the particles of patches.
 """
 
 from dataclasses import dataclass
@@ -25,17 +25,17 @@ from taichi_cloth.detail.patches import (
     PATCH,
     PATCH_ENDS,
     PATCH_PICKS,
-    ROUND,
     count,
     lay,
     look,
     look_at,
 )
+from taichi_cloth.detail.surfels import guess_of, lay_surfels
 from taichi_cloth.detail.view import Pinhole, view_of
 from taichi_cloth.fabric.cells import CellCloth
 from taichi_cloth.ground.particles import HALF_LENGTH, LANES, POSITION, RADIUS, ROWS, fill_up
 
-__all__ = ["TARGET", "CellStream", "Seen"]
+__all__ = ["SHEET", "TARGET", "CellStream", "Seen"]
 
 F32 = NDArray[np.float32]
 I32 = NDArray[np.int32]
@@ -44,6 +44,14 @@ F64 = NDArray[np.float64]
 TARGET = 0.25
 """Radius of the smallest particles, in pixels of the picture that is shown: on a canvas with several samples a pixel
 each way, as many times as much."""
+SHEET = 1.2, 2.0
+"""Pixels from thread to thread up to which a cloth is drawn as a sheet, and from which on it is drawn of fibres."""
+APART = 0.6
+"""Pixels between surfels; with n × n samples a pixel √n times as many samples, as larger ones hide more."""
+ABOVE = 0.7
+"""How far above the cloth's middle surfels lie, of what its right side does."""
+CAST = 4
+"""Of a sample that casts light, particles for each surfel: they lie evenly, so that fewer do."""
 MOST = 16_384
 """Particles of a patch, beyond which it is parted, down to single crossings."""
 
@@ -52,23 +60,24 @@ MOST = 16_384
 class Seen:
     """What a camera sees. boxes: (n, 4) int16 first and last tile column and row of each patch, then of each piece.
     counts: (n,) int32 particles. depth: (n,) float32 [m]. patch: (patches, PATCH) int32, see `patches`. share:
-    (patches,) float32 of the level's particles that are drawn, 1 for all. eye: where it stands (3,) [m]; None: all
-    sides are wanted."""
+    (patches,) float32 of its particles that are drawn, 1 for all. grid: (patches, 2) int32 rows and columns of surfels,
+    0 where it is drawn of fibres. eye: where it stands (3,) [m]; None: the right side is wanted."""
 
     boxes: NDArray[np.int16]
     counts: I32
     depth: F32
     patch: I32
     share: F32
+    grid: I32
     eye: F64 | None
 
 
 class CellStream:
     """Makes the particles of a cloth woven on cells as they are needed.
 
-    target: radius [px] of the smallest drawn. parts: number of the part that each thread is of, (threads,); None: 0
-    warp ends, 1 weft picks. pieces: particles that somebody else places, such as stitches, (ROWS, n · each), `each` of
-    them together.
+    target: radius [px] of the smallest fibre drawn, 0 for all fibres at any distance. parts: number of the part that
+    each thread is of, (threads,); None: 0 warp ends, 1 weft picks. pieces: particles that somebody else places,
+    such as stitches, (ROWS, n · each), `each` of them together.
     """
 
     def __init__(
@@ -86,6 +95,9 @@ class CellStream:
         self._whole = self._cells()
         layout = cloth.repeats[0].layout
         self._under = np.array([cloth.bank.height, layout.warp.pitch, layout.weft.pitch], np.float32)
+        self.sheets = True
+        """Whether cloth far away is drawn as a sheet."""
+        self.look = guess_of(cloth.bank, cloth.repeats)
         self._batch = np.zeros(0, np.float32)
         self._yarn = np.zeros(0, np.int32)
 
@@ -108,6 +120,11 @@ class CellStream:
         return out
 
     @property
+    def pitch(self) -> tuple[float, float]:
+        """From warp end to warp end and from weft pick to weft pick, on average [m]."""
+        return float(self._under[1]), float(self._under[2])
+
+    @property
     def allocated(self) -> int:
         """Bytes of the batch's arrays, the only ones that grow with what is drawn."""
         return self._batch.nbytes + self._yarn.nbytes
@@ -119,19 +136,22 @@ class CellStream:
         pack, view = self.cloth.pack(), view_of(camera)
         depth, seen, _ = self._look(pack, view, patch, np.full(len(patch), bank.reach[0], np.float32))
         patch, depth = patch[seen], depth[seen]
-        level, share = self._level(np.maximum(depth, camera.near), camera.focal)
-        patch[:, LEVEL] = level
-        # Too many particles for one patch: several.
-        blocks = _blocks(patch)
-        parts = np.ceil(np.sqrt(blocks * bank.size[level] * share / MOST)).astype(np.int64)
-        patch, of_patch = _parted(patch, parts)
-        share = share[of_patch]
-        level = patch[:, LEVEL]
-        grown = 1.0 / np.sqrt(share)
-        reach = (bank.reach + (grown[:, None] - 1.0) * bank.half_length)[np.arange(len(level)), level]
+        pixel = np.maximum(depth, camera.near).astype(np.float64) / camera.focal  # [m]
+        fine = self._fine(pixel)
+        # Of fibres; too many particles for one patch: several.
+        woven, near = patch[fine > 0], pixel[fine > 0]
+        woven[:, LEVEL] = self._level(near)
+        parts = np.ceil(np.sqrt(_blocks(woven) * bank.size[woven[:, LEVEL]] / MOST)).astype(np.int64)
+        woven, of_patch = _parted(woven, parts)
+        # As a sheet.
+        flat, far = patch[fine < 1], pixel[fine < 1]
+        grid = np.concatenate([np.zeros((len(woven), 2), np.int32), self._grid(flat, self._apart(far))])
+        patch = np.concatenate([woven, flat])
+        share = np.concatenate([fine[fine > 0][of_patch], 1.0 - fine[fine < 1]])
+        reach = np.concatenate([bank.reach[woven[:, LEVEL]], bank.reach[0] + 2.0 * self._apart(far)])
         depth, seen, boxes = self._look(pack, view, patch, reach.astype(np.float32))
-        patch, share, depth, boxes = patch[seen], share[seen], depth[seen], boxes[seen]
-        counts = self._counts(pack, patch, share)
+        patch, share, grid, depth, boxes = patch[seen], share[seen], grid[seen], depth[seen], boxes[seen]
+        counts = self._counts(pack, patch, grid)
         if self.pieces.shape[1]:
             sphere = self._spheres()
             more, far = np.empty((len(sphere), 4), np.int16), np.empty(len(sphere), np.float32)
@@ -139,7 +159,7 @@ class CellStream:
             boxes, depth = np.concatenate([boxes, more]), np.concatenate([depth, far])
             counts = np.concatenate([counts, np.where(more[:, 0] <= more[:, 1], self.each, 0).astype(np.int32)])
         eye = -np.asarray(camera.rotation).T @ np.asarray(camera.translation)
-        return Seen(boxes, counts, depth, patch, share.astype(np.float32), eye)
+        return Seen(boxes, counts, depth, patch, share.astype(np.float32), grid, eye)
 
     def _spheres(self) -> F32:
         """Round each of the pieces, (n, 4)."""
@@ -156,30 +176,41 @@ class CellStream:
             look(pack, patch, reach, view, boxes, depth)
         return depth, boxes[:, 0] <= boxes[:, 1], boxes
 
-    def _level(self, depth: F32, focal: float) -> tuple[I32, F64]:
-        """The level at depths (n,) [m], and what share of its particles is drawn there."""
-        pixels = self.cloth.bank.radius * focal / depth[:, None].astype(np.float64)  # finest first, so rising
-        fine = pixels >= self.target
-        last = fine.shape[1] - 1
-        level = np.where(fine.any(axis=1), fine.argmax(axis=1), last)
-        share = np.ones(len(depth))
-        if self.target > 0:
-            share = np.minimum(self.cloth.bank.area[last] / ROUND * (focal / depth / self.target) ** 2, 1.0)
-        return level.astype(np.int32), np.where(fine.any(axis=1), 1.0, share)
+    def _fine(self, pixel: F64) -> F64:
+        """What share of a cloth is drawn of fibres where a pixel is so wide [m], 0 to 1."""
+        if not self.sheets or self.target <= 0:
+            return np.ones(len(pixel))
+        wide = float(np.sqrt(self._under[1] * self._under[2])) / pixel * (TARGET / self.target)
+        return np.clip(np.log(wide / SHEET[0]) / np.log(SHEET[1] / SHEET[0]), 0.0, 1.0)
 
-    def _counts(self, pack: Any, patch: I32, share: F64) -> I32:
-        blocks = _blocks(patch)
-        counts = np.maximum(np.ceil(share * blocks * self.cloth.bank.size[patch[:, LEVEL]]), 1.0).astype(np.int32)
-        full = np.flatnonzero(share >= 1.0).astype(np.int32)
-        if len(full):
-            count(pack, patch, full, counts)
+    def _level(self, pixel: F64) -> I32:
+        """The level where a pixel is so wide [m]."""
+        fine = self.cloth.bank.radius / pixel[:, None] >= self.target  # finest first, so rising
+        return np.where(fine.any(axis=1), fine.argmax(axis=1), fine.shape[1] - 1).astype(np.int32)
+
+    def _apart(self, pixel: F64) -> F64:
+        """Distance between surfels where a pixel is so wide [m]."""
+        return APART * (self.target / TARGET) ** 0.5 * pixel
+
+    def _grid(self, patch: I32, apart: F64) -> I32:
+        """Rows and columns of surfels so far apart [m] in whole cells, (n, 2)."""
+        size = patch[:, [PATCH_PICKS, PATCH_ENDS]] * self._under[[2, 1]] / apart[:, None]
+        return np.maximum(np.rint(size), 1.0).astype(np.int32)
+
+    def _counts(self, pack: Any, patch: I32, grid: I32) -> I32:
+        counts = np.prod(grid, axis=1, dtype=np.int32)
+        woven = np.flatnonzero(counts == 0).astype(np.int32)
+        if len(woven):
+            count(pack, patch, woven, counts)
         return counts
 
     def lay(self, seen: Seen, chosen: I32) -> tuple[F32, int]:
         """The particles of these patches, then of these pieces: (ROWS, ceil(n / 16), 16) and n. The array is valid
         until the next call."""
         pieces = chosen[chosen >= len(seen.patch)] - len(seen.patch)
-        chosen = chosen[chosen < len(seen.patch)]
+        chosen = chosen[chosen < len(seen.patch)].astype(np.int32, copy=False)
+        sheet = seen.grid[chosen, 0] > 0
+        chosen = np.concatenate([chosen[~sheet], chosen[sheet]])
         starts = np.concatenate([[0], np.cumsum(seen.counts[chosen], dtype=np.int64)])
         woven = int(starts[-1])
         total = woven + self.each * len(pieces)
@@ -189,24 +220,22 @@ class CellStream:
         out = self._batch[: prod(shape)].reshape(shape)
         if not total:
             return out, 0
-        bounds = np.searchsorted(starts, np.linspace(0, woven, CHUNKS + 1).astype(np.int64)).astype(np.int32)
-        bounds[-1] = len(chosen)
-        eye = np.zeros(4) if seen.eye is None else np.array([1.0, *seen.eye])
-        whole = _blocks(seen.patch) * self.cloth.bank.size[seen.patch[:, LEVEL]]
-        grown = np.where(seen.share < 1.0, np.sqrt(whole / np.maximum(seen.counts[: len(whole)], 1)), 1.0)
-        lay(
-            bounds,
-            chosen.astype(np.int32, copy=False),
-            starts.astype(np.int32),
-            seen.patch,
-            seen.share,
-            grown[chosen].astype(np.float32),
-            self._beside(seen, grown)[chosen],
-            np.concatenate([self._under, eye]).astype(np.float32),
-            self.cloth.pack(),
-            out,
-            self._yarn,
-        )
+        pack, fibres = self.cloth.pack(), len(sheet) - int(sheet.sum())
+        if fibres:
+            lay(
+                *_shared_out(chosen[:fibres], starts[: fibres + 1]), seen.patch, seen.share, self._under, pack,
+                out, self._yarn,
+            )  # fmt: skip
+        if fibres < len(chosen):
+            above = np.zeros(4) if seen.eye is None else np.array([1.0, *seen.eye])
+            height = 0.0 if seen.eye is None else ABOVE * self.cloth.bank.height
+            of_panel = [panel.repeat for panel in self.cloth.panels]
+            factor = self.look.factor[of_panel].reshape(len(of_panel), -1, self.look.factor.shape[-1])
+            lay_surfels(
+                *_shared_out(chosen[fibres:], starts[fibres:]), seen.patch, seen.grid, seen.share,
+                factor, self.look.lean[of_panel], np.array([*above, height], np.float32), pack,
+                out, self._yarn,
+            )  # fmt: skip
         if len(pieces):
             places = (pieces[:, None] * self.each + np.arange(self.each)).ravel()
             out.reshape(ROWS, -1)[:, woven:total] = self.pieces[:, places]
@@ -214,23 +243,17 @@ class CellStream:
         fill_up(out, total)
         return out, total
 
-    def _beside(self, seen: Seen, grown: F64) -> I32:
-        """How many threads to each side a particle covers, where they are enlarged."""
-        bank = self.cloth.bank
-        radius = np.sqrt(bank.area[-1] / ROUND) * grown
-        return np.where(seen.share < 1.0, radius / self._under[1:].mean(), 0.0).astype(np.int32)
-
     def sample(self, most: int) -> F32:
-        """An even sample of the whole cloth as `lay` gives it, a copy: about `most` particles, at least one a cell, so
-        much larger that their areas add up to those of all."""
+        """The whole cloth as `lay` gives it, a copy: of fibres at the coarsest level if there are no more than `most`,
+        or as a sheet of about `most` / CAST surfels, at least one a cell."""
         bank, patch = self.cloth.bank, self._whole.copy()
-        last = bank.levels - 1
-        patch[:, LEVEL] = last
-        blocks = _blocks(patch)
-        share = np.full(len(patch), min(1.0, most / max(1.0, float(blocks.sum() * bank.size[last]))))
-        counts = self._counts(self.cloth.pack(), patch, share)
-        zero = np.zeros(len(patch), np.float32)
-        seen = Seen(np.zeros((len(patch), 4), np.int16), counts, zero, patch, share.astype(np.float32), None)
+        patch[:, LEVEL] = bank.levels - 1
+        grid, zero = np.zeros((len(patch), 2), np.int32), np.zeros(len(patch), np.float32)
+        if float(_blocks(patch).sum() * bank.size[-1]) > most:
+            area = float((patch[:, PATCH_PICKS] * patch[:, PATCH_ENDS]).sum()) * self.pitch[0] * self.pitch[1]
+            grid = self._grid(patch, np.full(len(patch), np.sqrt(area * CAST / most)))
+        counts = self._counts(self.cloth.pack(), patch, grid)
+        seen = Seen(np.zeros((len(patch), 4), np.int16), counts, zero, patch, zero + 1.0, grid, None)
         return self.lay(seen, np.arange(len(patch), dtype=np.int32))[0].copy()
 
     def numbers(self, seen: Seen, chosen: I32) -> tuple[I32, I32]:
@@ -238,6 +261,13 @@ class CellStream:
         _, total = self.lay(seen, chosen)
         thread = self._yarn[:total].copy()
         return thread, np.where(thread < 0, -1, self.parts[thread]).astype(np.int32)
+
+
+def _shared_out(chosen: I32, starts: NDArray[np.int64]) -> tuple[I32, I32, I32]:
+    """First of the chosen of each chunk of work, so that all have about as many particles; the chosen; their starts."""
+    bounds = np.searchsorted(starts, np.linspace(starts[0], starts[-1], CHUNKS + 1).astype(np.int64)).astype(np.int32)
+    bounds[0], bounds[-1] = 0, len(chosen)
+    return bounds, np.ascontiguousarray(chosen), starts.astype(np.int32)
 
 
 def _blocks(patch: I32) -> F64:

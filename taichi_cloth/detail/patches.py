@@ -1,12 +1,12 @@
 """Patches: crossings of a cell, or of a part of it, seen, counted and laid.
 
 A patch's fibre blocks are numbered through: layer by layer, pick by pick, end by end, first the warp end's block of a
-crossing and then the weft pick's. Where a patch is drawn whole, its blocks come one after the other; where a sample of
-it is drawn, particle m is of the crossing that an even sequence gives, at random which of the block's.
+crossing and then the weft pick's. Their particles come one after the other; where they fade, each has its chance.
 """
 
 import taichi as ti
 
+from taichi_cloth.detail.thinning import FADE
 from taichi_cloth.detail.view import View, in_frustum, seen_at, tiles_of
 from taichi_cloth.fabric.cell_blocks import (
     cell_block,
@@ -34,22 +34,15 @@ from taichi_cloth.ground.particles import (
 )
 
 __all__ = [
-    "CELL", "CHUNKS", "FIRST_END", "FIRST_PICK", "LAYERS", "LEVEL", "PANEL", "PATCH", "PATCH_ENDS", "PATCH_PICKS",
-    "count", "lay", "look", "look_at",
+    "CELL", "CHUNKS", "CHUNK_STEPS", "FIRST_END", "FIRST_PICK", "LAYERS", "LEVEL", "PANEL", "PATCH", "PATCH_ENDS",
+    "PATCH_PICKS", "count", "lay", "look", "look_at",
 ]  # fmt: skip
 
 CELL, PANEL, FIRST_PICK, FIRST_END, PATCH_PICKS, PATCH_ENDS, LAYERS, LEVEL = range(8)
 """Numbers of a patch: its cell and panel, its first pick and end in the panel, how many of each, layers, level."""
 PATCH = 8
-MANY = 16
-"""Draws for a particle of a sample, on average, after which any is taken."""
-ROUND = 1.5
-"""Length over width of the particles of a small sample: longer ones would be streaks across stripes."""
 CHUNKS = 16
 CHUNK_STEPS = 1024  # Taichi on a CPU gives a thread at least 512 iterations (see render/tiles/sort.py)
-EVEN_PICK, EVEN_END = 0.7548776662, 0.5698402910
-"""From one particle of a sample to the next, in shares of the patch: the inverse of the plastic number, and its square
-(M. Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018)."""
 
 
 @ti.kernel
@@ -118,8 +111,6 @@ def lay(
     starts: I32x1,
     patch: I32x2,
     share: F32x1,
-    grown: F32x1,
-    beside: I32x1,
     under: F32x1,
     cloth: CellPack,
     # out
@@ -129,10 +120,8 @@ def lay(
     """Particles of chosen patches, in groups, and the thread of each.
 
     bounds: (CHUNKS + 1,) first of the chosen of each chunk of work. starts: (chosen + 1,) where each one's particles
-    stand. share: of each patch's particles that are drawn, 1 for all. grown: factor of each chosen one's radii. beside:
-    how many threads to each side lend it their colour. under: (7,) how far the cloth's right side lies above its
-    middle, and how far warp ends and weft picks lie apart [m]; then 1 and where the eye is [m] that a sample is drawn
-    for, or 0 for a sample of all sides.
+    stand. share: of each patch's particles that are drawn, 1 for all; the last of them fade (`thinning.FADE`). under:
+    (3,) how far the cloth's right side lies above its middle, and how far warp ends and weft picks lie apart [m].
     """
     for step in range(CHUNKS * CHUNK_STEPS):
         if step % CHUNK_STEPS != 0:
@@ -140,24 +129,13 @@ def lay(
         for k in range(bounds[step // CHUNK_STEPS], bounds[step // CHUNK_STEPS + 1]):
             q = chosen[k]
             cell, p, high, wide = patch[q, CELL], patch[q, PANEL], patch[q, PATCH_PICKS], patch[q, PATCH_ENDS]
-            whole = share[q] >= 1.0
-            first_pick, first_end = patch[q, FIRST_PICK], patch[q, FIRST_END]
-            seed = hashed(cell * 64 + first_pick % 64, first_end)
             at, last, e = starts[k], starts[k + 1], 0
             while at < last:
                 # The next block: where, of which family, in which layer.
                 family, c, layer = e % 2, (e // 2) % (high * wide), (e // 2) // (high * wide)
-                i, j = first_pick + c // wide, first_end + c % wide
-                if not whole:
-                    s = ti.cast(seed & 4095, ti.f32) / 4096.0 + EVEN_PICK * e
-                    t = ti.cast(seed >> 12, ti.f32) / 4096.0 + EVEN_END * e
-                    i = first_pick + ti.min(ti.cast((s - ti.floor(s)) * high, ti.i32), high - 1)
-                    j = first_end + ti.min(ti.cast((t - ti.floor(t)) * wide, ti.i32), wide - 1)
-                    family, layer = (e + seed) % 2, 0
-                    if patch[q, LAYERS] > 1:
-                        layer = hashed(e, seed) % patch[q, LAYERS]
+                i, j = patch[q, FIRST_PICK] + c // wide, patch[q, FIRST_END] + c % wide
                 yarn, along, made = cell_template(cloth, p, family, i, j)
-                base, size, since, up_to = 0, 1, 1.0, 0.0
+                base, size, since, up_to = 0, 0, 1.0, 0.0
                 if made >= 0:
                     kind = patch[q, LEVEL] * cloth.grid[TEMPLATES] + made
                     base = ti.cast(cloth.start[kind], ti.i32)
@@ -165,30 +143,22 @@ def lay(
                     since, up_to = cell_span(cloth, yarn, along)
                     if layer > 0 and not cell_turned_in(cloth, p, cell, i, j):
                         since, up_to = 1.0, 0.0
-                few = e < MANY * (last - starts[k])
-                if made < 0 and (whole or few):
-                    size = 0
                 p0, p1, a0, a1, n0, n1 = cell_block(cloth, p, cell, family, i, j)
-                if not whole and size > 0:
-                    base, size = base + hashed(seed, e) % size, 1
-                    if under[3] > 0.0 and made >= 0 and few:
-                        # What lies on the far side is hidden; in a sample of larger particles it would show through.
-                        above = n0.dot(ti.Vector([under[4], under[5], under[6]]) - p0)
-                        if layer > 0:
-                            above = -above
-                        if above * cloth.particle[base, COLUMN.offset + 2] < 0.0:
-                            size = 0
                 if layer > 0:
                     # Under the first and half a thread beside it, its wrong side up: turned about the yarn.
                     p0 += 0.5 * under[1 + family] * n0.cross(a0).normalized() - 2.0 * under[0] * n0
                     p1 += 0.5 * under[1 + family] * n1.cross(a1).normalized() - 2.0 * under[0] * n1
                     n0, n1 = -n0, -n1
-                dyed = cell_shade(cloth, p, family, yarn, i, j, beside[k])
+                dyed = cell_shade(cloth, p, yarn, i, j)
                 for m in range(size):
                     t = base + m
                     x, d, outward = lay_particle(cloth.particle, t, p0, p1, a0, a1, n0, n1)
                     u = cloth.particle[t, COLUMN.u]
                     cut = since > up_to or (u < since and since > 0.0) or (u > up_to and up_to < 1.0)
+                    radius = cloth.particle[t, COLUMN.radius]
+                    if share[q] < 1.0:
+                        chance = ti.cast(hashed(yarn * 64 + along % 64, m), ti.f32) / 16777216.0
+                        radius *= ti.math.clamp((share[q] - (1.0 - FADE) * chance) / FADE, 0.0, 1.0)
                     group, lane = at // LANES, at % LANES
                     tone = cloth.particle[t, COLUMN.tone]
                     for axis in ti.static(range(3)):
@@ -196,14 +166,8 @@ def lay(
                         groups_out[TANGENT + axis, group, lane] = d[axis]
                         groups_out[NORMAL + axis, group, lane] = outward[axis]
                         groups_out[COLOUR + axis, group, lane] = dyed[axis] * tone  # pyright: ignore[reportIndexIssue]
-                    radius, half_length = cloth.particle[t, COLUMN.radius], cloth.particle[t, COLUMN.half_length]
-                    if not whole:
-                        # Larger by as much as they are fewer, and rounder.
-                        slender = ti.min(half_length / radius, ti.max(ROUND, half_length / radius * share[q]))
-                        radius = ti.sqrt(radius * half_length / slender) * grown[k]
-                        half_length = slender * radius
                     groups_out[RADIUS, group, lane] = 0.0 if cut else radius
-                    groups_out[HALF_LENGTH, group, lane] = half_length
+                    groups_out[HALF_LENGTH, group, lane] = cloth.particle[t, COLUMN.half_length]
                     groups_out[OPENNESS, group, lane] = cloth.particle[t, COLUMN.openness]
                     yarn_out[at] = yarn
                     at += 1

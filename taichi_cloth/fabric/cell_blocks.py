@@ -27,7 +27,13 @@ from taichi_cloth.fabric.cells import (
 from taichi_cloth.fabric.surface import surface_at
 from taichi_cloth.ground.arrays import Template
 
-__all__ = ["cell_block", "cell_crossing", "cell_shade", "cell_span", "cell_template", "cell_turned_in", "hashed"]
+__all__ = [
+    "cell_block", "cell_crossing", "cell_inside", "cell_mean", "cell_shade", "cell_span", "cell_template",
+    "cell_turned_in", "hashed",
+]  # fmt: skip
+
+MOST_THREADS = 16
+"""Threads of which the mean colour is taken; of more, every so many."""
 
 
 @ti.func
@@ -91,15 +97,9 @@ def cell_block(cloth: Template, p, cell, family, i, j):
 
 
 @ti.func
-def cell_shade(cloth: Template, p, family, yarn, i, j, beside):
-    """Colour of a thread at pick i and end j of panel p; with `beside` threads to each side, the mean of them all."""
-    one = cloth.panel[p, END + family]
-    low = ti.max(yarn - beside, one)
-    high = ti.min(yarn + beside + 1, one + cloth.panel[p, ENDS + family])
-    out = ti.Vector([0.0, 0.0, 0.0])
-    for other in range(low, high):
-        out += ti.Vector([cloth.colour[other, 0], cloth.colour[other, 1], cloth.colour[other, 2]])
-    out /= ti.cast(high - low, ti.f32)
+def cell_dye(cloth: Template, p, i, j):
+    """What pick i and end j of panel p are dyed in where they cross, in place of their threads; below 0 for nothing."""
+    out = ti.Vector([-1.0, -1.0, -1.0])
     at = cloth.panel[p, SHADE]
     if at >= 0:
         dyed = cloth.shade[at + i * cloth.panel[p, ENDS] + j]
@@ -107,6 +107,68 @@ def cell_shade(cloth: Template, p, family, yarn, i, j, beside):
             root = ti.Vector([dyed >> 20, (dyed >> 10) & 1023, dyed & 1023]) / DEEP
             out = root * root
     return out
+
+
+@ti.func
+def cell_shade(cloth: Template, p, yarn, i, j):
+    """Colour of a thread at pick i and end j of panel p."""
+    out = cell_dye(cloth, p, i, j)
+    if out[0] < 0.0:  # pyright: ignore[reportIndexIssue]
+        out = ti.Vector([cloth.colour[yarn, 0], cloth.colour[yarn, 1], cloth.colour[yarn, 2]])
+    return out
+
+
+@ti.func
+def _mean_colour(cloth: Template, first, last, at, room):
+    """Mean colour of the threads from number `first` to `last` between at ± room / 2, counted from the first."""
+    low, high = at - 0.5 * room, at + 0.5 * room
+    one = ti.math.clamp(ti.cast(ti.floor(low + 0.5), ti.i32), 0, last - first)
+    two = ti.math.clamp(ti.cast(ti.floor(high + 0.5), ti.i32), 0, last - first)
+    each = 1 + (two - one) // MOST_THREADS
+    out, total = ti.Vector([0.0, 0.0, 0.0]), 1e-6
+    for n in range((two - one) // each + 1):
+        k = one + n * each
+        weight = ti.min(high, k + 0.5) - ti.max(low, k - 0.5) if each == 1 else 1.0
+        weight = ti.max(weight, 1e-6)
+        thread = first + k
+        out += weight * ti.Vector([cloth.colour[thread, 0], cloth.colour[thread, 1], cloth.colour[thread, 2]])
+        total += weight
+    return out / total
+
+
+@ti.func
+def cell_mean(cloth: Template, p, i, j, tall, broad, warp, weft):
+    """Colour of the cloth at i picks and j ends of panel p, over so many picks and ends: `warp` times the mean of its
+    warp ends and `weft` times that of its weft picks; of a print that of its middle."""
+    end, pick = cloth.panel[p, END], cloth.panel[p, PICK]
+    ends, picks = cloth.panel[p, ENDS], cloth.panel[p, PICKS]
+    out = cell_dye(cloth, p, ti.min(ti.cast(i + 0.5, ti.i32), picks - 1), ti.min(ti.cast(j + 0.5, ti.i32), ends - 1))
+    if out[0] < 0.0:  # pyright: ignore[reportIndexIssue]
+        out = warp * _mean_colour(cloth, end, end + ends - 1, j, broad)
+        out += weft * _mean_colour(cloth, pick, pick + picks - 1, i, tall)
+    else:
+        out *= warp + weft
+    return out
+
+
+@ti.func
+def _share_inside(cloth: Template, thread, at, room):
+    """How much of a thread between at ± room / 2 is not cut away."""
+    total = 0.0
+    for s in range(cloth.span_first[thread], cloth.span_first[thread + 1]):
+        total += ti.max(0.0, ti.min(cloth.span[s, 1], at + 0.5 * room) - ti.max(cloth.span[s, 0], at - 0.5 * room))
+    return ti.min(total / room, 1.0)
+
+
+@ti.func
+def cell_inside(cloth: Template, p, i, j, tall, broad):
+    """What an outline leaves of the cloth at i picks and j ends of panel p, over so many picks and ends, 0 to 1."""
+    end = ti.min(ti.cast(j + 0.5, ti.i32), cloth.panel[p, ENDS] - 1)
+    pick = ti.min(ti.cast(i + 0.5, ti.i32), cloth.panel[p, PICKS] - 1)
+    return ti.min(
+        _share_inside(cloth, cloth.panel[p, END] + end, i, tall),
+        _share_inside(cloth, cloth.panel[p, PICK] + pick, j, broad),
+    )
 
 
 @ti.func

@@ -114,8 +114,8 @@ class CellCloth:
     shape: (rows, cols) of key points. per_cell: warp ends and weft picks to a cell. present: bool (rows, cols), key
     points that exist; None: all. hem: how far inside a turned hem's edge the cloth is, less the hem's width, at FINE
     places a cell each way, ((rows − 1) · FINE + 1, (cols − 1) · FINE + 1) [m]: where it is below 0 a second layer of
-    the same threads lies under the first, its wrong side up. Raises InputError where a panel lies outside or threads
-    are missing.
+    the same threads lies under the first, its wrong side up. bank: of the repeats, where there is one. Raises
+    InputError where a panel lies outside or threads are missing.
     """
 
     def __init__(
@@ -129,6 +129,7 @@ class CellCloth:
         present: NDArray[np.bool_] | None = None,
         hem: F32 | None = None,
         seed: int = 0,
+        bank: RepeatBank | None = None,
     ) -> None:
         self.shape, self.per_cell, self.repeats, self.panels = shape, per_cell, repeats, panels
         self.threads, self.seed = threads, seed
@@ -172,7 +173,7 @@ class CellCloth:
         """Layers of threads in each cell, (rows · cols,)."""
         if hem is not None:
             self.layers.reshape(rows, cols)[:-1, :-1] += _lowest(hem) < 0
-        self.bank: RepeatBank = bank_of(repeats)
+        self.bank: RepeatBank = bank or bank_of(repeats)
         self.cells: I32 = np.flatnonzero(of_cell.ravel() >= 0).astype(np.int32)
         """Numbers of the cells there are, each that of its first key point."""
         shade = 1.0 + 0.03 * np.clip(rng.standard_normal((len(threads.colour), 1)), -2.0, 2.0)

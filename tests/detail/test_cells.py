@@ -16,7 +16,7 @@ from taichi_cloth.fabric.layout import Detail, FabricLayout, drawn_density, fami
 from taichi_cloth.fabric.repeat import WeaveRepeat, levels_of
 from taichi_cloth.fabric.surface import nodes_of, surface_points
 from taichi_cloth.ground.errors import InputError
-from taichi_cloth.ground.particles import HALF_LENGTH, POSITION, RADIUS, ROWS, TANGENT
+from taichi_cloth.ground.particles import COLOUR, HALF_LENGTH, NORMAL, POSITION, RADIUS, ROWS, TANGENT
 from taichi_cloth.render.data.camera import frame
 from taichi_cloth.weave.cloth_set import fit_set, set_sizes
 from taichi_cloth.weave.draft import Draft, named_weave, tile
@@ -89,10 +89,9 @@ def all_particles(cells: CellCloth) -> np.ndarray:
     stream = CellStream(cells)
     patch = stream._whole.copy()
     patch[:, LEVEL] = 0
-    share = np.ones(len(patch))
-    counts = stream._counts(cells.pack(), patch, share)
-    none = np.zeros(len(patch), np.float32)
-    seen = Seen(np.zeros((len(patch), 4), np.int16), counts, none, patch, share.astype(np.float32), None)
+    grid, none = np.zeros((len(patch), 2), np.int32), np.zeros(len(patch), np.float32)
+    counts = stream._counts(cells.pack(), patch, grid)
+    seen = Seen(np.zeros((len(patch), 4), np.int16), counts, none, patch, none + 1.0, grid, None)
     groups, count = stream.lay(seen, np.arange(len(patch), dtype=np.int32))
     return groups.reshape(ROWS, -1)[:, :count].copy()
 
@@ -209,10 +208,9 @@ def test_threads_of_unlike_spacing_lie_where_the_draft_has_them() -> None:
 def cells_threads(cells: CellCloth) -> np.ndarray:
     stream = CellStream(cells)
     patch = stream._whole.copy()
-    share = np.ones(len(patch))
-    counts = stream._counts(cells.pack(), patch, share)
-    none = np.zeros(len(patch), np.float32)
-    seen = Seen(np.zeros((len(patch), 4), np.int16), counts, none, patch, share.astype(np.float32), None)
+    grid, none = np.zeros((len(patch), 2), np.int32), np.zeros(len(patch), np.float32)
+    counts = stream._counts(cells.pack(), patch, grid)
+    seen = Seen(np.zeros((len(patch), 4), np.int16), counts, none, patch, none + 1.0, grid, None)
     return stream.numbers(seen, np.arange(len(patch), dtype=np.int32))[0]
 
 
@@ -265,19 +263,72 @@ def seen_from(distance: float, size: int = 96) -> Any:
     return replace(camera, focal=camera.focal / distance)
 
 
-def test_near_everything_is_laid_and_far_a_sample_whose_areas_add_up_to_the_same(streamed: CellStream) -> None:
+def rows_of(stream: CellStream, one: Seen) -> np.ndarray:
+    groups, count = stream.lay(one, np.arange(len(one.counts), dtype=np.int32))
+    return groups.reshape(ROWS, -1)[:, :count].copy()
+
+
+def test_near_it_is_fibres_and_far_a_sheet_and_between_both_fade(streamed: CellStream) -> None:
+    """What a share of fibres has of all their area, radius times length, is that share; and the sheet has the rest."""
     near, far = streamed.survey(seen_from(0.05)), streamed.survey(seen_from(8.0))
+    assert (near.grid == 0).all()
     assert (near.share == 1.0).all()
-    assert (far.share < 1.0).all()
-    assert far.counts.sum() < 0.1 * streamed.cloth.particles
+    assert (far.grid > 0).all()
+    assert (far.share == 1.0).all()
+    assert far.counts.sum() < 0.02 * streamed.cloth.particles
+    seen = [streamed.survey(seen_from(float(distance))) for distance in np.geomspace(0.05, 8.0, 60)]
+    both = max(seen, key=lambda one: int(((one.share > 0.4) & (one.share < 0.6)).sum()))
+    between, is_sheet = (both.share > 0.4) & (both.share < 0.6), both.grid[:, 0] > 0
+    fibres, sheet = (np.flatnonzero(between & one).astype(np.int32) for one in (~is_sheet, is_sheet))
+    assert len(fibres) >= len(sheet) > 3
+    whole = replace(both, share=np.ones_like(both.share))
+    for chosen in (fibres, sheet):
+        wanted = float(both.share[chosen].mean())
+        areas: list[float] = []
+        for one in (both, whole):
+            groups, count = streamed.lay(one, chosen)
+            rows = groups.reshape(ROWS, -1)[:, :count]
+            areas.append(float((rows[RADIUS] * rows[HALF_LENGTH]).sum()))
+        assert areas[0] / areas[1] == pytest.approx(wanted, abs=0.02)
 
-    def area(one: Seen) -> float:
-        groups, count = streamed.lay(one, np.arange(len(one.counts), dtype=np.int32))
-        rows = groups.reshape(ROWS, -1)[:, :count]
-        return float((rows[RADIUS] * rows[HALF_LENGTH]).sum())
 
-    everything = all_particles(streamed.cloth)
-    assert area(far) == pytest.approx(float((everything[RADIUS] * everything[HALF_LENGTH]).sum()), rel=0.05)
+def test_surfels_lie_on_the_side_that_is_seen_in_the_colours_of_their_threads() -> None:
+    """Warp red, weft green from half its length on: a surfel is red and green by what shows on its side, and black or
+    green weft by where it lies."""
+    shape, per_cell = (5, 5), (8, 8)
+    warp = np.tile(np.array([1, 0, 0], np.float32), (33, 1))
+    weft = np.tile(np.array([0, 1, 0], np.float32), (33, 1))
+    weft[:16] = 0
+    cells = sheet_of_cells(shape, per_cell, repeat_of(named_weave("twill-3/1")), (warp, weft), seed=SEED)
+    cells.move(flat(shape, per_cell))
+    stream = CellStream(cells)
+    camera: Any = frame(flat(shape, per_cell).reshape(-1, 3), width=40, height=40, elevation=70)
+    above = rows_of(stream, stream.survey(replace(camera, focal=camera.focal / 3)))
+    below: Any = frame(flat(shape, per_cell).reshape(-1, 3), width=40, height=40, elevation=-70)
+    under = rows_of(stream, stream.survey(replace(below, focal=below.focal / 3)))
+    for rows, up in ((above, 1.0), (under, -1.0)):
+        rows = rows[:, rows[RADIUS] > 0]
+        assert (np.sign(rows[POSITION + 1]) == up).all()
+        assert np.average(rows[NORMAL + 1], weights=rows[RADIUS] ** 2) * up > 0.8
+        later = -rows[POSITION + 2] > 16.5 * PITCH
+        assert rows[COLOUR + 1][-rows[POSITION + 2] < 14.5 * PITCH].max() == 0.0
+        red, green = rows[COLOUR][later].mean(), rows[COLOUR + 1][later].mean()
+        assert (red > 2 * green) if up > 0 else (green > 2 * red)
+
+
+def test_an_outline_cuts_surfels_too() -> None:
+    shape, per_cell = (3, 3), (6, 4)
+    kept = np.tile(np.array([2.5, 6.0], np.float32), (22, 1))
+    kept[13:] = 0.0, 99.0
+    threads = CellThreads(np.full((22, 3), 0.5, np.float32), kept, np.arange(23, dtype=np.int32))
+    cells = CellCloth(shape, per_cell, (repeat_of(named_weave("plain")),), (CellPanel(0, 0, *shape),), threads)
+    cells.move(flat(shape, per_cell))
+    stream = CellStream(cells)
+    camera: Any = frame(flat(shape, per_cell).reshape(-1, 3), width=14, height=14, elevation=89)
+    rows = rows_of(stream, stream.survey(replace(camera, focal=camera.focal / 1.5)))
+    area, z = rows[RADIUS] ** 2, -rows[POSITION + 2] / PITCH
+    assert area[(z < 1.9) | (z > 6.6)].sum() == 0.0
+    assert area.sum() / np.median(area[(z > 3) & (z < 5.5)]) == pytest.approx(len(z) * 3.5 / 8, rel=0.1)
 
 
 def test_patches_of_a_picture_are_each_crossing_once(streamed: CellStream) -> None:

@@ -51,7 +51,7 @@ def woven(parts: Parts, cells: Cells, *, hem: float = 0.0, prints: dict[str, Pri
 
 
 def particles(weaving: CellWeaving) -> np.ndarray:
-    groups = CellStream(weaving.cloth).sample(2_000_000).reshape(ROWS, -1)
+    groups = CellStream(weaving.cloth).sample(10**8).reshape(ROWS, -1)
     return groups[:, groups[RADIUS] > 0]
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from taichi_cloth.ground.errors import InputError
+from taichi_cloth.scenes.paper.own_scenes import scene_file
 from taichi_cloth.scenes.prepare.garment_setup import dressed_parts, woven_garment
 from taichi_cloth.scenes.prepare.thread_colours import panel_colours
 from taichi_cloth.scenes.prepare.weave_layout import prepare_fabric
@@ -48,7 +49,7 @@ def test_a_patch_lies_within_the_cloth(end: int, pick: int) -> None:
 
 
 def test_a_panel_has_a_draft_of_its_own_and_the_others_keep_the_weave() -> None:
-    scene = load_scene("tshirt", [*COARSE, "garment.weaves.front=satin-5"])
+    scene = load_scene(scene_file("tshirt"), [*COARSE, "garment.weaves.front=satin-5"])
     atlas = dressed_parts(scene).garment.atlas
     up = prepare_fabric(woven_garment(scene, atlas)).layout.cloth.warp_up
     for piece in atlas.panels:
@@ -64,8 +65,8 @@ def test_a_wif_on_a_garment_brings_its_colours() -> None:
     brought = read_wif(WIF)
     assert brought.warp_colour is not None
     order = "red*3 white*2"
-    whole = load_scene("tshirt", [*COARSE, f"weave.draft={WIF}", f"garment.colours.front.weft={order}"])
-    panel = load_scene("tshirt", [*COARSE, f"garment.weaves.front={WIF}"])
+    whole = load_scene(scene_file("tshirt"), [*COARSE, f"weave.draft={WIF}", f"garment.colours.front.weft={order}"])
+    panel = load_scene(scene_file("tshirt"), [*COARSE, f"garment.weaves.front={WIF}"])
     assert panel.weave is not None
     for scene, name, warp, weft in (
         (whole, "back", brought.warp_colour, brought.weft_colour),
@@ -115,7 +116,7 @@ def test_files_of_panels_are_meant_from_where_the_scene_lies(tmp_path: Path) -> 
 )
 def test_what_is_no_weave_of_a_panel_is_refused(change: str, line: str) -> None:
     def woven() -> None:
-        scene = load_scene("tshirt", [*COARSE, change])
+        scene = load_scene(scene_file("tshirt"), [*COARSE, change])
         prepare_fabric(woven_garment(scene, dressed_parts(scene).garment.atlas))
 
     with pytest.raises(InputError, match=line):

@@ -15,7 +15,7 @@ from taichi_cloth.scenes.prepare.sheet_setup import sheet_simulation, standing_i
 from taichi_cloth.scenes.scene.body_section import BodySection
 from taichi_cloth.scenes.scene.load import built_in_scenes, load_scene, make_scene
 
-NOT_YET = {"dress", "trousers", "tshirt"}
+NOT_YET = {"trousers"}
 """Garments whose threads still follow key points: shorten this list as they become fabrics."""
 
 SHEETS = sorted(name for name in built_in_scenes() if load_scene(name).cloth)

@@ -1,0 +1,148 @@
+"""How a cloth looks as the sheet it is: measured on its fibres, from both sides and several angles, and kept on disk.
+
+A flat piece is drawn of all its fibres, the warp red and the weft green and nothing blue, so that one picture tells
+what of its light has the warp's colour, the weft's, and none. As a sheet it must cover as much and be as bright.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from math import asin, cos, degrees, log, pi, sin
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_cloth.detail.cell_stream import CellStream
+from taichi_cloth.detail.surfels import AREA, FLANKS, OPEN, TILTS, TURNED, WARP, WEFT, SheetLook, guess_of
+from taichi_cloth.fabric.cells import CellCloth, CellPanel, CellThreads
+from taichi_cloth.ground.cache import digest, kept
+
+from ...render.data.camera import Camera, frame
+from ...render.data.finish import Finish
+from ...render.data.light import KeyLight, Lighting
+from ...render.splat.splat import Splatter
+from ...render.splat.stream import stream
+
+__all__ = ["fit_look", "seen_light"]
+
+F64 = NDArray[np.float64]
+
+VERSION = 1
+"""Of what is kept on disk: raised whenever the same cloth would come to another look."""
+SIZE = 256, 192
+AZIMUTH = 30.0
+FIBRES, SHEETS = (60, 1.6), (240, 0.6)
+"""Threads each way of the piece that is drawn of fibres, and of that drawn as a sheet, and pixels from one to the next
+where it is seen from above; at a flat angle more, so that its picture is not much smaller."""
+INNER = 0.6
+"""Of a piece, each way, in which it is measured: its edges are not those of a large cloth."""
+CELL = 20
+COARSEST = 1e3
+"""Radius [px] that no fibre has: they are drawn at the coarsest level, which is what the sheet fades into."""
+ROUNDS = 5
+SKY = 0.4
+"""How much of the light comes from all round, beside 1 from lights."""
+CLEAR = 1e-3
+"""Of light that passes through, less is taken for as much."""
+EVEN = 1.0, 1.0, 1.0
+FILL = Lighting(key=0.0, fill=1.0, sky=EVEN, ground=EVEN)
+
+
+def _keys(side: int) -> Lighting:
+    """Lights all round above the right side (0) or the wrong one (1): a look is a mean over how light falls."""
+    up = 1.0 - 2.0 * side
+    around = [(0.8 * cos(2 * pi * k / 5), 0.6 * up, 0.8 * sin(2 * pi * k / 5)) for k in range(5)]
+    others = tuple(KeyLight(direction=one, intensity=0.2, follows_camera=False) for one in around)
+    return Lighting(
+        direction=(0.0, up, 0.0), key_follows_camera=False, key=0.3, key_colour=EVEN, fill=0.0, others=others
+    )
+
+
+def fit_look(source: CellStream, finish: Finish) -> SheetLook:
+    """The look of the sheets of a cloth whose fibres have that finish."""
+    cloth = source.cloth
+    guess = guess_of(cloth.bank, cloth.repeats)
+    bank = cloth.bank
+    parts = bank.particle, bank.start, bank.first, bank.phases, [(one.kind, *one.ahead) for one in cloth.repeats]
+    made_of = digest(VERSION, FLANKS, TURNED, finish, guess, source.pitch, *parts)
+
+    def make() -> dict[str, NDArray]:
+        every = [_measured(cloth, number, source.pitch, guess, finish) for number in range(len(cloth.repeats))]
+        return {"factor": np.stack(every).astype(np.float32)}
+
+    return SheetLook(kept("sheet", made_of, make)[0]["factor"], guess.lean)
+
+
+def _measured(cloth: CellCloth, number: int, pitch: tuple[float, float], guess: SheetLook, finish: Finish) -> F64:
+    """The factors of a repeat, (2, TILTS, 4)."""
+    splatter = Splatter(*SIZE)
+    fibres, sheet = (_piece(cloth, number, threads, pitch) for threads, _ in (FIBRES, SHEETS))
+    fibres.target, fibres.sheets = COARSEST, False
+    sheet.look = SheetLook(guess.factor.copy(), guess.lean)
+    out = guess.factor[number].astype(np.float64)
+
+    def got(now: F64, side: int, elevation: float) -> F64:
+        sheet.look.factor[number, side] = now  # seen so, all of it is at this angle
+        return seen_light(splatter, sheet, *_camera(sheet, elevation, SHEETS[1]), finish)
+
+    for side in (0, 1):
+        for t, tilt in enumerate(TILTS):
+            elevation = degrees(asin(tilt)) * (1 - 2 * side)
+            want = seen_light(splatter, fibres, *_camera(fibres, elevation, FIBRES[1] * tilt**-0.33), finish)
+            start = out[side, max(t - 1, 0)].copy()
+            out[side, t] = _solved(lambda now, at=(side, elevation): got(now, *at), want, start)
+    return out
+
+
+def _solved(got: Callable[[F64], F64], want: F64, start: F64) -> F64:
+    """The factors with which a sheet looks as wanted (see `seen_light`): each hangs mostly on one. Where its
+    openness alone cannot tell how far light from all round counts, warp and weft are right for both together."""
+    now = start.copy()
+    for _ in range(ROUNDS):
+        have = got(now)
+        now[AREA] *= log(max(1 - want[0], CLEAR)) / log(min(max(1 - have[0], CLEAR), 1 - CLEAR))
+        lights, sky = want[1:3] / np.maximum(have[1:3], 1e-6), want[3:] / np.maximum(have[3:], 1e-6)
+        both = (want[1:3] + SKY * want[3:]) / np.maximum(have[1:3] + SKY * have[3:], 1e-6)
+        now[[WARP, WEFT]] *= both
+        now[OPEN] = np.clip(now[OPEN] * sky.mean() / lights.mean(), 0.1, 1.0)
+    return now
+
+
+def _piece(cloth: CellCloth, number: int, threads: int, pitch: tuple[float, float]) -> CellStream:
+    """A flat piece of so many threads each way, woven as a repeat says."""
+    cells = -(-threads // CELL)
+    shape = cells + 1, cells + 1
+    count = cells * CELL + 1
+    probe = np.repeat(np.eye(3, dtype=np.float32)[:2], count, axis=0)
+    panel = CellPanel(0, 0, *shape, number)
+    piece = CellCloth(shape, (CELL, CELL), cloth.repeats, (panel,), CellThreads.whole(probe), bank=cloth.bank)
+    points = np.zeros((*shape, 3))
+    points[..., 0] = np.arange(shape[1]) * CELL * pitch[0]
+    points[..., 2] = -np.arange(shape[0])[:, None] * CELL * pitch[1]
+    piece.move(points)
+    return CellStream(piece)
+
+
+def _camera(source: CellStream, elevation: float, pixels: float) -> tuple[Camera, NDArray[np.bool_]]:
+    """From far above or below, so many pixels from thread to thread; and which pixels show the inner part."""
+    points = source.cloth.node[:, :3].astype(np.float64)
+    camera = frame(points, width=SIZE[0], height=SIZE[1], elevation=elevation, azimuth=AZIMUTH, fov=4)
+    away = float(np.linalg.norm(points.mean(axis=0) + camera.rotation.T @ camera.translation))
+    camera = replace(camera, focal=pixels * away / float(np.sqrt(source.pitch[0] * source.pitch[1])))
+    low, high = points.min(axis=0), points.max(axis=0)
+    middle, half = (low + high) / 2, INNER * (high - low) / 2
+    corners = np.array([middle + half * (a, 0.0, b) for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))])
+    mask = np.zeros((SIZE[1], SIZE[0]), np.uint8)
+    cv2.fillConvexPoly(mask, np.rint(camera.project(corners)[:, :2]).astype(np.int32), 1)
+    return camera, mask > 0
+
+
+def seen_light(splatter: Splatter, source: CellStream, camera: Camera, where: NDArray[np.bool_], finish: Finish) -> F64:
+    """Coverage; of lights all round, what comes by the colour of warp and by that of weft; of an even sky, likewise:
+    means of those pixels."""
+    means = []
+    for lighting in (_keys(int(camera.forward[1] > 0)), FILL):
+        stream(splatter, camera, source, most=10**9, lighting=lighting, finish=finish)
+        means.append(splatter.linear()[where].mean(axis=0, dtype=np.float64))
+    (red, green, blue, cover), sky = means
+    return np.array([cover, red - blue, green - blue, sky[0] - sky[2], sky[1] - sky[2]])

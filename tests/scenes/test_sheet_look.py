@@ -1,0 +1,80 @@
+"""A cloth far away, drawn as a sheet: it covers as much and is as bright as its fibres, at any samples a pixel."""
+
+from dataclasses import replace
+from math import asin, degrees
+
+import numpy as np
+import pytest
+
+from taichi_cloth.detail.cell_stream import TARGET, CellStream
+from taichi_cloth.render.data.finish import Finish, finish_for
+from taichi_cloth.render.splat.splat import Splatter
+from taichi_cloth.scenes.models.cell_fibres import sheet_fibres
+from taichi_cloth.scenes.picture import sheet_look
+from taichi_cloth.scenes.picture.sheet_look import FIBRES, SHEETS, SIZE, SKY, fit_look, seen_light
+from taichi_cloth.scenes.prepare.cell_layout import prepare_sheet
+from taichi_cloth.scenes.prepare.sett import on_cells
+from taichi_cloth.scenes.scene.load import load_scene
+
+WITHIN = 0.02
+
+
+@pytest.fixture(scope="module")
+def finish() -> Finish:
+    return finish_for("cotton")
+
+
+@pytest.fixture(scope="module")
+def source(finish: Finish, tmp_path_factory: pytest.TempPathFactory) -> CellStream:
+    scene = on_cells(load_scene("drape", ["cloth.width_m=0.1", "cloth.length_m=0.1", "weave.draft=twill-2/1"]))
+    prepared = prepare_sheet(scene)
+    assert prepared is not None
+    made = sheet_fibres(scene, prepared).source
+    with pytest.MonkeyPatch.context() as patch:
+        folder = tmp_path_factory.mktemp("look")
+        patch.setenv("TAICHI_CLOTH_CACHE", str(folder))
+        made.look = fit_look(made, finish)
+        kept = made.look
+        assert len(list(folder.glob("sheet-*.npz"))) == 1
+        patch.setattr(sheet_look, "Splatter", None)  # found on disk: nothing is drawn
+        assert (fit_look(made, finish).factor == kept.factor).all()
+    return made
+
+
+def looks(source: CellStream, finish: Finish, tilt: float, side: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Coverage and light of fibres, of a sheet, and of a sheet at 4 × 4 samples a pixel."""
+    elevation, out = degrees(asin(tilt)) * (1 - 2 * side), []
+    fibres, sheet = (sheet_look._piece(source.cloth, 0, n, source.pitch) for n, _ in (FIBRES, SHEETS))
+    fibres.sheets, sheet.look = False, source.look
+    for one, pixels, samples in ((fibres, FIBRES[1] * tilt**-0.33, 1), (sheet, SHEETS[1], 1), (sheet, SHEETS[1], 4)):
+        one.target = TARGET * samples
+        camera, where = sheet_look._camera(one, elevation, pixels)
+        finer = {name: samples * getattr(camera, name) for name in ("focal", "cx", "cy", "width", "height")}
+        splatter = Splatter(samples * SIZE[0], samples * SIZE[1])
+        light = seen_light(splatter, one, replace(camera, **finer), np.kron(where, np.ones((samples,) * 2)) > 0, finish)
+        out.append(np.array([light[0], light[1:3].sum() + SKY * light[3:].sum()]))
+    return out[0], out[1], out[2]
+
+
+@pytest.mark.parametrize(("tilt", "side"), [(1.0, 0), (0.8, 1), (0.5, 0), (0.3, 0)])
+def test_a_sheet_covers_as_much_and_is_as_bright_as_its_fibres(
+    source: CellStream, finish: Finish, tilt: float, side: int
+) -> None:
+    fibres, sheet, finer = looks(source, finish, tilt, side)
+    assert sheet == pytest.approx(fibres, rel=WITHIN)
+    assert finer == pytest.approx(sheet, rel=WITHIN)
+
+
+def test_between_the_angles_at_which_it_is_measured_it_is_not_far_off(source: CellStream, finish: Finish) -> None:
+    fibres, sheet, _ = looks(source, finish, 0.73, 0)
+    assert sheet[0] == pytest.approx(fibres[0], rel=WITHIN)
+    assert sheet[1] == pytest.approx(fibres[1], rel=2 * WITHIN)
+
+
+def test_the_warp_shows_where_it_floats(source: CellStream) -> None:
+    """2/1 twill: on its right side two thirds of what is seen are warp, on the wrong side a third."""
+    from taichi_cloth.detail.surfels import WARP, WEFT
+
+    right, wrong = source.look.factor[0, :, -1]
+    assert 1.5 < right[WARP] / right[WEFT] < 3.5
+    assert 1.5 < wrong[WEFT] / wrong[WARP] < 3.5
