@@ -23,7 +23,7 @@ from taichi_cloth.mechanics.properties import light_thickness, woven_properties
 from taichi_cloth.weave.draft import Draft, named_weave
 from taichi_cloth.yarn.yarn import Yarn
 
-__all__ = ["Compared", "compared", "error", "read_table"]
+__all__ = ["Compared", "compared", "error", "read_table", "row_construction"]
 
 COLUMNS = ("id", "name", "fibre", "weave")
 LARGEST_FILE = 1_000_000
@@ -56,7 +56,7 @@ def read_table(path: Path) -> list[dict[str, str]]:
 
 def compared(row: Mapping[str, str]) -> Compared:
     """One row: its measured values beside the predicted ones. Raises InputError on values that are no numbers."""
-    made, how = _construction(row)
+    made, how = row_construction(row)
     measured = {key: _number(row, column) for key, column in MEASURED.items()}
     pair = _number(row, "B_warp_uNm"), _number(row, "B_weft_uNm")
     if pair[0] is not None and pair[1] is not None:
@@ -127,7 +127,8 @@ def _draft(text: str) -> Draft | None:
     return None
 
 
-def _construction(row: Mapping[str, str]) -> tuple[Construction | None, How]:
+def row_construction(row: Mapping[str, str]) -> tuple[Construction | None, How]:
+    """The construction of a row, and how it is known. Raises InputError on values that are no numbers."""
     fibre, draft = _fibre(row["fibre"]), _draft(row["weave"])
     counts = _number(row, "warp_tex"), _number(row, "weft_tex")
     sett = _number(row, "ends_per_cm"), _number(row, "picks_per_cm")

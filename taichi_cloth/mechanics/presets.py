@@ -29,6 +29,7 @@ __all__ = [
     "preset_properties",
     "trade_sections",
     "within_material",
+    "woven_material",
     "yarn_of_count",
 ]
 
@@ -255,6 +256,12 @@ where a `Material` has half of it."""
 def within_material(properties: FabricProperties, names: Iterable[str]) -> dict[str, float]:
     """Fields of a `Material` that properties have of WITHIN, by its names."""
     return {field: properties[key].value / unit for name in names for key, (field, unit) in WITHIN[name].items()}
+
+
+def woven_material(properties: FabricProperties) -> Material:
+    """The sheet of properties, with all that it has of WITHIN."""
+    found = {field: properties[key].value / unit for key, (field, unit) in PRESET_KEYS.items()}
+    return Material(**found, **within_material(properties, WITHIN))
 
 
 def with_material(properties: FabricProperties, material: Material, origin: str, how: str) -> FabricProperties:
