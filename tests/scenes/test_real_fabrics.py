@@ -75,7 +75,7 @@ def test_a_garment_keeps_what_is_drawn_or_says_why_more(name: str) -> None:
     assert gaps.body.size == 4e-3
     assert gaps.body.said.endswith("primitives do not cover all skin")
     on_skin = scene.model_copy(update={"body": (scene.body or BodySection()).model_copy(update={"contact": "grid"})})
-    fine = garment_gaps(on_skin, (2e-3, 2e-3))
+    fine = garment_gaps(on_skin, (1e-3, 1e-3))
     assert fine.body.size == fine.body.thickness == fine.layers.size == fine.floor.size
     coarse = garment_gaps(on_skin, (12e-3, 12e-3))
     assert thinnest_held(2**0.5 * 12e-3, coarse.body.size) <= ARM * (1 + 1e-9)
