@@ -16,7 +16,7 @@ from math import ceil, pi
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter1d, map_coordinates
+from scipy.ndimage import distance_transform_edt, gaussian_filter1d, map_coordinates
 
 from taichi_cloth.mechanics.drape import GRAVITY
 from taichi_cloth.motion.forces import Forces
@@ -26,7 +26,18 @@ from taichi_cloth.sheet.sheet import Sheet
 from taichi_cloth.sheet.springs import calibrate
 from taichi_cloth.solvers.yarns import Yarns
 
-__all__ = ["DISC", "SUPPORT", "Draped", "drape", "picture_of", "place_of", "shadow_of", "spacing_of", "specimen_of"]
+__all__ = [
+    "DISC",
+    "SUPPORT",
+    "Draped",
+    "drape",
+    "filled",
+    "picture_of",
+    "place_of",
+    "shadow_of",
+    "spacing_of",
+    "specimen_of",
+]
 
 DISC, SUPPORT = 0.15, 0.09
 """Radius of the specimen, and of what it lies on [m]."""
@@ -95,7 +106,7 @@ def drape(material: Material, *, spacing: float | None = None, specimens: int = 
         sheet = specimen_of(material, spacing, place)
         points = max(points, int(sheet.present.sum()))
         simulation, speed = _fallen(sheet, number, place)
-        shadow = shadow_of(simulation.positions.astype(np.float64), spacing, place)
+        shadow = shadow_of(filled(simulation.positions.astype(np.float64), sheet.present), spacing, place)
         ring = pi * (DISC**2 - SUPPORT**2)
         out.append(100.0 * ((shadow > 0).sum() / PIXELS_PER_METRE**2 - pi * SUPPORT**2) / ring)
         folds.append(_folds(shadow))
@@ -142,6 +153,13 @@ def _fallen(sheet: Sheet, number: int, place: tuple[float, float]) -> tuple[Simu
         simulation.step()
     moved = (simulation.positions - before)[sheet.present] * RATE
     return simulation, float(np.sqrt((moved**2).sum(axis=1).mean()))
+
+
+def filled(positions: NDArray[np.float64], present: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Positions (n, n, 3) [m], those of absent key points taken from the nearest that is there: the rim of a specimen
+    lies partly in cells of which so little is cloth that they are none."""
+    nearest = np.asarray(distance_transform_edt(~present, return_distances=False, return_indices=True))
+    return positions[nearest[0], nearest[1]]
 
 
 def shadow_of(
