@@ -23,7 +23,7 @@ from ..scene.schema import Scene, Weave
 from .cell_fibres import CellFibres, sheet_fibres
 from .facts import Fact
 from .model import Numbers
-from .moving_model import ALBEDO, MovingModel
+from .moving_model import MovingModel, mesh_albedo
 
 __all__ = ["ClothFibres", "ClothModel", "ball_mesh"]
 
@@ -151,7 +151,7 @@ def key_colours(scene: Scene) -> F32:
         nearest = (np.arange(len(shades)) + each // 2) // each
         families.append(np.stack([np.bincount(nearest, c) / np.bincount(nearest) for c in shades.T], axis=-1))
     warp, weft = families
-    return (ALBEDO * (weft[:, None] + warp[None, :]) / 2).reshape(-1, 3).astype(np.float32)
+    return (mesh_albedo(scene) * (weft[:, None] + warp[None, :]) / 2).reshape(-1, 3).astype(np.float32)
 
 
 def ball_mesh(centre: tuple[float, float, float], radius: float, albedo: NDArray, *, rings: int = 64) -> Mesh:

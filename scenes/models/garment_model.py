@@ -40,7 +40,7 @@ from ..scene.body_section import BodySection
 from ..scene.schema import Scene
 from .facts import Fact
 from .model import Numbers
-from .moving_model import ALBEDO, MovingModel
+from .moving_model import MovingModel, mesh_albedo
 
 __all__ = ["GarmentFibres", "GarmentModel", "box_round"]
 
@@ -201,7 +201,7 @@ class GarmentModel(MovingModel):
         """At each point of the surface, (n, 3): the mean of its panel's threads."""
         repeats = colours_of(self.scene, self.dressed).values()
         shades = [(repeat.warp.mean(axis=0) + repeat.weft.mean(axis=0)) / 2 for repeat in repeats]
-        return (ALBEDO * np.stack(shades)[self.surface.panel]).astype(np.float32)
+        return (mesh_albedo(self.scene) * np.stack(shades)[self.surface.panel]).astype(np.float32)
 
     def numbers(self) -> Numbers:
         """Yarn: by panel, its warp ends, then its weft picks. Part: number of the panel."""
