@@ -170,7 +170,7 @@ def _sheet(cell: Cell) -> Sheet:
     if cell.ratio == 1:
         return sheet
     heavy = np.random.Generator(np.random.Philox(key=3)).uniform(size=sheet.shape) < 0.5
-    return _Loaded(sheet.cells, material, springs, sheet.pinned, np.where(heavy, cell.ratio, 1.0))
+    return _Loaded(sheet.cells, material, springs, sheet.pinned, factor=np.where(heavy, cell.ratio, 1.0))
 
 
 def simulation_of(cell: Cell) -> Simulation:

@@ -35,13 +35,15 @@ class Sheet:
 
     cells: (rows − 1, cols − 1), share of each patch between four key points that is cloth: 1, or less where an outline
     cuts it, 0 where there is none. material, springs: of all of them.
-    pinned: bool (rows, cols), key points that forces do not move.
+    pinned: bool (rows, cols), key points that forces do not move. lightest: least mass of a key point, in corners of a
+    whole cell.
     """
 
     cells: F64
     material: Material
     springs: Springs
     pinned: Mask
+    lightest: float = 1.0
 
     @classmethod
     def rectangle(
@@ -52,7 +54,13 @@ class Sheet:
 
     @classmethod
     def of_cells(
-        cls, cells: ArrayLike, *, material: Material, springs: Springs, pinned: ArrayLike | None = None
+        cls,
+        cells: ArrayLike,
+        *,
+        material: Material,
+        springs: Springs,
+        pinned: ArrayLike | None = None,
+        lightest: float = 1.0,
     ) -> "Sheet":
         """A sheet of any outline. Raises InputError on one without a cell, or pins that do not fit."""
         share = np.asarray(cells, np.float64)
@@ -68,7 +76,7 @@ class Sheet:
             pins = np.broadcast_to(held, shape).copy()
         except ValueError:
             raise InputError(f"pins: shape {held.shape}; allowed: {shape}, one for each key point") from None
-        return cls(share, material, springs, pins)
+        return cls(share, material, springs, pins, lightest)
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -88,12 +96,12 @@ class Sheet:
     def mass(self) -> F64:
         """(rows, cols) [kg]: areal density × area, a quarter of each cell that meets there; 0 where there is none.
 
-        None is lighter than the corner of a whole cell: where an outline cuts off less, a seam or a hem has more cloth
+        None is lighter than `lightest`: where an outline cuts off less, the allowance of a seam or a hem has more cloth
         than that inside, and seams between very light and heavy key points close slowly.
         """
         s = self.springs
         corners = np.sum([_shifted(self.cells, i, j) for i in (0, 1) for j in (0, 1)], axis=0)
-        corners = np.where(corners > 0, np.maximum(corners, 1.0), 0.0)
+        corners = np.where(corners > 0, np.maximum(corners, self.lightest), 0.0)
         return self.material.density * s.spacing_x * s.spacing_y * corners / 4
 
     @cached_property

@@ -15,9 +15,6 @@ from taichi_cloth.scenes.prepare.sheet_setup import sheet_simulation, standing_i
 from taichi_cloth.scenes.scene.body_section import BodySection
 from taichi_cloth.scenes.scene.load import built_in_scenes, load_scene, make_scene
 
-NOT_YET = {"trousers"}
-"""Garments whose threads still follow key points: shorten this list as they become fabrics."""
-
 SHEETS = sorted(name for name in built_in_scenes() if load_scene(name).cloth)
 GARMENTS = sorted(name for name in built_in_scenes() if load_scene(name).garment)
 FINE = ["cloth.representation=mesh", "cloth.rows=200", "cloth.columns=200", "cloth.width_m=0.4", "cloth.length_m=0.4"]
@@ -27,7 +24,7 @@ pytestmark = pytest.mark.usefixtures("keep_taichi")
 
 def test_the_scenes_are_those_that_there_are() -> None:
     assert {"drape", "drape-body", "flag", "hanging", "sheet-walk", "stretch"} <= set(SHEETS)
-    assert set(GARMENTS) >= NOT_YET
+    assert set(GARMENTS) >= {"dress", "skirt", "trousers", "tshirt"}
 
 
 @pytest.mark.parametrize("name", SHEETS)
@@ -57,7 +54,7 @@ def test_a_sheet_weighs_what_is_drawn_and_contact_keeps_what_is_drawn(name: str)
             assert "key points lie too far apart" in said
 
 
-@pytest.mark.parametrize("name", [name for name in GARMENTS if name not in NOT_YET])
+@pytest.mark.parametrize("name", GARMENTS)
 def test_a_garment_weighs_what_is_drawn(name: str) -> None:
     scene = load_scene(name)
     prepared = plan(scene).prepared
@@ -66,7 +63,7 @@ def test_a_garment_weighs_what_is_drawn(name: str) -> None:
     assert drawn_density(prepared.layout) == pytest.approx(density, rel=0.01)
 
 
-@pytest.mark.parametrize("name", [name for name in GARMENTS if name not in NOT_YET])
+@pytest.mark.parametrize("name", GARMENTS)
 def test_a_garment_keeps_what_is_drawn_or_says_why_more(name: str) -> None:
     """From the skin itself and fine enough key points: the thickness drawn. From primitives: as far as skin stands out
     of them. Layers: the thickness, or what key points keep."""

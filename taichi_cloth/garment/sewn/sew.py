@@ -33,6 +33,11 @@ F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
+LIGHTEST = 2.0
+"""Least mass of a key point at an outline, in corners of a whole cell: half of what one inside has, as on an edge along
+the lattice. What lies beyond the outline is then the centimetre of cloth that a seam allows. With half of that, what
+seams pull at is four times as light as the cloth beside it, and its threads set the step."""
+
 OPEN = 2e-3
 """A seam is closed when its gap is no wider than this [m]."""
 
@@ -62,7 +67,8 @@ class Garment:
     def sheet(self, material: Material | None = None) -> Sheet:
         """Key points and springs of all panels."""
         m, (a, b) = material or self.material, self.atlas.spacing
-        return Sheet.of_cells(self.atlas.cells, material=m, springs=calibrate(m, spacing_x=a, spacing_y=b))
+        springs = calibrate(m, spacing_x=a, spacing_y=b)
+        return Sheet.of_cells(self.atlas.cells, material=m, springs=springs, lightest=LIGHTEST)
 
     def moving(self, air_damping: float | None = None) -> Sheet:
         """The sheet as it moves. air_damping: instead of the material's [1/s]."""
