@@ -15,6 +15,7 @@ from taichi_cloth.ground.errors import InputError, did_you_mean
 from taichi_cloth.ground.files import read_text, shown_path
 from taichi_cloth.mechanics.presets import TRADE, trade_sections
 from taichi_cloth.weave.colour_order import colour
+from taichi_cloth.weave.wif import read_wif
 
 from ...render.data.finish import finish_for
 from .scene_files import files_named
@@ -63,8 +64,9 @@ def load_scene(name: str, overrides: list[str] | None = None) -> Scene:
     """A built-in scene by name or a TOML file by path, with `key=value` overrides as on the command line.
 
     A WIF file brings its own size, colours, spacing and thickness: when `weave.draft` is overridden with one, what
-    the scene says of these for its own draft is dropped; further overrides still hold. Likewise a cloth or garment
-    whose sett is overridden is woven, and no longer of the scene's material.
+    the scene says of these for its own draft is dropped; further overrides still hold. A cloth or garment with a sett
+    keeps it, and its yarns, where the file states none. Likewise a cloth or garment whose sett is overridden is woven,
+    and no longer of the scene's material; one whose material is overridden is drawn of that material's construction.
     Raises InputError, one line: which file, key and value, what is allowed, and the nearest right spelling.
 
     >>> load_scene("swatch", ["weave.draft=satin-5", "output.views=4"]).output.views
@@ -73,8 +75,10 @@ def load_scene(name: str, overrides: list[str] | None = None) -> Scene:
     data, where, folder = _read(name)
     given = {key.strip(): value.strip() for key, _, value in (text.partition("=") for text in overrides or [])}
     if _names(given, "weave.draft", DRAFT_FILE):
+        kept = _kept_beside(data, given["weave.draft"].strip("\"'"))
         for section, keys in WIF_BRINGS.items():
-            _drop(data, section, keys)
+            if section not in kept:
+                _drop(data, section, keys)
     for section in ("yarn", "weft_yarn"):  # a count given in one unit replaces the scene's in the other
         for keys in SAME:
             if any(f"{section}.{key}" in given for key in keys):
@@ -83,6 +87,8 @@ def load_scene(name: str, overrides: list[str] | None = None) -> Scene:
             _drop(data, section, ("plies",))  # it says them
     if all(f"fabric.{key}" in given for key in ("ends_per_cm", "picks_per_cm")):
         _forget_material(data)
+    if any(given.get(f"{section}.material", WOVEN).strip("\"'") in TRADE for section in ("cloth", "garment")):
+        _forget_construction(data, given)
     for text in overrides or []:
         _override(data, text)
     for name, table, key in files_named(data) if folder else ():
@@ -94,6 +100,19 @@ def load_scene(name: str, overrides: list[str] | None = None) -> Scene:
 def _names(given: Mapping[str, str], key: str, file: NamesFile) -> bool:
     """Whether an override names a file of this kind."""
     return file.fits(given.get(key, "").strip("\"'"))
+
+
+def _kept_beside(data: Mapping[str, Any], path: str) -> tuple[str, ...]:
+    """The sections whose sett and counts a cloth or garment with a sett keeps beside the draft of this WIF file: what
+    the file does not state. Raises InputError on what is no such file."""
+    fabric = data.get("fabric")
+    if not isinstance(fabric, dict) or "ends_per_cm" not in fabric or not ("cloth" in data or "garment" in data):
+        return ()
+    draft = read_wif(path)
+    if draft.warp_spacing_m is not None or draft.weft_spacing_m is not None:
+        return ()
+    thick = draft.warp_thickness_m is not None or draft.weft_thickness_m is not None
+    return ("fabric",) if thick else ("fabric", "yarn", "weft_yarn")
 
 
 def _said(given: Mapping[str, str], name: str) -> bool:
@@ -111,6 +130,20 @@ def _forget_material(data: dict[str, Any]) -> None:
         if isinstance(data.get(section), dict) and isinstance(data[section].get("properties"), dict):
             kept = {key: value for key, value in data[section]["properties"].items() if "damping" in key}
             data[section] = data[section] | {"properties": kept}
+
+
+def _forget_construction(data: dict[str, Any], given: Mapping[str, str]) -> None:
+    """A cloth or garment with a sett that is overridden to be of a trade's material is that: what the scene says of
+    another's fibre, yarns, weave and sett goes, but for colours, unless an override says something of these, too."""
+    fabric, stated = data.get("fabric"), ("fibre.", "yarn.", "weft_yarn.", "fabric.", "weave.draft")
+    if not isinstance(fabric, dict) or "ends_per_cm" not in fabric or any(key.startswith(stated) for key in given):
+        return
+    _forget_material(data)
+    for section in ("yarn", "weft_yarn"):
+        data.pop(section, None)
+    _drop(data, "fabric", ("ends_per_cm", "picks_per_cm"))
+    _drop(data, "weave", ("draft",))
+    _drop(data, "fibre", ("kind",))
 
 
 def _drop(data: dict[str, Any], section: str, keys: tuple[str, ...]) -> None:

@@ -70,6 +70,22 @@ def test_a_wif_files_own_spacing_is_a_sett() -> None:
     assert sett.ends == pytest.approx(len(own) / own.sum())
 
 
+def test_a_wif_file_without_spacing_leaves_a_garment_its_sett_and_its_yarn() -> None:
+    files = Path(__file__).parents[1] / "data" / "wif"
+    scene = load_scene("tshirt", [f"weave.draft={files / 'schort.wif'}"])
+    sett = sett_of(scene)
+    assert sett is not None
+    assert (sett.ends, sett.picks) == pytest.approx((2800, 2800))
+    assert scene.yarn is not None
+    assert scene.yarn.count == "Ne 30"
+    assert scene.weave is not None
+    assert scene.weave.weft_colours is None  # the file's own
+    spaced = load_scene("tshirt", [f"weave.draft={files / 'two-color-liftplan.wif'}"])
+    assert spaced.yarn is not None
+    assert spaced.yarn.count is None
+    assert sett_of(spaced).ends == pytest.approx(100 / 0.212)  # pyright: ignore[reportOptionalMemberAccess]
+
+
 def test_the_density_drawn_is_that_of_its_yarn_and_sett() -> None:
     """Ne 30, 24 × 22 a cm: threads/cm · tex · (1 + c) / 10, with 3 to 12 % crimp, less what finishing takes."""
     model = ClothModel(load_scene("drape", [*SMALL, "yarn.plies=1", "yarn.count_ne=30", "fabric.flattening=1.5"]))

@@ -155,6 +155,21 @@ def test_a_material_alone_brings_its_yarn_weave_and_sett() -> None:
     assert make_scene({"cloth": {"material": "silk-habotai", "representation": "mesh"}}).weave is None
 
 
+@pytest.mark.parametrize(("name", "section"), [("drape", "cloth"), ("tshirt", "garment")])
+def test_another_material_on_the_command_line_brings_its_construction(name: str, section: str) -> None:
+    """Its own fibre, yarn, weave and sett, in the scene's colours; what is said of them by name holds."""
+    scene = load_scene(name, [f"{section}.material=silk-habotai"])
+    alone = make_scene({section: {"material": "silk-habotai"}})
+    assert construction_of(scene).facts == construction_of(alone).facts
+    assert scene.weave is not None
+    assert scene.weave.weft_colours == load_scene(name).weave.weft_colours  # pyright: ignore[reportOptionalMemberAccess]
+    assert scene.fibre.kind == "silk"
+    own = load_scene(name, [f"{section}.material=silk-habotai", "yarn.count=Ne 40"])
+    assert own.yarn is not None
+    assert own.yarn.count == "Ne 40"
+    assert own.fabric == load_scene(name).fabric
+
+
 def test_a_cloth_of_the_trade_is_a_material() -> None:
     scene = make_scene({"cloth": {"material": "poplin", "columns": 31, "rows": 31}})
     own = own_material(scene)
