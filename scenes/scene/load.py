@@ -168,11 +168,13 @@ def make_scene(data: dict[str, Any], where: str = "scene") -> Scene:
 
 
 def _with_construction(data: dict[str, Any]) -> dict[str, Any]:
-    """The data of a cloth or garment whose fibres are drawn and that names a material known to the trade and no [yarn]:
-    what it does not say of fibre, yarn, weave and sett is that material's."""
+    """The data of a cloth or garment whose fibres are drawn, or that has a [weave], and that names a material known to
+    the trade and no [yarn]: what it does not say of fibre, yarn, weave and sett is that material's."""
     for section in ("cloth", "garment"):
         said = data.get(section)
-        if not isinstance(said, dict) or said.get("representation", "fibre") != "fibre" or "yarn" in data:
+        if not isinstance(said, dict) or "yarn" in data:
+            continue
+        if said.get("representation", "fibre") != "fibre" and "weave" not in data:  # whose colours a mesh has
             continue
         material = said.get("material")
         if not isinstance(material, str) or material == WOVEN:

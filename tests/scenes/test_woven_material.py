@@ -164,6 +164,8 @@ def test_another_material_on_the_command_line_brings_its_construction(name: str,
     assert scene.weave is not None
     assert scene.weave.weft_colours == load_scene(name).weave.weft_colours  # pyright: ignore[reportOptionalMemberAccess]
     assert scene.fibre.kind == "silk"
+    mesh = load_scene(name, [f"{section}.material=silk-habotai", f"{section}.representation=mesh"])
+    assert construction_of(mesh).facts == construction_of(alone).facts
     own = load_scene(name, [f"{section}.material=silk-habotai", "yarn.count=Ne 40"])
     assert own.yarn is not None
     assert own.yarn.count == "Ne 40"
