@@ -156,8 +156,6 @@ def pair(row: Compared, key: str) -> str:
     predicted, measured = row.values[key]
     if predicted is None:
         return f"– / {measured:.3g}"
-    if key == "disc":
-        return f"{predicted:.3g} / {measured:.3g}" + ("" if abs(predicted - measured) <= POINTS else " ✗")
     return f"{predicted:.3g} / {measured:.3g}" + ("" if hit(row, key) else " ✗")
 
 
@@ -165,9 +163,7 @@ def hit(row: Compared, key: str) -> bool:
     """Whether a prediction lies within its band."""
     predicted, measured = row.values[key]
     assert predicted is not None
-    return (
-        abs(predicted - measured) <= POINTS if key in ("drape", "disc") else error(predicted, measured) <= WITHIN[key]
-    )
+    return error(predicted, measured) <= WITHIN[key] if key in WITHIN else abs(predicted - measured) <= POINTS
 
 
 def rates(rows: list[Compared]) -> list[str]:
@@ -179,7 +175,7 @@ def rates(rows: list[Compared]) -> list[str]:
             if not known:
                 continue
             hits = sum(hit(row, key) for row in known)
-            band = f"{POINTS:g} points" if key in ("drape", "disc") else f"a factor of {WITHIN[key]:g}"
+            band = f"a factor of {WITHIN[key]:g}" if key in WITHIN else f"{POINTS:g} points"
             worst = max(error(*row.values[key]) for row in known)  # pyright: ignore[reportArgumentType]
             name = "DC of a simulated disc" if key == "disc" else title.split()[0]
             lines.append(f"- {how}, {name} within {band}: {hits} of {len(known)}; worst factor {worst:.2f}")

@@ -58,13 +58,8 @@ def cloth_profile_lines(scene: Scene, *, repeats: int) -> Iterator[str]:
         yield from _cell_lines(fibre, mesh, repeats)
         return
     drawing = {form: _drawing(model) for form, model in (("mesh", mesh), ("fibre", fibre))}
-    fibre.step(BEFORE)
-    mesh.simulation = fibre.simulation
     clock = _Clock()
-    for run in range(repeats + 1):
-        if run == 1:
-            clock = _Clock()  # the first frame compiled
-        clock.time("forces and solver", lambda: fibre.step(fibre.simulation.frame + 1))
+    for clock in _frames(fibre, mesh, repeats):
         points = fibre.simulation.positions
         clock.time("vertex normals", lambda p=points: vertex_normals(p))
         crossings = points
@@ -90,16 +85,23 @@ def cloth_profile_lines(scene: Scene, *, repeats: int) -> Iterator[str]:
     yield f"  drawn at {SIZE[0]} × {SIZE[1]}: mesh {drawn['mesh']:.2f} ms, fibres {drawn['fibre']:.2f} ms"
 
 
+def _frames(fibre: ClothModel, mesh: ClothModel, repeats: int) -> Iterator[_Clock]:
+    """Frames of both, one that compiles and then `repeats`; with each the clock that has timed its forces and solver,
+    which the first has for itself."""
+    fibre.step(BEFORE)
+    mesh.simulation = fibre.simulation
+    first, others = _Clock(), _Clock()
+    for run in range(repeats + 1):
+        clock = others if run else first
+        clock.time("forces and solver", lambda: fibre.step(fibre.simulation.frame + 1))
+        yield clock
+
+
 def _cell_lines(fibre: ClothModel, mesh: ClothModel, repeats: int) -> Iterator[str]:
     """Of cloth whose fibres are made in batches while they are drawn, so that its picture is one stage."""
     views = {form: View(model, SIZE) for form, model in (("mesh", mesh), ("fibre", fibre))}
-    fibre.step(BEFORE)
-    mesh.simulation = fibre.simulation
     clock = _Clock()
-    for run in range(repeats + 1):
-        if run == 1:
-            clock = _Clock()  # the first frame compiled
-        clock.time("forces and solver", lambda: fibre.step(fibre.simulation.frame + 1))
+    for clock in _frames(fibre, mesh, repeats):
         for form, view in views.items():
             clock.time(f"picture, {form}", lambda v=view: list(v.turntable(1, [0])))
     rows, columns = fibre.simulation.sheet.shape

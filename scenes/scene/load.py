@@ -75,7 +75,7 @@ def load_scene(name: str, overrides: list[str] | None = None) -> Scene:
     data, where, folder = _read(name)
     given = {key.strip(): value.strip() for key, _, value in (text.partition("=") for text in overrides or [])}
     if _names(given, "weave.draft", DRAFT_FILE):
-        kept = _kept_beside(data, given["weave.draft"].strip("\"'"))
+        kept = _kept_beside(data, _text(given, "weave.draft"))
         for section, keys in WIF_BRINGS.items():
             if section not in kept:
                 _drop(data, section, keys)
@@ -87,7 +87,7 @@ def load_scene(name: str, overrides: list[str] | None = None) -> Scene:
             _drop(data, section, ("plies",))  # it says them
     if all(f"fabric.{key}" in given for key in ("ends_per_cm", "picks_per_cm")):
         _forget_material(data)
-    if any(given.get(f"{section}.material", WOVEN).strip("\"'") in TRADE for section in ("cloth", "garment")):
+    if any(_text(given, f"{section}.material") in TRADE for section in ("cloth", "garment")):
         _forget_construction(data, given)
     for text in overrides or []:
         _override(data, text)
@@ -99,7 +99,12 @@ def load_scene(name: str, overrides: list[str] | None = None) -> Scene:
 
 def _names(given: Mapping[str, str], key: str, file: NamesFile) -> bool:
     """Whether an override names a file of this kind."""
-    return file.fits(given.get(key, "").strip("\"'"))
+    return file.fits(_text(given, key))
+
+
+def _text(given: Mapping[str, str], key: str) -> str:
+    """The text that an override gives, without quotes; empty where none does."""
+    return given.get(key, "").strip("\"'")
 
 
 def _kept_beside(data: Mapping[str, Any], path: str) -> tuple[str, ...]:

@@ -10,8 +10,9 @@ from taichi_cloth.sheet.sheet import Sheet
 
 __all__ = ["NUMBERS", "Numbers", "acting", "numbers_of"]
 
+SPRINGS = ("structural_x", "structural_y", "diagonal", "second_x", "second_y", "hinge_x", "hinge_y", "twist")
 NUMBERS = (
-    *("structural_x", "structural_y", "diagonal", "second_x", "second_y", "hinge_x", "hinge_y", "twist"),  # × h² [kg]
+    *SPRINGS,  # × h² [kg]
     *("spacing_x", "spacing_y", "diagonal_length"),  # [m]
     "kept",  # share of a step that viscous damping leaves
     "lag",  # τ/h of damping along the springs
@@ -31,8 +32,7 @@ def numbers_of(sheet: Sheet, forces: Forces, step: float) -> dict[str, float]:
     """The values of `Numbers` for steps of `step` [s]."""
     s, m = sheet.springs, sheet.material
     h2 = step * step * acting(m.air_damping, step)
-    scaled = NUMBERS[:8]
-    out = {name: getattr(s, name) * h2 for name in scaled}
+    out = {name: getattr(s, name) * h2 for name in SPRINGS}
     out |= {name: getattr(s, name) for name in ("spacing_x", "spacing_y", "diagonal_length")}
     out |= {"kept": exp(-m.air_damping * step), "lag": m.fibre_damping / step, "rate": 1 / step}
     wind, ball, plane = forces.wind, forces.sphere, forces.plane

@@ -26,9 +26,12 @@ ALONG_X, ALONG_Y, SHEAR = range(ANCHORS)
 
 LEAST = 1e-30
 
-SLIP_NUMBERS = (
+SPRINGS = (
     *("hinge_x", "hinge_y", "rub_x", "rub_y", "rub_shear", "lock"),  # × h² [kg]
     *("couple_x", "couple_y", "slip_shear"),  # × h² [kg m]
+)
+SLIP_NUMBERS = (
+    *SPRINGS,
     *("give_x", "give_y", "give_shear"),  # 1/r over h², 0 where nothing rubs [1/kg]
     *("lock_from", "lock_over"),  # [m]
 )
@@ -38,7 +41,7 @@ SlipNumbers: Any = ti.types.struct(**dict.fromkeys(SLIP_NUMBERS, ti.f32))
 
 def slip_numbers(springs: Springs, squared: float) -> dict[str, float]:
     """The values of `SlipNumbers`. squared: h², less what the air takes meanwhile [s²]."""
-    out = {name: squared * getattr(springs, name) for name in SLIP_NUMBERS[:9]}
+    out = {name: squared * getattr(springs, name) for name in SPRINGS}
     for way in ("x", "y", "shear"):
         rub = out[f"rub_{way}"]
         out[f"give_{way}"] = 1 / rub if rub > 0 else 0.0
