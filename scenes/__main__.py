@@ -1,5 +1,5 @@
-"""The command line: `taichi-cloth scenes | plan | turntable | animate | zoom | still | fabric | profile | figures |
-report | stability | body`."""
+"""The command line: `taichi-cloth scenes | plan | turntable | animate | zoom | still | fabric | profile | check |
+figures | report | stability | body`."""
 
 import contextlib
 import io
@@ -218,6 +218,25 @@ def profile(
 
     for line in profile_lines(scene, overrides, repeats=repeats, arch=arch, threads=threads):
         typer.echo(line)
+
+
+@app.command("check")
+def check_cloth(
+    what: Annotated[str, typer.Argument(help="A scene, the folder of an animate, or a mesh: OBJ, PLY, GLB, STL.")],
+    overrides: Overrides = None,
+    frames: Annotated[int | None, typer.Option("--frames", min=1, help="Frames to look at; default: all.")] = None,
+    arch: Arch = "cpu",
+    threads: Threads = None,
+) -> None:
+    """Count triangles of a cloth that pass through others, frame by frame. Exit code 1 if there are any."""
+    from .measure.crossing_check import check
+
+    lines = check(what, list(overrides or []), frames=frames, arch=arch, threads=threads)
+    while True:
+        try:
+            typer.echo(next(lines))
+        except StopIteration as end:
+            raise typer.Exit(int(end.value)) from None
 
 
 @app.command("figures")

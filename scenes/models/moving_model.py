@@ -156,7 +156,8 @@ class MovingModel(ABC):
 
     def _save(self) -> None:
         if self._kept is not None:
-            self.simulation.save(self._kept)
+            # Not what it leaves to be worked out: with that it would say some things twice.
+            self.simulation.save(self._kept, about=self.scene.model_dump_json(exclude_unset=True))
 
 
 def nothing() -> Particles:

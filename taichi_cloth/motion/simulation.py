@@ -210,14 +210,17 @@ class Simulation:
             )
         return None
 
-    def save(self, path: Path | str) -> None:
-        """The state to a file, replaced as a whole: whoever reads it finds this state or the one before."""
+    def save(self, path: Path | str, about: str = "") -> None:
+        """The state to a file, replaced as a whole: whoever reads it finds this state or the one before. about: kept
+        with it, for whoever makes the simulation."""
         target = Path(path)
         part = target.with_name(f".{target.name}.{os.getpid()}.part")
         try:
             with part.open("wb") as file:
                 found = np.array(self.solver.found)
-                np.savez(file, values=self.state.values, frame=self.frame, found=found, made_for=self._made_for)
+                np.savez(
+                    file, values=self.state.values, frame=self.frame, found=found, made_for=self._made_for, about=about
+                )
                 file.flush()
                 os.fsync(file.fileno())
             part.replace(target)

@@ -79,7 +79,7 @@ class Garment:
     def seams(self) -> tuple[I64, F64]:
         """Points along all seams, a key point's distance apart: blends (n, 8, 2) and (n, 8) that are 0 when closed."""
         nodes, weights = [], []
-        for seam, count in zip(self.pattern.seams, self._counts(), strict=True):
+        for seam, count in zip(self.pattern.seams, self.tie_counts(), strict=True):
             sides = zip((seam.first, seam.second), self.pattern.pairs(seam, count), strict=True)
             (n0, w0), (n1, w1) = (self._embedded(side, points) for side, points in sides)
             nodes.append(np.concatenate([n0, n1], axis=1))
@@ -104,14 +104,14 @@ class Garment:
         weft, warp = self.sheet().stretch(positions)
         return weft * (free[:, :-1] & free[:, 1:]), warp * (free[:-1] & free[1:])
 
-    def _counts(self) -> list[int]:
+    def tie_counts(self) -> list[int]:
         """Ties of each seam."""
         cell = max(self.atlas.spacing)
         return [max(2, int(np.ceil(self.pattern.seam_length(seam) / cell)) + 1) for seam in self.pattern.seams]
 
     def last_ties(self) -> NDArray[np.int64]:
         """Number of each seam's last tie in `seams`, (seams,)."""
-        return np.cumsum(self._counts()) - 1
+        return np.cumsum(self.tie_counts()) - 1
 
     def holds(self) -> tuple[I64, F64, F64, list[str]]:
         """Points of the edges that the body carries: blends (n, 4, 2) and (n, 4), where they belong (n, 3) [m], and the

@@ -16,10 +16,11 @@ I32 = NDArray[np.int32]
 
 
 class Surface:
-    """Triangles of all panels. faces: (m, 3). panel: (n,) number of the panel each point is of."""
+    """Triangles of all panels. faces: (m, 3). panel: (n,) number of the panel each point is of. flat: (n, 2) where in
+    it, in grain coordinates [m]."""
 
     def __init__(self, atlas: Atlas) -> None:
-        nodes, shares, faces, panel = [], [], [], []
+        nodes, shares, faces, panel, flat = [], [], [], [], []
         count = 0
         for number, piece in enumerate(atlas.panels):
             points, triangles = _clipped(piece)
@@ -28,6 +29,7 @@ class Surface:
             shares.append(blend[1])
             faces.append(triangles + count)
             panel.append(np.full(len(points), number, np.int32))
+            flat.append(points)
             count += len(points)
         place = np.concatenate(nodes)
         self._nodes = np.ascontiguousarray(place[..., 0] * atlas.shape[1] + place[..., 1], np.int32)
@@ -35,6 +37,7 @@ class Surface:
         self._present = np.ascontiguousarray(atlas.present(), np.int32).reshape(-1)
         self.faces: I32 = np.concatenate(faces).astype(np.int32)
         self.panel: I32 = np.concatenate(panel)
+        self.flat: F64 = np.concatenate(flat)
 
     def nearest(self, values: NDArray) -> NDArray:
         """(n,) of values at the key points (rows, cols): that with the largest part in each point."""

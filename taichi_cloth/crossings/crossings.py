@@ -1,0 +1,151 @@
+"""Which triangles of a mesh pass through others, exactly: what contact of cloth is judged by.
+
+Two triangles meet where an edge of one meets the other. An edge and a triangle that share a point of the mesh are let
+off, nothing else: triangles that share one point are told apart by the edges across from it, and two that share an edge
+meet beyond it only where they lie flat on each other. Whether an edge meets a triangle follows from signs of volumes,
+and of areas where they lie in one plane, all of which are exact (`signs.py`). To touch is to meet.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from taichi_cloth.crossings.boxes import overlapping
+from taichi_cloth.crossings.signs import ROUNDING, area_signs, volume_signs
+from taichi_cloth.ground.errors import InputError
+
+__all__ = ["Crossings", "find_crossings"]
+
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+
+EDGES = ((0, 1), (1, 2), (2, 0))
+AXES = np.array([(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 0), (1, -1, 0), (0, 1, 1), (0, 1, -1), (1, 0, 1), (1, 0, -1)])
+"""Along which edges and triangles are told apart first."""
+
+
+@dataclass(frozen=True, eq=False)
+class Crossings:
+    """pairs: (n, 2) numbers of triangles that meet, first < second, in order. places: (n, 3) [m] where: a point that is
+    both, to rounding; of two in one plane, one that is in the boxes of both."""
+
+    pairs: I64
+    places: F64
+
+    @property
+    def triangles(self) -> I64:
+        """Numbers of all triangles that meet another, in order."""
+        return np.unique(self.pairs)
+
+    @property
+    def count(self) -> int:
+        """How many triangles meet another."""
+        return len(self.triangles)
+
+
+def find_crossings(points: ArrayLike, triangles: ArrayLike, same: ArrayLike | None = None) -> Crossings:
+    """Of a mesh. points: (n, 3) [m]. triangles: (m, 3) numbers of points. same: (n,), a number of each point: points of
+    the same number are one, as where cloth is sewn.
+
+    Raises InputError on numbers that are not finite, or triangles of points that are not there.
+    """
+    x, faces = np.asarray(points, np.float64), np.asarray(triangles, np.int64)
+    if x.ndim != 2 or x.shape[1:] != (3,) or faces.ndim != 2 or faces.shape[1:] != (3,):
+        raise InputError(f"crossings: points {x.shape} and triangles {faces.shape}; allowed: (n, 3) and (m, 3)")
+    if len(faces) and not (faces.min() >= 0 and faces.max() < len(x)):
+        raise InputError(f"crossings: a triangle of point {faces.max()}; allowed: 0 to {len(x) - 1}")
+    if not np.isfinite(x[faces]).all():
+        raise InputError("crossings: points that are not finite; allowed: finite numbers [m]")
+    if len(faces) < 2:
+        return Crossings(np.zeros((0, 2), np.int64), np.zeros((0, 3)))
+    label = np.arange(len(x)) if same is None else np.asarray(same)
+    corners = x[faces]
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    pairs = overlapping(low, high)
+    ends, face, pair = _candidates(pairs, faces, label[faces])
+    near = _near(x, ends, faces[face])
+    ends, pair = ends[near], pair[near]
+    meet, place = _meet(x[ends[:, 0]], x[ends[:, 1]], corners[face[near]])
+    found, first = np.unique(pair[meet], return_index=True)
+    out, where = pairs[found], place[meet][first]
+    where = np.clip(where, low[out].max(axis=1), high[out].min(axis=1))
+    order = np.lexsort((out[:, 1], out[:, 0]))
+    return Crossings(out[order], where[order])
+
+
+def _candidates(pairs: I64, faces: I64, labels: NDArray) -> tuple[I64, I64, I64]:
+    """Edges of one triangle of each pair against the other one, where they share no point: ends of the edge (n, 2), the
+    other triangle, and the number of the pair."""
+    found: list[tuple[I64, I64, I64]] = []
+    number = np.arange(len(pairs))
+    for one, other in (pairs.T, pairs.T[::-1]):
+        alike = (labels[one][:, :, None] == labels[other][:, None, :]).any(axis=2)
+        for ends in EDGES:
+            free = ~(alike[:, ends[0]] | alike[:, ends[1]])
+            found.append((faces[one[free]][:, ends], other[free], number[free]))
+    ends, face, pair = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    return ends, face, pair
+
+
+def _near(x: F64, ends: I64, faces: I64) -> NDArray[np.bool_]:
+    """Whether edges (n, 2) and triangles (n, 3) may meet: along the axes and the diagonals between them none lies
+    beyond the other, by more than rounding."""
+    some = np.arange(len(ends))
+    for axis in AXES:
+        along, slack = x @ axis, 8 * ROUNDING * (np.abs(x) @ np.abs(axis)).max()
+        edge, face = along[ends[some]], along[faces[some]]
+        meet = (edge.min(axis=1) <= face.max(axis=1) + slack) & (face.min(axis=1) <= edge.max(axis=1) + slack)
+        some = some[meet]
+    out = np.zeros(len(ends), bool)
+    out[some] = True
+    return out
+
+
+def _meet(p: F64, q: F64, corners: F64) -> tuple[NDArray[np.bool_], F64]:
+    """Whether segments p to q, (n, 3), and triangles (n, 3, 3) have a point in common, and where, (n, 3)."""
+    a, b, c = corners.transpose(1, 0, 2)
+    out, place = np.zeros(len(p), bool), 0.5 * (p + q)
+    above, below = volume_signs(a, b, c, p), volume_signs(a, b, c, q)
+    todo = np.flatnonzero(above * below <= 0)
+    around = np.stack([volume_signs(p[todo], q[todo], *(corners[todo, k] for k in ends)) for ends in EDGES])
+    flat = (above[todo] == 0) & (below[todo] == 0)
+    through = ~flat & ((around >= 0).all(axis=0) | (around <= 0).all(axis=0))
+    out[todo[through]] = True
+    place[out] = _pierced(p[out], q[out], corners[out])
+    beside = todo[flat & (around == 0).all(axis=0)]
+    out[beside] = _overlap(p[beside], q[beside], corners[beside])
+    return out, place
+
+
+def _pierced(p: F64, q: F64, corners: F64) -> F64:
+    """Where segments (n, 3) go through the planes of triangles (n, 3, 3)."""
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    above, below = (np.abs(np.einsum("nk,nk->n", x - corners[:, 0], normal)) for x in (p, q))
+    share = above / np.maximum(above + below, 1e-300)
+    return p + share[:, None] * (q - p)
+
+
+def _overlap(p: F64, q: F64, corners: F64) -> NDArray[np.bool_]:
+    """The same as `_meet` where all lies in one plane: they meet if they do seen along each axis, of which at least one
+    is not in that plane. Triangles that are a line or a point are no exception."""
+    out = np.ones(len(p), bool)
+    for axes in ((0, 1), (1, 2), (2, 0)):
+        some = np.flatnonzero(out)
+        out[some] = _overlap_flat(p[some][:, axes], q[some][:, axes], corners[some][:, :, axes])
+    return out
+
+
+def _overlap_flat(p: F64, q: F64, corners: F64) -> NDArray[np.bool_]:
+    """Segments (n, 2) and triangles (n, 3, 2): an edge meets the segment, or the segment begins inside."""
+    side = np.stack([area_signs(corners[:, i], corners[:, j], p) for i, j in EDGES])
+    across = np.stack([area_signs(p, q, corners[:, k]) for k in range(3)])
+    some_area = area_signs(*corners.transpose(1, 0, 2)) != 0
+    out = some_area & ((side >= 0).all(axis=0) | (side <= 0).all(axis=0))
+    low, high = np.minimum(p, q), np.maximum(p, q)
+    for number, (i, j) in enumerate(EDGES):
+        one, other = corners[:, i], corners[:, j]
+        boxes = (np.minimum(one, other) <= high) & (low <= np.maximum(one, other))
+        ends = side[number] * area_signs(one, other, q) <= 0
+        out |= boxes.all(axis=1) & ends & (across[i] * across[j] <= 0)
+    return out
