@@ -24,12 +24,17 @@ SCENE = "swatch"
 THREADS = (24, 18)
 
 
+FIBRES = 12
+"""A ply, where a study says nothing of it."""
+
+
 class Swatch:
-    """The scene `swatch` with fewer threads, drawn by a splatter on its own; changes: of the scene, as `key=value`."""
+    """The scene `swatch` with fewer threads and fibres, drawn by a splatter on its own. changes: of it, `key=value`."""
 
     def __init__(self, *changes: str) -> None:
         ends, picks = THREADS
-        self.scene = load_scene(SCENE, [f"weave.ends={ends}", f"weave.picks={picks}", *changes])
+        own = [f"weave.ends={ends}", f"weave.picks={picks}", f"yarn.fibres={FIBRES}", *changes]
+        self.scene = load_scene(SCENE, own)
         model = FabricModel(self.scene, prepare_fabric(self.scene))
         self.layout = model.prepared.layout
         self.particles = model.particles()

@@ -6,6 +6,7 @@ from taichi_cloth.ground.particles import FibreCloud
 from taichi_cloth.weave.colour_order import colour
 from taichi_cloth.yarn.twisting import TwistingYarn
 
+from ..prepare.fibre_count import EVERY
 from ..prepare.yarns import fibre_kind, yarn_of
 from ..scene.schema import Scene
 from .facts import Fact, yarn_facts
@@ -32,7 +33,7 @@ class TwistModel:
             spin_speed=sign * section.turns_per_s,
             duration=section.duration_s,
             feed=section.feed_mm * 1e-3,
-            fibres=min(scene.yarn.fibres, self.yarn.fibres_in_section),
+            fibres=min(scene.yarn.fibres or EVERY, self.yarn.fibres_in_section),
             construction=scene.yarn.construction,
             colours=np.stack([colour(name) for name in section.colours]),
             seed=scene.seed,

@@ -4,7 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_cloth.ground.particles import FibreCloud
-from taichi_cloth.yarn.spin import Period, Strands, hairs, spin
+from taichi_cloth.yarn.hairs import hairs
+from taichi_cloth.yarn.spin import Period, Strands, spin
 
 from ..prepare.strands import STEPS, yarn_piece
 from ..prepare.thread_colours import yarn_colours
@@ -68,7 +69,7 @@ def _strand_cloud(strands: Strands, albedo: NDArray) -> FibreCloud:
         tangent=strands.tangent.reshape(-1, 3).astype(np.float32),
         normal=strands.normal.reshape(-1, 3).astype(np.float32),
         colour=np.clip(albedo[None, :] * tone, 0, 1).astype(np.float32),
-        radius=np.repeat(strands.radius, points).astype(np.float32),
+        radius=strands.radius.ravel().astype(np.float32),
         half_length=strands.half_length.ravel().astype(np.float32),
         openness=(0.25 + 0.75 * strands.depth.ravel() ** 2).astype(np.float32),
     )

@@ -9,6 +9,7 @@ from taichi_cloth.yarn.yarn import Yarn
 
 from ...render.data.light_sizes import light_bytes
 from ..prepare.drawing import LIT, MESH_BYTES, MOTION_BYTES, PROCESS_BYTES, drawn_bytes, has_floor, picture_bytes
+from ..prepare.fibre_count import EVERY
 from ..prepare.sett import on_cells
 from ..prepare.strands import fibre_spheres, twist_particles, yarn_piece
 from ..prepare.weave_layout import Prepared, prepare_fabric
@@ -146,7 +147,7 @@ def _count_strands(scene: Scene, counted: _Counted) -> None:
     else:
         assert scene.yarn is not None
         left["fibre lattice"] = f"only a scene of one fibre needs it; {source} gives density, fineness, colour, finish"
-        built["yarn"] = _yarn_line(yarn_of(scene.yarn, fibre), scene.yarn.fibres)
+        built["yarn"] = _yarn_line(yarn_of(scene.yarn, fibre), scene.yarn.fibres or EVERY)
     if subject == "twist" and scene.twist:
         counted.particles, counted.about = twist_particles(scene), True
         zones = f"zones of {scene.twist.zone_a_mm:g} and {scene.twist.zone_b_mm:g} mm"

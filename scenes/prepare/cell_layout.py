@@ -12,6 +12,7 @@ from taichi_cloth.weave.draft import Draft, tile
 
 from ..scene.schema import FabricSection, Scene
 from .drawing import STREAM_BYTES
+from .fibre_count import EVERY, stated_fibres
 from .sett import Sett, sett_of, threads_to_a_cell
 from .weave_layout import Cells, Prepared, woven, yarns_for
 
@@ -64,7 +65,7 @@ def _repeat(scene: Scene, sett: Sett) -> tuple[WeaveRepeat, tuple[str, ...]]:
     cloth, spacing, notes = woven(draft, free, yarns)
     grey = tuple(np.zeros((count, 3), np.float32) for count in (draft.ends, draft.picks))
     detail = Detail(
-        fibres=max(scene.yarn.fibres, (scene.weft_yarn or scene.yarn).fibres),
+        fibres=stated_fibres(scene) or EVERY,
         steps=section.steps,
         variants=section.variants,
         fringe=0.0,

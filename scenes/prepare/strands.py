@@ -7,6 +7,7 @@ from taichi_cloth.fibre.sphere_set import SphereSet, sphere_set_from_rows
 from taichi_cloth.yarn.yarn import Yarn
 
 from ..scene.schema import Scene
+from .fibre_count import EVERY
 from .yarns import fibre_kind, yarn_of
 
 __all__ = ["STEPS", "YarnPiece", "fibre_spheres", "twist_particles", "yarn_piece"]
@@ -36,7 +37,7 @@ def yarn_piece(scene: Scene) -> YarnPiece:
     yarn = yarn_of(scene.yarn, fibre_kind(scene))
     length = scene.yarn.length_mm * 1e-3
     blocks = max(4, round(length / (yarn.diameter * 1.2)))
-    return YarnPiece(yarn, length, blocks, min(scene.yarn.fibres, yarn.fibres_in_section))
+    return YarnPiece(yarn, length, blocks, min(scene.yarn.fibres or EVERY, yarn.fibres_in_section))
 
 
 def twist_particles(scene: Scene) -> int:
@@ -45,7 +46,7 @@ def twist_particles(scene: Scene) -> int:
     assert scene.twist is not None
     s, yarn = scene.twist, yarn_of(scene.yarn, fibre_kind(scene))
     length = 1e-3 * (s.zone_a_mm + s.zone_b_mm + 2 * s.feed_mm + s.speed_mm_per_s * s.duration_s)
-    return int(length / (yarn.diameter / 5)) * yarn.plies * min(scene.yarn.fibres, yarn.fibres_in_section)
+    return int(length / (yarn.diameter / 5)) * yarn.plies * min(scene.yarn.fibres or EVERY, yarn.fibres_in_section)
 
 
 def fibre_spheres(scene: Scene) -> SphereSet:

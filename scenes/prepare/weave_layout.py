@@ -21,6 +21,7 @@ from taichi_cloth.yarn.yarn import Yarn
 
 from ..scene.schema import FabricSection, Scene
 from .drawing import DRAW_BYTES, HELD, STREAM_BYTES, drawn_bytes
+from .fibre_count import fibres_drawn, stated_fibres
 from .thread_colours import thread_colours
 from .yarns import draft_of, fibre_kind, mechanics_of, yarn_of
 
@@ -65,8 +66,7 @@ def prepare_fabric(scene: Scene, *, streamed: bool = False) -> Prepared:
     section = scene.fabric or FabricSection()
     draft = draft_of(scene.weave)
     yarns = yarns_for(scene, draft, section)
-    fibres = max(scene.yarn.fibres, (scene.weft_yarn or scene.yarn).fibres)
-    per_block = max(particles_per_body_block(y, fibres, section.steps) for y in yarns)
+    per_block = max(particles_per_body_block(y, stated_fibres(scene) or 1, section.steps) for y in yarns)
     needed = required_bytes(draft.ends, draft.picks, per_block) + DRAW_BYTES * per_block * 2 * draft.warp_up.size
     remedy = "take fewer weave.ends and weave.picks, or lower yarn.fibres or fabric.steps"
     if streamed:
@@ -77,6 +77,7 @@ def prepare_fabric(scene: Scene, *, streamed: bool = False) -> Prepared:
     cloth, spacing, note = woven(draft, section, yarns)
     colours = thread_colours(scene, draft, ends=draft.ends, picks=draft.picks)
     families = families_of(cloth, spacing, colours, yarns)
+    fibres = fibres_drawn(scene, yarns, (float(spacing[0].sum()), float(spacing[1].sum())))
     layout = lay_out(
         cloth,
         *families,

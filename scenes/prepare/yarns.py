@@ -11,6 +11,7 @@ from taichi_cloth.weave.colour_order import coloured
 from taichi_cloth.weave.draft import Draft, named_weave, tile
 from taichi_cloth.weave.wif import read_wif
 from taichi_cloth.yarn.count import parse_count
+from taichi_cloth.yarn.hairs import usual_hairiness
 from taichi_cloth.yarn.yarn import Hairiness, Yarn, count_for_diameter, ne_to_tex, turns_per_m
 
 from ..scene.schema import Scene, Weave, YarnSection
@@ -66,8 +67,16 @@ def yarn_of(section: YarnSection, fibre: FibreKind, *, diameter: float | None = 
         flattening=section.flattening,
         migration=section.migration,
         migration_period_mm=section.migration_period_mm,
-        hairiness=Hairiness(**section.hairiness.model_dump()),
+        hairiness=_hairiness(section, fibre, count * plies),
     )
+
+
+def _hairiness(section: YarnSection, fibre: FibreKind, tex: float) -> Hairiness:
+    """As stated; else as is usual of the fibre, spun or of filaments as its count says."""
+    if section.hairiness is not None:
+        return Hairiness(**section.hairiness.model_dump())
+    said = parse_count(section.count).form if section.count is not None else None
+    return usual_hairiness(fibre.name, said or fibre_mechanics(fibre.name).form, tex)
 
 
 def mechanics_of(section: YarnSection, scene: Scene) -> FibreMechanics:

@@ -101,9 +101,16 @@ class YarnSection(Section):
     flattening: float = Field(default=1.5, ge=0.5, le=3, description="section of a ply, tangential over radial axis")
     migration: Share = Field(default=0.25, description="how far a fibre wanders in the section")
     migration_period_mm: Positive = Field(default=4.0, description="over which length it wanders [mm]")
-    hairiness: HairinessSection = HairinessSection()
+    hairiness: HairinessSection | None = Field(
+        default=None, description="fibres that leave the yarn; default: as is usual of its fibre and count"
+    )
     colour: str | None = Field(default=None, description="a name or #rrggbb; default: the fibre's own")
-    fibres: int = Field(default=12, ge=1, le=2000, description="fibres drawn a ply, at most as many as it has")
+    fibres: int | None = Field(
+        default=None,
+        ge=1,
+        le=2000,
+        description="fibres drawn a ply, at most as many as it has; default: as many as a picture tells apart",
+    )
     length_mm: float = Field(default=6.0, gt=0, le=1e5, description="length shown when the scene is of a yarn [mm]")
     construction: Literal["fibres", "lattice"] = Field(
         default="fibres",

@@ -6,6 +6,7 @@ from ...render.data.camera import Camera
 from ...render.splat.splat import Splatter
 from ..measure.picture import Swatch, difference, shown
 from ..measure.study import Axis, Row, Study, cpu_seconds
+from ..prepare.fibre_count import fibres_told_apart
 
 __all__ = ["STUDY", "rows"]
 
@@ -14,7 +15,7 @@ ALL = 2000
 """More fibres than any ply has: all of them."""
 FIBRES = (1, 2, 4, 8, 12, 24, 48)
 STEPS = (1, 2, 4, 6, 10, 20)
-USUAL_FIBRES, USUAL_STEPS, FINEST_STEPS = 12, 10, 40
+USUAL_STEPS, FINEST_STEPS = 10, 40
 VIEWS = {"from afar": 1.0, "four times nearer": 4.0}
 WHY = {
     "fibres a ply": "so few are cords and not fibres, which the eye tells long before this number does",
@@ -28,9 +29,13 @@ AVERAGED = {"each pixel": 1, "means of 8 × 8 pixels": 8}
 def rows(quick: bool) -> Iterator[Row]:
     runs = 1 if quick else 3
     whole, finest = Swatch(f"yarn.fibres={ALL}"), Swatch(f"fabric.steps={FINEST_STEPS}")
+    yarns = whole.layout.warp.yarn, whole.layout.weft.yarn
+    extent = whole.layout.warp.pitch * whole.layout.cloth.ends, whole.layout.weft.pitch * whole.layout.cloth.picks
     for view, zoom in list(VIEWS.items())[: 1 if quick else None]:
         splatter, camera = Splatter(*SIZE), whole.camera(SIZE, zoom)
-        counts = ((f"yarn.fibres={n}", n, n == USUAL_FIBRES) for n in ((2, 4, 8, 12, 24) if quick else FIBRES))
+        usual = fibres_told_apart(yarns, extent, SIZE, zoom)
+        tried = sorted({*((2, 4, 8, 12, 24) if quick else FIBRES), usual})
+        counts = ((f"yarn.fibres={n}", n, n == usual) for n in tried)
         yield from _compared(f"fibres a ply, {view}", whole, counts, splatter, camera, runs)
         counts = ((f"fabric.steps={n}", n, n == USUAL_STEPS) for n in (STEPS[:5] if quick else STEPS))
         yield from _compared(f"pieces of a fibre, {view}", finest, counts, splatter, camera, runs)

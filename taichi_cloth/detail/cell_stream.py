@@ -8,7 +8,7 @@ fades in. `lay` makes the particles of patches.
 """
 
 from dataclasses import dataclass
-from math import prod
+from math import log, prod
 from typing import Any
 
 import numpy as np
@@ -46,6 +46,8 @@ TARGET = 0.25
 each way, as many times as much."""
 SHEET = 1.2, 2.0
 """Pixels from thread to thread up to which a cloth is drawn as a sheet, and from which on it is drawn of fibres."""
+FADING = 1.3
+"""Fibres of a level are whole from so many times the smallest radius on; of smaller ones some are of the next level."""
 APART = 0.6
 """Pixels between surfels; with n × n samples a pixel √n times as many samples, as larger ones hide more."""
 ABOVE = 0.7
@@ -139,15 +141,14 @@ class CellStream:
         pixel = np.maximum(depth, camera.near).astype(np.float64) / camera.focal  # [m]
         fine = self._fine(pixel)
         # Of fibres; too many particles for one patch: several.
-        woven, near = patch[fine > 0], pixel[fine > 0]
-        woven[:, LEVEL] = self._level(near)
+        woven, of_fibres = self._levels(patch[fine > 0], pixel[fine > 0], fine[fine > 0])
         parts = np.ceil(np.sqrt(_blocks(woven) * bank.size[woven[:, LEVEL]] / MOST)).astype(np.int64)
         woven, of_patch = _parted(woven, parts)
         # As a sheet.
         flat, far = patch[fine < 1], pixel[fine < 1]
         grid = np.concatenate([np.zeros((len(woven), 2), np.int32), self._grid(flat, self._apart(far))])
         patch = np.concatenate([woven, flat])
-        share = np.concatenate([fine[fine > 0][of_patch], 1.0 - fine[fine < 1]])
+        share = np.concatenate([of_fibres[of_patch], 1.0 - fine[fine < 1]])
         reach = np.concatenate([bank.reach[woven[:, LEVEL]], bank.reach[0] + 2.0 * self._apart(far)])
         depth, seen, boxes = self._look(pack, view, patch, reach.astype(np.float32))
         patch, share, grid, depth, boxes = patch[seen], share[seen], grid[seen], depth[seen], boxes[seen]
@@ -183,10 +184,18 @@ class CellStream:
         wide = float(np.sqrt(self._under[1] * self._under[2])) / pixel * (TARGET / self.target)
         return np.clip(np.log(wide / SHEET[0]) / np.log(SHEET[1] / SHEET[0]), 0.0, 1.0)
 
-    def _level(self, pixel: F64) -> I32:
-        """The level where a pixel is so wide [m]."""
-        fine = self.cloth.bank.radius / pixel[:, None] >= self.target  # finest first, so rising
-        return np.where(fine.any(axis=1), fine.argmax(axis=1), fine.shape[1] - 1).astype(np.int32)
+    def _levels(self, patch: I32, pixel: F64, share: F64) -> tuple[I32, F64]:
+        """Patches at their levels, where a pixel is so wide [m] and that share of them is drawn of fibres; two where
+        one level fades into the next."""
+        size = self.cloth.bank.radius / (pixel[:, None] * max(self.target, 1e-9))  # finest first, so rising
+        last = size.shape[1] - 1
+        level = np.where((size >= 1.0).any(axis=1), (size >= 1.0).argmax(axis=1), last)
+        whole = np.log(np.maximum(np.take_along_axis(size, level[:, None], axis=1)[:, 0], 1.0)) / log(FADING)
+        whole = np.where(level == last, 1.0, np.minimum(whole, 1.0))
+        fading = whole < 1.0
+        out = np.concatenate([patch[whole > 0.0], patch[fading]])
+        out[:, LEVEL] = np.concatenate([level[whole > 0.0], level[fading] + 1])
+        return out, np.concatenate([(share * whole)[whole > 0.0], (share * (1.0 - whole))[fading]])
 
     def _apart(self, pixel: F64) -> F64:
         """Distance between surfels where a pixel is so wide [m]."""

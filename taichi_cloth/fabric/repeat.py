@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from taichi_cloth.fabric.layout import BODY, Blocks, FabricLayout
 from taichi_cloth.fabric.templates import COLUMN, TemplateBank, build_templates, particles_per_body_block
 from taichi_cloth.ground.errors import InputError
+from taichi_cloth.yarn.yarn import Hairiness
 
 __all__ = ["BANK_BYTES", "RepeatBank", "WeaveRepeat", "bank_of", "bytes_of_bank", "levels_of"]
 
@@ -21,8 +22,10 @@ F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
 
-COARSER = ((12, 5), (4, 3))
+COARSER = ((36, 8), (12, 5), (4, 3))
 """Fibres a ply and particles along a fibre in a block, of levels below the one that a scene states."""
+BALD = 12
+"""Levels of at most so many fibres a ply have no hairs, which nobody sees that far away."""
 BANK_BYTES = 160_000_000
 """A bank's particles at most: fewer fillings are made where they would take more."""
 OPENED, LEVELLED = 0.3, 2.0
@@ -176,7 +179,7 @@ def bank_of(repeats: tuple[WeaveRepeat, ...]) -> RepeatBank:
         area=np.array(area),
         reach=np.array(reach),
         half_length=np.array(longest),
-        height=max(float(np.quantile(np.abs(b.offset[:, 2]), 0.98)) for b in banks[0]),
+        height=max(float(np.quantile(np.abs(b.offset[b.openness < 1.0, 2]), 0.98)) for b in banks[0]),
     )
 
 
@@ -200,14 +203,20 @@ def _banks(layout: FabricLayout, periods: NDArray, variants: int) -> list[Templa
     none = np.zeros(len(kind), np.int32)
     phase, variant = np.divmod(place, variants)
     blocks = Blocks(none, none, none, kind.astype(np.int32), phase.astype(np.int32), variant.astype(np.int32))
-    most = min(layout.warp.yarn.fibres_in_section, layout.weft.yarn.fibres_in_section)
+    most = max(layout.warp.yarn.fibres_in_section, layout.weft.yarn.fibres_in_section)
     out = []
     for fibres, steps in levels_of(layout.detail.fibres, layout.detail.steps, most):
         detail = replace(layout.detail, fibres=fibres, steps=steps, variants=variants)
-        bank = build_templates(replace(layout, blocks=blocks, detail=detail))
+        shown = layout if fibres > BALD else _without_hairs(layout)
+        bank = build_templates(replace(shown, blocks=blocks, detail=detail))
         assert (np.diff(bank.template) == 1).all()  # in the order of the blocks
         out.append(bank)
     return out
+
+
+def _without_hairs(layout: FabricLayout) -> FabricLayout:
+    warp, weft = (replace(one, yarn=replace(one.yarn, hairiness=Hairiness())) for one in (layout.warp, layout.weft))
+    return replace(layout, warp=warp, weft=weft)
 
 
 def _radius(bank: TemplateBank) -> float:

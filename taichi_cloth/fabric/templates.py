@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from taichi_cloth.fabric.layout import BODY, END, START, FabricLayout
 from taichi_cloth.ground.particles import Property, first_numbers
 from taichi_cloth.weave.crimp import PathKinds, centreline
-from taichi_cloth.yarn.spin import Period, Strands, hairs, spin
+from taichi_cloth.yarn.hairs import hairs
+from taichi_cloth.yarn.spin import Period, Strands, spin
 from taichi_cloth.yarn.yarn import Yarn
 
 __all__ = [
@@ -197,15 +198,16 @@ def _core(
     size = np.stack([layout.kinds.width[kind], layout.kinds.thickness[kind]], -1)[:, None, None, :]
     yarn = _yarn(layout, kind[0])
     scale = size / yarn.diameter
-    thick = spun.radius.mean() * np.sqrt(scale[..., 0] * scale[..., 1])[..., 0]  # (t, 1)
+    drawn = spun.radius[:, 0]  # as thick all along
+    thick = drawn.mean() * np.sqrt(scale[..., 0] * scale[..., 1])[..., 0]  # (t, 1)
     grown = _covering(thick, rows, size[:, 0, 0, :])
     # Thicker fibres are laid within the yarn's outline; then so far apart that they cover its width, but for plies of
     # many fibres, between which a gap would open.
-    inside = 1.0 - spun.radius.mean() / (yarn.diameter / 2)
+    inside = 1.0 - drawn.mean() / (yarn.diameter / 2)
     filling = np.maximum(size / 2 - (grown * thick)[..., None, None], 0.0) / (inside * size / 2)
     thicker = grown[:, 0] > 1.0
     scale_yz = scale * np.where(thicker[:, None, None, None], filling, 1.0)
-    radius = spun.radius * np.sqrt(scale[..., 0] * scale[..., 1])[..., 0] * grown  # (t, f)
+    radius = drawn * np.sqrt(scale[..., 0] * scale[..., 1])[..., 0] * grown  # (t, f)
     spread = thicker | (yarn.plies == 1)
     scale_yz[spread, 0, 0, 0] *= _apart(
         spun.position[..., 1], scale_yz[spread, 0, 0, 0], radius[spread], size[spread, 0, 0, 0]
@@ -305,13 +307,16 @@ def _hair(
 
         position = turned(grown.position)
         u = position[..., 0] / period.block_length
-        z, slope = _path(layout, kind[mine], np.array([0.5]), BODY)
+        # Out to the yarn's surface as wide and thick as it is woven, beyond that as it grew, from where its root lies.
+        section = position[..., 1:]
+        size = np.stack([layout.kinds.width[kind[mine]], layout.kinds.thickness[kind[mine]]], -1)
+        out = np.maximum(np.linalg.norm(section, axis=-1), 1e-12) / (yarn.diameter / 2)
+        within = np.minimum(out, 1.0) / out
+        section = section * (1.0 + within[..., None] * (size[:, None, None, :] / yarn.diameter - 1.0))
+        root = np.clip(grown.position[:, 0, 0] / period.block_length, 0.0, 1.0)
+        z, slope = _path(layout, kind[mine], root, BODY)
         offset, tangent, normal = _bend(
-            position[..., 1:],
-            turned(grown.tangent),
-            turned(grown.normal),
-            z[:, None, :],
-            0.0 * slope[:, None, :],
+            section, turned(grown.tangent), turned(grown.normal), z[..., None], 0.0 * slope[..., None]
         )
         shape = u.shape
         pieces.append(
@@ -321,7 +326,7 @@ def _hair(
                 offset=offset,
                 tangent=tangent,
                 normal=normal,
-                radius=np.broadcast_to(grown.radius[None, :, None], shape),
+                radius=np.broadcast_to(grown.radius[None], shape),
                 half_length=np.broadcast_to(grown.half_length[None], shape),
                 openness=np.ones(shape),
                 tone=np.broadcast_to(grown.tone[None, :, None], shape),

@@ -1,4 +1,4 @@
-"""Where the fibres of a yarn run (paper 2.2): packing, twist in the single and in the ply, migration, hairs.
+"""Where the fibres of a yarn run (paper 2.2): packing, twist in the single and in the ply, migration.
 
 `spin` lays fibres out in one *period* of yarn, cut into equal blocks, that closes on itself, so that blocks can be laid
 end to end for ever without a seam. Twist is therefore rounded to whole turns a period; `Period` picks the number of
@@ -10,7 +10,7 @@ Axes of a straight yarn: x along it, (y, z) its section. A rotation by a positiv
 
 from dataclasses import dataclass
 from functools import cached_property
-from math import ceil, pi, sqrt
+from math import pi, sqrt
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from taichi_cloth.yarn.yarn import Direction, Yarn
 
-__all__ = ["Period", "Strands", "drawn_radius", "hairs", "pack_section", "rotate_section", "spin"]
+__all__ = ["GIRTH", "OVERLAP", "Period", "Strands", "drawn_radius", "pack_section", "rotate_section", "spin", "unit"]
 
 F64 = NDArray[np.float64]
 GOLDEN_ANGLE = pi * (3.0 - sqrt(5.0))
@@ -61,7 +61,7 @@ class Strands:
 
     position: (f, k, 3) [m], x along the yarn, (y, z) from its axis. tangent, normal: (f, k, 3) unit vectors; the
     normal points away from the ply's axis. ply: (f,) int32. tone: (f,) brightness factor about 1.
-    depth: (f, k) 0 at the middle of the yarn, 1 at its surface and beyond. radius: (f,) [m] of the drawn fibre.
+    depth: (f, k) 0 at the middle of the yarn, 1 at its surface and beyond. radius: (f, k) [m] of the drawn fibre.
     half_length: (f, k) [m] half the distance between neighbours, with the overlap that makes a row read as one.
     """
 
@@ -122,7 +122,7 @@ def spin(
     delta = 0.25 * pitch
     ahead, _, _ = course(x + delta)
     behind, _, _ = course(x - delta)
-    tangent = _unit(ahead - behind)
+    tangent = unit(ahead - behind)
     out = middle - centre
     out[..., 0] = 0.0
     normal = out - tangent * np.sum(out * tangent, axis=-1, keepdims=True)
@@ -131,11 +131,11 @@ def spin(
     return Strands(
         position=middle,
         tangent=tangent,
-        normal=_unit(normal),
+        normal=unit(normal),
         ply=np.repeat(np.arange(yarn.plies, dtype=np.int32), fibres),
         tone=course.tone,
         depth=depth,
-        radius=drawn_radius(yarn, fibres) * course.girth,
+        radius=np.broadcast_to((drawn_radius(yarn, fibres) * course.girth)[:, None], (rows, count)),
         half_length=OVERLAP * 0.5 * pitch * slant * np.ones((rows, count)),
     )
 
@@ -189,56 +189,6 @@ class _Course:
         return local, axis, np.clip(np.hypot(local[..., 1], local[..., 2]) / (yarn.diameter / 2), 0.0, 1.0)
 
 
-def hairs(yarn: Yarn, *, length: float, step: float, seed: int) -> Strands:
-    """Flyaway ends and loops on `length` [m] of yarn, each a row of points at most `step` [m] apart.
-
-    A flyaway end leaves the surface at a slant and rises; a loop rises and comes back. Which and where is drawn
-    from `seed`; their number is the stated number per metre, rounded at random so that the mean is right.
-    All rows have as many points as the longest hair needs. A hair is as thick as a real fibre.
-    """
-    rng = np.random.Generator(np.random.Philox(key=seed))
-    stated = yarn.hairiness
-    counts = [int(n * length + rng.random()) for n in (stated.ends_per_m, stated.loops_per_m)]
-    rows = sum(counts)
-    height = stated.height_mm * 1e-3 * np.clip(rng.exponential(1.0, rows), 0.15, 3.0)
-    reach = height * rng.uniform(0.8, 2.2, rows) * np.where(rng.random(rows) < 0.5, -1.0, 1.0)
-    span = np.hypot(height * 1.3, reach)
-    points = max(4, ceil(float(span.max()) / step)) if rows else 4
-    tau = (np.arange(points) + 0.5) / points
-    is_end = (np.arange(rows) < counts[0])[:, None]
-    t = tau[None, :]
-    bend, lean = rng.uniform(-1.2, 1.2, (2, rows, 1))
-    around = rng.uniform(0.0, 2.0 * pi, (rows, 1))
-    begin = rng.uniform(0.0, length, (rows, 1))
-    curl = rng.uniform(0.03, 0.14, (rows, 1))  # of the hair's length
-    waves, phase = rng.uniform(3.0, 9.0, (2, rows, 1))
-
-    def path(t: F64) -> F64:
-        rise = np.where(is_end, np.maximum(t, 0.0) ** 1.4, 4.0 * t * (1.0 - t)) * height[:, None]
-        swing = curl * np.sin(pi * np.clip(t, 0.0, 1.0) * 0.5) * span[:, None]
-        r = 0.92 * yarn.diameter / 2 + rise
-        turn = around + bend * t + lean * t * t + swing * np.sin(waves * t + phase) / r
-        x = begin + reach[:, None] * t + swing * (np.cos(waves * 0.8 * t + phase) - np.cos(phase))
-        return np.stack([x, r * np.cos(turn), r * np.sin(turn)], -1)
-
-    middle = path(t)
-    tangent = _unit(path(t + 1e-3) - path(t - 1e-3))
-    out = middle.copy()
-    out[..., 0] = 0.0
-    normal = out - tangent * np.sum(out * tangent, axis=-1, keepdims=True)
-    segment = np.linalg.norm(path(t + 0.5 / points) - path(t - 0.5 / points), axis=-1)
-    return Strands(
-        position=middle,
-        tangent=tangent,
-        normal=_unit(normal),
-        ply=np.zeros(rows, np.int32),
-        tone=1.05 + 0.08 * rng.standard_normal(rows).clip(-2, 2),
-        depth=np.ones((rows, points)),
-        radius=np.full(rows, yarn.fibre_diameter / 2),
-        half_length=OVERLAP * 0.5 * segment,
-    )
-
-
 def _signed_twists(yarn: Yarn) -> tuple[float, float]:
     """(folding, inside each single) [turns/m], Z positive. A single yarn has its twist inside."""
 
@@ -250,5 +200,6 @@ def _signed_twists(yarn: Yarn) -> tuple[float, float]:
     return sign(yarn.twist) * yarn.twist_per_m, sign(yarn.singles_twist) * yarn.singles_twist_per_m
 
 
-def _unit(v: Any) -> F64:
+def unit(v: Any) -> F64:
+    """Vectors (…, 3) at length 1."""
     return v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-30)

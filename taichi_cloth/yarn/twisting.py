@@ -136,7 +136,7 @@ def _fibre_singles(yarn: Yarn, start: float, stop: float, fibres: int, seed: int
         np.ascontiguousarray(s.tangent.reshape(-1, 3), np.float32),
         np.ascontiguousarray(s.normal.reshape(-1, 3), np.float32),
         s.half_length.ravel().astype(np.float32),
-        s.radius[each].astype(np.float32),
+        s.radius.ravel().astype(np.float32),
         s.tone[each],
         s.ply[each],
     )

@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial import KDTree
 
 from taichi_cloth.detail.cell_stream import CellStream, Seen
-from taichi_cloth.detail.patches import LEVEL, PATCH_ENDS, PATCH_PICKS
+from taichi_cloth.detail.patches import CELL, LEVEL, PATCH_ENDS, PATCH_PICKS
 from taichi_cloth.fabric.cells import CellCloth, CellPanel, CellThreads, sheet_of_cells
 from taichi_cloth.fabric.crossings import refine_points
 from taichi_cloth.fabric.fabric import Fabric, build_fabric
@@ -292,6 +292,24 @@ def test_near_it_is_fibres_and_far_a_sheet_and_between_both_fade(streamed: CellS
         assert areas[0] / areas[1] == pytest.approx(wanted, abs=0.02)
 
 
+def test_a_crossing_is_drawn_once_at_any_distance() -> None:
+    """Of one level, or of two, or of one and of the sheet where these fade into one another: shares add up to one."""
+    grey = [np.full((65, 3), 0.5, np.float32) for _ in range(2)]
+    cloth = sheet_of_cells((9, 9), (8, 8), repeat_of(named_weave("plain"), fibres=40), (grey[0], grey[1]), seed=SEED)
+    cloth.move(flat((9, 9), (8, 8)))
+    stream = CellStream(cloth)
+    whole = np.bincount(stream._whole[:, CELL], weights=stream._whole[:, PATCH_ENDS] * stream._whole[:, PATCH_PICKS])
+    levels = set()
+    for size in np.geomspace(6000, 12, 48):
+        seen = stream.survey(seen_from(1.0, int(size)))
+        crossings = seen.patch[:, PATCH_ENDS] * seen.patch[:, PATCH_PICKS]
+        drawn = np.bincount(seen.patch[:, CELL], weights=crossings * seen.share)
+        shown = np.unique(seen.patch[:, CELL])
+        np.testing.assert_allclose(drawn[shown], whole[shown], rtol=1e-5)
+        levels.add(tuple(np.unique(seen.patch[seen.grid[:, 0] == 0, LEVEL])))
+    assert levels >= {(0,), (0, 1), (1,), (1, 2), ()}
+
+
 def test_surfels_lie_on_the_side_that_is_seen_in_the_colours_of_their_threads() -> None:
     """Warp red, weft green from half its length on: a surfel is red and green by what shows on its side, and black or
     green weft by where it lies."""
@@ -350,7 +368,7 @@ def test_only_what_is_in_view_is_made(streamed: CellStream) -> None:
 
 
 def test_levels_are_fewer_and_thicker_fibres() -> None:
-    assert levels_of(87, 10, 200) == ((87, 10), (12, 5), (4, 3))
+    assert levels_of(87, 10, 200) == ((87, 10), (36, 8), (12, 5), (4, 3))
     assert levels_of(6, 2, 200) == ((6, 2), (4, 2))
     assert levels_of(87, 10, 9) == ((9, 10), (4, 3))
 

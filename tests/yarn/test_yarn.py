@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from taichi_cloth.ground.errors import InputError
-from taichi_cloth.yarn.spin import Period, hairs, pack_section, rotate_section, spin
+from taichi_cloth.yarn.hairs import hairs, usual_hairiness
+from taichi_cloth.yarn.spin import Period, pack_section, rotate_section, spin
 from taichi_cloth.yarn.yarn import Hairiness, Yarn, ne_to_tex, resultant_count, turns_per_m
 
 BLOCK = 0.4e-3
@@ -120,7 +121,7 @@ def test_drawn_fibres_cover_the_area_of_the_real_ones():
     yarn = Yarn(count_tex=20)
     for drawn in (1, 7, 60, yarn.fibres_in_section):
         _, strands = laid_out(yarn, fibres=drawn, steps=2)
-        cover = pi * np.sum(strands.radius**2) / yarn.plies
+        cover = pi * np.sum(strands.radius[:, 0] ** 2) / yarn.plies
         real = yarn.count_tex * 1e-6 / yarn.fibre_density
         assert cover == pytest.approx(real, rel=0.01)
 
@@ -150,6 +151,30 @@ def test_hairs_leave_the_yarn_and_loops_come_back():
     )
     r = np.hypot(ends.position[..., 1], ends.position[..., 2])
     assert np.all(np.diff(r, axis=1) > 0)
+
+
+def test_hairs_are_fibres_that_come_out_of_the_yarn_and_end_in_points():
+    yarn = Yarn(count_tex=20, hairiness=Hairiness(ends_per_m=5000, loops_per_m=3000, height_mm=0.3))
+    grown = hairs(yarn, length=0.01, step=2e-5, seed=2)
+    r = np.hypot(grown.position[..., 1], grown.position[..., 2])
+    ends = np.arange(80) < 50
+    assert r[:, 0].max() < 0.75 * yarn.diameter / 2
+    assert r[~ends, -1].max() < 0.75 * yarn.diameter / 2
+    thick = grown.radius / (yarn.fibre_diameter / 2)
+    assert thick[:, 0] == pytest.approx(np.ones(80), abs=0.2)
+    assert np.ptp(thick[:, 0]) > 0.2  # no two alike
+    assert (thick[ends, -1] < 0.4 * thick[ends, 0]).all()
+    np.testing.assert_array_equal(thick[~ends, -1], thick[~ends, 0])
+    assert (np.diff(thick[ends], axis=1) <= 0).all()
+
+
+def test_spun_yarns_are_hairy_and_filaments_are_not():
+    assert usual_hairiness("silk", "filament", 20) == Hairiness()
+    wool, cotton = usual_hairiness("wool", "spun", 20), usual_hairiness("cotton", "spun", 20)
+    fine = usual_hairiness("cotton", "spun", 5)
+    assert wool.height_mm > cotton.height_mm
+    assert wool.ends_per_m > cotton.ends_per_m == pytest.approx(2 * fine.ends_per_m)
+    assert usual_hairiness("polyester", "spun", 20) == cotton
 
 
 def test_hair_number_is_right_in_the_mean():

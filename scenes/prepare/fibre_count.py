@@ -1,0 +1,45 @@
+"""How many fibres of a yarn are drawn: as many as it has where a picture tells them apart, else fewer and thicker ones.
+
+A ply of n drawn fibres instead of its N real ones, of radius r, has fibres of the radius r · √(N/n), so that their area
+is the same. Where `yarn.fibres` is not stated, n is what makes that radius `LEAST_RADIUS` of a pixel.
+"""
+
+from taichi_cloth.yarn.yarn import Yarn
+
+from ..scene.schema import Scene
+
+__all__ = ["EVERY", "fibres_drawn", "fibres_told_apart", "stated_fibres"]
+
+LEAST_RADIUS = 0.45
+"""Radius [px] of the smallest fibres worth drawing where nothing thins them out."""
+FEWEST = 6
+"""Fibres a ply, at least: of fewer the twist is not seen."""
+EVERY = 2000
+"""More fibres than a single of any yarn here is drawn of."""
+
+
+def stated_fibres(scene: Scene) -> int | None:
+    """Fibres a ply that a scene states, of warp or weft; None where it leaves them to the picture."""
+    stated = [one.fibres for one in (scene.yarn, scene.weft_yarn or scene.yarn) if one is not None]
+    return max((count for count in stated if count is not None), default=None)
+
+
+def fibres_drawn(scene: Scene, yarns: tuple[Yarn, ...], extent: tuple[float, float]) -> int:
+    """Fibres a ply of a fabric of so many metres across and along, as a scene states them or its picture shows them."""
+    stated = stated_fibres(scene)
+    return fibres_told_apart(yarns, extent, scene.output.size, scene.camera.zoom) if stated is None else stated
+
+
+def fibres_told_apart(
+    yarns: tuple[Yarn, ...], extent: tuple[float, float], size: tuple[int, int], zoom: float = 1.0
+) -> int:
+    """Fibres a ply that a picture of (width, height) [px] tells apart, which frames so many metres, or goes so many
+    times as near."""
+    pixel = max(extent[0] / size[0], extent[1] / size[1]) / zoom
+    return max(_told_apart(yarn, pixel) for yarn in yarns)
+
+
+def _told_apart(yarn: Yarn, pixel: float) -> int:
+    """Where a pixel is so wide [m]."""
+    share = (yarn.fibre_diameter / 2 / (LEAST_RADIUS * pixel)) ** 2
+    return max(min(FEWEST, yarn.fibres_in_section), min(yarn.fibres_in_section, round(share * yarn.fibres_in_section)))
