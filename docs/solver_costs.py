@@ -2,13 +2,14 @@
 
     python docs/solver_costs.py                 # sheets
     python docs/solver_costs.py --seams         # and a T-shirt at rest, which is sewn first with each solver
+    python docs/solver_costs.py --within        # with friction within the sheet over without it, and nothing else
 
 Both solvers move the same scene on one core, frame by frame in turn; CPU time, medians. What decides is their ratio; on
 a machine that is busy with other things that is good to some tenths. The last lines say what to write into choice.py.
 """
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from statistics import median
 from time import process_time
 
@@ -36,9 +37,11 @@ def shirt(name: str, solver: str) -> Simulation:
     return garment_simulation(scene, dress(scene))
 
 
-def costs(name: str, make: Callable[[str, str], Simulation], frames: int) -> dict[str, float]:
-    """Nanoseconds of a key point in a substep, by solver."""
-    moved = {solver: make(name, solver) for solver in NANOSECONDS}
+def costs(
+    name: str, make: Callable[[str, str], Simulation], frames: int, options: Iterable[str] = tuple(NANOSECONDS)
+) -> dict[str, float]:
+    """Nanoseconds of a key point in a substep, by solver or what else `make` is asked for."""
+    moved = {option: make(name, option) for option in options}
     times: dict[str, list[float]] = {solver: [] for solver in moved}
     for number in range(BEFORE + frames):
         for solver, simulation in moved.items():
@@ -52,12 +55,32 @@ def costs(name: str, make: Callable[[str, str], Simulation], frames: int) -> dic
     return {solver: median(row) for solver, row in times.items()}
 
 
+def rubbing(name: str, frames: int) -> dict[str, float]:
+    """What friction within makes of a key point's time, by solver."""
+
+    def both(name: str, option: str) -> Simulation:
+        solver, within = option.split()
+        options = [f"solver.name={solver}", "cloth.representation=mesh", f'cloth.properties.within="{within}"']
+        return ClothModel(load_scene(name, options)).simulation
+
+    found = {}
+    for solver in NANOSECONDS:
+        times = costs(name, both, frames, (f"{solver} none", f"{solver} all"))
+        found[solver] = times[f"{solver} all"] / times[f"{solver} none"]
+    return found
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seams", action="store_true", help="a T-shirt too")
+    parser.add_argument("--within", action="store_true", help="what friction within the sheet takes, alone")
     parser.add_argument("--frames", type=int, default=FRAMES, help=f"timed, of each; default: {FRAMES}")
     given = parser.parse_args()
     runtime.start("cpu", threads=1)
+    if given.within:
+        for name in ("drape", "drape-body"):
+            print(f"{name:<12}", *(f"{solver} {ratio:.2f}" for solver, ratio in rubbing(name, given.frames).items()))
+        return
     table = {name: costs(name, sheet, given.frames) for name in SHEETS}
     if given.seams:
         table["tshirt"] = costs("tshirt", shirt, given.frames)

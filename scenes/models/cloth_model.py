@@ -117,7 +117,7 @@ class ClothModel(MovingModel):
         m = sheet.material
         facts = [
             Fact("key points", f"{sheet.shape[0]} × {sheet.shape[1]}"),
-            Fact("mass of the sheet", f"{1e3 * float(sheet.mass.sum()):.1f} g", f"{1e3 * m.density:.0f} g/m²"),
+            Fact("mass of the sheet", f"{1e3 * float(sheet.mass.sum()):.1f} g"),
             Fact("stiffness, warp and weft", f"{m.tensile_warp:g} and {m.tensile_weft:g} N/m"),
             Fact("bending, warp and weft", f"{1e6 * m.bending_warp:.2f} and {1e6 * m.bending_weft:.2f} µN·m"),
             self.substeps_fact(),

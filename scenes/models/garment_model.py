@@ -221,7 +221,7 @@ class GarmentModel(MovingModel):
         facts = [
             Fact("garment", f"{garment.pattern.name}: {len(garment.pattern.panels)} panels"),
             Fact("key points", f"{garment.atlas.key_points:,}"),
-            Fact("mass", f"{1e3 * float(sheet.mass.sum()):.0f} g", f"{1e3 * sheet.material.density:.0f} g/m²"),
+            Fact("mass of the garment", f"{1e3 * float(sheet.mass.sum()):.0f} g"),
             Fact("widest seam", f"{1e3 * worn.gap:.2f} mm"),
             Fact("deepest in the body", f"{1e3 * worn.depth:.2f} mm"),
             Fact("largest stretch", f"{100 * worn.stretch:.1f} %, away from seams {100 * worn.taut:.1f} %"),

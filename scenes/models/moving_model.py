@@ -103,16 +103,17 @@ class MovingModel(ABC):
         return [Panel(drawn, self.bounds, numbers=self.numbers, meshes=solids, source=self.source)]
 
     def facts(self) -> list[Fact]:
-        facts = self.cloth_facts()
+        """The weight once: as it moves, and beside that as it is drawn."""
+        weight = f"{1e3 * self.simulation.sheet.material.density:.0f} g/m²"
+        drawn = f"{1e3 * self.drawn_density():.0f} as drawn" if self.fibres is not None else ""
+        facts = [*self.cloth_facts(), Fact("weight", weight, drawn)]
         if fabric_properties(self.scene) is not None:
-            facts += [Fact(q.name, q.shown, q.provenance) for q in moved_by(self.scene).values()]
+            moved = moved_by(self.scene)
+            facts += [Fact(q.name, q.shown, q.provenance) for key, q in moved.items() if key != "areal_density"]
         if self.fibres is not None:
             layout = self.fibres.prepared.layout
-            facts += yarn_facts(layout.warp.yarn, "warp yarn") + fabric_facts(layout)
-            moved = 1e3 * self.simulation.sheet.material.density
-            facts.append(
-                Fact("mass, drawn beside simulated", f"{1e3 * self.drawn_density():.0f} g/m²", f"{moved:.0f} g/m²")
-            )
+            facts += yarn_facts(layout.warp.yarn, "warp yarn")
+            facts += [fact for fact in fabric_facts(layout) if fact.name != "mass"]
         return facts
 
     def drawn_density(self) -> float:

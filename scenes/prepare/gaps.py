@@ -24,15 +24,19 @@ the vertices stand out less."""
 FOLD = 0.1
 """Layers are kept apart by this share of the spacing of key points at least: so far a chord from one to the next leaves
 a fold whose radius is 5/4 of it, the tightest that they follow."""
+TOO_FAR, BARE = "key points lie too far apart", "primitives do not cover all skin"
+"""Why a gap is more than a thickness."""
 
 
 @dataclass(frozen=True)
 class Gap:
-    """size: kept [m]. thickness: of the cloth that is drawn [m]. stated: by the scene."""
+    """size: kept [m]. thickness: of the cloth that is drawn [m]. why: it is more than that, or nothing. stated: by the
+    scene."""
 
     size: float
     thickness: float
-    stated: bool
+    why: str = ""
+    stated: bool = False
 
     @property
     def said(self) -> str:
@@ -40,10 +44,9 @@ class Gap:
         apart = f"{1e3 * self.size:.3g} mm apart"
         if self.stated:
             return apart
-        if self.size == self.thickness:
+        if not self.why:
             return f"{apart}, as thick as the cloth is drawn"
-        why = "primitives do not cover all skin" if self.size == SKIN_BEYOND else "key points lie too far apart"
-        return f"{apart}, not the {1e3 * self.thickness:.2g} mm that the cloth is thick: {why}"
+        return f"{apart}, not the {1e3 * self.thickness:.2g} mm that the cloth is thick: {self.why}"
 
 
 @dataclass(frozen=True)
@@ -75,7 +78,7 @@ def gaps_of(scene: Scene) -> SheetGaps:
     cloth = scene.cloth
     assert cloth is not None
     spacing = cloth.width_m / (cloth.columns - 1), cloth.length_m / (cloth.rows - 1)
-    return _gaps(scene, spacing, cloth.gap_mm, least_gap(hypot(*spacing), FINGER, middles=True))
+    return _gaps(scene, spacing, cloth.gap_mm, (least_gap(hypot(*spacing), FINGER, middles=True), TOO_FAR))
 
 
 def garment_gaps(scene: Scene, spacing: tuple[float, float]) -> SheetGaps:
@@ -84,25 +87,29 @@ def garment_gaps(scene: Scene, spacing: tuple[float, float]) -> SheetGaps:
     where primitives stand for the skin, which they do not all cover. Raises InputError."""
     garment = scene.garment
     assert garment is not None
-    least = least_gap(hypot(*spacing), ARM)
+    least = least_gap(hypot(*spacing), ARM), TOO_FAR
     on_skin = (scene.body or BodySection()).contact == "grid"
-    return _gaps(scene, spacing, garment.gap_mm, least if on_skin else max(least, SKIN_BEYOND))
+    return _gaps(scene, spacing, garment.gap_mm, least if on_skin else max(least, (SKIN_BEYOND, BARE)))
 
 
-def _gaps(scene: Scene, spacing: tuple[float, float], from_body_mm: float | None, least: float) -> SheetGaps:
-    """least: from the body where nothing is stated, however thin the cloth [m]."""
+Least = tuple[float, str]
+"""Of a gap [m], and why."""
+
+
+def _gaps(scene: Scene, spacing: tuple[float, float], from_body_mm: float | None, least: Least) -> SheetGaps:
+    """least: from the body where nothing is stated, however thin the cloth."""
     forces, diagonal = scene.forces or ForcesSection(), hypot(*spacing)
     thickness = drawn_thickness(scene, spacing)
 
-    def gap(stated_mm: float | None, least: float = 0.0) -> Gap:
+    def gap(stated_mm: float | None, least: Least = (0.0, "")) -> Gap:
         if stated_mm is not None:
             return Gap(1e-3 * stated_mm, thickness, stated=True)
-        return Gap(max(thickness, least), thickness, stated=False)
+        return Gap(thickness, thickness) if least[0] <= thickness else Gap(least[0], thickness, least[1])
 
     ball, floor, layers = forces.sphere, forces.plane, forces.self_contact
     return SheetGaps(
         body=gap(from_body_mm, least),
-        ball=gap(ball.gap_mm, least_gap(diagonal, ball.radius_m)) if ball else gap(None),
+        ball=gap(ball.gap_mm, (least_gap(diagonal, ball.radius_m), TOO_FAR)) if ball else gap(None),
         floor=gap(floor.gap_mm if floor else None),
-        layers=gap(layers.thickness_mm if layers else None, FOLD * min(spacing)),
+        layers=gap(layers.thickness_mm if layers else None, (FOLD * min(spacing), TOO_FAR)),
     )

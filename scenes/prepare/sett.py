@@ -86,7 +86,8 @@ def refuse(scene: Scene, follow: str, section: str) -> None:
     if scene.weave is not None and scene.weave.patches:
         raise InputError(
             "weave.patches: not of a cloth whose threads are set by fabric.ends_per_cm, fabric.picks_per_cm or a .wif "
-            "file's spacing; leave these out, or the patches"
+            "file's spacing, which is one repeat of a draft wherever a picture shows it; draw the patches into a .wif "
+            "file as large as what repeats, or leave the sett out"
         )
 
 

@@ -97,7 +97,9 @@ def test_the_density_drawn_is_that_of_its_yarn_and_sett() -> None:
     facts = {fact.name: fact for fact in model.facts()}
     moved = model.simulation.sheet.material.density
     assert model.drawn_density() == pytest.approx(moved, rel=0.01)
-    assert facts["mass, drawn beside simulated"].textbook == f"{1e3 * moved:.0f} g/m²"
+    assert facts["weight"].value == f"{1e3 * moved:.0f} g/m²"
+    assert sum("g/m²" in fact.value + fact.textbook for fact in facts.values()) == 1
+    assert "substeps a frame" in facts
     assert facts["ends × picks per cm"].value == "24.0 × 22.0"
 
 

@@ -11,7 +11,7 @@ from taichi_cloth.scenes.scene.load import load_scene
 from taichi_cloth.sheet.materials import Material
 from taichi_cloth.sheet.sheet import Sheet
 from taichi_cloth.sheet.springs import calibrate
-from taichi_cloth.solvers.choice import choose
+from taichi_cloth.solvers.choice import WITHIN, choose
 from taichi_cloth.solvers.named import SOLVERS
 from taichi_cloth.solvers.yarns import CHAINED, LONGEST
 
@@ -51,6 +51,16 @@ def test_verlet_is_counted_with_threads_as_stiff_as_they_get() -> None:
     straight = choose(sheet_of(tensile_warp=1e4, tensile_weft=1e4), Forces())
     assert curved.ratio == straight.ratio == 200.0
     assert curved.costs["verlet"].step == pytest.approx(straight.costs["verlet"].step, rel=0.01)
+
+
+def test_friction_within_costs_each_solver_its_own_share() -> None:
+    """At the same stiffness before anything slips, so that steps are the same."""
+    without = choose(sheet_of(bending_warp=1e-5, bending_weft=1e-5), Forces())
+    held = choose(sheet_of(bending_warp=1e-5, bending_weft=1e-5, shear_friction=1e-12), Forces())
+    for name, factor in WITHIN.items():
+        steps = without.costs[name].step / held.costs[name].step
+        assert held.costs[name].share == pytest.approx(factor * steps * without.costs[name].share, rel=1e-6)
+    assert WITHIN["verlet"] > WITHIN["yarns"] > 1
 
 
 @pytest.mark.parametrize("stiff", ["50", "1e5"])
