@@ -19,7 +19,6 @@ from taichi_cloth.garment.sewn.surface import Surface
 from taichi_cloth.ground import runtime
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.motion.simulation import Simulation
-from taichi_cloth.sheet.sheet import Sheet
 
 from ..models.moving_model import STATE
 from ..prepare.garment_setup import dress, garment_simulation
@@ -28,7 +27,7 @@ from ..prepare.sheet_setup import sheet_simulation, standing_in
 from ..scene.load import load_scene
 from ..scene.schema import Scene
 
-__all__ = ["Skin", "check", "sheet_triangles", "skin_of"]
+__all__ = ["Skin", "check", "skin_of"]
 
 MOST_PLACES = 3
 """Pairs of panels that a line names."""
@@ -51,20 +50,12 @@ class Skin:
         return find_crossings(self.points(positions), self.faces, self.same)
 
 
-def sheet_triangles(sheet: Sheet) -> NDArray[np.int64]:
-    """(m, 3) numbers of key points, row by row: two for each cell of cloth, as they are drawn."""
-    number = np.arange(sheet.shape[0] * sheet.shape[1]).reshape(sheet.shape)
-    there = sheet.cells > 0
-    a, b, c, d = (n[there] for n in (number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]))
-    return np.stack([np.stack([a, b, c], -1), np.stack([a, c, d], -1)], 1).reshape(-1, 3)
-
-
 def skin_of(scene: Scene) -> tuple[Skin, Simulation]:
     """The cloth of a scene of a [cloth] or a [garment] and its simulation, at the start. Taichi is running. Raises
     InputError."""
     if scene.subject == "cloth":
         simulation = sheet_simulation(on_cells(scene), standing_in(scene))
-        faces = sheet_triangles(simulation.sheet)
+        faces = simulation.sheet.triangles
         skin = Skin(lambda x: x.reshape(-1, 3), faces, None, np.zeros(len(faces), int), ["the sheet"])
         return skin, simulation
     dressed = dress(scene)

@@ -8,6 +8,7 @@ from taichi_cloth.constraints.self_contact import ClothContact
 from taichi_cloth.constraints.strain_limit import ThreadLimit
 from taichi_cloth.constraints.ties import Ties
 from taichi_cloth.ground.errors import InputError
+from taichi_cloth.layers.layer_contact import LayerContact
 from taichi_cloth.motion.stage_clock import StageClock
 
 __all__ = ["KERNEL_PARTS", "clock_or_none", "kernel_parts"]
@@ -24,6 +25,7 @@ CONSTRAINTS = {
     Contact: "contact",
     MiddleContact: "contact",
     ClothContact: "cloth on cloth",
+    LayerContact: "cloth on cloth",
     ThreadLimit: "strain limit",
 }
 KERNEL_PARTS = (

@@ -9,6 +9,7 @@ from taichi_cloth.constraints.self_contact import ClothContact
 from taichi_cloth.constraints.strain_limit import ThreadLimit
 from taichi_cloth.constraints.thin_limbs import let_through
 from taichi_cloth.constraints.ties import Ties
+from taichi_cloth.layers.layer_contact import LayerContact
 from taichi_cloth.motion.constraint import Constraint
 from taichi_cloth.motion.forces import Forces
 from taichi_cloth.sheet.sheet import Sheet
@@ -33,7 +34,10 @@ def constraints_for(
     """
     out: list[Constraint] = [*ties]
     if forces.self_contact is not None:
-        out.append(ClothContact(sheet, forces.self_contact, sewn))
+        sheet_alone = sewn is None or not sewn.any()
+        out.append(
+            LayerContact(sheet, forces.self_contact) if sheet_alone else ClothContact(sheet, forces.self_contact, sewn)
+        )
     if forces.strain_limit is not None and "strain_limit" not in answered:
         out.append(ThreadLimit(sheet))
     if forces.body is not None:

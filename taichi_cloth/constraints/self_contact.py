@@ -1,4 +1,6 @@
-"""Cloth against cloth: key points and faces keep a thickness apart, whichever panel they belong to.
+"""Cloth against cloth where seams join it: key points and faces keep a thickness apart, whichever panel they belong to.
+
+A sheet alone has `layers/`, where nothing passes through anything. Here threads may, between their key points.
 
 A face is the bilinear patch S(u, v) between four key points. Three stages, ever rarer:
 

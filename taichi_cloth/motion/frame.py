@@ -112,11 +112,13 @@ class Frame(Stencil):
         change_x: Float,
         change_y: Float,
         change_z: Float,
-        substeps: Int,
+        first: Int,
+        last: Int,
         threads: Int,
         features: Template,
     ):
-        """values: of a `SheetState`. wind: at the start [m/s], and its change in a substep. features: `Features`."""
+        """Substeps from `first` up to `last` of a frame. values: of a `SheetState`. wind: at the start of the frame
+        [m/s], and its change in a substep. features: `Features`."""
         ti.loop_config(serialize=True)
         for _ in range(1):
             self.crew.assemble(threads)
@@ -124,17 +126,17 @@ class Frame(Stencil):
         for k in range(self.crew.threads * _CHUNK):  # of a range that is not constant all would be one thread's
             if k % _CHUNK == 0 and k // _CHUNK < threads:
                 wind, change = ti.Vector([wind_x, wind_y, wind_z]), ti.Vector([change_x, change_y, change_z])
-                self.stages(k // _CHUNK, values, self.numbers[None], wind, change, substeps, features)
+                self.stages(k // _CHUNK, values, self.numbers[None], wind, change, first, last, features)
 
     @ti.func
-    def stages(self, thread, values: Template, n: Template, wind, change, substeps, features: Template):
-        """The frame, as one of its threads goes through it. stage: number of the last one; ended: parts of stages that
-        have ended by then."""
+    def stages(self, thread, values: Template, n: Template, wind, change, first, last, features: Template):
+        """Substeps of the frame, as one of its threads goes through them. stage: number of the last one; ended: parts
+        of stages that have ended by then."""
         at = 0  # which buffer of what is ahead is read
         self.begins(thread)
-        stage, ended = self.in_parts(self.read, thread, 0, 0, 0, at, wind, values, n, features)
+        stage, ended = self.in_parts(self.read, thread, 0, 0, first, at, wind, values, n, features)
         self.ends(thread, "state")
-        for done in range(substeps):
+        for done in range(first, last):
             if ti.static(not features.leads):
                 stage, ended = self.in_parts(self.prepare, thread, stage, ended, done, at, wind, values, n, features)
                 self.ends(thread, "ahead")
@@ -154,7 +156,7 @@ class Frame(Stencil):
             for _ in range(ti.cast(n.sweeps, ti.i32)):  # pyright: ignore[reportArgumentType]
                 for one in ti.static([one for one in self.constraints if one.repeated]):
                     stage, ended = self.correct(one, thread, stage, ended, done, n)
-        self.in_parts(self.write, thread, stage, ended, substeps, at, wind, values, n, features)
+        self.in_parts(self.write, thread, stage, ended, last, at, wind, values, n, features)
         self.ends(thread, "state")
 
     @ti.func
@@ -203,7 +205,7 @@ class Frame(Stencil):
     def read(self, part, done, at, wind, values: Template, n: Template, features: Template):
         """The state of a part's key points from what the host holds."""
         if ti.static(features.slips):
-            self.slipping.begin(part)
+            self.slipping.begin(part, done)
         for e in range(self.cut[part], self.cut[part + 1]):
             p = self.lanes(self.packet[e] * LANES)
             i, j = p // self.row[None], p % self.row[None]

@@ -121,6 +121,15 @@ class KernelSolver(Solver):
             one.rescale(state, share)
 
     def advance(self, state: SheetState, forces: FrameForces) -> None:
+        before = state.values.copy() if any(one.stops for one in self.constraints) else None
+        self._advance(state, forces)
+        while before is not None and sum(one.again() for one in self.constraints):  # all are asked
+            state.values[:] = before
+            self._advance(state, forces)
+        self.fault = next((one.fault for one in self.constraints if one.fault), "")
+
+    def _advance(self, state: SheetState, forces: FrameForces) -> None:
+        """One frame, whatever constraints think of it."""
         frame = self._filled(state)
         first, last = np.asarray(forces.wind_start), np.asarray(forces.wind_end)
         wind, change = first.tolist(), ((last - first) / self.substeps).tolist()
@@ -128,9 +137,15 @@ class KernelSolver(Solver):
             one.begin(state, forces)
         threads, begin = self._pace.threads(), perf_counter()
         routines = bool(self.constraints) or not self.springs_are_threads
+        done, pausing = 0, [one for one in self.constraints if one.stops]
         # Plain code: half the time to compile, and as fast a frame. With a clock it is of this process alone.
         with runtime.plain_code(routines=routines, kept=self.clock is None):
-            frame.run(state.values, *wind, *change, self.substeps, threads, self.features)  # pyright: ignore[reportCallIssue]
+            while done < self.substeps:
+                until = min([self.substeps, *(one.stop(state, done) for one in pausing)])
+                frame.run(state.values, *wind, *change, done, until, threads, self.features)  # pyright: ignore[reportCallIssue]
+                done = until
+            for one in pausing:
+                one.stop(state, done)
             took = perf_counter() - begin
             self.look(frame)
         self._pace.took(took)

@@ -139,10 +139,21 @@ class Simulation:
                     raise
             else:
                 if not self.solver.shorten(self.state, moved):
+                    self._check_fault()
                     self._check_pull()
                     break
         self.state = moved
         self.frame += 1
+
+    def _check_fault(self) -> None:
+        """Raises Unstable where a constraint says that this is no cloth."""
+        if fault := self.solver.fault:
+            number = self.frame + 1
+            raise Unstable(
+                f"frame {number}: {fault}; the state of frame {self.frame} is kept. Use slower or nearer pins, weaker "
+                "forces, or closer key points",
+                number,
+            )
 
     def _check_pull(self) -> None:
         """Raises Unstable where threads are pulled more than their steps can be shortened for."""

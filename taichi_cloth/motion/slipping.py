@@ -145,9 +145,10 @@ class Slipping:
         return 2.0 * load(bent, p) - load(bent, near(p + offset)) - load(bent, near(p - offset))
 
     @ti.func
-    def begin(self, part):
-        """A frame, of a part."""
-        store(self.locked, part * LINE, ti.Vector([0.0] * LANES))
+    def begin(self, part, done):
+        """Substeps of a frame, of a part; the frame itself where none is done."""
+        if done == 0:
+            store(self.locked, part * LINE, ti.Vector([0.0] * LANES))
 
     @ti.kernel
     def most_locked(self) -> Float:

@@ -62,6 +62,9 @@ class Solver(ABC):
         """
         return False
 
+    fault = ""
+    """What a constraint found wrong with the last frame."""
+
     @property
     def torn(self) -> str:
         """What in the last frame was more than cloth carries, and than any steps follow; "" where nothing was."""

@@ -121,6 +121,14 @@ class Sheet:
         here = _shifted(self.cells, 0, 0)
         return (here + _shifted(self.cells, 1, 0)) / 2, (here + _shifted(self.cells, 0, 1)) / 2, here
 
+    @cached_property
+    def triangles(self) -> NDArray[np.int64]:
+        """(m, 3) numbers of key points, row by row: two for each cell of cloth, as they are drawn."""
+        number = np.arange(self.shape[0] * self.shape[1]).reshape(self.shape)
+        there = self.cells > 0
+        a, b, c, d = (n[there] for n in (number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]))
+        return np.stack([np.stack([a, b, c], -1), np.stack([a, c, d], -1)], 1).reshape(-1, 3)
+
     def padded(self, values: ArrayLike) -> F32:
         """(rows, cols) as float32 in the padded grid, 0 around."""
         out = np.zeros(self.padded_shape, np.float32)

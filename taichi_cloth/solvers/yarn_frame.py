@@ -50,13 +50,13 @@ class YarnFrame(Frame):
         self.rubbed = [[ti.field(ti.f32, self.size) for _ in range(3)] for _ in (BALL, FLOOR)]
 
     @ti.func
-    def stages(self, thread, values: Template, n: Template, wind, change, substeps, features: Template):
+    def stages(self, thread, values: Template, n: Template, wind, change, first, last, features: Template):
         families = ti.static(self.families)
         turns = families * ti.cast(n.sweeps, ti.i32)
         self.begins(thread)
-        stage, ended = self.in_parts(self.open, thread, 0, 0, 0, 0, wind, values, n, features)
+        stage, ended = self.in_parts(self.open, thread, 0, 0, first, 0, wind, values, n, features)
         self.ends(thread, "state")
-        for done in range(substeps):
+        for done in range(first, last):
             air = wind + done * change
             stage, ended = self.in_parts(self.prepare, thread, stage, ended, done, 0, air, values, n, features)
             self.ends(thread, "ahead")
@@ -75,7 +75,7 @@ class YarnFrame(Frame):
                     pulls = turn >= turns - families and done % 2 == 1
                     stage, ended = self.solve(thread, stage, ended, family, turn // families, pulls)
                     self.ends(thread, "threads")
-        self.in_parts(self.write, thread, stage, ended, substeps, 0, wind, values, n, features)
+        self.in_parts(self.write, thread, stage, ended, last, 0, wind, values, n, features)
         self.ends(thread, "state")
 
     @ti.func
@@ -118,12 +118,13 @@ class YarnFrame(Frame):
 
     @ti.func
     def open(self, part, done, at, wind, values: Template, n: Template, features: Template):
-        """The state of a part, and threads that nothing pulls."""
+        """The state of a part; at the start of a frame threads that nothing pulls."""
         self.read(part, done, at, wind, values, n, features)
-        if part == 0:
-            self.yarns.begin_frame()
-        for e in range(self.cut[part], self.cut[part + 1]):
-            self.yarns.loosen(self.lanes(self.packet[e] * LANES))
+        if done == 0:
+            if part == 0:
+                self.yarns.begin_frame()
+            for e in range(self.cut[part], self.cut[part + 1]):
+                self.yarns.loosen(self.lanes(self.packet[e] * LANES))
 
     @ti.func
     def prepare(self, part, done, at, wind, values: Template, n: Template, features: Template):

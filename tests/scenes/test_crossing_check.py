@@ -12,7 +12,6 @@ from taichi_cloth.garment.sewn.sew import Garment
 from taichi_cloth.garment.sewn.surface import Surface
 from taichi_cloth.motion.simulation import Simulation
 from taichi_cloth.scenes.__main__ import main
-from taichi_cloth.scenes.measure.crossing_check import sheet_triangles
 from taichi_cloth.scenes.models.moving_model import STATE
 from taichi_cloth.scenes.prepare.sheet_setup import sheet_simulation
 from taichi_cloth.scenes.scene.load import load_scene
@@ -86,7 +85,7 @@ def test_what_cannot_be_checked_is_refused(tmp_path: Path, capsys: pytest.Captur
 
 def test_a_sheet_is_two_triangles_a_cell_of_cloth() -> None:
     sheet = sheet_simulation(load_scene("drape", SMALL)).sheet
-    faces = sheet_triangles(sheet)
+    faces = sheet.triangles
     assert len(faces) == 2 * 36
     assert faces[:2].tolist() == [[0, 1, 8], [0, 8, 7]]
 

@@ -1,0 +1,138 @@
+"""The end of an interval: every near pair is on the sides of its direction that it was on at the start.
+
+If one direction n parts two convex bodies at both ends, min n·a > max n·b, it parts them all along the straight paths
+between, as n·(a − b) changes linearly. So no point has passed through a face, and no edge through an edge, and whatever
+the substeps between have done, the sheet at the end of the interval meets itself no more than at its start. Pairs that
+n does not part are pushed apart until it does; points that do not come apart go back to where the interval began, where
+all is well.
+"""
+
+import taichi as ti
+
+from taichi_cloth.ground.arrays import Float, Int, Template
+from taichi_cloth.ground.routine import routine
+from taichi_cloth.layers.contacts import GROWTH
+from taichi_cloth.layers.near_pairs import EDGES, FACES, gather
+from taichi_cloth.motion.stencil import store
+from taichi_cloth.sheet.sheet import LANES
+
+__all__ = ["Certificate"]
+
+PARTED, PUSHED = 2e-5, 1e-4
+"""How far apart a pair is at least, and how far those are pushed that are not [m]."""
+
+STILL_PARTED = 1e-5
+"""The same for points that went back: rounding has its share."""
+
+PUSHES, ROUNDS = 12, 60
+"""Sweeps that push, and sweeps in all."""
+
+PUSH, BACK = 1, 2
+
+
+@ti.data_oriented
+class Certificate:
+    """bad: pairs that are not parted after a sweep. pushed, returned: of the frame, pairs that had to be."""
+
+    def __init__(self) -> None:
+        self.bad, self.pushed, self.returned = (ti.field(ti.i32, ()) for _ in range(3))
+        self.found = [ti.field(ti.f32, LANES) for _ in range(2)]
+
+    @routine
+    def sweep(
+        self,
+        points: Template,
+        paths: Template,
+        contacts: Template,
+        pairs: Template,
+        kind: Int,
+        remedy: Int,
+        ahead: Float,
+    ):
+        """All pairs of a kind. remedy: what is done with those that are not parted. ahead: how long the next interval
+        may be over how long this was: pairs that may touch in it are awake."""
+        runs, awake, bad = pairs.packets(), 0, 0
+        least = ti.select(remedy == BACK, STILL_PARTED, PARTED)
+        for run in range(runs):
+            at = ti.Vector([k * runs + run for k in ti.static(range(LANES))])
+            x, y, z = gather(pairs.normal[0], at), gather(pairs.normal[1], at), gather(pairs.normal[2], at)
+            low, high = ti.Vector([1e9] * LANES), ti.Vector([-1e9] * LANES)
+            for corner in ti.static(range(4)):
+                p = gather(pairs.point[corner], at)
+                here = x * gather(points.position[0], p)
+                here += y * gather(points.position[1], p) + z * gather(points.position[2], p)
+                low = ti.select(corner < kind, ti.min(low, here), low)
+                high = ti.select(corner < kind, high, ti.max(high, here))
+            apart, kept = low - high, gather(pairs.kept, at)
+            store(self.found[0], 0, apart)
+            store(self.found[1], 0, apart - GROWTH * ahead * ti.max(gather(pairs.apart, at) - apart, 0.0) - kept)
+            for k in range(LANES):
+                pair = k * runs + run
+                pairs.apart[pair] = self.found[0][k]
+                if self.found[1][k] < contacts.margin[None]:
+                    pairs.awake[awake] = pair
+                    awake += 1
+                    if self.found[0][k] < least and pairs.kept[pair] > 0.0:
+                        bad += 1
+                        if remedy == PUSH:
+                            self.push(points, pairs, kind, pair)
+                        elif remedy == BACK:
+                            self.put_back(points, paths, pairs, pair)
+        self.bad[None] = self.bad[None] + bad
+        contacts.close(pairs, awake)
+
+    @ti.func
+    def push(self, points: Template, pairs: Template, kind, pair):
+        """To both sides of the middle between them, and what approaches stops."""
+        x, s, inverse = ti.static(points.position, points.step, points.inverse_mass)
+        n = ti.Vector([pairs.normal[0][pair], pairs.normal[1][pair], pairs.normal[2][pair]])
+        least, most, up, down, free_up, free_down = 1e9, -1e9, 0.0, 0.0, 0.0, 0.0
+        for corner in ti.static(range(4)):
+            p = pairs.point[corner][pair]
+            here = n[0] * x[0][p] + n[1] * x[1][p] + n[2] * x[2][p]
+            step = n[0] * s[0][p] + n[1] * s[1][p] + n[2] * s[2][p]
+            if corner < kind:
+                least, up, free_up = ti.min(least, here), up + step / kind, free_up + inverse[p]
+            else:
+                most, down, free_down = ti.max(most, here), down + step / (4 - kind), free_down + inverse[p]
+        middle, pace = 0.5 * (least + most), 0.5 * (up + down)
+        if free_up == 0.0:  # held by pins: the other side makes room
+            middle, pace = least - 0.5 * PUSHED, up
+        elif free_down == 0.0:
+            middle, pace = most + 0.5 * PUSHED, down
+        for corner in ti.static(range(4)):
+            p = pairs.point[corner][pair]
+            side = ti.select(corner < kind, 1.0, -1.0)
+            here = n[0] * x[0][p] + n[1] * x[1][p] + n[2] * x[2][p]
+            step = n[0] * s[0][p] + n[1] * s[1][p] + n[2] * s[2][p]
+            depth = 0.5 * PUSHED - side * (here - middle)
+            if depth > 0.0 and inverse[p] > 0.0:
+                slower = ti.max(side * (pace - step), 0.0)
+                for axis in ti.static(range(3)):
+                    x[axis][p] = x[axis][p] + side * depth * n[axis]
+                    s[axis][p] = s[axis][p] + side * slower * n[axis]
+
+    @ti.func
+    def put_back(self, points: Template, paths: Template, pairs: Template, pair):
+        """To where the interval began, at rest."""
+        for corner in ti.static(range(4)):
+            p = pairs.point[corner][pair]
+            if points.inverse_mass[p] > 0.0:
+                for axis in ti.static(range(3)):
+                    points.position[axis][p] = paths.was[axis][p]
+                    points.step[axis][p] = 0.0
+        self.returned[None] = self.returned[None] + 1
+
+    @routine
+    def settle(self, points: Template, paths: Template, contacts: Template, near: Template, ahead: Float):
+        """Sweeps until all pairs are parted, or no sweep is left: then `bad` are not."""
+        rounds, bad = 0, 1
+        while bad > 0 and rounds < ROUNDS:
+            remedy = ti.select(rounds < PUSHES, PUSH, BACK)
+            self.bad[None] = 0
+            self.sweep(points, paths, contacts, near.faces, FACES, remedy, ahead)
+            self.sweep(points, paths, contacts, near.edges, EDGES, remedy, ahead)
+            bad = self.bad[None]
+            if rounds == 0:
+                self.pushed[None] = self.pushed[None] + bad
+            rounds += 1

@@ -1,0 +1,209 @@
+"""Near pairs that may touch in an interval, and what keeps them apart in each substep.
+
+A contact is four points with weights of either sign that add up to 0, a direction n and a distance: of a point and a
+face as of two edges, one law. Where its gap n·Σ w x is below the distance, approach is taken off, friction holds what
+slides, at most µ times the push (Coulomb), both by shares of the inverse masses, so that momentum is kept; and a share
+of the depth is mended in positions alone. Where a substep goes through it several times the push and the friction are
+sums over the substep, which the next turn may take back.
+"""
+
+from typing import Any
+
+import taichi as ti
+
+from taichi_cloth.ground.arrays import Float, Int, Template
+from taichi_cloth.ground.routine import routine
+from taichi_cloth.layers.near_pairs import FACES, gather, nearest_of_edges, nearest_on_face
+from taichi_cloth.motion.stencil import load, store
+from taichi_cloth.sheet.sheet import LANES
+
+__all__ = ["AWAKE", "Contacts"]
+
+ROOM = 12
+"""Contacts, for each key point."""
+
+AWAKE = 0.2
+"""Share of the thickness beyond it up to which pairs are looked at for the next interval."""
+
+GROWTH = 1.5
+"""By which pairs may approach each other faster than they did."""
+
+
+@ti.data_oriented
+class Contacts:
+    """point, weight: [corner]. normal: [axis]. kept: distance [m]. share: 1/Σ w²/m [kg]. pushed, rubbed: in this
+    substep [m]. overflow: contacts without room. most: of the frame."""
+
+    count: Any
+
+    def __init__(self, size: int) -> None:
+        self.room = ROOM * size
+
+        def fields(count: int) -> list[ti.Field]:
+            return [ti.field(ti.f32, self.room + LANES) for _ in range(count)]
+
+        self.point = [ti.field(ti.i32, self.room + LANES) for _ in range(4)]
+        self.weight, self.normal, self.rubbed = fields(4), fields(3), fields(3)
+        self.kept, self.share, self.pushed = fields(3)
+        self.count, self.overflow, self.most = (ti.field(ti.i32, ()) for _ in range(3))
+        self.friction, self.mend, self.margin = (ti.field(ti.f32, ()) for _ in range(3))
+        self.found = [ti.field(ti.f32, LANES) for _ in range(9)]
+        self.inside = ti.field(ti.i32, LANES)
+
+    @routine
+    def wake(self, points: Template, pairs: Template, kind: Int, ahead: Float):
+        """Lists the pairs that may touch within `ahead` substeps, by the speeds of their points. Pairs are gone through
+        in eight runs side by side, so that those of one packet rarely share a point."""
+        runs, awake = pairs.packets(), 0
+        for run in range(runs):
+            at = ti.Vector([k * runs + run for k in ti.static(range(LANES))])
+            x, y, z = gather(pairs.normal[0], at), gather(pairs.normal[1], at), gather(pairs.normal[2], at)
+            low, high = ti.Vector([1e9] * LANES), ti.Vector([-1e9] * LANES)
+            slow, fast = ti.Vector([1e9] * LANES), ti.Vector([-1e9] * LANES)
+            for corner in ti.static(range(4)):
+                p = gather(pairs.point[corner], at)
+                here = x * gather(points.position[0], p)
+                here += y * gather(points.position[1], p) + z * gather(points.position[2], p)
+                step = x * gather(points.step[0], p) + y * gather(points.step[1], p) + z * gather(points.step[2], p)
+                first = corner < kind
+                low, slow = ti.select(first, ti.min(low, here), low), ti.select(first, ti.min(slow, step), slow)
+                high, fast = ti.select(first, high, ti.max(high, here)), ti.select(first, fast, ti.max(fast, step))
+            room = low - high - GROWTH * ahead * ti.max(fast - slow, 0.0) - gather(pairs.kept, at)
+            store(self.found[0], 0, low - high)
+            store(self.found[1], 0, room)
+            for k in range(LANES):
+                pairs.apart[k * runs + run] = self.found[0][k]
+                if self.found[1][k] < self.margin[None]:
+                    pairs.awake[awake] = k * runs + run
+                    awake += 1
+        self.close(pairs, awake)
+
+    @ti.func
+    def close(self, pairs: Template, awake):
+        """So many are awake; whole lanes of pairs that never touch behind them."""
+        pairs.woken[None] = awake
+        for k in range(LANES):
+            pairs.awake[awake + k] = pairs.count[None] + k
+
+    @routine
+    def meet(self, points: Template, pairs: Template, kind: Template, ahead: Float):
+        """New directions of the pairs that are awake, and those that may touch within `ahead` substeps as contacts."""
+        made = self.count[None]
+        for group in range((pairs.woken[None] + LANES - 1) // LANES):
+            at = load(pairs.awake, group * LANES)
+            i, j = gather(pairs.point[0], at), gather(pairs.point[1], at)
+            k, m = gather(pairs.point[2], at), gather(pairs.point[3], at)
+            none, one = ti.Vector([0.0] * LANES), ti.Vector([1.0] * LANES)
+            x, y, z, w0, w1, w2, w3, within = none, none, none, one, none, none, none, ti.Vector([1] * LANES)
+            if ti.static(kind == FACES):
+                s, t, x_, y_, z_, inside = nearest_on_face(points.position, i, j, k, m)
+                x, y, z, w1, w2, w3 = x_, y_, z_, s + t - 1.0, -s, -t
+                within = ti.select(inside, 1, 0)
+            else:
+                s, t, x_, y_, z_ = nearest_of_edges(points.position, i, j, k, m)
+                x, y, z, w0, w1, w2, w3 = x_, y_, z_, 1.0 - s, s, t - 1.0, -t
+            distance = ti.sqrt(x * x + y * y + z * z + 1e-20)
+            x, y, z = x / distance, y / distance, z / distance
+            rate = none
+            for corner, p, w in ti.static(((0, i, w0), (1, j, w1), (2, k, w2), (3, m, w3))):
+                step = x * gather(points.step[0], p) + y * gather(points.step[1], p) + z * gather(points.step[2], p)
+                rate += w * step
+                store(self.found[5 + corner], 0, w)
+            store(self.found[0], 0, distance)
+            store(self.found[1], 0, distance - self.margin[None] - GROWTH * ahead * ti.max(-rate, 0.0))
+            for axis, v in ti.static(((2, x), (3, y), (4, z))):
+                store(self.found[axis], 0, v)
+            store(self.inside, 0, within)
+            for lane in range(LANES):
+                pair = pairs.awake[group * LANES + lane]
+                for axis in ti.static(range(3)):
+                    pairs.normal[axis][pair] = self.found[2 + axis][lane]
+                pairs.apart[pair] = self.found[0][lane]
+                if self.found[1][lane] < pairs.kept[pair] and self.inside[lane] == 1:
+                    made = self.add(points, pairs, pair, lane, made)
+        self.count[None] = made
+
+    @ti.func
+    def add(self, points: Template, pairs: Template, pair, lane, at):
+        yields = 0.0
+        for corner in ti.static(range(4)):
+            yields += self.found[5 + corner][lane] ** 2 * points.inverse_mass[pairs.point[corner][pair]]
+        out = at
+        if yields > 0.0:
+            if at < self.room:
+                for corner in ti.static(range(4)):
+                    self.point[corner][at] = pairs.point[corner][pair]
+                    self.weight[corner][at] = self.found[5 + corner][lane]
+                for axis in ti.static(range(3)):
+                    self.normal[axis][at] = self.found[2 + axis][lane]
+                self.kept[at], self.share[at] = pairs.kept[pair], 1.0 / yields
+                out = at + 1
+            else:
+                self.overflow[None] = self.overflow[None] + 1
+        return out
+
+    @routine
+    def fill_up(self):
+        """Whole lanes of contacts that never touch behind the others."""
+        for k in range(LANES):
+            at = self.count[None] + k
+            for corner in ti.static(range(4)):
+                self.point[corner][at] = corner
+                self.weight[corner][at] = 0.0
+            for axis in ti.static(range(3)):
+                self.normal[axis][at] = 0.0
+            self.kept[at], self.share[at] = -1.0, 0.0
+        self.most[None] = ti.max(self.most[None], self.count[None])
+
+    @routine
+    def forget(self):
+        """What was pushed and rubbed in the last substep."""
+        none = ti.Vector([0.0] * LANES)
+        for group in range((self.count[None] + LANES - 1) // LANES):
+            store(self.pushed, group * LANES, none)
+            for axis in ti.static(range(3)):
+                store(self.rubbed[axis], group * LANES, none)
+
+    @routine
+    def respond(self, points: Template, mended: Float):
+        """Every contact once. mended: share of the depth."""
+        x, s, inverse = ti.static(points.position, points.step, points.inverse_mass)
+        for group in range((self.count[None] + LANES - 1) // LANES):
+            at = group * LANES
+            gap = -load(self.kept, at)
+            gx, gy, gz = ti.Vector([0.0] * LANES), ti.Vector([0.0] * LANES), ti.Vector([0.0] * LANES)
+            for corner in ti.static(range(4)):
+                p, w = load(self.point[corner], at), load(self.weight[corner], at)
+                gx, gy, gz = gx + w * gather(x[0], p), gy + w * gather(x[1], p), gz + w * gather(x[2], p)
+            gap += load(self.normal[0], at) * gx + load(self.normal[1], at) * gy + load(self.normal[2], at) * gz
+            store(self.found[0], 0, gap)
+            if ti.min(gap, -load(self.pushed, at)).min() < 0.0:  # pyright: ignore[reportOptionalCall]
+                for k in range(LANES):
+                    if self.found[0][k] < 0.0 or self.pushed[at + k] > 0.0:
+                        self.part(x, s, inverse, at + k, self.found[0][k], mended)
+
+    @ti.func
+    def part(self, x: Template, s: Template, inverse: Template, c, gap, mended):
+        """One contact: its push and friction of the substep anew."""
+        n = ti.Vector([self.normal[0][c], self.normal[1][c], self.normal[2][c]])
+        held = ti.Vector([self.rubbed[0][c], self.rubbed[1][c], self.rubbed[2][c]])
+        was = self.pushed[c]
+        step = ti.Vector([0.0, 0.0, 0.0])
+        for corner in ti.static(range(4)):
+            p, w = self.point[corner][c], self.weight[corner][c]
+            step += w * ti.Vector([s[0][p], s[1][p], s[2][p]])
+        along = step.dot(n)
+        push = ti.max(was - along, 0.0)
+        rub = held - (step - along * n)
+        rub *= ti.min(self.friction[None] * push / ti.sqrt(rub.norm_sqr() + 1e-20), 1.0)
+        change = ((push - was) * n + rub - held) * self.share[c]
+        move = change + mended * self.share[c] * ti.max(-gap, 0.0) * n
+        self.pushed[c] = push
+        for axis in ti.static(range(3)):
+            self.rubbed[axis][c] = rub[axis]
+        for corner in ti.static(range(4)):
+            p = self.point[corner][c]
+            share = inverse[p] * self.weight[corner][c]
+            for axis in ti.static(range(3)):
+                s[axis][p] = s[axis][p] + share * change[axis]
+                x[axis][p] = x[axis][p] + share * move[axis]

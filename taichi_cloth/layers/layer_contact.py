@@ -1,0 +1,328 @@
+"""Cloth that meets cloth, as a constraint of a sheet: searches, contacts and proofs, interval by interval.
+
+A frame is cut into intervals of a few substeps. At the start of each are known: all pairs that are near (from the last
+search), a direction that parts each, and the contacts of the interval. In the interval contacts answer within each
+substep. At its end
+
+1. key points that have left the room round their path are pulled back to it (few ever do);
+2. the certificate is made out: no near pair has passed through the other (`certificate.py`);
+3. it is proven that no other pair can have met: no room and no slack is used up (`paths.py`, `patches.py`);
+4. the next interval's length follows from how fast room is used up, and from that whether to search anew.
+
+A frame with an interval that could not be proven is taken again with intervals half as long, down to single substeps.
+Everything follows from the state at the start of the frame, and one thread does it: the same bytes each time.
+"""
+
+import numpy as np
+import taichi as ti
+from scipy import ndimage
+
+from taichi_cloth.crossings.crossings import find_crossings
+from taichi_cloth.ground.arrays import F32x1, F32x3, Float, I32x2, Int, Template
+from taichi_cloth.ground.errors import InputError
+from taichi_cloth.ground.routine import routine
+from taichi_cloth.layers.certificate import Certificate
+from taichi_cloth.layers.contacts import AWAKE, Contacts
+from taichi_cloth.layers.near_pairs import EDGES, FACES, NearPairs
+from taichi_cloth.layers.paths import CELL, EAST, NORTH, POINT, Paths
+from taichi_cloth.layers.search import Search
+from taichi_cloth.layers.tree import HOLE, LEVELS, Tree, levels_of
+from taichi_cloth.motion.capacity import capacity_of
+from taichi_cloth.motion.constraint import SharedConstraint
+from taichi_cloth.motion.forces import FrameForces, SelfContact
+from taichi_cloth.sheet.sheet import LANES, Sheet, SheetState
+
+__all__ = ["LayerContact"]
+
+LONGEST, FREE = 2.4e-3, 5.6e-3
+"""Of an interval, and of one where nothing is near [s]."""
+FAR = 8
+"""Intervals that a search may be good for."""
+SKIN, COARSE = 0.2, 0.16
+"""Shares of the spacing: half of what pairs are sought within beyond their thickness, and how much more for blocks."""
+EDGE_SHARE = 0.5
+"""Of the thickness that edges keep: layers that lie flat are kept apart by their points."""
+USE = 0.7
+"""Share of its room that a search is used for."""
+MEND_SUMMED, MEND = 0.06, 0.1
+"""Share of the depth that is mended in each turn of a substep among whole yarns, and in every other one of Verlet's."""
+HALVINGS, CAREFUL = 6, 0.7
+"""Times that intervals are halved for a frame that could not be proven, and what is left of the use with each."""
+LEAST_SLACK = (0.2, 0.2, 0.3, 0.4)
+"""Shares of their length by which the threads of a patch may turn at least, by its level and from the last on: those of
+one with less are looked at more closely."""
+NUMBERS = ("thickness", "friction", "reach", "coarse", "margin", "spacing_x", "spacing_y", "0", "1", "2", "3")
+
+
+@ti.data_oriented
+class LayerFields:
+    """All of it, for padded grids of up to `size` elements. position, step, inverse_mass, row: as of `Stencil`, between
+    substeps. use: share of room and slack that a search is used for. began, ends: substeps at which the interval did
+    and is over. horizon: substeps that the search is good for. longest, free: of intervals. substeps: of the frame.
+    searches, intervals, unproven, pulled: of the frame."""
+
+    def __init__(self, size: int) -> None:
+        self.holder: object = None
+        self.position, self.step = ([ti.field(ti.f32, size) for _ in range(3)] for _ in range(2))
+        self.inverse_mass, self.row = ti.field(ti.f32, size), ti.field(ti.i32, ())
+        self.paths, self.tree, self.search = Paths(size), Tree(size), Search(size)
+        self.near, self.contacts, self.certificate = NearPairs(size), Contacts(size), Certificate()
+        self.reach, self.coarse, self.use = (ti.field(ti.f32, ()) for _ in range(3))
+        self.began, self.ends, self.horizon, self.longest, self.free, self.substeps = (
+            ti.field(ti.i32, ()) for _ in range(6)
+        )
+        self.searches, self.intervals, self.unproven, self.pulled = (ti.field(ti.i32, ()) for _ in range(4))
+
+    @ti.kernel
+    def take(self, width: Int, labels: I32x2, inverse: F32x1, levels: I32x2, numbers: F32x1):
+        """labels: (2, elements of the padded grid), what each has, and its panel. inverse: mass of each [1/kg].
+        numbers: of `NUMBERS`."""
+        ti.loop_config(serialize=True)
+        for _ in range(1):
+            self.row[None] = width
+            self.paths.count[None] = labels.shape[1] // LANES
+            for p in range(labels.shape[1]):
+                self.paths.has[p] = labels[0, p]
+                self.inverse_mass[p] = inverse[p]
+                self.paths.there[p] = ti.cast((labels[0, p] & POINT) != 0, ti.f32)
+                self.near.panel[p] = labels[1, p]
+            self.tree.take(levels, 1.0 / numbers[5], 1.0 / numbers[6])
+            self.near.take(width)
+            self.near.thickness[None], self.near.edge_share[None] = numbers[0], EDGE_SHARE
+            self.near.spacing[0], self.near.spacing[1] = numbers[5], numbers[6]
+            self.contacts.friction[None], self.contacts.margin[None] = numbers[1], numbers[4]
+            self.reach[None], self.coarse[None] = numbers[2], numbers[3]
+            for level in range(LEVELS):
+                self.search.least[level] = numbers[7 + ti.min(level, 3)]
+
+    @ti.kernel
+    def start(self, longest: Int, free: Int, substeps: Int, use: Float):
+        """Before a frame."""
+        self.use[None] = use
+        self.longest[None], self.free[None], self.substeps[None] = longest, free, substeps
+        self.search.overflow[None] = 0
+        self.near.overflow[None] = 0
+        self.contacts.overflow[None] = 0
+        self.contacts.most[None] = 0
+        self.contacts.count[None] = 0
+        self.certificate.pushed[None] = 0
+        self.certificate.returned[None] = 0
+        self.searches[None] = 0
+        self.intervals[None] = 0
+        self.unproven[None] = 0
+        self.pulled[None] = 0
+
+    @ti.kernel
+    def stop(self, values: F32x3, done: Int) -> Int:
+        """Between two intervals. values: of a `SheetState`. Returns up to which substep the next goes."""
+        ti.loop_config(serialize=True)
+        for _ in range(1):
+            self.copy(values, True)
+            if done == 0:
+                self.open(self)
+            else:
+                self.close(self, done)
+                self.copy(values, False)
+        return self.ends[None]
+
+    @ti.func
+    def copy(self, values: Template, here: Template):
+        """Positions and steps from what the host holds, or back."""
+        for i in range(values.shape[1]):
+            for j in range(values.shape[2]):
+                p = i * values.shape[2] + j
+                for axis in ti.static(range(3)):
+                    if ti.static(here):
+                        self.position[axis][p] = values[axis, i, j]
+                        self.step[axis][p] = values[3 + axis, i, j]
+                    else:
+                        values[axis, i, j] = self.position[axis][p]
+                        values[3 + axis, i, j] = self.step[axis][p]
+
+    @routine
+    def open(self, points: Template):
+        """A frame: the first search, for as long as the speeds of neighbours differ little enough."""
+        self.paths.predict(points, 0.0)
+        room = 0.5 * self.use[None] * self.reach[None]
+        good = ti.cast(ti.min(room / ti.max(self.paths.rough[None], 1e-9), 1e6), ti.i32)
+        self.horizon[None] = ti.min(ti.max(good, self.longest[None]), FAR * self.longest[None])
+        self.look(points)
+        self.paths.keep(points)
+        most = ti.select(self.alone(), self.free[None], self.longest[None])
+        self.begin(points, 0, ti.min(ti.min(most, self.horizon[None]), self.substeps[None]), True)
+
+    @ti.func
+    def alone(self):
+        """Whether nothing is near anything."""
+        return self.near.faces.count[None] + self.near.edges.count[None] == 0
+
+    @routine
+    def look(self, points: Template):
+        """A search, from paths that begin here."""
+        self.searches[None] = self.searches[None] + 1
+        reach, coarse = self.reach[None], self.coarse[None]
+        self.tree.cells(points, self.paths, ti.cast(self.horizon[None], ti.f32))
+        self.tree.rise()
+        self.search.begin(self.tree, reach + coarse)
+        top = self.tree.top[None]
+        for down in range(top):
+            level = top - down
+            self.search.descend(self.tree, level, reach + coarse, reach + ti.select(level > 1, coarse, 0.0))
+        self.near.find(points, self.paths, self.tree, self.search, reach)
+        self.tree.settle(points, self.paths)
+
+    @ti.func
+    def begin(self, points: Template, done, length, woken: Template):
+        """An interval. woken: whether those that may touch have to be found first, as after a search."""
+        ahead = ti.cast(length, ti.f32)
+        if ti.static(woken):
+            self.contacts.wake(points, self.near.faces, FACES, ahead)
+            self.contacts.wake(points, self.near.edges, EDGES, ahead)
+        self.contacts.count[None] = 0
+        self.contacts.meet(points, self.near.faces, FACES, ahead)
+        self.contacts.meet(points, self.near.edges, EDGES, ahead)
+        self.contacts.fill_up()
+        self.began[None], self.ends[None] = done, done + length
+        self.intervals[None] = self.intervals[None] + 1
+
+    @routine
+    def close(self, points: Template, done: Int):
+        """The interval that ends with `done` substeps of the frame, and the start of the next."""
+        span = done - self.began[None]
+        self.paths.since[None] = self.paths.since[None] + span
+        self.paths.measure(points)
+        used, before = self.paths.used[None], self.certificate.pushed[None]
+        if used > 0.999:
+            self.paths.pull_back(points, span)
+            self.pulled[None] = self.pulled[None] + 1
+        ahead = ti.cast(self.longest[None], ti.f32) / span
+        self.certificate.settle(points, self.paths, self.contacts, self.near, ahead)
+        if used > 0.999 or self.certificate.pushed[None] > before:
+            self.paths.measure(points)
+        if self.paths.used[None] > 1.0 or self.certificate.bad[None] > 0:
+            self.unproven[None] = self.unproven[None] + 1
+        left = self.substeps[None] - done
+        if left > 0:
+            self.go_on(points, done, left, span)
+
+    @ti.func
+    def go_on(self, points: Template, done, left, span):
+        since, used = self.paths.since[None], self.paths.used[None]
+        rate = ti.max(used / ti.cast(since, ti.f32), 1e-5)
+        most = ti.select(self.alone(), self.free[None], self.longest[None])
+        wanted = ti.min(most, left)
+        room = ti.cast((self.use[None] - used) / rate, ti.i32)
+        anew = room < wanted or since + wanted > self.horizon[None]
+        if anew:
+            room = ti.max(ti.cast(self.use[None] / rate, ti.i32), 1)
+            self.horizon[None] = ti.min(ti.max(room, self.longest[None]), FAR * self.longest[None])
+            self.paths.predict(points, ti.cast(span, ti.f32))
+            self.look(points)
+        self.paths.keep(points)
+        length = ti.min(ti.max(room, 1), wanted)
+        if anew:
+            self.begin(points, done, length, True)
+        else:
+            self.begin(points, done, length, False)
+
+
+class LayerContact(SharedConstraint):
+    """The contact of one sheet with itself. options: see `SelfContact`. Raises InputError on a thickness that is more
+    than key points can keep."""
+
+    fields_of = LayerFields
+    answers = "self_contact"
+    whole = True
+    stops = True
+
+    def __init__(self, sheet: Sheet, options: SelfContact) -> None:
+        s, self._sheet = sheet.springs, sheet
+        spacing = min(s.spacing_x, s.spacing_y)
+        if options.thickness > 4 * spacing:
+            raise InputError(
+                f"self_contact.thickness: {options.thickness:g} m; allowed: up to 4 times the spacing "
+                f"({4 * spacing:g} m)"
+            )
+        self._size, self._levels = capacity_of(sheet.padded_shape), levels_of(*sheet.padded_shape)
+        self._width, self._substeps, self._longest, self._free, self._halved = sheet.width, 1, 1, 1, 0
+        named = {
+            "thickness": options.thickness,
+            "friction": options.friction,
+            "reach": (1 + AWAKE) * options.thickness + 2 * SKIN * spacing,
+            "coarse": COARSE * spacing,
+            "margin": AWAKE * options.thickness,
+            "spacing_x": s.spacing_x,
+            "spacing_y": s.spacing_y,
+        }
+        named |= {str(level): least for level, least in enumerate(LEAST_SLACK)}
+        self._numbers = np.array([named[name] for name in NUMBERS], np.float32)
+        cells = sheet.cells > 0
+        panels, count = ndimage.label(cells, np.ones((3, 3)))  # pyright: ignore[reportGeneralTypeIssues]
+        corners = [np.pad(panels, ((i, 1 - i), (j, 1 - j))) for i in (0, 1) for j in (0, 1)]
+        east, north, cell = (w > 0 for w in sheet.weights)
+        has = CELL * cell + EAST * east + NORTH * north + POINT * sheet.present
+        labels = [sheet.padded(one).astype(np.int32).ravel() for one in (has, np.maximum.reduce(corners))]
+        rows, columns = np.nonzero(cells)
+        whole = count == 1 and len(rows) == (np.ptp(rows) + 1) * (np.ptp(columns) + 1)
+        if not whole:  # beside a rectangle is nothing, but what is no rectangle has holes
+            labels[0] = np.where(labels[0] & CELL, labels[0], labels[0] | HOLE)
+        self._labels, self._inverse = np.stack(labels), sheet.padded(sheet.inverse_mass).ravel()
+
+    @property
+    def kind(self) -> tuple[int]:
+        return (self._size,)
+
+    def join(self, substeps: int, step: float) -> None:
+        self._substeps = substeps
+        self._longest, self._free = (max(1, round(time / step)) for time in (LONGEST, FREE))
+
+    def fill(self, state: SheetState) -> None:
+        """Raises InputError on a sheet that passes through itself: it would be kept as it is."""
+        found = find_crossings(self._sheet.positions(state).reshape(-1, 3), self._sheet.triangles)
+        if found.count:
+            x, y, z = np.median(found.places, axis=0)
+            raise InputError(
+                f"cloth on cloth: at the start {found.count} triangles pass through others, about ({x:.3f}, {y:.3f}, "
+                f"{z:.3f}) m; allowed: a sheet that meets itself nowhere; move it, or leave forces.self_contact out"
+            )
+        self.fields.take(self._width, self._labels, self._inverse, self._levels, self._numbers)
+
+    def begin(self, state: SheetState, forces: FrameForces) -> None:
+        super().begin(state, forces)
+        share = 2**self._halved
+        self.fields.start(
+            max(1, self._longest // share), max(1, self._free // share), self._substeps, USE * CAREFUL**self._halved
+        )
+
+    def end(self, state: SheetState) -> None:
+        """Raises InputError where there was no room for all pairs or contacts."""
+        fields = self.fields
+        for name, part in (("cells", fields.search), ("near pairs", fields.near), ("contacts", fields.contacts)):
+            if part.overflow[None]:
+                raise InputError(
+                    f"cloth on cloth: no room for {part.overflow[None]} {name}; the sheet lies in too many layers: "
+                    "use a smaller forces.self_contact.thickness_mm or wider spacing"
+                )
+
+    def again(self) -> bool:
+        proven = self.fields.unproven[None] == 0
+        if proven or self._halved == HALVINGS:
+            self.fault = "" if proven else "layers of cloth could not be kept apart"
+            self._halved = 0
+            return False
+        self._halved += 1
+        return True
+
+    def stop(self, state: SheetState, done: int) -> int:
+        return int(self.fields.stop(state.values, done))
+
+    @ti.func
+    def before(self, points: Template, done, n: Template):
+        self.fields.contacts.forget()
+
+    @ti.func
+    def correct_whole(self, points: Template, done, n: Template):
+        if ti.static(points.sums):
+            self.fields.contacts.respond(points, MEND_SUMMED)
+        elif done % 2 == 1:
+            self.fields.contacts.respond(points, MEND)

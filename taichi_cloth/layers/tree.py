@@ -1,0 +1,155 @@
+"""Boxes round cells of cloth, and round blocks of 2 × 2, 4 × 4, … of them: of where they are, where they may get, and
+of the directions of their threads."""
+
+from typing import Any
+
+import numpy as np
+import taichi as ti
+from numpy.typing import NDArray
+
+from taichi_cloth.ground.arrays import I32x2, Template
+from taichi_cloth.ground.routine import routine
+from taichi_cloth.layers.paths import CELL, EAST, NORTH, POINT
+from taichi_cloth.motion.stencil import load, near, store
+from taichi_cloth.sheet.sheet import LANES
+
+__all__ = ["HOLE", "LEVELS", "NONE", "Tree", "levels_of"]
+
+LEVELS = 8
+TOP = 144
+"""Blocks of the top level, at most: all pairs of them are looked at."""
+
+HOLE = 16
+"""Bit of an element without a cell that leaves a hole in the cloth round it, beside those of `Paths`."""
+
+NONE = 1e9
+WEFT, WARP = 6, 9
+"""First of the three bounds, of twelve: of places from 0, of ways from 3, of the threads along rows and columns."""
+
+
+def levels_of(rows: int, width: int) -> NDArray[np.int32]:
+    """(LEVELS, 3) first node, rows and columns of each level; rows 0 beyond the last. rows, width: of the padded grid.
+    Nodes of level 0 are the grid's elements."""
+    out = np.zeros((LEVELS, 3), np.int32)
+    out[0] = 0, rows, width
+    at, level = rows * width, 0
+    while rows * width > TOP or level < 2:
+        rows, width, level = -(-rows // 2), -(-width // 2), level + 1
+        out[level] = at, rows, width
+        at += rows * width
+    return out
+
+
+@ti.data_oriented
+class Tree:
+    """low, high: [bound], see `WEFT`; of nothing NONE and −NONE. clear: how far all in a node may be off its path [m].
+    slack: by how much its threads may turn, as a share of their length. at: see `levels_of`. top: level."""
+
+    at: Any
+    top: Any
+
+    def __init__(self, size: int) -> None:
+        nodes = 2 * size
+        self.low, self.high = ([ti.field(ti.f32, nodes) for _ in range(12)] for _ in range(2))
+        self.clear, self.slack = (ti.field(ti.f32, nodes) for _ in range(2))
+        self.at, self.top = ti.field(ti.i32, (LEVELS, 3)), ti.field(ti.i32, ())
+        self.inverse = ti.field(ti.f32, 2)
+
+    @ti.func
+    def take(self, levels: I32x2, inverse_x, inverse_y):
+        """inverse: 1 over the spacings [1/m]."""
+        for level in range(LEVELS):
+            for k in range(3):
+                self.at[level, k] = levels[level, k]
+            if levels[level, 1] > 0:
+                self.top[None] = level
+        self.inverse[0], self.inverse[1] = inverse_x, inverse_y
+
+    @ti.func
+    def node(self, level, i, j):
+        return self.at[level, 0] + i * self.at[level, 2] + j
+
+    @ti.func
+    def bound(self, k: Template, p, there, low, high):
+        """Bounds of lanes, of those that are there."""
+        store(self.low[k], p, ti.select(there, low, NONE))
+        store(self.high[k], p, ti.select(there, high, -NONE))
+
+    @routine
+    def cells(self, points: Template, paths: Template, horizon: ti.f32):  # pyright: ignore[reportInvalidTypeForm]
+        """The lowest level. horizon: substeps ahead."""
+        row = points.row[None]
+        for e in range(paths.count[None]):
+            p = paths.packet(e)
+            has = load(paths.has, p)
+            here, east, north, cell = (has & POINT) != 0, (has & EAST) != 0, (has & NORTH) != 0, (has & CELL) != 0
+            hole = (has & HOLE) != 0
+            for axis in ti.static(range(3)):
+                a, b = load(points.position[axis], p), load(points.position[axis], near(p + 1))
+                c, d = load(points.position[axis], near(p + row)), load(points.position[axis], near(p + row + 1))
+                x, y, z = ti.select(east, b, a), ti.select(north, c, a), ti.select(cell, d, a)
+                self.bound(axis, p, here, ti.min(ti.min(a, x), ti.min(y, z)), ti.max(ti.max(a, x), ti.max(y, z)))
+                u, v = horizon * load(paths.pace[axis], p), horizon * load(paths.pace[axis], near(p + 1))
+                w = horizon * load(paths.pace[axis], near(p + row))
+                t = horizon * load(paths.pace[axis], near(p + row + 1))
+                x, y, z = ti.select(east, v, u), ti.select(north, w, u), ti.select(cell, t, u)
+                self.bound(axis + 3, p, here, ti.min(ti.min(u, x), ti.min(y, z)), ti.max(ti.max(u, x), ti.max(y, z)))
+                # Threads along the row and the column, now and at the horizon.
+                for first, one, other, ahead, beyond, scale in ti.static(
+                    (
+                        (WEFT, b - a, d - c, v - u, t - w, self.inverse[0]),
+                        (WARP, c - a, d - b, w - u, t - v, self.inverse[1]),
+                    )
+                ):
+                    low = ti.min(one, other) + ti.min(ti.min(ahead, beyond), 0.0)
+                    high = ti.max(one, other) + ti.max(ti.max(ahead, beyond), 0.0)
+                    self.bound(
+                        first + axis,
+                        p,
+                        cell | hole,
+                        ti.select(hole, -9.0, scale * low),
+                        ti.select(hole, 9.0, scale * high),
+                    )
+            store(self.clear, p, ti.Vector([NONE] * LANES))
+            store(self.slack, p, ti.Vector([NONE] * LANES))
+
+    @routine
+    def rise(self):
+        """All levels from the one below."""
+        for level in range(1, self.top[None] + 1):
+            rows, wide = self.at[level - 1, 1], self.at[level - 1, 2]
+            for i in range(self.at[level, 1]):
+                for j in range(self.at[level, 2]):
+                    q, p = self.node(level, i, j), self.node(level - 1, 2 * i, 2 * j)
+                    x = ti.select(2 * j + 1 < wide, 1, 0)
+                    y = ti.select(2 * i + 1 < rows, wide, 0)
+                    for k in ti.static(range(12)):
+                        low, high = ti.static(self.low[k], self.high[k])
+                        low[q] = ti.min(ti.min(low[p], low[p + x]), ti.min(low[p + y], low[p + y + x]))
+                        high[q] = ti.max(ti.max(high[p], high[p + x]), ti.max(high[p + y], high[p + y + x]))
+                    self.clear[q] = NONE
+                    self.slack[q] = NONE
+
+    @routine
+    def settle(self, points: Template, paths: Template):
+        """What nodes may be off, down to the key points."""
+        for down in range(self.top[None]):
+            level = self.top[None] - 1 - down
+            for i in range(self.at[level, 1]):
+                for j in range(self.at[level, 2]):
+                    q, p = self.node(level, i, j), self.node(level + 1, i >> 1, j >> 1)
+                    self.clear[q] = ti.min(self.clear[q], self.clear[p])
+                    self.slack[q] = ti.min(self.slack[q], self.slack[p])
+        row = points.row[None]
+        for e in range(paths.count[None]):
+            p = paths.packet(e)
+            has = load(paths.has, p)
+            room, turn = load(self.clear, p), load(self.slack, p)
+            for back in ti.static((1, row, row + 1)):
+                room = ti.min(room, load(self.clear, near(p - back)))
+                turn = ti.min(turn, load(self.slack, near(p - back)))
+            store(paths.room, p, ti.select((has & POINT) != 0, 1.0 / (room * room), 0.0))
+            for field, bit, scale in ti.static(
+                ((paths.turn_east, EAST, self.inverse[0]), (paths.turn_north, NORTH, self.inverse[1]))
+            ):
+                store(field, p, ti.select((has & bit) != 0, scale * scale / (turn * turn), 0.0))
