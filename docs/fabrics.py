@@ -50,8 +50,8 @@ is written by
     python docs/fabrics.py --out docs/fabrics.md
 
 and `python docs/fabrics.py OTHER.csv` compares another table. A pair is predicted / measured; a dash means that
-nothing can be predicted. DC is that of the curve over bending length; beside it that of three simulated discs of
-what is woven by the formulas, made by `python docs/fabrics.py --drape 3`.
+nothing can be predicted. DC is that of the curve over bending length; beside it that of six simulated discs of
+what is woven by the formulas, made by `python docs/fabrics.py --drape 6`.
 """
 
 WHY = """
