@@ -10,7 +10,9 @@ constraints of a yarn at once instead of one by one; Goldenthal et al. 2007 solv
     diagonal r_p + r_q + α,      beside it −r (n_s · n_{s+1}), r of the key point between both
 
 which is well conditioned however stiff the thread: α → 0 is one that cannot be stretched. dC: how C changed in this
-step, for damping of the time τ along the threads.
+step, for damping of the time τ along the threads. Whether its crimp is drawn out is told by its tension, that of the
+substep before where there is none yet in this one, and not by C: what a seam or a blow has drawn apart in a substep pulls
+no harder for it, and taken for a stiff thread would be left as long as its crimp is.
 
 It is solved as a LDLᵀ factorisation, 8 yarns side by side: yarns along the columns as they lie; those along the rows
 are read across 8 rows at once, and their factors lie turned, so that both go through the same recursion. A family is
@@ -45,7 +47,7 @@ THREAD_NUMBERS = (
     "slimmer",  # 1/L
     "soft",  # α before the thread's crimp is drawn out, and of a linear one
     "stiff",  # α from then on
-    "crimp",  # [m] of C at which it is drawn out
+    "crimp",  # [m] of C at which its pull has drawn it out
     "offset",  # [m] by which C seems less from then on: crimp (1 − stiff/soft)
     "bound",  # [m] of C that a strain limit leaves it, NEVER without one
     "calm",  # 1/[m], of the C, either way, beyond which the next substep is wild
@@ -317,7 +319,7 @@ class WholeYarns:
         v = load(points.step[1], q) - load(points.step[1], p)
         w = load(points.step[2], q) - load(points.step[2], p)
         length = ti.sqrt(x * x + y * y + z * z + 1e-16)
-        scale = ti.min(load(self.slack, s), 1.0) / length
+        scale = present_at(load(self.slack, s)) / length
         store(self.grown, p, length - n.rest)
         store(self.growing, p, n.damped * scale * (u * x + v * y + w * z))
         back = ti.select(self.wild[None] > 0.0, 0.0, 0.5)
@@ -334,7 +336,7 @@ class WholeYarns:
         x = load(self.normal[0], s) - share * (load(self.turning[0], b) + load(self.turning[0], q))
         y = load(self.normal[1], s) - share * (load(self.turning[1], b) + load(self.turning[1], q))
         z = load(self.normal[2], s) - share * (load(self.turning[2], b) + load(self.turning[2], q))
-        scale = ti.min(load(self.slack, s), 1.0) / ti.sqrt(x * x + y * y + z * z + 1e-16)
+        scale = present_at(load(self.slack, s)) / ti.sqrt(x * x + y * y + z * z + 1e-16)
         for axis, value in ti.static(((0, x), (1, y), (2, z))):
             store(self.normal[axis], s, scale * value)
 
@@ -343,10 +345,10 @@ class WholeYarns:
         """The right sides, and the diagonals where they are made anew. mark: where a group keeps its largest."""
         s = points.lanes(base + p)
         slack = load(self.slack, s)
-        there = ti.min(slack, 1.0)
+        there = present_at(slack)
         grown, growing = load(self.grown, p), load(self.growing, p)
-        # Its law: soft until the crimp is drawn out, then stiff.
-        drawn = ti.select(grown > n.crimp, 1.0, 0.0)
+        # Its law: soft until its pull draws the crimp out, then stiff.
+        drawn = ti.select(-n.soft * slack * load(self.tension, s) > n.crimp, 1.0, 0.0)
         compliance = (n.soft + drawn * (n.stiff - n.soft)) * slack
         asked = grown - drawn * n.offset + growing + compliance * (carried * load(self.tension, s))
         store(self.right, p, -there * asked)
@@ -366,7 +368,7 @@ class WholeYarns:
         """Threads at their limit, in place of their law."""
         s = points.lanes(base + p)
         was, grown = load(self.held, s), load(self.grown, p)
-        there = ti.min(load(self.slack, s), 1.0)
+        there = present_at(load(self.slack, s))
         over = there * ti.select(grown > n.bound * (1.0 - (1.0 - HELD) * was), 1.0, 0.0)
         store(self.held, s, over)
         right = load(self.right, p)
@@ -463,6 +465,12 @@ class WholeYarns:
         pulled = was - (load(self.tension, s) * mobile * n.slimmer + was) * ti.static(2.0 / AVERAGED)
         store(self.pulled, s, pulled)
         store(self.tight, mark, ti.max(load(self.tight, mark), pulled))
+
+
+@ti.func
+def present_at(slack):
+    """1 where there is a thread, which may be stiffer than one inside, else 0."""
+    return ti.min(slack * 1e30, 1.0)
 
 
 def _whole_numbers(shape: int | tuple[()]) -> Any:
