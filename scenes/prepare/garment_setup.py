@@ -18,7 +18,7 @@ from taichi_cloth.garment.pattern.fitting import fitted
 from taichi_cloth.garment.pattern.garmentcode import read_garmentcode
 from taichi_cloth.garment.pattern.measure import figure_of
 from taichi_cloth.garment.pattern.pattern import Pattern
-from taichi_cloth.garment.sewn.limbs import spared
+from taichi_cloth.garment.sewn.limbs import bearer, spared
 from taichi_cloth.garment.sewn.sew import Garment, Worn, sew
 from taichi_cloth.garment.sewn.weaving import crossings_shape
 from taichi_cloth.ground.cache import digest, kept
@@ -57,7 +57,7 @@ __all__ = [
     "woven_garment",
 ]
 
-VERSION = 15
+VERSION = 16
 """Of what is kept on disk: raised whenever the same scene would come to another rest."""
 
 Progress = Callable[[str, int, int], None]
@@ -236,9 +236,9 @@ def garment_simulation(
     met = spared(garment.atlas, dressed.worn.positions, dressed.primitives, moving=not still)
     colliders = replace(colliders, spared=met)
     forces = replace(garment_forces(scene, garment), body=colliders)
-    names = garment.holds()[3]
+    places = garment.holds()[2]
     solver = scene.solver or SolverSection()
-    bones = np.array([dressed.body.skeleton.index(name) for name in names], np.int64)
+    bones = np.full(len(places), bearer(places, dressed.primitives) if len(places) else -1)
     return garment.simulation(
         forces,
         dressed.worn.positions,

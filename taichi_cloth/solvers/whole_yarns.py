@@ -11,8 +11,8 @@ constraints of a yarn at once instead of one by one; Goldenthal et al. 2007 solv
 
 which is well conditioned however stiff the thread: α → 0 is one that cannot be stretched. dC: how C changed in this
 step, for damping of the time τ along the threads. Whether its crimp is drawn out is told by its tension, that of the
-substep before where there is none yet in this one, and not by C: what a seam or a blow has drawn apart in a substep pulls
-no harder for it, and taken for a stiff thread would be left as long as its crimp is.
+substep before where there is none yet in this one, and not by C: what a seam has drawn apart within a substep pulls no
+harder for it, and taken for a stiff thread would be left as long as its crimp is.
 
 It is solved as a LDLᵀ factorisation, 8 yarns side by side: yarns along the columns as they lie; those along the rows
 are read across 8 rows at once, and their factors lie turned, so that both go through the same recursion. A family is

@@ -12,7 +12,7 @@ from taichi_cloth.body.primitives.primitives import Primitive
 from taichi_cloth.body.skin.names import JOINTS
 from taichi_cloth.garment.pattern.cut import cut
 from taichi_cloth.garment.pattern.pattern import Flat, Panel, Pattern
-from taichi_cloth.garment.sewn.limbs import LIMBS, spared
+from taichi_cloth.garment.sewn.limbs import LIMBS, bearer, spared
 from taichi_cloth.motion.forces import Forces
 from taichi_cloth.sheet.sheet import Sheet
 from taichi_cloth.sheet.springs import calibrate
@@ -36,6 +36,15 @@ def panel_of() -> Pattern:
     square = np.array([[0.0, 0], [0.08, 0], [0.08, 0.08], [0, 0.08], [0, 0]])
     edges = tuple(square[k : k + 2] for k in range(4))
     return Pattern("patch", (Panel("front", edges, Flat(np.eye(3), np.zeros(3))),), ())
+
+
+@pytest.mark.parametrize(("low", "high", "bone"), [(9, 2, LEG), (2, 9, CHEST)])
+def test_what_is_held_is_carried_by_what_most_of_it_lies_on(low: int, high: int, bone: int) -> None:
+    """So many points round the leg, a tenth of a metre below the chest, and so many round the chest."""
+    turns = np.linspace(0.0, 2 * np.pi, low + high)
+    height = np.where(np.arange(low + high) < low, -0.95, -0.45)
+    places = np.stack([0.16 * np.cos(turns), height, 0.16 * np.sin(turns)], axis=-1)
+    assert bearer(places, [CHESTED, LEGGED]) == bone
 
 
 def meets(bits: int) -> set[str]:

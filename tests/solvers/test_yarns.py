@@ -194,12 +194,12 @@ def test_the_kernel_is_the_scheme_in_float64(stiff: float, roughness: float, end
 
 
 def test_a_crimp_is_drawn_out_by_what_pulls_and_not_by_how_long_a_thread_seems() -> None:
-    """Key points that a substep would take 10 % apart, as what closes a seam does, are drawn together as far as with the
-    soft part of the law alone, where the tension that takes is a fiftieth of what draws out a crimp of 2 %."""
+    """Key points that a substep would take 10 % apart, as what closes a seam does, are drawn together as far as with
+    the soft part of the law alone, where the tension that takes is a fiftieth of what draws out a crimp of 2 %."""
     soft = times(1e3)
-    curved = {name: 1e7 for name in ("drawn_warp", "drawn_weft")} | {"crimp_warp": 0.02, "crimp_weft": 0.02}
+    curved = replace(soft, drawn_warp=1e7, drawn_weft=1e7, crimp_warp=0.02, crimp_weft=0.02)
     reached = []
-    for material in (soft, replace(soft, **curved)):
+    for material in (soft, curved):
         sheet = sheet_of(material, pinned=(-1, slice(None)))
         solver = Yarns(sheet, FAR, frame_rate=2000.0, threads=1)
         state = sheet.state(upright(sheet))

@@ -211,7 +211,7 @@ def _skirt(f: Figure, cut: Cut) -> Pattern:
         _sector(name, waist / 2, hem / 2, long, f, back=name == "back", height=f.waist_height)
         for name in ("front", "back")
     ]
-    band = tuple(Hold(Side(name, 2), "pelvis") for name in ("front", "back"))
+    band = tuple(Hold(Side(name, 2)) for name in ("front", "back"))
     return Pattern("skirt", tuple(panels), tuple(_sides("front", "back", ((1, 3), (3, 1)))), band)
 
 
@@ -282,7 +282,7 @@ def _trousers(f: Figure, cut: Cut) -> Pattern:
             place = Flat(turn, np.array([0.0, f.waist_height, away]))
             panels.append(Panel(f"{side}_{name}", tuple(edges), place, hems=(0,)))
             round_waist = Wrap(middle_of_waist, UP, FRONT if name == "front" else -FRONT, ring)
-            band.append(Hold(Side(f"{side}_{name}", 2 if mirrored > 0 else 3), "pelvis", place=round_waist))
+            band.append(Hold(Side(f"{side}_{name}", 2 if mirrored > 0 else 3), place=round_waist))
 
     def edge(panel: str, part: int) -> Side:
         """part: 1 outer, 3 centre, 4 inner; a mirrored loop counts the other way."""

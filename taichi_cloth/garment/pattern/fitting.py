@@ -341,4 +341,4 @@ def _round_waist(pattern: Pattern, figure: Figure) -> Pattern:
         change[side.panel] = Wrap(
             origin, UP, np.array([0.0, 0.0, 1.0]), ring, middle=middle, taper=taper, at=at, top=top
         )
-    return replace(_placed(pattern, change), holds=tuple(Hold(side, "pelvis") for side in band))
+    return replace(_placed(pattern, change), holds=tuple(Hold(side) for side in band))

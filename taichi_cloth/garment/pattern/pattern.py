@@ -175,12 +175,11 @@ class Seam:
 
 @dataclass(frozen=True)
 class Hold:
-    """An edge that the body carries, as a waistband: attached rigidly to a bone, by name, where `place` has the edge
-    (None: where its panel starts). Tops need none: they hang on the shoulders by friction.
+    """An edge that the body carries, as a waistband, where `place` has it (None: where its panel starts). Tops need
+    none: they hang on the shoulders by friction.
     """
 
     side: Side
-    bone: str
     place: Flat | Wrap | Cone | None = None
 
 

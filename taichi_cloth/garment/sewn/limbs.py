@@ -21,7 +21,7 @@ from taichi_cloth.body.primitives.primitives import Primitive
 from taichi_cloth.body.skin.names import JOINTS
 from taichi_cloth.garment.pattern.cut import Atlas
 
-__all__ = ["LIMBS", "spared"]
+__all__ = ["LIMBS", "bearer", "spared"]
 
 F64 = NDArray[np.float64]
 
@@ -45,6 +45,16 @@ NEARER = 0.005
 
 FOLD = 0.075
 """From both of two limbs with a fold between them, at rest, within which cloth in motion hides in it [m]."""
+
+
+def bearer(places: NDArray, primitives: Sequence[Primitive]) -> int:
+    """The bone that carries what is held at places (n, 3) on the body at rest [m]: that whose part most of them lie on.
+
+    Carried by another, as a waistband by the pelvis, they would be moved into the waist, which keeps cloth out, as it
+    turns, and threads between the two drawn long.
+    """
+    _, _, nearest = nearest_distance(primitives, places)
+    return int(np.bincount([primitives[k].bone for k in nearest]).argmax())
 
 
 def spared(atlas: Atlas, positions: NDArray, primitives: Sequence[Primitive], *, moving: bool) -> NDArray[np.int32]:

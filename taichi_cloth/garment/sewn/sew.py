@@ -113,10 +113,9 @@ class Garment:
         """Number of each seam's last tie in `seams`, (seams,)."""
         return np.cumsum(self.tie_counts()) - 1
 
-    def holds(self) -> tuple[I64, F64, F64, list[str]]:
-        """Points of the edges that the body carries: blends (n, 4, 2) and (n, 4), where they belong (n, 3) [m], and the
-        name of the bone of each."""
-        nodes, weights, places, bones = [], [], [], []
+    def holds(self) -> tuple[I64, F64, F64]:
+        """Points of the edges that the body carries: blends (n, 4, 2) and (n, 4), where they belong (n, 3) [m]."""
+        nodes, weights, places = [], [], []
         for hold in self.pattern.holds:
             edge = self.pattern.edge(hold.side)
             count = max(2, int(np.ceil(length(edge) / max(self.atlas.spacing))) + 1)
@@ -125,10 +124,9 @@ class Garment:
             nodes.append(n)
             weights.append(w)
             places.append((hold.place or self.pattern.panel(hold.side.panel).place).points(points))
-            bones += [hold.bone] * count
         if not nodes:
-            return np.zeros((0, 4, 2), np.int64), np.zeros((0, 4)), np.zeros((0, 3)), []
-        return np.concatenate(nodes), np.concatenate(weights), np.concatenate(places), bones
+            return np.zeros((0, 4, 2), np.int64), np.zeros((0, 4)), np.zeros((0, 3))
+        return np.concatenate(nodes), np.concatenate(weights), np.concatenate(places)
 
     def _embedded(self, side: Side, points: F64) -> tuple[I64, F64]:
         piece = self.atlas.panel(side.panel)
@@ -138,7 +136,7 @@ class Garment:
         """Holds, carried by `bones` (n,), and seams, where there are any. A garment without holds has one that holds
         nothing, so that its kernel is that of all garments."""
         seams, seam_weights = self.seams()
-        nodes, weights, places, _ = self.holds()
+        nodes, weights, places = self.holds()
         if not len(nodes):
             nodes, weights, places = np.zeros((1, 4, 2), np.int64), np.zeros((1, 4)), np.zeros((1, 3))
             bones = np.full(1, -1)
