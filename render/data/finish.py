@@ -20,6 +20,9 @@ from taichi_cloth.ground.errors import InputError, did_you_mean
 
 __all__ = ["FINISHES", "Finish", "finish_for"]
 
+RANGES = {"specular": (0, 4), "sheen": (0, 4), "exponent": (4, 500), "spread": (2, 40), "depth": (0, 0.1)}
+"""Of the numbers of a finish that are not shares."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Finish:
@@ -48,6 +51,9 @@ class Finish:
     """0..1: share that passes through it (TT): a fringe glows against the light."""
     internal: float = 0.10
     """0..1: share that is reflected inside it and comes back coloured (TRT)."""
+    depth: float = 0.0
+    """0..0.1: how deep the cloth or the yarn is that fibres make together [m]: light goes from fibre to fibre in it,
+    and a colour is that of a mass of them (see `light.bulk`). 0 lights every particle by itself."""
 
     def __post_init__(self) -> None:
         if self.model not in ("kajiya", "marschner"):
@@ -60,9 +66,7 @@ class Finish:
         for field in fields(self):
             if field.name == "model":
                 continue
-            low, high = {"specular": (0, 4), "sheen": (0, 4), "exponent": (4, 500), "spread": (2, 40)}.get(
-                field.name, (0, 1)
-            )
+            low, high = RANGES.get(field.name, (0, 1))
             value = getattr(self, field.name)
             if not low <= value <= high:
                 raise InputError(f"finish.{field.name}: {value!r}; allowed: {low} to {high}")

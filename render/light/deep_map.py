@@ -24,6 +24,7 @@ else:
         softness=ti.f32,  # width of the penumbra [texels] per metre behind the blocker
         offset=ti.f32,  # how far out along the normal a particle is looked up [m]
         lag=ti.f32,  # how far towards the light a place is looked up [m]
+        beyond=ti.f32,  # and how much farther, to be out of the cloth that it is in [m]
     )
 """Numbers of a map: changing them compiles nothing."""
 

@@ -85,6 +85,7 @@ def _slope(cosine):
 @ti.kernel
 def gather(
     soft: Template,
+    bulk: Template,
     deep: DeepMap,
     # map:
     axes: F32x2,
@@ -97,7 +98,8 @@ def gather(
     # out:
     light_out: Blocks,
 ):
-    """light_out[block, row, lane]: the light that reaches each particle, 0..1.
+    """light_out[block, row, lane]: the light that reaches each particle, 0..1; in bulk, at row + 1 what reaches the
+    cloth there: read nearer to the light by as much as leads out of it.
 
     A particle reads at its centre moved the map's offset and half its radius out along its normal, and half its
     radius and its lag, more where the surface slopes, towards the light: the places where its own neighbours
@@ -122,10 +124,16 @@ def gather(
         depth -= deep.lag * _slope(cosine) + 0.5 * size
         # Lane by lane, as each reads texels of its own.
         light = Vec16(1.0)
+        outside = Vec16(1.0)
         for lane in range(LANES):
             if size[lane] > 0.0:
                 light[lane] = _through(soft, deep, levels, u[lane], v[lane], depth[lane], nearest, through)
+                if ti.static(bulk):
+                    nearer = depth[lane] - deep.beyond
+                    outside[lane] = _through(soft, deep, levels, u[lane], v[lane], nearer, nearest, through)
         light_out[b, row] = light
+        if ti.static(bulk):
+            light_out[b, row + 1] = outside
 
 
 @ti.kernel

@@ -31,6 +31,8 @@ TEXEL = 3.0
 FINE = 6.0
 """Depth [texels] in which the layers near either side of a texel are fine."""
 
+BEYOND = 8.0
+"""Depths of a cloth by which a place in it is moved to be out of it."""
 
 NO_WALLS = np.zeros((2, 1), np.float32)
 
@@ -73,10 +75,14 @@ class SkyMaps:
     texel: float
     """Width of the coarsest map's texel [m]."""
 
-    def on_particles(self, blocks: NDArray[np.float32], light_out: NDArray[np.float32], row: int) -> None:
-        """Write the share of the sky that packed particles see, 0..1, to light_out (blocks, rows, 16), at `row`."""
+    def on_particles(
+        self, blocks: NDArray[np.float32], light_out: NDArray[np.float32], row: int, depth: float = 0.0
+    ) -> None:
+        """Write the share of the sky that packed particles see, 0..1, to light_out (blocks, rows, 16), at `row`; with a
+        depth, in the five after it what a cloth `depth` [m] thick at their place sees (see `sky.look`)."""
         if blocks.shape[1]:
-            sky.look(self.walls is not None, *self._map, blocks, row, light_out)
+            beyond = BEYOND * depth + self.texel
+            sky.look(depth > 0, self.walls is not None, *self._map, beyond, blocks, row, light_out)
 
     def seen_from(self, points: ArrayLike, normals: ArrayLike) -> NDArray[np.float32]:
         """The share of the sky, 0..1, that world points (n, 3) [m] with unit normals (n, 3) see, shape (n,)."""

@@ -42,6 +42,12 @@ class LightMaps:
     """One for each of `Lighting.lights`, None for one that casts no shadow."""
     sky: SkyMaps | None
 
+    def coarse(self, depth: float) -> float:
+        """How far these maps do not show what hides what within a cloth `depth` [m] thick: 0 where ten texels go into
+        it, 1 where two do, or with no maps."""
+        texels = [m.texel for m in (*self.lights, self.sky) if m is not None]
+        return min(max((max(texels) / depth - 0.1) / 0.4, 0.0), 1.0) if texels else 1.0
+
     @property
     def nbytes(self) -> int:
         return sum(m.nbytes for m in (*self.lights, self.sky) if m is not None)
@@ -52,14 +58,16 @@ def shading_of(lighting: Lighting, finish: Finish) -> Shading:
     lights = lighting.lights
     if len(lights) > 1 + MOST_OTHERS:
         raise InputError(f"lighting.others: {len(lights) - 1} lights; allowed: up to {MOST_OTHERS}")
+    bulk = finish.depth > 0
     rows, row = [], 0
     for light in lights:
         needed = light.casts_shadow and light.intensity > 0
         rows.append(row if needed else -1)
-        row += needed
+        row += Shading(bulk=bulk).of_light * needed
     return Shading(
+        bulk=bulk,
         shadows=tuple(rows),
-        sky=row if lighting.occlusion and lighting.fill > 0 else -1,
+        sky=row if lighting.occlusion and (lighting.fill > 0 or bulk) else -1,
         lobes=finish.model == "marschner",
         dome=lighting.horizon is not None and lighting.fill > 0,
     )
@@ -130,37 +138,47 @@ class ParticleLight:
         return LightMaps(tuple(lights), self._sky if shading.sky >= 0 else None)
 
     def on_particles(
-        self, shading: Shading, layout: Layout, blocks: NDArray[np.float32], maps: LightMaps | None
+        self,
+        shading: Shading,
+        layout: Layout,
+        blocks: NDArray[np.float32],
+        maps: LightMaps | None,
+        depth: float = 0.0,
     ) -> NDArray[np.float32]:
-        """The light 0..1 on packed particles, (blocks, shading.rows, 16), with the rows that `shading` names."""
+        """The light 0..1 on packed particles, (blocks, shading.rows, 16), with the rows that `shading` names.
+
+        depth: of the cloth that they are in [m], see `Finish.depth`.
+        """
         if shading.rows == 0 or maps is None:
             return NO_LIGHT
         if self._light is None or self._light.shape != (blocks.shape[1], shading.rows, LANES):
             self._light = np.ones((blocks.shape[1], shading.rows, LANES), np.float32)
             self._known = {}
-        rows: list[tuple[int, ShadowMap | SkyMaps | None, int]] = [
-            (row, one, KEY_STRIDE) for row, one in zip(shading.shadows, maps.lights, strict=True) if row >= 0
+        known_lights = zip(shading.shadows, maps.lights, strict=True)
+        rows: list[tuple[int, int, ShadowMap | SkyMaps | None, int]] = [
+            (row, shading.of_light, one, KEY_STRIDE) for row, one in known_lights if row >= 0
         ]
         if shading.sky >= 0:
-            rows.append((shading.sky, maps.sky, SKY_STRIDE))
-        for row, one, stride in rows:
+            rows.append((shading.sky, shading.of_sky, maps.sky, SKY_STRIDE))
+        for row, count, one, stride in rows:
             if one is None:
                 raise InputError("light: the maps that are held have none for this light; cast them with it")
-            if self._known.get(row) is not one:
+            known = self._known.get(row)
+            if known is None or known[0] is not one or known[1] != depth:
                 few, stride = self._thinned(layout, blocks, stride)
                 if stride == 1:
-                    one.on_particles(blocks, self._light, row)
+                    one.on_particles(blocks, self._light, row, depth)
                 else:
-                    found = np.ones((few.shape[1], 1, LANES), np.float32)
-                    one.on_particles(few, found, 0)
-                    spread(stride, blocks, found, row, self._light)
-                self._known[row] = one
+                    found = np.ones((few.shape[1], count, LANES), np.float32)
+                    one.on_particles(few, found, 0, depth)
+                    spread(stride, count, blocks, found, row, self._light)
+                self._known[row] = one, depth
                 self.lookups += 1
         return self._light
 
     def key_map(self) -> ShadowMap | None:
         """The shadow map of the key light as last used; None where it casts no shadow."""
-        known = self._known.get(0)
+        known, _ = self._known.get(0, (None, 0.0))
         return known if isinstance(known, ShadowMap) else None
 
     def _thinned(self, layout: Layout, blocks: NDArray[np.float32], stride: int) -> tuple[NDArray[np.float32], int]:

@@ -12,8 +12,9 @@ from taichi_cloth.ground.arrays import F32x2, Template
 from taichi_cloth.ground.particles import COLOUR, NORMAL, POSITION, TANGENT
 from taichi_cloth.ground.vectors import Blocks, Vec16
 
+from .bulk import OF_KEY, OF_SKY, weight
 from .fibre import lobes
-from .view import DOME, EDGE, EYE, FIBRE, GROUND, KEY_DIRECTION, LOBES, OTHERS, SKY, SURFACE
+from .view import BULK, COAT, DOME, EDGE, EYE, FIBRE, GROUND, KEY_DIRECTION, LOBES, OTHERS, SKY, SURFACE
 
 __all__ = ["PLAIN", "Shading", "rise", "shade"]
 
@@ -29,12 +30,25 @@ class Shading:
     sky: the row of the share of the sky that is seen, or -1.
     lobes: the model of `fibre` instead of Kajiya's and Kay's.
     dome: the sky has a horizon of another colour than its zenith.
+    bulk: light goes from fibre to fibre (see `bulk`). After the row of a light comes one of what reaches the cloth
+    there, and after that of the sky the five of `sky.look`.
     """
 
     shadows: tuple[int, ...] = (-1,)
     sky: int = -1
     lobes: bool = False
     dome: bool = False
+    bulk: bool = False
+
+    @property
+    def of_light(self) -> int:
+        """Rows of a light that casts shadows."""
+        return 2 if self.bulk else 1
+
+    @property
+    def of_sky(self) -> int:
+        """Rows of the sky."""
+        return 6 if self.bulk else 1
 
     @property
     def others(self) -> int:
@@ -43,7 +57,8 @@ class Shading:
     @property
     def rows(self) -> int:
         """Rows of `light`."""
-        return max(*self.shadows, self.sky, -1) + 1
+        last = max(self.shadows)
+        return max(last + self.of_light if last >= 0 else 0, self.sky + self.of_sky if self.sky >= 0 else 0)
 
 
 PLAIN = Shading()
@@ -81,6 +96,37 @@ def rise(c):
 
 
 @ti.func
+def _sky(shading: Template, view: F32x2, up):
+    """What comes from all round on a surface whose normal has the height `up`: between ground and sky, with a brighter
+    horizon or zenith. Red, green, blue."""
+    upward = 0.5 + 0.5 * up
+    red = view[GROUND, 0] + (view[SKY, 0] - view[GROUND, 0]) * upward
+    green = view[GROUND, 1] + (view[SKY, 1] - view[GROUND, 1]) * upward
+    blue = view[GROUND, 2] + (view[SKY, 2] - view[GROUND, 2]) * upward
+    if ti.static(shading.dome):
+        above = rise(up)
+        red += view[DOME, 0] * above
+        green += view[DOME, 1] * above
+        blue += view[DOME, 2] * above
+    return red, green, blue
+
+
+@ti.func
+def _before(albedo, seen):
+    """Of the sky before a cloth, what a particle in it sends on that sees a share of it."""
+    return weight(OF_SKY[0], albedo) + seen * weight(OF_SKY[1], albedo)
+
+
+@ti.func
+def _lit(parts, albedo):
+    """Of a light, what a particle sends on: its parts as of `bulk`, each with its weight."""
+    total = weight(OF_KEY[0], albedo) * parts[0]
+    for j in ti.static(range(1, 4)):
+        total += weight(OF_KEY[j], albedo) * parts[j]
+    return total
+
+
+@ti.func
 def shade(layout: Template, shading: Template, particles: Blocks, light: Blocks, view: F32x2, b):
     """Red, green, blue; and for the slope across the fibre: v (3), sin(t, v), how far it faces the key light."""
     # Tangent t and normal n of the fibre, direction v to the eye, and how they stand to each other.
@@ -104,7 +150,6 @@ def shade(layout: Template, shading: Template, particles: Blocks, light: Blocks,
     grazing = ti.max(1.0 - ti.abs(n_v), 0.0)
     grazing *= grazing
     sheen = grazing * grazing * view[SURFACE, 1]
-    upward = 0.5 + 0.5 * ny
     opening = Vec16(1.0)
     if ti.static(layout.openness):
         opening = ti.min(ti.max(particles[layout.openness_row, b], 0.0), 1.0)
@@ -112,28 +157,42 @@ def shade(layout: Template, shading: Template, particles: Blocks, light: Blocks,
     albedo_r = particles[COLOUR, b]
     albedo_g = particles[COLOUR + 1, b]
     albedo_b = particles[COLOUR + 2, b]
-    # Light from all around: between ground and sky by how far the normal points up, a brighter horizon or zenith,
-    # less what neighbours hide of it.
-    fill_r = view[GROUND, 0] + (view[SKY, 0] - view[GROUND, 0]) * upward
-    fill_g = view[GROUND, 1] + (view[SKY, 1] - view[GROUND, 1]) * upward
-    fill_b = view[GROUND, 2] + (view[SKY, 2] - view[GROUND, 2]) * upward
-    if ti.static(shading.dome):
-        above = rise(ny)
-        fill_r += view[DOME, 0] * above
-        fill_g += view[DOME, 1] * above
-        fill_b += view[DOME, 2] * above
-    if ti.static(shading.sky >= 0):
-        seen = light[b, shading.sky] * opening
-        fill_r *= bounced(seen, albedo_r)
-        fill_g *= bounced(seen, albedo_g)
-        fill_b *= bounced(seen, albedo_b)
+    red, green, blue = Vec16(0.0), Vec16(0.0), Vec16(0.0)
+    bx, by, bz = nx, ny, nz  # what is open to it
+    if ti.static(shading.bulk):
+        # Light from all round: on the cloth there, through it, and as its fibres' highlights.
+        seen, before, behind = Vec16(1.0), Vec16(1.0), Vec16(1.0)
+        if ti.static(shading.sky >= 0):
+            seen, before, behind = light[b, shading.sky], light[b, shading.sky + 1], light[b, shading.sky + 2]
+            bx, by, bz = light[b, shading.sky + 3], light[b, shading.sky + 4], light[b, shading.sky + 5]
+        seen *= 1.0 - view[BULK, 1] * (1.0 - opening)
+        front_r, front_g, front_b = _sky(shading, view, by)
+        back_r, back_g, back_b = _sky(shading, view, -by)
+        gleam_r, gleam_g, gleam_b = _sky(shading, view, vy - 2.0 * t_v * ty)
+        gleam = view[BULK, 2] * seen * before
+        before *= view[BULK, 0]
+        behind *= view[BULK, 0]
+        red = before * front_r * _before(albedo_r, seen) + behind * back_r * weight(OF_SKY[2], albedo_r)
+        green = before * front_g * _before(albedo_g, seen) + behind * back_g * weight(OF_SKY[2], albedo_g)
+        blue = before * front_b * _before(albedo_b, seen) + behind * back_b * weight(OF_SKY[2], albedo_b)
+        red += gleam * gleam_r * (1.0 + view[COAT, 0] * (albedo_r - 1.0))
+        green += gleam * gleam_g * (1.0 + view[COAT, 0] * (albedo_g - 1.0))
+        blue += gleam * gleam_b * (1.0 + view[COAT, 0] * (albedo_b - 1.0))
     else:
-        fill_r *= opening
-        fill_g *= opening
-        fill_b *= opening
-    red = albedo_r * fill_r
-    green = albedo_g * fill_g
-    blue = albedo_b * fill_b
+        # Light from all around, less what neighbours hide of it.
+        red, green, blue = _sky(shading, view, ny)
+        if ti.static(shading.sky >= 0):
+            seen = light[b, shading.sky] * opening
+            red *= bounced(seen, albedo_r)
+            green *= bounced(seen, albedo_g)
+            blue *= bounced(seen, albedo_b)
+        else:
+            red *= opening
+            green *= opening
+            blue *= opening
+        red *= albedo_r
+        green *= albedo_g
+        blue *= albedo_b
     key_facing = Vec16(0.0)
     # Each light, the key first.
     for k in ti.static(range(1 + shading.others)):
@@ -173,15 +232,33 @@ def shade(layout: Template, shading: Template, particles: Blocks, light: Blocks,
             beyond = tt * incoming
             if ti.static(shading.shadows[k] < 0):  # nothing else keeps the light from passing through the cloth
                 beyond *= opening * opening * facing
-            lit *= 1.0 - view[LOBES, 0] - view[LOBES, 1] - view[LOBES, 2]
+            if ti.static(not shading.bulk):
+                lit *= 1.0 - view[LOBES, 0] - view[LOBES, 1] - view[LOBES, 2]
             red += view[at + 1, 0] * (albedo_r * inside + ti.sqrt(ti.max(albedo_r, 0.0)) * beyond)
             green += view[at + 1, 1] * (albedo_g * inside + ti.sqrt(ti.max(albedo_g, 0.0)) * beyond)
             blue += view[at + 1, 2] * (albedo_b * inside + ti.sqrt(ti.max(albedo_b, 0.0)) * beyond)
+        lit_r, lit_g, lit_b = albedo_r * lit, albedo_g * lit, albedo_b * lit
+        if ti.static(shading.bulk):
+            outside = Vec16(1.0)
+            if ti.static(shading.shadows[k] >= 0):
+                outside = light[b, shading.shadows[k] + 1]
+            b_l = bx * view[at, 0] + by * view[at, 1] + bz * view[at, 2]
+            around = view[at, 0] * vx + view[at, 1] * vy + view[at, 2] * vz - t_l * t_v
+            around = ti.min(ti.max(around / ti.max(sin_l * sin_v, 1e-4), -1.0), 1.0)
+            turned = ti.max(0.2 + 0.8 * b_l, 0.0)
+            here = passed * sin_l * (1.5 * view[BULK, 0] * view[COAT, 1])
+            forward = here * rise(-around)
+            if ti.static(shading.shadows[k] < 0):  # nothing else keeps the light from passing through the cloth
+                forward *= turned
+            here *= rise(around)
+            outside *= view[BULK, 0]
+            parts = here * turned, forward, outside * ti.max(b_l, 0.0), outside * ti.max(-b_l, 0.0)
+            lit_r, lit_g, lit_b = _lit(parts, albedo_r), _lit(parts, albedo_g), _lit(parts, albedo_b)
         # Highlights have the light's colour, and as much of the fibre's as `tint` says.
         gleam += rim
-        red += view[at + 1, 0] * (albedo_r * lit + gleam * (1.0 + tint * (albedo_r - 1.0)))
-        green += view[at + 1, 1] * (albedo_g * lit + gleam * (1.0 + tint * (albedo_g - 1.0)))
-        blue += view[at + 1, 2] * (albedo_b * lit + gleam * (1.0 + tint * (albedo_b - 1.0)))
+        red += view[at + 1, 0] * (lit_r + gleam * (1.0 + tint * (albedo_r - 1.0)))
+        green += view[at + 1, 1] * (lit_g + gleam * (1.0 + tint * (albedo_g - 1.0)))
+        blue += view[at + 1, 2] * (lit_b + gleam * (1.0 + tint * (albedo_b - 1.0)))
         if ti.static(k == 0):
             key_facing = ti.min(2.0 * facing, 1.0)
             if ti.static(shading.shadows[0] >= 0):

@@ -34,6 +34,9 @@ MOST_LEVELS = 6
 """Maps of halved resolution for soft light: penumbras up to 2^6 texels wide."""
 
 
+BEYOND = 2.0
+"""Depths of a cloth by which a place in it is moved to be out of it: along a light that falls on it at 60 degrees."""
+
 NO_WALL = np.zeros(1, np.float32)
 
 
@@ -78,11 +81,15 @@ class ShadowMap:
         """Width of a texel of the finest map [m]."""
         return 1.0 / float(self.axes[SCALE, 0])
 
-    def on_particles(self, blocks: NDArray[np.float32], light_out: NDArray[np.float32], row: int) -> None:
-        """Write the light 0..1 that reaches packed particles to light_out (blocks, rows, 16), at `row`."""
+    def on_particles(
+        self, blocks: NDArray[np.float32], light_out: NDArray[np.float32], row: int, depth: float = 0.0
+    ) -> None:
+        """Write the light 0..1 that reaches packed particles to light_out (blocks, rows, 16), at `row`; with a
+        depth, at the row after it what reaches a cloth `depth` [m] thick at their place."""
         if blocks.shape[1]:
-            numbers = self._numbers(offset=0.5 * self.texel, lag=0.5 * self.texel)
-            lookup.gather(self.softness > 0, numbers, *self._arrays, blocks, row, light_out)
+            beyond = BEYOND * depth + self.texel
+            numbers = self._numbers(offset=0.5 * self.texel, lag=0.5 * self.texel, beyond=beyond)
+            lookup.gather(self.softness > 0, depth > 0, numbers, *self._arrays, blocks, row, light_out)
 
     def shadow_at(self, points: ArrayLike, *, lag: float | None = None) -> NDArray[np.float32]:
         """The light 0..1 that reaches world points (n, 3) [m], shape (n,) float32.

@@ -170,17 +170,48 @@ def fill(
 
 
 @ti.func
+def _optical(front, depth, c, fine, ends: F32x2, depth_of: F32x2):
+    """What stops light between a depth [m] of texel c and its nearer end, or its farther one: as of whole layers."""
+    f = depth - ends[0, c]
+    g = ends[1, c] - depth
+    optical = 0.0
+    if (front and f > 0.0) or (not front and g > 0.0):  # never where the texel is empty
+        k = _coordinate(ti.max(f, 0.0), ti.max(g, 0.0), fine)
+        k = ti.max(k - 1.0, 0.0) if front else ti.min(k + 1.0, 16.0)
+        low = ti.min(ti.cast(k, ti.i32), LAYERS - 1)
+        before = depth_of[c, ti.max(low - 1, 0)] * ti.cast(low > 0, ti.f32)
+        optical = before + (k - low) * (depth_of[c, low] - before)
+        if not front:
+            optical = depth_of[c, LAYERS - 1] - optical
+    return optical
+
+
+@ti.func
+def _passing(walled: Template, front, depth, c, fine, ends: F32x2, depth_of: F32x2, walls: F32x2):
+    """What passes between a depth [m] of texel c and its nearer end, or its farther one."""
+    through = decay(_optical(front, depth, c, fine, ends, depth_of))
+    if ti.static(walled):  # noqa: SIM102
+        if (front and depth > walls[0, c]) or (not front and depth < walls[1, c]):
+            through = 0.0
+    return through
+
+
+@ti.func
 def _seen(
-    walled: Template, place, normal, outward, lag, axes: F32x3, maps: I32x2, fine,
+    bulk: Template, walled: Template, place, normal, outward, lag, beyond, axes: F32x3, maps: I32x2, fine,
     ends: F32x2, depth_of: F32x2, walls: F32x2,
 ):  # fmt: skip
-    """The share of the sky, by the cosine to the normal, that is seen from a place moved `outward` [m] along it.
+    """The share of the sky, by the cosine to the normal, that is seen from a place moved `outward` [m] along it; and in
+    bulk the mean direction of what is open before it (3), and, read `beyond` [m] farther out where the cloth that it is
+    in hides nothing, the share of the sky seen by a surface that faces that way, and by its other side: with the sky's
+    mean m and its mean m1 times direction, m + 2 m1 . n, which is exact where the sky is linear in the direction.
 
     lag: how far towards each end of a map it is moved before it reads [m]. walled: whether there is a mesh, met first
     and left last at the depths `walls`.
     """
-    total = 0.0
-    weight = 0.0
+    total, weight, mean = 0.0, 0.0, 0.0
+    open_way = ti.Vector([0.0, 0.0, 0.0])
+    leaning = ti.Vector([0.0, 0.0, 0.0])
     nx, ny, nz = normal[0], normal[1], normal[2]
     px = place[0] + outward * nx
     py = place[1] + outward * ny
@@ -198,7 +229,8 @@ def _seen(
         depth = px * axes[m, AWAY, 0] + py * axes[m, AWAY, 1] + pz * axes[m, AWAY, 2] - axes[m, ORIGIN, 2]
         # How the depth of a surface varies over a texel: 1 + tan of the angle, up to 4.
         moved = lag * (1.0 + ti.min(ti.sqrt(ti.max(1.0 - cosine * cosine, 0.0)) / ti.max(cosine, 0.05), 3.0))
-        depth += ti.select(front, -moved, moved)
+        moved = moved if front else -moved
+        farther = beyond if front else -beyond
         u = ti.min(ti.max(u - 0.5, 0.0), width - 1.001)
         v = ti.min(ti.max(v - 0.5, 0.0), high - 1.001)
         left = ti.cast(u, ti.i32)
@@ -206,33 +238,36 @@ def _seen(
         s = u - left
         t = v - top
         # What passes on the way out there, of four texels.
-        passing = 0.0
+        passing, outside, opposite = 0.0, 0.0, 0.0
         for j in ti.static(range(4)):
             part = (s if ti.static(j % 2 == 1) else 1.0 - s) * (t if ti.static(j // 2 == 1) else 1.0 - t)
             c = maps[m, 0] + (top + j // 2) * width + left + j % 2
-            f = depth - ends[0, c]
-            g = ends[1, c] - depth
-            optical = 0.0
-            if (front and f > 0.0) or (not front and g > 0.0):  # never where the texel is empty
-                k = _coordinate(ti.max(f, 0.0), ti.max(g, 0.0), fine)
-                k = ti.max(k - 1.0, 0.0) if front else ti.min(k + 1.0, 16.0)
-                low = ti.min(ti.cast(k, ti.i32), LAYERS - 1)
-                before = depth_of[c, ti.max(low - 1, 0)] * ti.cast(low > 0, ti.f32)
-                optical = before + (k - low) * (depth_of[c, low] - before)
-                if not front:
-                    optical = depth_of[c, LAYERS - 1] - optical
-            through = decay(optical)
-            if ti.static(walled):  # noqa: SIM102
-                if (front and depth > walls[0, c]) or (not front and depth < walls[1, c]):
-                    through = 0.0
-            passing += part * through
+            passing += part * _passing(walled, front, depth - moved, c, fine, ends, depth_of, walls)
+            if ti.static(bulk):
+                outside += part * _passing(walled, front, depth - moved - farther, c, fine, ends, depth_of, walls)
+                opposite += part * _passing(walled, not front, depth + moved + farther, c, fine, ends, depth_of, walls)
         total += cosine * passing
         weight += cosine
-    return total / ti.max(weight, 1e-6)
+        if ti.static(bulk):
+            away = ti.Vector([axes[m, AWAY, k] for k in ti.static(range(3))])
+            way = -away if front else away
+            open_way += passing * way
+            mean += outside + opposite
+            leaning += (outside - opposite) * way
+    before, behind = 1.0, 1.0
+    if ti.static(bulk):
+        # Where nothing is open the normal stands for it.
+        open_way = (open_way + 0.05 * normal).normalized()
+        mean *= 0.5 / maps.shape[0]
+        lean = leaning.dot(open_way) / maps.shape[0]
+        before = ti.math.clamp(mean + lean, 0.0, 1.0)
+        behind = ti.math.clamp(mean - lean, 0.0, 1.0)
+    return total / ti.max(weight, 1e-6), before, behind, open_way
 
 
 @ti.kernel
 def look(
+    bulk: Template,
     walled: Template,
     # maps:
     axes: F32x3,
@@ -243,12 +278,14 @@ def look(
     depth_of: F32x2,
     walls: F32x2,
     # in:
+    beyond: Float,
     particles: F32x3,
     row: Int,
     # out:
     light_out: F32x3,
 ):
-    """light_out[block, row, lane]: the share of the sky that packed particles see, 0..1.
+    """light_out[block, row, lane]: the share of the sky that packed particles see, 0..1; in bulk, in the rows after it
+    what the cloth at their place sees before it and behind it, and the direction (3) of what is open to them (`_seen`).
 
     offset: how far a place is moved out along its normal, and towards the sky, before it reads [m].
     """
@@ -256,15 +293,24 @@ def look(
     for i in range(particles.shape[1] * LANES):
         b = i // LANES
         lane = i % LANES
-        value = 1.0
         size = particles[RADIUS, b, lane]
         if size > 0.0:
             place = ti.Vector([particles[POSITION + k, b, lane] for k in ti.static(range(3))])
             normal = ti.Vector([particles[NORMAL + k, b, lane] for k in ti.static(range(3))])
             outward = offset + 0.5 * size
             lag = offset + 0.25 * size
-            value = _seen(walled, place, normal, outward, lag, axes, maps, fine, ends, depth_of, walls)
-        light_out[b, row, lane] = value
+            value, before, behind, way = _seen(
+                bulk, walled, place, normal, outward, lag, beyond, axes, maps, fine, ends, depth_of, walls
+            )
+            light_out[b, row, lane] = value
+            if ti.static(bulk):
+                light_out[b, row + 1, lane] = before
+                light_out[b, row + 2, lane] = behind
+                for k in ti.static(range(3)):
+                    light_out[b, row + 3 + k, lane] = way[k]
+        else:
+            for k in ti.static(range(6 if bulk else 1)):
+                light_out[b, row + k, lane] = 1.0
 
 
 @ti.kernel
@@ -288,4 +334,7 @@ def look_at(
     for i in range(points.shape[0]):
         place = ti.Vector([points[i, k] for k in ti.static(range(3))])
         normal = ti.Vector([normals[i, k] for k in ti.static(range(3))])
-        light_out[i] = _seen(walled, place, normal, offset, offset, axes, maps, fine, ends, depth_of, walls)
+        value, _, _, _ = _seen(
+            False, walled, place, normal, offset, offset, 0.0, axes, maps, fine, ends, depth_of, walls
+        )
+        light_out[i] = value

@@ -47,18 +47,19 @@ def thin(stride: Template, rows: Int, particles: F32x3, thin_out: F32x3):
 
 
 @ti.kernel
-def spread(stride: Template, particles: F32x3, found: F32x3, row: Int, light_out: F32x3):
-    """light_out[block, row, lane] of what was found (thin blocks, 1, 16) for every stride-th particle."""
+def spread(stride: Template, count: Template, particles: F32x3, found: F32x3, row: Int, light_out: F32x3):
+    """light_out[block, row…, lane] of what was found (thin blocks, count, 16) for every stride-th particle."""
     keep(light_out, (0, 0, 0), row)
-    count = particles.shape[1] * LANES
+    most = particles.shape[1] * LANES
     for b in range(particles.shape[1]):
         for lane in range(LANES):
-            # The sample at or before this particle.
+            # The sample at or before this particle, and the one after it.
             i = b * LANES + lane
             one = i // stride
-            value = found[one // LANES, 0, one % LANES]
-            if i % stride != 0 and (one + 1) * stride < count:
-                # And the one after it: the squares of both distances,
+            two = one
+            share = 0.0
+            if i % stride != 0 and (one + 1) * stride < most:
+                # The squares of both distances,
                 two = one + 1
                 near = 0.0
                 far = 0.0
@@ -74,6 +75,8 @@ def spread(stride: Template, particles: F32x3, found: F32x3, row: Int, light_out
                 if particles[RADIUS, k // LANES, k % LANES] > 0.0:
                     if particles[RADIUS, j // LANES, j % LANES] <= 0.0:
                         near = 1e20
-                    other = found[two // LANES, 0, two % LANES]
-                    value += near / (near + far + 1e-20) * (other - value)
-            light_out[b, row, lane] = value
+                    share = near / (near + far + 1e-20)
+            for r in ti.static(range(count)):
+                value = found[one // LANES, r, one % LANES]
+                value += share * (found[two // LANES, r, two % LANES] - value)
+                light_out[b, row + r, lane] = value

@@ -42,6 +42,9 @@ __all__ = ["Splatter"]
 LIMB_DARKENING = 0.5
 """How much darker the sides of a round thread are than its middle, at roundness 1."""
 
+CLOTH = Finish(depth=1e-3)
+"""Needs every map of light that a finish may need."""
+
 
 class Splatter:
     """Draws particles on images of one size. Taichi must have been started.
@@ -216,7 +219,9 @@ class Splatter:
             lighting = lighting.without_maps()
         shading = shading_of(lighting, finish)
         maps = self.cast_light(camera, lighting) if shading.rows else None
-        light = self.light.on_particles(shading, self._layout, self._blocks, maps)
+        light = self.light.on_particles(shading, self._layout, self._blocks, maps, finish.depth)
+        if maps is not None and shading.bulk:
+            rows.set_bulk(self._view, finish, maps.coarse(finish.depth))
         clock.append(time.perf_counter())
 
         # Where each lands on the image, how large and how bright.
@@ -275,7 +280,7 @@ class Splatter:
         """The maps of light of what is loaded, as `render` makes them from this camera: for `paint`, and to `hold`
         for batches. resolution: texels along a shadow map, at most."""
         return self.light.cast(
-            shading_of(lighting, Finish()), lighting, camera, self._layout, self._blocks, self._box,
+            shading_of(lighting, CLOTH), lighting, camera, self._layout, self._blocks, self._box,
             opacity=self._opacity, chunks=self.chunks, resolution=resolution,
         )  # fmt: skip
 

@@ -7,6 +7,7 @@ from taichi_cloth.fabric.crossings import refine_points
 from taichi_cloth.fabric.fabric import build_fabric
 from taichi_cloth.fabric.follow import FibreFollower
 from taichi_cloth.fabric.frames import grid_faces, vertex_normals
+from taichi_cloth.ground.mixing import sent_back
 from taichi_cloth.motion.simulation import Simulation
 from taichi_cloth.weave.colour_order import colour
 
@@ -23,7 +24,7 @@ from ..scene.schema import Scene, Weave
 from .cell_fibres import CellFibres, sheet_fibres
 from .facts import Fact
 from .model import Numbers
-from .moving_model import MovingModel, mesh_albedo
+from .moving_model import MovingModel
 
 __all__ = ["ClothFibres", "ClothModel", "ball_mesh"]
 
@@ -135,7 +136,7 @@ def fibres_of(scene: Scene, prepared: Prepared | None = None) -> ClothFibres | C
 
 
 def key_colours(scene: Scene) -> F32:
-    """Colour of a mesh at each key point, (rows · columns, 3): the mean of the threads that it stands for."""
+    """Albedo of a mesh at each key point, (rows · columns, 3): what the threads that it stands for send back."""
     cloth = scene.cloth
     assert cloth is not None
     sett = sett_of(scene)
@@ -149,9 +150,11 @@ def key_colours(scene: Scene) -> F32:
         shades_of = [own[np.arange(n) % len(own)] for own, n in zip(repeats, (ends, picks), strict=True)]
     for shades, each in zip(shades_of, k, strict=True):
         nearest = (np.arange(len(shades)) + each // 2) // each
-        families.append(np.stack([np.bincount(nearest, c) / np.bincount(nearest) for c in shades.T], axis=-1))
+        families.append(
+            np.stack([np.bincount(nearest, c) / np.bincount(nearest) for c in sent_back(shades).T], axis=-1)
+        )
     warp, weft = families
-    return (mesh_albedo(scene) * (weft[:, None] + warp[None, :]) / 2).reshape(-1, 3).astype(np.float32)
+    return ((weft[:, None] + warp[None, :]) / 2).reshape(-1, 3).astype(np.float32)
 
 
 def ball_mesh(centre: tuple[float, float, float], radius: float, albedo: NDArray, *, rings: int = 64) -> Mesh:

@@ -14,6 +14,7 @@ from taichi_cloth.garment.sewn.sew import misfit
 from taichi_cloth.garment.sewn.stitches import PIECES, STRANDS, Stitches
 from taichi_cloth.garment.sewn.surface import Surface
 from taichi_cloth.garment.sewn.weaving import Colours, Weaving
+from taichi_cloth.ground.mixing import sent_back
 from taichi_cloth.ground.particles import LANES, ROWS
 from taichi_cloth.motion.simulation import Simulation
 from taichi_cloth.weave.colour_order import colour
@@ -40,7 +41,7 @@ from ..scene.body_section import BodySection
 from ..scene.schema import Scene
 from .facts import Fact
 from .model import Numbers
-from .moving_model import MovingModel, mesh_albedo
+from .moving_model import MovingModel
 
 __all__ = ["GarmentFibres", "GarmentModel", "box_round"]
 
@@ -198,10 +199,10 @@ class GarmentModel(MovingModel):
 
     @cached_property
     def mesh_colours(self) -> F32:
-        """At each point of the surface, (n, 3): the mean of its panel's threads."""
+        """Albedo at each point of the surface, (n, 3): what its panel's threads send back."""
         repeats = colours_of(self.scene, self.dressed).values()
-        shades = [(repeat.warp.mean(axis=0) + repeat.weft.mean(axis=0)) / 2 for repeat in repeats]
-        return (mesh_albedo(self.scene) * np.stack(shades)[self.surface.panel]).astype(np.float32)
+        shades = [(sent_back(one.warp).mean(axis=0) + sent_back(one.weft).mean(axis=0)) / 2 for one in repeats]
+        return np.stack(shades)[self.surface.panel].astype(np.float32)
 
     def numbers(self) -> Numbers:
         """Yarn: by panel, its warp ends, then its weft picks. Part: number of the panel."""

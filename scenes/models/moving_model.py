@@ -18,27 +18,17 @@ from ...render.data.blocks import ParticleBlocks
 from ...render.data.particles import Particles
 from ...render.tiles.mesh import Mesh
 from ..prepare.construction import fabric_properties
-from ..prepare.sett import sett_of
 from ..prepare.sheet_setup import moved_by
 from ..prepare.weave_layout import Prepared
 from ..scene.schema import Scene
 from .facts import Fact, fabric_facts, yarn_facts
 from .model import Numbers, Panel
 
-__all__ = ["STATE", "Fibres", "MovingModel", "mesh_albedo", "nothing"]
+__all__ = ["STATE", "Fibres", "MovingModel", "nothing"]
 
 F32 = NDArray[np.float32]
 STATE = "state.npz"
 """Where a sequence keeps the state of its last frame."""
-ALBEDO, BULK_ALBEDO = 0.35, 0.52
-"""Brightness of a mesh over that of its fibres, between which light is lost that a smooth surface would return: of
-threads that follow key points, and of a cloth with a sett, whose fibres answer light as the bulk that they are. With
-the second `tshirt` is drawn 1.11 and `drape` 0.90 times as bright as of fibres, `dress`, whose silk shines, 0.70."""
-
-
-def mesh_albedo(scene: Scene) -> float:
-    """Of a mesh of the scene's cloth, over the mean colour of its threads. Raises InputError."""
-    return ALBEDO if sett_of(scene) is None else BULK_ALBEDO
 
 
 class Fibres(Protocol):

@@ -25,7 +25,7 @@ from ...render.stage.stage import Stage, stage_under
 from ...render.tiles.mesh import Mesh, join
 from ..models.model import Model, Panel
 from ..prepare.drawing import has_floor
-from ..prepare.yarns import fibre_kind
+from ..prepare.yarns import fibre_kind, yarn_of
 from ..scene.schema import Scene
 from .sheet_look import fit_look
 from .streamed import Streamed
@@ -240,7 +240,18 @@ def finish_of(scene: Scene) -> Finish:
     """How the scene's fibres answer light: the stated finish, or that of their kind."""
     stated = scene.light.finish or fibre_kind(scene).finish
     finish = finish_for(stated) if stated in FINISHES or scene.light.finish else Finish()
-    return replace(finish, model=scene.light.shading)
+    return replace(finish, model=scene.light.shading, depth=_depth(scene))
+
+
+def _depth(scene: Scene) -> float:
+    """How deep the scene's fibres lie together [m]: two yarns in a cloth, one of a yarn alone, nothing of a fibre."""
+    if scene.yarn is None:
+        return 0.0
+    fibre = fibre_kind(scene)
+    one = yarn_of(scene.yarn, fibre).woven_diameter
+    if scene.subject in ("yarn", "twist"):
+        return one
+    return one + yarn_of(scene.weft_yarn or scene.yarn, fibre).woven_diameter
 
 
 def _sprite(scene: Scene) -> tuple:

@@ -221,7 +221,7 @@ class Light(Section):
 
     key_azimuth_deg: float = Field(default=-68.0, description="from where the key light comes, from the camera's right")
     key_elevation_deg: float = Field(default=38.0, ge=-90, le=90)
-    key_strength: float = Field(default=1.9, ge=0, le=1e3)
+    key_strength: float = Field(default=1.5, ge=0, le=1e3)
     key_size_deg: float = Field(default=5.0, ge=0, le=90, description="how wide the key light is: soft shadows")
     fill_strength: float = Field(default=0.5, ge=0, le=1e3)
     zenith: str | None = Field(default=None, description="colour of the sky overhead: a name or #rrggbb")

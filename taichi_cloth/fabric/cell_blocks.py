@@ -26,6 +26,7 @@ from taichi_cloth.fabric.cells import (
 )
 from taichi_cloth.fabric.surface import surface_at
 from taichi_cloth.ground.arrays import Template
+from taichi_cloth.ground.mixing import colour_in_kernel, sent_back_in_kernel
 
 __all__ = [
     "cell_block", "cell_crossing", "cell_inside", "cell_mean", "cell_shade", "cell_span", "cell_template",
@@ -119,8 +120,9 @@ def cell_shade(cloth: Template, p, yarn, i, j):
 
 
 @ti.func
-def _mean_colour(cloth: Template, first, last, at, room):
-    """Mean colour of the threads from number `first` to `last` between at ± room / 2, counted from the first."""
+def _sent_back(cloth: Template, first, last, at, room):
+    """Mean of what threads send back of light (see `mixing`), of those from number `first` to `last` between at ±
+    room / 2, counted from the first."""
     low, high = at - 0.5 * room, at + 0.5 * room
     one = ti.math.clamp(ti.cast(ti.floor(low + 0.5), ti.i32), 0, last - first)
     two = ti.math.clamp(ti.cast(ti.floor(high + 0.5), ti.i32), 0, last - first)
@@ -131,24 +133,25 @@ def _mean_colour(cloth: Template, first, last, at, room):
         weight = ti.min(high, k + 0.5) - ti.max(low, k - 0.5) if each == 1 else 1.0
         weight = ti.max(weight, 1e-6)
         thread = first + k
-        out += weight * ti.Vector([cloth.colour[thread, 0], cloth.colour[thread, 1], cloth.colour[thread, 2]])
+        own = ti.Vector([cloth.colour[thread, 0], cloth.colour[thread, 1], cloth.colour[thread, 2]])
+        out += weight * sent_back_in_kernel(own)
         total += weight
     return out / total
 
 
 @ti.func
 def cell_mean(cloth: Template, p, i, j, tall, broad, warp, weft):
-    """Colour of the cloth at i picks and j ends of panel p, over so many picks and ends: `warp` times the mean of its
-    warp ends and `weft` times that of its weft picks; of a print that of its middle."""
+    """Colour of the cloth at i picks and j ends of panel p, over so many picks and ends: that which sends back `warp`
+    times what its warp ends do and `weft` times what its weft picks do; of a print as its middle does."""
     end, pick = cloth.panel[p, END], cloth.panel[p, PICK]
     ends, picks = cloth.panel[p, ENDS], cloth.panel[p, PICKS]
     out = cell_dye(cloth, p, ti.min(ti.cast(i + 0.5, ti.i32), picks - 1), ti.min(ti.cast(j + 0.5, ti.i32), ends - 1))
     if out[0] < 0.0:  # pyright: ignore[reportIndexIssue]
-        out = warp * _mean_colour(cloth, end, end + ends - 1, j, broad)
-        out += weft * _mean_colour(cloth, pick, pick + picks - 1, i, tall)
+        out = warp * _sent_back(cloth, end, end + ends - 1, j, broad)
+        out += weft * _sent_back(cloth, pick, pick + picks - 1, i, tall)
     else:
-        out *= warp + weft
-    return out
+        out = (warp + weft) * sent_back_in_kernel(out)
+    return colour_in_kernel(out)
 
 
 @ti.func

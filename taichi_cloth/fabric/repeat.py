@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_cloth.fabric.layout import BODY, Blocks, FabricLayout
-from taichi_cloth.fabric.templates import COLUMN, TemplateBank, build_templates, particles_per_body_block
+from taichi_cloth.fabric.templates import TemplateBank, build_templates, particles_per_body_block
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.yarn.yarn import Hairiness
 
@@ -28,8 +28,6 @@ BALD = 12
 """Levels of at most so many fibres a ply have no hairs, which nobody sees that far away."""
 BANK_BYTES = 160_000_000
 """A bank's particles at most: fewer fillings are made where they would take more."""
-OPENED, LEVELLED = 0.3, 2.0
-"""Power of openness, and how much of the cloth's own normal there is in that of a particle on its outside."""
 PARTICLE = 56
 """Bytes of a template's particle."""
 
@@ -173,7 +171,7 @@ def bank_of(repeats: tuple[WeaveRepeat, ...]) -> RepeatBank:
         variants=variants,
         templates=templates,
         start=np.concatenate([[0], np.cumsum(counts)]),
-        particle=_in_the_bulk(np.concatenate([bank.packed() for bank in every])),
+        particle=np.concatenate([bank.packed() for bank in every]),
         size=np.array(size),
         radius=np.array(radius),
         area=np.array(area),
@@ -181,18 +179,6 @@ def bank_of(repeats: tuple[WeaveRepeat, ...]) -> RepeatBank:
         half_length=np.array(longest),
         height=max(float(np.quantile(np.abs(b.offset[b.openness < 1.0, 2]), 0.98)) for b in banks[0]),
     )
-
-
-def _in_the_bulk(particle: F32) -> F32:
-    """Particles of templates as they answer light among many: what neighbours hide of it they send on, and together
-    they answer as the surface that they lie in, more than each as the round yarn it is on."""
-    opened, normal = COLUMN.openness, slice(COLUMN.normal, COLUMN.normal + 3)
-    particle[:, opened] **= OPENED
-    height = particle[:, COLUMN.offset + 2]
-    high = max(float(np.quantile(height, 0.98)), 1e-12)
-    particle[:, COLUMN.normal + 2] += LEVELLED * np.clip(height / high, -1.0, 1.0)
-    particle[:, normal] /= np.maximum(np.linalg.norm(particle[:, normal], axis=1, keepdims=True), 1e-12)
-    return particle
 
 
 def _banks(layout: FabricLayout, periods: NDArray, variants: int) -> list[TemplateBank]:

@@ -21,7 +21,7 @@ WITHIN = 0.02
 
 @pytest.fixture(scope="module")
 def finish() -> Finish:
-    return finish_for("cotton")
+    return replace(finish_for("cotton"), depth=0.5e-3)
 
 
 @pytest.fixture(scope="module")

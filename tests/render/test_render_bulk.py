@@ -1,0 +1,96 @@
+"""Light that goes from fibre to fibre: no more of it than there is, more of it in lighter cloth, some through cloth."""
+
+import numpy as np
+import pytest
+
+from taichi_cloth.ground.mixing import LESS, WHITE, sent_back
+from taichi_cloth.render.data.camera import look_at
+from taichi_cloth.render.data.finish import FINISHES, Finish
+from taichi_cloth.render.data.light import Lighting
+from taichi_cloth.render.data.particles import Particles
+from taichi_cloth.render.light.bulk import OF_KEY, OF_SKY
+from taichi_cloth.render.splat.splat import Splatter
+
+APART, THREADS, LAYERS = 1e-3, 60, 8
+EVEN = (1.0, 1.0, 1.0)
+DULL = Finish(
+    model="marschner", depth=LAYERS * APART, sheen=0.0, roundness=0.0, reflect=0.0, transmit=0.1, internal=0.09
+)
+ALBEDOS = np.linspace(0.0, 1.0, 51)
+
+
+def of(weights: tuple[tuple[float, ...], ...]) -> np.ndarray:
+    """Weights at `ALBEDOS`, (weights, albedos)."""
+    return np.array([ALBEDOS * np.polyval(one[::-1], ALBEDOS) for one in weights])
+
+
+def sheet(height: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """Places and albedos of a layer of threads side by side, in three strips: dark, middle and white."""
+    at = (np.arange(THREADS) - (THREADS - 1) / 2) * APART
+    x, z = np.meshgrid(at, at)
+    albedo = np.repeat([0.05, 0.4, 1.0], THREADS // 3)
+    place = np.stack([x.ravel(), np.full(x.size, height), z.ravel()], 1)
+    return place, np.repeat(np.tile(albedo, THREADS)[:, None], 3, axis=1)
+
+
+def seen(lighting: Lighting, finish: Finish = DULL, *, under: bool = False) -> np.ndarray:
+    """Mean light of the three strips of a sheet, from above; under: another one 60 mm below it."""
+    layers = [sheet(h - k * APART) for h in ((0.0, -0.06) if under else (0.0,)) for k in range(LAYERS)]
+    place, colour = (np.concatenate(parts) for parts in zip(*layers, strict=True))
+    threads = Particles(place, 0.9 * APART, colour, (1, 0, 0), (0, 1, 0), half_length=1.6 * APART, openness=1.0)
+    camera = look_at((0, 0.4, 0), (0, 0, 0), up=(0, 0, -1), width=48, height=48, fov=8)
+    splatter = Splatter(48, 48).load(threads)
+    splatter.render(camera, lighting=lighting, finish=finish)
+    rgba = splatter.linear()[8:-8]
+    assert rgba[..., 3].min() > 0.95
+    return np.array([(part[..., 0] / part[..., 3]).mean() for part in (rgba[:, 2:13], rgba[:, 18:30], rgba[:, 35:46])])
+
+
+def lights(*, key: float = 0.0, fill: float = 0.0, towards: tuple[float, float, float] = (0.2, 1.0, 0.1)) -> Lighting:
+    return Lighting(
+        direction=towards, key=key, fill=fill, key_colour=EVEN, sky=EVEN, ground=EVEN, key_follows_camera=False,
+        shadows=True, occlusion=True, size=0.0,
+    )  # fmt: skip
+
+
+def test_no_light_is_made_and_lighter_cloth_sends_more_on() -> None:
+    whole = of(OF_SKY).sum(axis=0)
+    assert (np.diff(whole) > 0).all()
+    assert 0.99 < whole[-1] <= 1.0
+    assert (of(OF_SKY) >= 0).all()
+    key = of(OF_KEY)
+    assert (key >= 0).all()
+    assert (np.diff(key, axis=1) >= 0).all()
+
+
+def test_white_cloth_under_an_even_sky_is_nearly_as_bright_as_the_sky() -> None:
+    """A furnace: all light that falls on white goes on, and no more."""
+    dark, middle, white = seen(lights(fill=1.0))
+    assert 0.93 < white <= 1.0
+    assert dark < middle < white
+
+
+def test_shine_makes_no_light_of_the_sky() -> None:
+    white = seen(
+        lights(fill=1.0),
+        Finish(**{**vars(FINISHES["silk"]), "model": "marschner", "depth": LAYERS * APART, "roundness": 0.0}),
+    )[2]
+    assert 0.9 < white <= 1.0
+
+
+def test_a_light_in_front_is_sent_back_and_one_behind_shines_through() -> None:
+    front, back = seen(lights(key=1.0)), seen(lights(key=1.0, towards=(0.2, -1.0, 0.1)))
+    assert (np.diff(front) > 0).all()
+    assert (np.diff(back) > 0).all()
+    assert front[2] < 1.0
+    assert (back < front).all()
+    assert back[2] > 0.15
+    hidden = seen(lights(key=1.0, towards=(0.2, -1.0, 0.1)), under=True)
+    assert hidden[1] < 0.1 * back[1]
+
+
+def test_threads_side_by_side_are_mixed_by_the_light_they_send_back() -> None:
+    a = np.array([0.0, 0.3, 1.0])
+    np.testing.assert_allclose(sent_back(a), a * (WHITE - LESS * a))
+    assert sent_back(1.0) == pytest.approx(0.6165)
+    assert (sent_back(0.0) + sent_back(1.0)) / 2 < sent_back(0.5)
