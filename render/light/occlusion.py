@@ -82,7 +82,7 @@ class SkyMaps:
         depth, in the five after it what a cloth `depth` [m] thick at their place sees (see `sky.look`)."""
         if blocks.shape[1]:
             beyond = BEYOND * depth + self.texel
-            sky.look(depth > 0, self.walls is not None, *self._map, beyond, blocks, row, light_out)
+            sky.look(sky.Looking(self.walls is not None, depth > 0), *self._map, beyond, blocks, row, light_out)
 
     def seen_from(self, points: ArrayLike, normals: ArrayLike) -> NDArray[np.float32]:
         """The share of the sky, 0..1, that world points (n, 3) [m] with unit normals (n, 3) see, shape (n,)."""
@@ -91,7 +91,7 @@ class SkyMaps:
             raise InputError(f"seen_from: points {points.shape}, normals {normals.shape}; allowed: (n, 3) both")
         light = np.ones(len(points), np.float32)
         if len(points):
-            sky.look_at(self.walls is not None, *self._map, points, normals, light)
+            sky.look_at(sky.Looking(self.walls is not None, False), *self._map, points, normals, light)
         return light
 
     @property

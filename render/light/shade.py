@@ -118,6 +118,37 @@ def _before(albedo, seen):
 
 
 @ti.func
+def _from_sky(shading: Template, view: F32x2, up, mirrored, albedo, seen, before, behind):
+    """What a particle in a bulk sends on of light from all round: of the sky before the cloth, of that behind it, and
+    as its fibres' highlights. up: height of the direction open to it; mirrored: of that which a fibre mirrors."""
+    front, back, gleam = _sky(shading, view, up), _sky(shading, view, -up), _sky(shading, view, mirrored)
+    shine = view[BULK, 2] * seen * before
+    before *= view[BULK, 0]
+    behind *= view[BULK, 0]
+    red = before * front[0] * _before(albedo[0], seen) + behind * back[0] * weight(OF_SKY[2], albedo[0])
+    green = before * front[1] * _before(albedo[1], seen) + behind * back[1] * weight(OF_SKY[2], albedo[1])
+    blue = before * front[2] * _before(albedo[2], seen) + behind * back[2] * weight(OF_SKY[2], albedo[2])
+    red += shine * gleam[0] * (1.0 + view[COAT, 0] * (albedo[0] - 1.0))
+    green += shine * gleam[1] * (1.0 + view[COAT, 0] * (albedo[1] - 1.0))
+    blue += shine * gleam[2] * (1.0 + view[COAT, 0] * (albedo[2] - 1.0))
+    return red, green, blue
+
+
+@ti.func
+def _parts(shadowed: Template, view: F32x2, b_l, around, arriving, outside):
+    """The four parts of a light on a particle in a bulk (see `bulk`). around: cosine of the angle between light and
+    view round the fibre; arriving: light times sin(t, l); outside: what reaches the cloth there."""
+    around = ti.min(ti.max(around, -1.0), 1.0)
+    turned = ti.max(0.2 + 0.8 * b_l, 0.0)
+    here = arriving * (1.5 * view[BULK, 0] * view[COAT, 1])
+    forward = here * rise(-around)
+    if ti.static(not shadowed):  # nothing else keeps the light from passing through the cloth
+        forward *= turned
+    outside *= view[BULK, 0]
+    return here * rise(around) * turned, forward, outside * ti.max(b_l, 0.0), outside * ti.max(-b_l, 0.0)
+
+
+@ti.func
 def _lit(parts, albedo):
     """Of a light, what a particle sends on: its parts as of `bulk`, each with its weight."""
     total = weight(OF_KEY[0], albedo) * parts[0]
@@ -166,18 +197,8 @@ def shade(layout: Template, shading: Template, particles: Blocks, light: Blocks,
             seen, before, behind = light[b, shading.sky], light[b, shading.sky + 1], light[b, shading.sky + 2]
             bx, by, bz = light[b, shading.sky + 3], light[b, shading.sky + 4], light[b, shading.sky + 5]
         seen *= 1.0 - view[BULK, 1] * (1.0 - opening)
-        front_r, front_g, front_b = _sky(shading, view, by)
-        back_r, back_g, back_b = _sky(shading, view, -by)
-        gleam_r, gleam_g, gleam_b = _sky(shading, view, vy - 2.0 * t_v * ty)
-        gleam = view[BULK, 2] * seen * before
-        before *= view[BULK, 0]
-        behind *= view[BULK, 0]
-        red = before * front_r * _before(albedo_r, seen) + behind * back_r * weight(OF_SKY[2], albedo_r)
-        green = before * front_g * _before(albedo_g, seen) + behind * back_g * weight(OF_SKY[2], albedo_g)
-        blue = before * front_b * _before(albedo_b, seen) + behind * back_b * weight(OF_SKY[2], albedo_b)
-        red += gleam * gleam_r * (1.0 + view[COAT, 0] * (albedo_r - 1.0))
-        green += gleam * gleam_g * (1.0 + view[COAT, 0] * (albedo_g - 1.0))
-        blue += gleam * gleam_b * (1.0 + view[COAT, 0] * (albedo_b - 1.0))
+        albedo = albedo_r, albedo_g, albedo_b
+        red, green, blue = _from_sky(shading, view, by, vy - 2.0 * t_v * ty, albedo, seen, before, behind)
     else:
         # Light from all around, less what neighbours hide of it.
         red, green, blue = _sky(shading, view, ny)
@@ -244,15 +265,8 @@ def shade(layout: Template, shading: Template, particles: Blocks, light: Blocks,
                 outside = light[b, shading.shadows[k] + 1]
             b_l = bx * view[at, 0] + by * view[at, 1] + bz * view[at, 2]
             around = view[at, 0] * vx + view[at, 1] * vy + view[at, 2] * vz - t_l * t_v
-            around = ti.min(ti.max(around / ti.max(sin_l * sin_v, 1e-4), -1.0), 1.0)
-            turned = ti.max(0.2 + 0.8 * b_l, 0.0)
-            here = passed * sin_l * (1.5 * view[BULK, 0] * view[COAT, 1])
-            forward = here * rise(-around)
-            if ti.static(shading.shadows[k] < 0):  # nothing else keeps the light from passing through the cloth
-                forward *= turned
-            here *= rise(around)
-            outside *= view[BULK, 0]
-            parts = here * turned, forward, outside * ti.max(b_l, 0.0), outside * ti.max(-b_l, 0.0)
+            around /= ti.max(sin_l * sin_v, 1e-4)
+            parts = _parts(ti.static(shading.shadows[k] >= 0), view, b_l, around, passed * sin_l, outside)
             lit_r, lit_g, lit_b = _lit(parts, albedo_r), _lit(parts, albedo_g), _lit(parts, albedo_b)
         # Highlights have the light's colour, and as much of the fibre's as `tint` says.
         gleam += rim

@@ -10,6 +10,8 @@ fibre of area A and opacity a takes the optical depth DENSITY a A / texel^2, lai
 bilinearly between four texels. A direction belongs to one thread.
 """
 
+from dataclasses import dataclass
+
 import taichi as ti
 
 from taichi_cloth.ground.arrays import F32x1, F32x2, F32x3, Float, I32x2, Int, Template
@@ -21,7 +23,17 @@ from ..tiles.sort import CHUNK_STEPS, share
 from .deep_map import AWAY, EMPTY, ORIGIN, RIGHT, SCALE, UP
 from .fibre import decay
 
-__all__ = ["fill", "look", "look_at"]
+__all__ = ["Looking", "fill", "look", "look_at"]
+
+
+@dataclass(frozen=True)
+class Looking:
+    """How maps are read: a compile-time switch. walled: there is a mesh, met first and left last at the depths `walls`.
+    bulk: also what a cloth sees around, see `_seen`."""
+
+    walled: bool
+    bulk: bool
+
 
 DENSITY = 1.6
 """Optical depth of a texel covered once by an opaque fibre: spread evenly, as a fibre that covers its middle is."""
@@ -187,10 +199,10 @@ def _optical(front, depth, c, fine, ends: F32x2, depth_of: F32x2):
 
 
 @ti.func
-def _passing(walled: Template, front, depth, c, fine, ends: F32x2, depth_of: F32x2, walls: F32x2):
+def _passing(how: Template, front, depth, c, fine, ends: F32x2, depth_of: F32x2, walls: F32x2):
     """What passes between a depth [m] of texel c and its nearer end, or its farther one."""
     through = decay(_optical(front, depth, c, fine, ends, depth_of))
-    if ti.static(walled):  # noqa: SIM102
+    if ti.static(how.walled):  # noqa: SIM102
         if (front and depth > walls[0, c]) or (not front and depth < walls[1, c]):
             through = 0.0
     return through
@@ -198,7 +210,7 @@ def _passing(walled: Template, front, depth, c, fine, ends: F32x2, depth_of: F32
 
 @ti.func
 def _seen(
-    bulk: Template, walled: Template, place, normal, outward, lag, beyond, axes: F32x3, maps: I32x2, fine,
+    how: Template, place, normal, outward, lag, beyond, axes: F32x3, maps: I32x2, fine,
     ends: F32x2, depth_of: F32x2, walls: F32x2,
 ):  # fmt: skip
     """The share of the sky, by the cosine to the normal, that is seen from a place moved `outward` [m] along it; and in
@@ -206,8 +218,7 @@ def _seen(
     in hides nothing, the share of the sky seen by a surface that faces that way, and by its other side: with the sky's
     mean m and its mean m1 times direction, m + 2 m1 . n, which is exact where the sky is linear in the direction.
 
-    lag: how far towards each end of a map it is moved before it reads [m]. walled: whether there is a mesh, met first
-    and left last at the depths `walls`.
+    lag: how far towards each end of a map it is moved before it reads [m].
     """
     total, weight, mean = 0.0, 0.0, 0.0
     open_way = ti.Vector([0.0, 0.0, 0.0])
@@ -242,20 +253,20 @@ def _seen(
         for j in ti.static(range(4)):
             part = (s if ti.static(j % 2 == 1) else 1.0 - s) * (t if ti.static(j // 2 == 1) else 1.0 - t)
             c = maps[m, 0] + (top + j // 2) * width + left + j % 2
-            passing += part * _passing(walled, front, depth - moved, c, fine, ends, depth_of, walls)
-            if ti.static(bulk):
-                outside += part * _passing(walled, front, depth - moved - farther, c, fine, ends, depth_of, walls)
-                opposite += part * _passing(walled, not front, depth + moved + farther, c, fine, ends, depth_of, walls)
+            passing += part * _passing(how, front, depth - moved, c, fine, ends, depth_of, walls)
+            if ti.static(how.bulk):
+                outside += part * _passing(how, front, depth - moved - farther, c, fine, ends, depth_of, walls)
+                opposite += part * _passing(how, not front, depth + moved + farther, c, fine, ends, depth_of, walls)
         total += cosine * passing
         weight += cosine
-        if ti.static(bulk):
+        if ti.static(how.bulk):
             away = ti.Vector([axes[m, AWAY, k] for k in ti.static(range(3))])
             way = -away if front else away
             open_way += passing * way
             mean += outside + opposite
             leaning += (outside - opposite) * way
     before, behind = 1.0, 1.0
-    if ti.static(bulk):
+    if ti.static(how.bulk):
         # Where nothing is open the normal stands for it.
         open_way = (open_way + 0.05 * normal).normalized()
         mean *= 0.5 / maps.shape[0]
@@ -267,8 +278,7 @@ def _seen(
 
 @ti.kernel
 def look(
-    bulk: Template,
-    walled: Template,
+    how: Template,
     # maps:
     axes: F32x3,
     maps: I32x2,
@@ -300,22 +310,22 @@ def look(
             outward = offset + 0.5 * size
             lag = offset + 0.25 * size
             value, before, behind, way = _seen(
-                bulk, walled, place, normal, outward, lag, beyond, axes, maps, fine, ends, depth_of, walls
+                how, place, normal, outward, lag, beyond, axes, maps, fine, ends, depth_of, walls
             )
             light_out[b, row, lane] = value
-            if ti.static(bulk):
+            if ti.static(how.bulk):
                 light_out[b, row + 1, lane] = before
                 light_out[b, row + 2, lane] = behind
                 for k in ti.static(range(3)):
                     light_out[b, row + 3 + k, lane] = way[k]
         else:
-            for k in ti.static(range(6 if bulk else 1)):
+            for k in ti.static(range(6 if how.bulk else 1)):
                 light_out[b, row + k, lane] = 1.0
 
 
 @ti.kernel
 def look_at(
-    walled: Template,
+    how: Template,
     # maps:
     axes: F32x3,
     maps: I32x2,
@@ -334,7 +344,5 @@ def look_at(
     for i in range(points.shape[0]):
         place = ti.Vector([points[i, k] for k in ti.static(range(3))])
         normal = ti.Vector([normals[i, k] for k in ti.static(range(3))])
-        value, _, _, _ = _seen(
-            False, walled, place, normal, offset, offset, 0.0, axes, maps, fine, ends, depth_of, walls
-        )
+        value, _, _, _ = _seen(how, place, normal, offset, offset, 0.0, axes, maps, fine, ends, depth_of, walls)
         light_out[i] = value
