@@ -134,7 +134,8 @@ def woven_of_at_least(particles: int) -> Scene:
     """The swatch with as few threads as give that many particles."""
     threads = 8
     while True:
-        scene = load_scene("swatch", [f"weave.ends={threads}", f"weave.picks={threads}", "fabric.pose=flat"])
+        own = [f"weave.ends={threads}", f"weave.picks={threads}", "yarn.fibres=12", "fabric.pose=flat"]
+        scene = load_scene("swatch", own)
         made = prepare_fabric(scene).particles
         if made >= particles:
             return scene
@@ -153,7 +154,7 @@ def garment(count: int = GARMENT_PARTICLES, *, seed: int = 7) -> Particles:
     scene = make_scene(
         {
             "seed": seed,
-            "yarn": {"count_tex": 1500, "plies": 2, "fibres": 1, "twist_per_m": 60},
+            "yarn": {"count_tex": 1500, "plies": 2, "fibres": 1, "twist_per_m": 60, "hairiness": {"ends_per_m": 0}},
             "weave": {"draft": "plain", "ends": ends, "picks": picks},
             "fabric": {"ends_per_cm": 0.01 * ends / around, "picks_per_cm": 0.01 * picks / high, "steps": 3},
         }

@@ -33,7 +33,7 @@ def woven(pattern: Pattern, **options) -> Weaving:
     picks, ends = crossings_shape(atlas, K)
     per_cm = 0.01 * K / SPACING
     fabric = {"steps": 2, "ends_per_cm": per_cm, "picks_per_cm": per_cm, "variants": 1, "fringe": 0}
-    yarn = {"plies": 1, "fibres": 2}
+    yarn = {"plies": 1, "fibres": 2, "hairiness": {"ends_per_m": 0}}
     scene = make_scene({"yarn": yarn, "weave": {"ends": ends, "picks": picks}, "fabric": fabric})
     return Weaving(atlas, build_fabric(prepare_fabric(scene).layout), K, **options)
 
