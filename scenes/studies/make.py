@@ -5,6 +5,7 @@ import platform
 import time
 from collections.abc import Callable
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -20,8 +21,11 @@ from ..measure.study import Row, Study
 
 __all__ = ["STUDIES", "chosen", "make_report"]
 
-STUDIES = ("solver", "spacing", "interpolation", "contact", "twist", "fibres", "splat", "stages")
+STUDIES = ("solver", "spacing", "interpolation", "contact", "twist", "fibres", "splat", "stages", "appearance")
 """Each a module here, with a `STUDY`, or with `sections` of its own."""
+
+EXTRAS = {"appearance": ("reference", ("mitsuba", "flip_evaluator"))}
+"""Studies that need an extra, and the packages in it."""
 
 
 def chosen(only: str | None) -> list[str]:
@@ -37,17 +41,34 @@ def chosen(only: str | None) -> list[str]:
     return [name for name in STUDIES if name in wanted]
 
 
+def what_to_install(name: str) -> str | None:
+    """Why a study cannot be made here, and what makes it possible; None where it can."""
+    extra, packages = EXTRAS.get(name, ("", ()))
+    lacking = [package for package in packages if find_spec(package) is None]
+    if not lacking:
+        return None
+    return f'{name} needs {" and ".join(lacking)}; install it with: pip install "taichi-cloth[{extra}]"'
+
+
 def make_report(*, only: str | None, quick: bool, out: Path, arch: Any = "cpu", threads: int | None = None) -> None:
     """Runs studies and writes the report whole, or nothing. Starts Taichi. Raises InputError for bad input.
 
     threads: of kernels; one by default, so that CPU time is that of the work and not of waiting threads."""
-    names = chosen(only)
+    names, left_out = chosen(only), []
+    for name in names:
+        lacking = what_to_install(name)
+        if lacking and only is not None:
+            raise InputError(f"report: {lacking}")
+        left_out += [(name, lacking)] if lacking else []
     check_folder(out)
     require_matplotlib()
     begun, load = time.perf_counter(), _load()
     started = runtime.start(arch, threads=threads or 1)
     sections = []
+    names = [name for name in names if name not in dict(left_out)]
     with progress() as bar:
+        for _, lacking in left_out:
+            bar.console.print(f"left out: {lacking}", highlight=False, markup=False)
         task = bar.add_task("studies", total=len(names))
         for name in names:
             bar.update(task, description=name)
