@@ -57,7 +57,7 @@ __all__ = [
     "woven_garment",
 ]
 
-VERSION = 16
+VERSION = 17
 """Of what is kept on disk: raised whenever the same scene would come to another rest."""
 
 Progress = Callable[[str, int, int], None]
@@ -118,7 +118,7 @@ def dress(scene: Scene, each: Progress | None = None) -> Dressed:
 
     arrays, found = kept("worn", made_of, make)
     numbers = {name: arrays[name].item() for name in ("gap", "depth", "stretch", "taut", "speed", "frames")}
-    worn = Worn(positions=arrays["positions"], **numbers)
+    worn = Worn(positions=arrays["positions"], pushes=arrays["pushes"], **numbers)
     return Dressed(parts.body, parts.primitives, parts.grids, parts.garment, worn, found)
 
 
@@ -248,6 +248,7 @@ def garment_simulation(
         safety=solver.safety,
         solver=garment_choice(scene, garment).name,
         settled=settled,
+        pushes=dressed.worn.pushes,
     )
 
 

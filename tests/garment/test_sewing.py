@@ -127,6 +127,15 @@ def test_darts_too_narrow_for_their_key_points_are_named(spacing, why, wish):
     assert garment.last_ties().tolist() == [len(garment.seams()[0]) - 1]
 
 
+def test_what_two_holds_say_no_seam_says_again():
+    """Ends of a skirt's side seams at its waistband: a seam each, whose other ties are all there."""
+    pattern = pattern_of("skirt", "female")
+    garment = Garment(pattern, cut(pattern, spacing_for(pattern, KEY_POINTS)), CLOTH)
+    holds, seams = garment.ties(garment.sheet(), np.full(len(garment.holds()[0]), -1), 0.5)
+    assert holds.count == len(garment.holds()[0])
+    assert seams.count == len(garment.seams()[0]) - len(pattern.seams)
+
+
 def test_a_pattern_far_too_small_is_refused():
     small = read_garmentcode(SAMPLES["tee"]).scaled(0.4, 1.0)
     with pytest.raises(InputError, match=r"tee: does not fit: its widths would have to be 2\.\d\d times"):
@@ -140,9 +149,9 @@ def sewn(name, gender, count):
     return garment, sew(garment, Colliders(primitives=figure(gender)[1], friction=0.3, gap=0.004), limit=LIMIT)
 
 
-FINER = {"shirt_mean_specification": 1200, "dress_pencil_specification": 6245}
-"""Key points where 800 are too few: the shirt has edges of 9 mm to sew, which stay 2.6 mm open with 43 mm cells, the
-dress darts of 20 mm. It takes as many as scenes have that do not say."""
+FINER = {"tshirt": 1200, "shirt_mean_specification": 1200, "dress_pencil_specification": 6245}
+"""Key points where 800 are too few: the T-shirt lies 3.3 mm in the arm, the shirt has edges of 9 mm to sew, which stay
+2.6 mm open with 43 mm cells, the dress darts of 20 mm. It takes as many as scenes have that do not say."""
 
 
 WALKS = [
@@ -162,7 +171,7 @@ def test_every_pattern_sews(name, gender):
     assert worn.gap < 2e-3
     assert worn.depth < 3e-3
     assert worn.stretch < 0.08
-    assert worn.speed < 0.02
+    assert worn.speed < 0.005
 
 
 def crossed(points, faces):

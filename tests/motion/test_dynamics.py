@@ -44,6 +44,19 @@ def test_a_longitudinal_wave_runs_at_sqrt_k_over_rho() -> None:
     assert np.diff(crossings).mean() * 2 == pytest.approx(1.0, rel=5e-3)
 
 
+def test_halted_when_it_is_fastest_a_wave_is_gone() -> None:
+    """The same wave a quarter of its period after it was let go, where all of its energy is motion. Tolerance 5 % of
+    its amplitude, which it would come to if it were left alone."""
+    sheet = strip(length=0.4, pinned=(0,), shear=0.0)
+    x = sheet.flat()
+    x[..., 1] += 1e-3 * np.sin(np.pi * x[..., 1] / 0.8)
+    simulation = simulate(sheet, positions=x, frame_rate=40 / (4 * 0.4 / (50.0 / 0.15) ** 0.5))
+    run(simulation, 10)
+    simulation.halt()
+    tip = run(simulation, 20)[:, -1, 1, 1] - 0.4
+    assert np.abs(tip).max() < 5e-5
+
+
 def test_a_slack_strip_hangs_in_a_catenary() -> None:
     """Length 0.4 m over a span of 0.3 m: the sag is a (cosh(D/2a) − 1) with L = 2a sinh(D/2a). Tolerance 0.5 %."""
     span, length = 0.3, 0.4

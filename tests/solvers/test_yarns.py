@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from taichi_cloth.constraints.ties import Ties
+from taichi_cloth.constraints.ties import LEARNT, Ties
 from taichi_cloth.ground.errors import InputError, Unstable
 from taichi_cloth.motion.crew import Pace
 from taichi_cloth.motion.forces import Forces, FrameForces, Plane, Sphere, StrainLimit
@@ -278,15 +278,17 @@ def test_a_seam_moves_as_the_cloth_without_it() -> None:
 
 @pytest.mark.slow  # the same
 def test_what_hangs_on_a_seam_stretches_no_thread_and_is_not_shaken(tmp_path: Path) -> None:
-    """A curtain with a seam across, moved a little: once what the seam is pushed by is known, threads are as long as
-    those of whole cloth to 1e-4 (a seam that finds its push anew in each substep leaves 1e-3), and key points as slow.
-    A run that is taken up again knows it too."""
+    """A curtain of twenty times its weight with a seam across, moved a little: once what the seam is pushed by is known,
+    threads are as long as those of whole cloth but for the share of a cell that is not learnt (a seam that finds its
+    push anew in each substep leaves 0.7 %), and key points as slow.
+    A run that is taken up again knows it too, and one that begins with the same pushes."""
     panels, seam, flat, _ = sewn_panels()
     flat[..., 2] = 2e-3 * np.sin(7 * flat[..., 0]) * np.sin(5 * flat[..., 1])
     sheet = sheet_of(times(1e4), pinned=(-1, slice(None)))
     hanging = sheet.flat() - [0.5, 1.0, 0.0]
     hanging[..., 2] = 2e-3 * np.sin(7 * hanging[..., 0]) * np.sin(5 * hanging[..., 1])
-    sewn, whole = simulation(panels, flat, constraints=(seam,)), simulation(sheet, hanging)
+    heavy = replace(FAR, gravity=(0.0, -196.2, 0.0))
+    sewn, whole = simulation(panels, flat, heavy, constraints=(seam,)), simulation(sheet, hanging, heavy)
     speeds = []
     for frame in range(60):
         before = sewn.positions, whole.positions
@@ -298,12 +300,21 @@ def test_what_hangs_on_a_seam_stretches_no_thread_and_is_not_shaken(tmp_path: Pa
             sewn.save(tmp_path / "state.npz")
     mine, plain = np.array(speeds[30:]).mean(axis=0)
     assert mine < 1.2 * plain
-    assert largest(panels, sewn.positions) < largest(sheet, whole.positions) + 1e-4
-    again = simulation(panels, flat, constraints=(seam,))
+    assert largest(panels, sewn.positions) < largest(sheet, whole.positions) + LEARNT
+    again = simulation(panels, flat, heavy, constraints=(seam,))
     again.restore(tmp_path / "state.npz")
     for _ in range(9):
         again.step()
     assert np.array_equal(again.state.values, sewn.state.values)
+    jerks = []
+    for known in (seam.pushes(sewn.state), None):
+        begun = simulation(panels, sewn.positions, heavy, constraints=(seam,))
+        if known is not None:
+            seam.push(begun.state, known)
+        begun.step()
+        jerks.append(largest(panels, begun.positions))
+    assert jerks[0] < largest(sheet, whole.positions) + LEARNT
+    assert jerks[1] > 3 * jerks[0]
 
 
 def test_it_falls_as_all_falls() -> None:

@@ -1,13 +1,13 @@
 """Sewing (paper 4): panels stand round the body, seams draw them together, gravity lets the garment settle.
 
 1. Closing: no gravity, thick air; the gaps of all seams shrink at a set speed, the body keeps the cloth out.
-2. Settling: gravity and friction, each panel on its own limbs (`limbs.py`), until the cloth is at rest or the time is
-   up.
+2. Settling: gravity and friction, each panel on its own limbs (`limbs.py`), halted whenever it has begun to slow down,
+   until it is at rest or the time is up.
 What comes out is where the key points rest. Seams then stay as ties for as long as the garment is worn.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,9 +48,9 @@ TAUT = 0.08
 
 CLOSING = 240  # frames at most
 SETTLING = 300
-SWINGING = 120
-"""Frames after which what still swings is settled in thick air."""
-STILL = 0.01  # [m/s] root mean square from frame to frame at which cloth is at rest
+SWUNG = 40  # frames that a garment settles for at least
+STILL = 0.001
+"""Root mean square from frame to frame [m/s], when it is fastest between two halts, of cloth at rest."""
 THICK, THIN = 6.0, 2.0  # [1/s] damping by the air while closing and while settling
 LAG = 3e-5  # [s] least damping of the threads: what seams and skin strike dies out in a few milliseconds
 RECOVERY = 5.0  # [m/s] at which the body lets out cloth that panels start with, or that seams draw, inside it
@@ -133,10 +133,12 @@ class Garment:
         return piece.embed(turned(points, piece.panel.grain))
 
     def ties(self, sheet: Sheet, bones: NDArray, speed: float) -> tuple[Ties, ...]:
-        """Holds, carried by `bones` (n,), and seams, where there are any. A garment without holds has one that holds
-        nothing, so that its kernel is that of all garments."""
+        """Holds, carried by `bones` (n,), and seams, where there are any, but for ties of two points that are held. A
+        garment without holds has one that holds nothing, so that its kernel is that of all garments."""
         seams, seam_weights = self.seams()
         nodes, weights, places = self.holds()
+        asked = ~_both_in(seams, seam_weights, _named(nodes, weights))
+        seams, seam_weights = seams[asked], seam_weights[asked]
         if not len(nodes):
             nodes, weights, places = np.zeros((1, 4, 2), np.int64), np.zeros((1, 4)), np.zeros((1, 3))
             bones = np.full(1, -1)
@@ -158,10 +160,10 @@ class Garment:
         speed: float = 0.5,
         solver: str = "verlet",
         settled: bool = False,
+        pushes: F32 | None = None,
     ) -> Simulation:
         """The garment in motion from `positions`, seams and holds tied. bones: that carry the holds, −1 for none; None:
-        none are carried. solver: see `named_solver`.
-        settled: see `Simulation`.
+        none are carried. solver: see `named_solver`. settled: see `Simulation`. pushes: of `Worn`.
         """
         sheet = self.moving(air_damping)
         ties = self.ties(sheet, np.full(len(self.holds()[0]), -1) if bones is None else bones, speed)
@@ -169,7 +171,11 @@ class Garment:
         sewn = self.sewn() if forces.self_contact else None
         constraints = constraints_for(sheet, forces, ties=ties, sewn=sewn, answered=kind.answers)
         made = kind(sheet, forces, frame_rate=frame_rate, step=step, safety=safety, constraints=constraints)
-        return Simulation(sheet, made, forces=forces, positions=positions, settled=settled)
+        simulation = Simulation(sheet, made, forces=forces, positions=positions, settled=settled)
+        if pushes is not None and pushes.size:
+            for seam in _seams(simulation):
+                seam.push(simulation.state, pushes)
+        return simulation
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,7 +184,8 @@ class Worn:
 
     positions: key points (rows, cols, 3) [m]. gap: of the widest seam [m]. depth: of the deepest key point in the body
     [m]. stretch, taut: largest strain of a thread, and of one that ends in no seam and at no hold. speed: root mean
-    square from frame to frame at the end [m/s]. frames: that sewing took.
+    square from frame to frame at the end, see STILL [m/s]. frames: that sewing took. pushes: what keeps its seams
+    closed, see `Ties.pushes`; a simulation that has to find it anew begins with a jerk.
     """
 
     positions: F32
@@ -188,6 +195,7 @@ class Worn:
     taut: float
     speed: float
     frames: int
+    pushes: F32 = field(default_factory=lambda: np.zeros((3, 0), np.float32))
 
 
 def sew(
@@ -227,26 +235,23 @@ def sew(
         speed = 0.0
         if body.primitives:  # in whose folds both keep out; of grids, which are one skin at rest, there are none
             still = replace(still, spared=spared(garment.atlas, simulation.positions, body.primitives, moving=False))
-        for first, last, air in ((0, SWINGING, THIN), (SWINGING, settling, THICK)):
-            simulation = garment.simulation(
-                Forces(body=still, strain_limit=limit),
-                simulation.positions,
-                air_damping=air,
-                solver=solver,
-                settled=True,
-            )
-            frame_time = simulation.solver.step * simulation.solver.substeps
-            for frame in range(first, min(last, settling)):
-                before = simulation.positions.copy()
-                simulation.step()
-                frames += 1
-                if each:
-                    each("settling", frame + 1, settling)
-                speed = _speed(simulation, before, frame_time)
-                if frame >= 60 and speed < STILL:
+        simulation = garment.simulation(
+            Forces(body=still, strain_limit=limit), simulation.positions, air_damping=THIN, solver=solver, settled=True
+        )
+        moving = 0.0
+        for frame in range(settling):
+            before = simulation.positions
+            simulation.step()
+            frames += 1
+            if each:
+                each("settling", frame + 1, settling)
+            moving, faster = _speed(simulation, before), moving
+            if moving < faster:
+                speed = faster
+                if frame >= SWUNG and speed < STILL:
                     break
-            if speed < STILL:
-                break
+                simulation.halt()
+                moving = 0.0
     except Unstable as error:
         raise InputError(
             f"garment {garment.pattern.name}: torn while it was sewn ({error}); it does not fit this body: "
@@ -256,6 +261,7 @@ def sew(
     present = simulation.sheet.present
     distance = solid_distance(body.solids, positions[present])
     depth = float(max(0.0, -distance.min()))
+    seams = _seams(simulation)
     return Worn(
         positions=positions,
         gap=_gap(simulation),
@@ -264,6 +270,7 @@ def sew(
         taut=float(max(s.max() for s in garment.strains(positions))),
         speed=speed,
         frames=frames,
+        pushes=seams[0].pushes(simulation.state) if seams else np.zeros((3, 0), np.float32),
     )
 
 
@@ -319,11 +326,27 @@ def _reason(garment: Garment, seam: Seam) -> str:
 
 def _gap(simulation: Simulation) -> float:
     """Of the widest seam [m]; holds give way to the body."""
-    seams = [one for one in simulation.solver.constraints if isinstance(one, Ties) and one.repeated]
-    return max((float(one.gaps(simulation.state).max()) for one in seams), default=0.0)
+    return max((float(one.gaps(simulation.state).max()) for one in _seams(simulation)), default=0.0)
 
 
-def _speed(simulation: Simulation, before: F32, frame_time: float) -> float:
+def _named(nodes: I64, weights: F64) -> list[bytes]:
+    """A name for each blend of key points (n, 4, 2) and (n, 4): equal ones have the same."""
+    return [bytes(np.append(n[w != 0], w[w != 0].round(6))) for n, w in zip(nodes, weights, strict=True)]
+
+
+def _both_in(nodes: I64, weights: F64, held: list[bytes]) -> NDArray[np.bool_]:
+    """Ties (n,) between two points that are both held: where a seam ends at a waistband, what it asks is said already,
+    and said twice of one cell it draws threads longer."""
+    first, second = _named(nodes[:, :4], weights[:, :4]), _named(nodes[:, 4:], -weights[:, 4:])
+    return np.array([a in held and b in held for a, b in zip(first, second, strict=True)], bool)
+
+
+def _seams(simulation: Simulation) -> list[Ties]:
+    """All seams, one object or none."""
+    return [one for one in simulation.solver.constraints if isinstance(one, Ties) and one.repeated]
+
+
+def _speed(simulation: Simulation, before: F32) -> float:
     """Root mean square of how far key points came since `before` (rows, cols, 3) [m], a frame ago, over its time.
 
     Not the speed within a substep: where a seam pulls cloth against the skin the two take turns, and key points
@@ -331,4 +354,4 @@ def _speed(simulation: Simulation, before: F32, frame_time: float) -> float:
     """
     present = simulation.sheet.present
     moved = (simulation.positions[present] - before[present]).astype(np.float64)
-    return float(np.sqrt((moved**2).sum(axis=1).mean())) / frame_time
+    return float(np.sqrt((moved**2).sum(axis=1).mean())) / simulation.frame_time
