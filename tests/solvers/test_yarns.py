@@ -278,9 +278,9 @@ def test_a_seam_moves_as_the_cloth_without_it() -> None:
 
 @pytest.mark.slow  # the same
 def test_what_hangs_on_a_seam_stretches_no_thread_and_is_not_shaken(tmp_path: Path) -> None:
-    """A curtain of twenty times its weight with a seam across, moved a little: once what the seam is pushed by is known,
-    threads are as long as those of whole cloth but for the share of a cell that is not learnt (a seam that finds its
-    push anew in each substep leaves 0.7 %), and key points as slow.
+    """A curtain of twenty times its weight with a seam across, moved a little: once it is known what the seam is pushed
+    by, threads are as long as those of whole cloth but for the share of a cell that is not learnt (a seam that finds
+    its push anew in each substep leaves 0.7 %), and key points as slow.
     A run that is taken up again knows it too, and one that begins with the same pushes."""
     panels, seam, flat, _ = sewn_panels()
     flat[..., 2] = 2e-3 * np.sin(7 * flat[..., 0]) * np.sin(5 * flat[..., 1])
