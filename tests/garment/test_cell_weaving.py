@@ -17,7 +17,7 @@ from taichi_cloth.scenes.prepare.weave_layout import Cells
 from taichi_cloth.scenes.scene.load import load_scene
 from taichi_cloth.scenes.scene.schema import Scene
 
-SETT = ["garment.key_points=700", "fabric.ends_per_cm=12", "fabric.picks_per_cm=10"]
+SETT = ["garment.key_points=700", "fabric.ends_per_cm=6", "fabric.picks_per_cm=5"]
 
 
 @pytest.fixture(scope="module")
@@ -57,8 +57,8 @@ def particles(weaving: CellWeaving) -> np.ndarray:
 
 def test_key_points_hold_whole_threads_at_the_sett(parts: Parts, cells: Cells) -> None:
     a, b = parts.garment.atlas.spacing
-    assert cells.per_cell[0] / a == pytest.approx(1200)
-    assert cells.per_cell[1] / b == pytest.approx(1000)
+    assert cells.per_cell[0] / a == pytest.approx(600)
+    assert cells.per_cell[1] / b == pytest.approx(500)
     assert parts.garment.atlas.key_points == pytest.approx(700, rel=0.1)
 
 

@@ -42,7 +42,7 @@ def test_ne40_at_900_turns():
 def test_diameter_of_the_laid_out_yarn(plies: int):
     yarn = Yarn(count_tex=20, plies=plies, twist_per_m=600, singles_twist_per_m=350, migration=0.0)
     _, strands = laid_out(yarn, fibres=400)
-    reach = (np.hypot(strands.position[..., 1], strands.position[..., 2]) + strands.radius[:, None]).max()
+    reach = (np.hypot(strands.position[..., 1], strands.position[..., 2]) + strands.radius).max()
     assert 2 * reach == pytest.approx(yarn.diameter, rel=0.01)
 
 
@@ -54,7 +54,7 @@ def test_helix_angle_and_contraction_of_the_laid_out_single():
     turns = abs(period.single_turns) / period.length
     assert turns == pytest.approx(900, rel=0.01)
     np.testing.assert_allclose(np.tan(angle), 2 * pi * r * turns, rtol=2e-3)
-    outermost = (r + strands.radius[:, None]).max()  # the surface, not the axis of the outermost fibre
+    outermost = (r + strands.radius).max()  # the surface, not the axis of the outermost fibre
     surface = np.interp(outermost, *_sorted(r.ravel(), np.tan(angle).ravel()))
     assert surface * outermost / r.max() == pytest.approx(tan(yarn.single_helix_angle), rel=0.01)
     length_ratio = np.mean(1 / np.cos(angle))
