@@ -6,32 +6,41 @@ less on the side that is lit, and the rest shines through. With the transmittanc
 nearer to the light, the share of the sky S that it sees, F and G that a cloth there sees before and behind it, the
 direction b that is open to it, its tangent t, and phi the angle between light l and view round the fibre,
 
-    L = key (T sin(t, l) (w0 C(phi) max(1 + 4 b.l, 0) / 5 + w1 C(pi - phi)) + U (w2 max(b.l, 0) + w3 max(-b.l, 0)))
-      + sky(b) F (w4 + w5 S) + sky(-b) G w6
+    L = key T sin(t, l) (w0 C(phi) (3 + 2 b.l) / 5 + w1 C(pi - phi))
+      + key U (w2 max(b.l, 0) + w3 max(-b.l, 0) (1 - SHUT S))
+      + sky(b) F (w4 + w5 S) + sky(-b) G (w6 + w7 (1 - S))
     C(phi) = (sin phi + (pi - phi) cos phi) / pi                     a Lambertian cylinder
 
-each weight a polynomial w = a (c0 + c1 a + c2 a^2), all of them found at three colours on a plain weave, a satin, a
-twill and a yarn of all their fibres, under lights from the front, the side, behind and at a flat angle and under half
-skies, by a path tracer (`docs/appearance.md`). With an even sky all round, w4 + w5 + w6 is all of the light there is:
-at most 1, which is what white sends on.
+What has gone through a cloth is the brighter the nearer to the side that it comes from, as the diffuse flux in a slab
+is (Schuster's two streams): who sees little of the sky before the cloth is near its other side, hence S with what is
+before it and 1 - S with what is behind it. Each weight is a polynomial w = a (c0 + c1 a + c2 a^2) that never falls with
+a, all of them found together at five colours on a plain weave, a satin, a twill and a yarn of all their fibres, under
+lights from the front, the side, behind and at a flat angle and under half skies, by a path tracer
+(`docs/appearance.md`). With an even sky all round, w4 + w5 S + w6 + w7 (1 - S) is all of the light there is: at most 1,
+which is what white sends on, at any depth.
 """
 
 import taichi as ti
 
-__all__ = ["BODY", "OF_KEY", "OF_SKY", "weight"]
+__all__ = ["BODY", "OF_KEY", "OF_SKY", "SHUT", "weight"]
 
 OF_KEY = (
-    (1.16, -0.58, 0.0),
-    (2.5, -1.25, 0.0),
-    (0.0, 0.39, -0.234),
-    (0.0, 0.88, -0.586),
+    (1.246, -0.641, 0.012),
+    (2.439, -2.019, 0.533),
+    (0.0, 0.131, -0.048),
+    (0.0, 1.681, -0.981),
 )
 OF_SKY = (
-    (0.6998, 0.0689, -0.1823),
-    (0.9037, -1.3095, 0.4758),
-    (0.1465, 0.7301, -0.5336),
+    (0.095, 0.506, -0.299),
+    (1.721, -1.721, 0.574),
+    (0.134, -0.083, 0.031),
+    (0.0, 1.842, -1.228),
 )
 """c0, c1, c2 of the weights."""
+
+SHUT = 0.85
+"""How much less of a light behind a cloth gets to its fibres that see all of the sky before it: to a flat cloth, too,
+some of it."""
 
 BODY = 0.81
 """What the highlights of the fibres that were fitted leave of the light: of others that have more it is less."""

@@ -12,7 +12,7 @@ from taichi_cloth.ground.arrays import F32x2, Template
 from taichi_cloth.ground.particles import COLOUR, NORMAL, POSITION, TANGENT
 from taichi_cloth.ground.vectors import Blocks, Vec16
 
-from .bulk import OF_KEY, OF_SKY, weight
+from .bulk import OF_KEY, OF_SKY, SHUT, weight
 from .fibre import lobes
 from .view import BULK, COAT, DOME, EDGE, EYE, FIBRE, GROUND, KEY_DIRECTION, LOBES, OTHERS, SKY, SURFACE
 
@@ -118,6 +118,12 @@ def _before(albedo, seen):
 
 
 @ti.func
+def _behind(albedo, seen):
+    """Of the sky behind it."""
+    return weight(OF_SKY[2], albedo) + (1.0 - seen) * weight(OF_SKY[3], albedo)
+
+
+@ti.func
 def _from_sky(shading: Template, view: F32x2, up, mirrored, albedo, seen, before, behind):
     """What a particle in a bulk sends on of light from all round: of the sky before the cloth, of that behind it, and
     as its fibres' highlights. up: height of the direction open to it; mirrored: of that which a fibre mirrors."""
@@ -125,9 +131,9 @@ def _from_sky(shading: Template, view: F32x2, up, mirrored, albedo, seen, before
     shine = view[BULK, 2] * seen * before
     before *= view[BULK, 0]
     behind *= view[BULK, 0]
-    red = before * front[0] * _before(albedo[0], seen) + behind * back[0] * weight(OF_SKY[2], albedo[0])
-    green = before * front[1] * _before(albedo[1], seen) + behind * back[1] * weight(OF_SKY[2], albedo[1])
-    blue = before * front[2] * _before(albedo[2], seen) + behind * back[2] * weight(OF_SKY[2], albedo[2])
+    red = before * front[0] * _before(albedo[0], seen) + behind * back[0] * _behind(albedo[0], seen)
+    green = before * front[1] * _before(albedo[1], seen) + behind * back[1] * _behind(albedo[1], seen)
+    blue = before * front[2] * _before(albedo[2], seen) + behind * back[2] * _behind(albedo[2], seen)
     red += shine * gleam[0] * (1.0 + view[COAT, 0] * (albedo[0] - 1.0))
     green += shine * gleam[1] * (1.0 + view[COAT, 0] * (albedo[1] - 1.0))
     blue += shine * gleam[2] * (1.0 + view[COAT, 0] * (albedo[2] - 1.0))
@@ -135,17 +141,18 @@ def _from_sky(shading: Template, view: F32x2, up, mirrored, albedo, seen, before
 
 
 @ti.func
-def _parts(shadowed: Template, view: F32x2, b_l, around, arriving, outside):
+def _parts(shadowed: Template, view: F32x2, b_l, around, arriving, outside, seen):
     """The four parts of a light on a particle in a bulk (see `bulk`). around: cosine of the angle between light and
-    view round the fibre; arriving: light times sin(t, l); outside: what reaches the cloth there."""
+    view round the fibre; arriving: light times sin(t, l); outside: what reaches the cloth there; seen: of the sky."""
     around = ti.min(ti.max(around, -1.0), 1.0)
-    turned = ti.max(0.2 + 0.8 * b_l, 0.0)
     here = arriving * (1.5 * view[BULK, 0] * view[COAT, 1])
-    forward = here * rise(-around)
-    if ti.static(not shadowed):  # nothing else keeps the light from passing through the cloth
-        forward *= turned
+    # Where no map does it, the direction that is open keeps light from passing through the cloth.
+    unseen = view[BULK, 1] if ti.static(shadowed) else 1.0
+    turned, shown = ti.max(0.2 + 0.8 * b_l, 0.0), 0.6 + 0.4 * b_l
+    facing = here * rise(around) * (shown + unseen * (turned - shown))
+    forward = here * rise(-around) * (1.0 + unseen * (turned - 1.0))
     outside *= view[BULK, 0]
-    return here * rise(around) * turned, forward, outside * ti.max(b_l, 0.0), outside * ti.max(-b_l, 0.0)
+    return facing, forward, outside * ti.max(b_l, 0.0), outside * ti.max(-b_l, 0.0) * (1.0 - SHUT * seen)
 
 
 @ti.func
@@ -189,10 +196,11 @@ def shade(layout: Template, shading: Template, particles: Blocks, light: Blocks,
     albedo_g = particles[COLOUR + 1, b]
     albedo_b = particles[COLOUR + 2, b]
     red, green, blue = Vec16(0.0), Vec16(0.0), Vec16(0.0)
+    seen = Vec16(1.0)  # of the sky
     bx, by, bz = nx, ny, nz  # what is open to it
     if ti.static(shading.bulk):
         # Light from all round: on the cloth there, through it, and as its fibres' highlights.
-        seen, before, behind = Vec16(1.0), Vec16(1.0), Vec16(1.0)
+        before, behind = Vec16(1.0), Vec16(1.0)
         if ti.static(shading.sky >= 0):
             seen, before, behind = light[b, shading.sky], light[b, shading.sky + 1], light[b, shading.sky + 2]
             bx, by, bz = light[b, shading.sky + 3], light[b, shading.sky + 4], light[b, shading.sky + 5]
@@ -266,7 +274,7 @@ def shade(layout: Template, shading: Template, particles: Blocks, light: Blocks,
             b_l = bx * view[at, 0] + by * view[at, 1] + bz * view[at, 2]
             around = view[at, 0] * vx + view[at, 1] * vy + view[at, 2] * vz - t_l * t_v
             around /= ti.max(sin_l * sin_v, 1e-4)
-            parts = _parts(ti.static(shading.shadows[k] >= 0), view, b_l, around, passed * sin_l, outside)
+            parts = _parts(ti.static(shading.shadows[k] >= 0), view, b_l, around, passed * sin_l, outside, seen)
             lit_r, lit_g, lit_b = _lit(parts, albedo_r), _lit(parts, albedo_g), _lit(parts, albedo_b)
         # Highlights have the light's colour, and as much of the fibre's as `tint` says.
         gleam += rim

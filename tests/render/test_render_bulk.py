@@ -54,13 +54,14 @@ def lights(*, key: float = 0.0, fill: float = 0.0, towards: tuple[float, float, 
 
 
 def test_no_light_is_made_and_lighter_cloth_sends_more_on() -> None:
-    whole = of(OF_SKY).sum(axis=0)
-    assert (np.diff(whole) > 0).all()
-    assert 0.99 < whole[-1] <= 1.0
-    assert (of(OF_SKY) >= 0).all()
-    key = of(OF_KEY)
-    assert (key >= 0).all()
-    assert (np.diff(key, axis=1) >= 0).all()
+    before, before_open, behind, behind_shut = of(OF_SKY)
+    for seen in np.linspace(0, 1, 5):  # in a cloth of any depth
+        whole = before + seen * before_open + behind + (1 - seen) * behind_shut
+        assert (np.diff(whole) > 0).all()
+        assert 0.95 < whole[-1] <= 1.0
+    for weights in (of(OF_SKY), of(OF_KEY)):
+        assert (weights >= 0).all()
+        assert (np.diff(weights, axis=1) >= 0).all()
 
 
 def test_white_cloth_under_an_even_sky_is_nearly_as_bright_as_the_sky() -> None:
@@ -84,7 +85,7 @@ def test_a_light_in_front_is_sent_back_and_one_behind_shines_through() -> None:
     assert (np.diff(back) > 0).all()
     assert front[2] < 1.0
     assert (back < front).all()
-    assert back[2] > 0.15
+    assert back[2] > 0.09  # of a flat cloth; a woven one sends more on, most of it from between its threads
     hidden = seen(lights(key=1.0, towards=(0.2, -1.0, 0.1)), under=True)
     assert hidden[1] < 0.1 * back[1]
 
