@@ -196,8 +196,7 @@ def shade(layout: Template, shading: Template, particles: Blocks, light: Blocks,
     albedo_g = particles[COLOUR + 1, b]
     albedo_b = particles[COLOUR + 2, b]
     red, green, blue = Vec16(0.0), Vec16(0.0), Vec16(0.0)
-    seen = Vec16(1.0)  # of the sky
-    bx, by, bz = nx, ny, nz  # what is open to it
+    seen, bx, by, bz = Vec16(1.0), nx, ny, nz  # its share of the sky, and the direction that is open to it
     if ti.static(shading.bulk):
         # Light from all round: on the cloth there, through it, and as its fibres' highlights.
         before, behind = Vec16(1.0), Vec16(1.0)
