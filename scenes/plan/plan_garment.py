@@ -2,12 +2,11 @@
 
 from math import hypot
 
-from taichi_cloth.garment.sewn.sew import Garment
 from taichi_cloth.motion.forces import Forces
 from taichi_cloth.solvers.named import named_solver
 
-from ..prepare.gaps import garment_gaps
 from ..prepare.garment_setup import (
+    Parts,
     dressed_parts,
     garment_choice,
     garment_forces,
@@ -31,7 +30,7 @@ def garment_stages(scene: Scene) -> tuple[dict[str, str], dict[str, str], int, S
     parts = dressed_parts(scene)
     pattern, atlas = parts.garment.pattern, parts.garment.atlas
     a, b = atlas.spacing
-    gaps = garment_gaps(scene, atlas.spacing)
+    gaps = parts.gaps
     kinds = ["distance grid"] * len(parts.grids) or [p.kind for p in parts.primitives]
     counted = ", ".join(f"{kinds.count(k)} {k}{'s' * (kinds.count(k) > 1)}" for k in dict.fromkeys(kinds))
     moves = motion_of(scene, parts.body)
@@ -47,7 +46,7 @@ def garment_stages(scene: Scene) -> tuple[dict[str, str], dict[str, str], int, S
     if section.weaves:
         built["weaves"] = ", ".join(f"{name}: {draft}" for name, draft in section.weaves.items())
     built |= material_stage(scene)
-    built |= _solver(scene, parts.garment)
+    built |= _solver(scene, parts)
     left = {}
     if moves.name == "rest":
         left["motion"] = 'body.motion is "rest": the garment hangs as it was sewn'
@@ -56,7 +55,7 @@ def garment_stages(scene: Scene) -> tuple[dict[str, str], dict[str, str], int, S
     solids = parts.grids or parts.primitives
     for more_built, more_left in (
         within_stages(scene),
-        force_stages(garment_forces(scene, parts.garment), gaps),
+        force_stages(garment_forces(scene, parts), gaps),
         thin_limbs(solids, hypot(a, b), gaps.body.size),
     ):
         built |= more_built
@@ -70,9 +69,9 @@ def garment_stages(scene: Scene) -> tuple[dict[str, str], dict[str, str], int, S
     return built, left, atlas.key_points, cloth, prepared
 
 
-def _solver(scene: Scene, garment: Garment) -> dict[str, str]:
+def _solver(scene: Scene, parts: Parts) -> dict[str, str]:
     section = scene.solver or SolverSection()
-    choice, step = garment_choice(scene, garment), None if section.step_ms is None else 1e-3 * section.step_ms
-    kind = named_solver(choice.name)
-    solver = kind(garment.moving(), Forces(), frame_rate=float(scene.output.fps), step=step, safety=section.safety)
+    choice, step = garment_choice(scene, parts), None if section.step_ms is None else 1e-3 * section.step_ms
+    kind, sheet = named_solver(choice.name), parts.garment.moving()
+    solver = kind(sheet, Forces(), frame_rate=float(scene.output.fps), step=step, safety=section.safety)
     return solver_stages(choice, solver, scene)

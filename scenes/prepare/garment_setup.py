@@ -36,7 +36,7 @@ from ..scene.section import PATTERN_FILE
 from .body_setup import grids_of, primitives_of
 from .cell_layout import prepare_cells
 from .construction import own_material
-from .gaps import garment_gaps
+from .gaps import SheetGaps, garment_gaps
 from .sett import Sett, refuse, sett_of, spacing_on
 from .sheet_setup import choice_of, forces_of, material_of
 from .weave_layout import Prepared
@@ -66,12 +66,13 @@ Progress = Callable[[str, int, int], None]
 @dataclass(frozen=True, eq=False)
 class Parts:
     """What is known before anything is sewn: a body, its primitives, which tell its limbs, the distance grids that
-    cloth touches instead of them where a scene asks for those, and a garment cut for it."""
+    cloth touches instead of them where a scene asks for those, a garment cut for it, and the gaps that it keeps."""
 
     body: Body
     primitives: tuple[Primitive, ...]
     grids: tuple[DistanceGrid, ...]
     garment: Garment
+    gaps: SheetGaps
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,25 +92,30 @@ def dressed_parts(scene: Scene) -> Parts:
         refuse(scene, scene.garment.follow, "garment")
     solver = (scene.solver or SolverSection()).model_dump_json()
     per_m = None if sett is None else (sett.ends, sett.picks)
-    return _parts(scene.garment.model_dump_json(), body, solver, per_m, own_material(scene))
+    found = _parts(scene.garment.model_dump_json(), body, solver, per_m, own_material(scene))
+    return Parts(*found, garment_gaps(scene, found[-1].atlas.spacing))
+
+
+Made = tuple[Body, tuple[Primitive, ...], tuple[DistanceGrid, ...], Garment]
 
 
 @lru_cache(maxsize=4)
-def _parts(garment: str, body: str, solver: str, per_m: tuple[float, float] | None, own: Material | None) -> Parts:
+def _parts(garment: str, body: str, solver: str, per_m: tuple[float, float] | None, own: Material | None) -> Made:
+    """All of `Parts` but its gaps, which other sections of a scene tell too."""
     section, worn_by = GarmentSection.model_validate_json(garment), BodySection.model_validate_json(body)
     moved_by = SolverSection.model_validate_json(solver)
     figure = prepare_body(worn_by)
     grids = grids_of(figure) if worn_by.contact == "grid" else ()
     made = garment_of(section, figure, moved_by, per_m, own)
-    return Parts(figure, primitives_of(figure, worn_by.primitives), grids, made)
+    return figure, primitives_of(figure, worn_by.primitives), grids, made
 
 
 def dress(scene: Scene, each: Progress | None = None) -> Dressed:
     """The scene's garment on its body, sewn unless it was before. Raises InputError; needs Taichi only to sew."""
     parts = dressed_parts(scene)
     colliders = _colliders(scene, parts)
-    limit = garment_forces(scene, parts.garment).strain_limit
-    solver = garment_choice(scene, parts.garment).name
+    limit = garment_forces(scene, parts).strain_limit
+    solver = garment_choice(scene, parts).name
     made_of = digest(VERSION, solver, parts.garment, limit, colliders.made_of(), list(parts.primitives))
 
     def make() -> dict[str, np.ndarray]:
@@ -119,17 +125,17 @@ def dress(scene: Scene, each: Progress | None = None) -> Dressed:
     arrays, found = kept("worn", made_of, make)
     numbers = {name: arrays[name].item() for name in ("gap", "depth", "stretch", "taut", "speed", "frames")}
     worn = Worn(positions=arrays["positions"], pushes=arrays["pushes"], **numbers)
-    return Dressed(parts.body, parts.primitives, parts.grids, parts.garment, worn, found)
+    return Dressed(**vars(parts), worn=worn, from_disk=found)
 
 
-def garment_forces(scene: Scene, garment: Garment) -> Forces:
+def garment_forces(scene: Scene, parts: Parts) -> Forces:
     """What acts on a garment from outside, but for its body. Raises InputError."""
-    return forces_of(scene.forces, garment_gaps(scene, garment.atlas.spacing))
+    return forces_of(scene.forces, parts.gaps)
 
 
-def garment_choice(scene: Scene, garment: Garment) -> Choice:
+def garment_choice(scene: Scene, parts: Parts) -> Choice:
     """The solver that moves a garment, and sews it."""
-    return choice_of(garment.moving(), garment_forces(scene, garment), scene.solver, seams=True)
+    return choice_of(parts.garment.moving(), garment_forces(scene, parts), scene.solver, seams=True)
 
 
 def garment_of(
@@ -235,7 +241,7 @@ def garment_simulation(
     garment = dressed.garment
     met = spared(garment.atlas, dressed.worn.positions, dressed.primitives, moving=not still)
     colliders = replace(colliders, spared=met)
-    forces = replace(garment_forces(scene, garment), body=colliders)
+    forces = replace(garment_forces(scene, dressed), body=colliders)
     places = garment.holds()[2]
     solver = scene.solver or SolverSection()
     bones = np.full(len(places), bearer(places, dressed.primitives) if len(places) else -1)
@@ -246,7 +252,7 @@ def garment_simulation(
         frame_rate=float(scene.output.fps),
         step=None if solver.step_ms is None else 1e-3 * solver.step_ms,
         safety=solver.safety,
-        solver=garment_choice(scene, garment).name,
+        solver=garment_choice(scene, dressed).name,
         settled=settled,
         pushes=dressed.worn.pushes,
     )
@@ -256,5 +262,4 @@ def _colliders(scene: Scene, parts: Parts) -> Colliders:
     section = scene.garment
     assert section is not None
     touched = () if parts.grids else parts.primitives
-    gap = garment_gaps(scene, parts.garment.atlas.spacing).body.size
-    return Colliders(primitives=touched, grids=parts.grids, friction=section.friction, gap=gap)
+    return Colliders(primitives=touched, grids=parts.grids, friction=section.friction, gap=parts.gaps.body.size)

@@ -9,11 +9,11 @@ from taichi_cloth.ground.errors import InputError, did_you_mean
 from taichi_cloth.mechanics.fibre_mechanics import FibreMechanics, blend, fibre_mechanics
 from taichi_cloth.weave.colour_order import coloured
 from taichi_cloth.weave.draft import Draft, named_weave, tile
-from taichi_cloth.weave.wif import read_wif
 from taichi_cloth.yarn.count import parse_count
 from taichi_cloth.yarn.hairs import usual_hairiness
 from taichi_cloth.yarn.yarn import Hairiness, Yarn, count_for_diameter, ne_to_tex, turns_per_m
 
+from ..scene.draft_file import draft_file
 from ..scene.schema import Scene, Weave, YarnSection
 from ..scene.section import DRAFT_FILE
 
@@ -123,13 +123,13 @@ def draft_of(weave: Weave) -> Draft:
 
 def repeat_of(name: str) -> Draft:
     """One repeat of a named weave, or a WIF file as it is."""
-    return read_wif(name) if DRAFT_FILE.fits(name) else named_weave(name)
+    return draft_file(name) if DRAFT_FILE.fits(name) else named_weave(name)
 
 
 def _draft(name: str, ends: int | None, picks: int | None) -> Draft:
     """A named weave or a WIF file, at its own size where none is stated."""
     if DRAFT_FILE.fits(name):
-        draft = read_wif(name)
+        draft = draft_file(name)
         return tile(draft, ends=draft.ends if ends is None else ends, picks=draft.picks if picks is None else picks)
     return named_weave(
         name,

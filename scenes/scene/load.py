@@ -15,9 +15,9 @@ from taichi_cloth.ground.errors import InputError, did_you_mean
 from taichi_cloth.ground.files import read_text, shown_path
 from taichi_cloth.mechanics.presets import TRADE, trade_sections
 from taichi_cloth.weave.colour_order import colour
-from taichi_cloth.weave.wif import read_wif
 
 from ...render.data.finish import finish_for
+from .draft_file import draft_file
 from .scene_files import files_named
 from .schema import WOVEN, Scene
 from .section import DRAFT_FILE, SPRITE_FILE, NamesFile
@@ -113,7 +113,7 @@ def _kept_beside(data: Mapping[str, Any], path: str) -> tuple[str, ...]:
     fabric = data.get("fabric")
     if not isinstance(fabric, dict) or "ends_per_cm" not in fabric or not ("cloth" in data or "garment" in data):
         return ()
-    draft = read_wif(path)
+    draft = draft_file(path)
     if draft.warp_spacing_m is not None or draft.weft_spacing_m is not None:
         return ()
     thick = draft.warp_thickness_m is not None or draft.weft_thickness_m is not None

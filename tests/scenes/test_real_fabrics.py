@@ -7,13 +7,15 @@ from taichi_cloth.fabric.layout import drawn_density
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.motion.forces import SelfContact
 from taichi_cloth.scenes.plan.plan import plan
+from taichi_cloth.scenes.prepare import garment_setup
 from taichi_cloth.scenes.prepare.construction import drawn_of
-from taichi_cloth.scenes.prepare.gaps import ARM, FINGER, gaps_of, garment_gaps
-from taichi_cloth.scenes.prepare.garment_setup import dressed_parts
+from taichi_cloth.scenes.prepare.gaps import ARM, FINGER, SheetGaps, gaps_of, garment_gaps
+from taichi_cloth.scenes.prepare.garment_setup import dressed_parts, garment_choice, garment_forces
 from taichi_cloth.scenes.prepare.sett import on_cells
 from taichi_cloth.scenes.prepare.sheet_setup import sheet_simulation, standing_in
 from taichi_cloth.scenes.scene.body_section import BodySection
 from taichi_cloth.scenes.scene.load import built_in_scenes, load_scene, make_scene
+from taichi_cloth.scenes.scene.schema import Scene
 
 SHEETS = sorted(name for name in built_in_scenes() if load_scene(name).cloth)
 GARMENTS = sorted(name for name in built_in_scenes() if load_scene(name).garment)
@@ -68,7 +70,7 @@ def test_a_garment_keeps_what_is_drawn_or_says_why_more(name: str) -> None:
     """From the skin itself and fine enough key points: the thickness drawn. From primitives: as far as skin stands out
     of them. Layers: the thickness, or what key points keep."""
     scene = load_scene(name, ["forces.self_contact={}"])
-    gaps = garment_gaps(scene, dressed_parts(scene).garment.atlas.spacing)
+    gaps = dressed_parts(scene).gaps
     assert gaps.body.size == 4e-3
     assert gaps.body.said.endswith("primitives do not cover all skin")
     on_skin = scene.model_copy(update={"body": (scene.body or BodySection()).model_copy(update={"contact": "grid"})})
@@ -76,6 +78,24 @@ def test_a_garment_keeps_what_is_drawn_or_says_why_more(name: str) -> None:
     assert fine.body.size == fine.body.thickness == fine.layers.size == fine.floor.size
     coarse = garment_gaps(on_skin, (12e-3, 12e-3))
     assert thinnest_held(2**0.5 * 12e-3, coarse.body.size) <= ARM * (1 + 1e-9)
+
+
+def test_a_garments_gaps_are_worked_out_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """From the scene to its forces and its solver."""
+    asked = []
+
+    def counted(scene: Scene, spacing: tuple[float, float]) -> SheetGaps:
+        asked.append(spacing)
+        return garment_gaps(scene, spacing)
+
+    monkeypatch.setattr(garment_setup, "garment_gaps", counted)
+    scene = load_scene("skirt", ["forces.self_contact={}"])
+    parts = dressed_parts(scene)
+    layers = garment_forces(scene, parts).self_contact
+    assert layers is not None
+    assert layers.thickness == parts.gaps.layers.size
+    assert garment_choice(scene, parts).name == "yarns"
+    assert asked == [parts.garment.atlas.spacing]
 
 
 def test_a_gap_that_a_scene_states_holds() -> None:

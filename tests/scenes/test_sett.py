@@ -16,7 +16,12 @@ from taichi_cloth.scenes.picture.view import View
 from taichi_cloth.scenes.plan.plan import plan
 from taichi_cloth.scenes.prepare.cell_layout import prepare_sheet
 from taichi_cloth.scenes.prepare.sett import on_cells, sett_of, spacing_on, threads_to_a_cell
+from taichi_cloth.scenes.prepare.yarns import draft_of
+from taichi_cloth.scenes.scene import draft_file as draft_files
 from taichi_cloth.scenes.scene.load import load_scene
+from taichi_cloth.scenes.scene.schema import Weave
+from taichi_cloth.weave.draft import Draft
+from taichi_cloth.weave.wif import read_wif
 
 WIF = str(Path(__file__).parents[1] / "data" / "wif" / "two-color-liftplan.wif")
 SETT = ["fabric.ends_per_cm=24", "fabric.picks_per_cm=22"]
@@ -84,6 +89,25 @@ def test_a_wif_file_without_spacing_leaves_a_garment_its_sett_and_its_yarn() -> 
     assert spaced.yarn is not None
     assert spaced.yarn.count is None
     assert sett_of(spaced).ends == pytest.approx(100 / 0.212)  # pyright: ignore[reportOptionalMemberAccess]
+
+
+def test_a_wif_file_is_read_once_until_it_changes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path, read = tmp_path / "own.wif", []
+    path.write_bytes((Path(WIF).parent / "schort.wif").read_bytes())
+
+    def counted(name: str) -> Draft:
+        read.append(name)
+        return read_wif(name)
+
+    monkeypatch.setattr(draft_files, "read_wif", counted)
+    scene = load_scene("tshirt", [f"weave.draft={path}"])
+    first = sett_of(scene)
+    assert first is not None
+    assert draft_of(scene.weave or Weave()).warp_up.shape == first.draft.warp_up.shape
+    assert read == [str(path)]
+    path.write_bytes(Path(WIF).read_bytes())
+    assert draft_files.draft_file(str(path)).warp_up.shape != first.draft.warp_up.shape
+    assert read == [str(path)] * 2
 
 
 def test_the_density_drawn_is_that_of_its_yarn_and_sett() -> None:
