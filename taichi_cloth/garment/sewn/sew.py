@@ -1,6 +1,8 @@
 """Sewing (paper 4): panels stand round the body, seams draw them together, gravity lets the garment settle.
 
-1. Closing: no gravity, thick air; the gaps of all seams shrink at a set speed, the body keeps the cloth out.
+1. Closing: thick air; the gaps of all seams shrink at a set speed, the body keeps the cloth out. What is held hangs, so
+   that it closes round the body as long as it will be (trousers would fold over themselves on the hips); what is not
+   has no weight yet.
 2. Settling: gravity and friction, each panel on its own limbs (`limbs.py`), halted whenever it has begun to slow down,
    until it is at rest or the time is up.
 What comes out is where the key points rest. Seams then stay as ties for as long as the garment is worn.
@@ -218,8 +220,9 @@ def sew(
     smooth = replace(still, friction=0.05)
     frames = 0
     try:
+        weight = Forces().gravity if garment.pattern.holds else (0.0, 0.0, 0.0)
         simulation = garment.simulation(
-            Forces(gravity=(0.0, 0.0, 0.0), body=smooth, strain_limit=limit),
+            Forces(gravity=weight, body=smooth, strain_limit=limit),
             start,
             air_damping=THICK,
             solver=solver,
