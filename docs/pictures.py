@@ -21,6 +21,9 @@ from taichi_cloth.scenes.picture.view import View
 from taichi_cloth.scenes.picture.zoom import zoom
 from taichi_cloth.scenes.prepare.body_setup import primitives_of
 from taichi_cloth.scenes.scene.load import load_scene
+from taichi_cloth.scenes.studies.appearance import measured, side_by_side
+from taichi_cloth.scenes.studies.looks.cases import CASES
+from taichi_cloth.scenes.studies.make import what_to_install
 
 HERE = Path(__file__).parent
 SCHORT = HERE.parent / "tests" / "data" / "wif" / "schort.wif"
@@ -137,6 +140,17 @@ def body() -> np.ndarray:
         return read_png(path)
 
 
+def appearance() -> np.ndarray:
+    """Six cases of `taichi-cloth report --only appearance`, each beside the path tracer's picture."""
+    shown = ["plain", "satin", "plain, upper half of the sky", "plain, lower half of the sky", "twill"]
+    shown += ["basket, window behind"]
+    pairs = []
+    for case in (one for name in shown for one in CASES if one.name == name):
+        ours, reference, _, _ = measured(case, quick=False)
+        pairs += side_by_side(case, ours, reference, width=480)[:2]
+    return contact_sheet(pairs, columns=4, thumbnail=480)
+
+
 def zoomed() -> np.ndarray:
     """Twelve frames of `taichi-cloth zoom swatch`."""
     view = View(build(load_scene("swatch", [])), (960, 640))
@@ -172,6 +186,8 @@ PICTURES = {
     )[0],
     "closeup": lambda: picture("closeup", size=(2160, 1440))[0],
 }
+if what_to_install("appearance") is None:
+    PICTURES["appearance"] = appearance
 PICTURES |= {Path(one.file).stem: lambda one=one: fitted(one.make(False)) for one in FIGURES}
 
 

@@ -17,7 +17,17 @@ from ..measure.study import cpu_seconds
 from .looks.cases import CASES, QUICK, Case, subject_of
 from .looks.path_traced import path_traced
 
-__all__ = ["LIMITS", "AppearanceRow", "Limits", "outside", "row_of", "section", "sections"]
+__all__ = [
+    "LIMITS",
+    "AppearanceRow",
+    "Limits",
+    "measured",
+    "outside",
+    "row_of",
+    "section",
+    "sections",
+    "side_by_side",
+]
 
 F64 = NDArray[np.float64]
 SIZE, SAMPLES = 200, 16
@@ -74,15 +84,15 @@ def sections(quick: bool, say: Callable[[str], object]) -> list[Section]:
     pictures: list[NDArray[np.uint8]] = []
     for case in (QUICK,) if quick else CASES:
         say(f"appearance: {case.name}")
-        ours, reference, found, seconds = _measured(case, quick)
+        ours, reference, found, seconds = measured(case, quick)
         rows.append(row_of(case, found, seconds))
         limits = LIMITS if case.fitted else UNSEEN
         said.append(f"{case.name}: " + (", ".join(outside(found, limits)) or "all within") + ".")
-        pictures += _pictures(case, ours, reference)
+        pictures += side_by_side(case, ours, reference)
     return [section(rows, said, pictures, quick)]
 
 
-def _measured(case: Case, quick: bool) -> tuple[F64, F64, Likeness, tuple[float, float]]:
+def measured(case: Case, quick: bool) -> tuple[F64, F64, Likeness, tuple[float, float]]:
     """Our picture, the reference's, how far they are apart, and the CPU time of each [s]."""
     size, samples = (QUICK_SIZE, QUICK_SAMPLES) if quick else (SIZE, SAMPLES)
     subject = subject_of(case, size)
@@ -136,17 +146,17 @@ def outside(found: Likeness, limits: Limits) -> list[str]:
     return out
 
 
-def _pictures(case: Case, ours: F64, reference: F64) -> list[NDArray[np.uint8]]:
-    """Ours, the reference, and FLIP from black (the same) to white, each with its words."""
+def side_by_side(case: Case, ours: F64, reference: F64, width: int = SHOWN) -> list[NDArray[np.uint8]]:
+    """Ours, the reference, and FLIP from black (the same) to white, each with its words, `width` pixels wide."""
     one, two = shown_alike(ours, reference)
     error = np.repeat(flip(ours, reference)[..., None], 3, axis=2)
     words = case.name, "path traced", "FLIP"
-    return [_labelled(image, text) for image, text in zip((one, two, error), words, strict=True)]
+    return [_labelled(image, text, width) for image, text in zip((one, two, error), words, strict=True)]
 
 
-def _labelled(image: F64, text: str) -> NDArray[np.uint8]:
-    by = cv2.INTER_CUBIC if image.shape[0] < SHOWN else cv2.INTER_AREA
-    large = cv2.resize((255 * image).round().astype(np.uint8), (SHOWN, SHOWN), interpolation=by)
+def _labelled(image: F64, text: str, width: int) -> NDArray[np.uint8]:
+    by = cv2.INTER_CUBIC if image.shape[0] < width else cv2.INTER_AREA
+    large = cv2.resize((255 * image).round().astype(np.uint8), (width, width), interpolation=by)
     return tag(np.asarray(large, np.uint8), text.replace("°", " deg").replace("×", "x"))
 
 

@@ -19,7 +19,7 @@ from ..measure.machine import cores, cpu_name
 from ..measure.page import Section, check_folder, section_of, write_report
 from ..measure.study import Row, Study
 
-__all__ = ["STUDIES", "chosen", "make_report"]
+__all__ = ["STUDIES", "chosen", "make_report", "what_to_install"]
 
 STUDIES = ("solver", "spacing", "interpolation", "contact", "twist", "fibres", "splat", "stages", "appearance")
 """Each a module here, with a `STUDY`, or with `sections` of its own."""
