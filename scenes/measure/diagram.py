@@ -68,9 +68,8 @@ def draw(study: Study, rows: Sequence[Row]) -> bytes:
     found: dict[str, Any] = {}
     for axis in axes:
         found |= {name: line for line, name in zip(*axis.get_legend_handles_labels(), strict=True)}
-    figure.legend(
-        found.values(), found.keys(), loc="outside lower center", ncols=min(3, len(found)), frameon=False, fontsize=9.5
-    )
+    beside = min(columns + 1, len(found))
+    figure.legend(found.values(), found.keys(), loc="outside lower center", ncols=beside, frameon=False, fontsize=9.5)
     figure.draw_without_rendering()  # puts the panels where they will be
     for axis, here in zip(axes, labels, strict=False):
         _set_apart(axis, here)

@@ -5,7 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from taichi_cloth.mechanics.presets import WITHIN, preset_properties
 from taichi_cloth.scenes.measure.curves import Panel, draw_curves
+from taichi_cloth.scenes.studies.solvers import within
 from taichi_cloth.scenes.studies.solvers.cases import case_of, judged, motion_error, stretch_error
 from taichi_cloth.scenes.studies.solvers.crossing import NAMES, Cost, crossing
 from taichi_cloth.scenes.studies.solvers.reference import Scheme, reference, scheme_course
@@ -88,3 +90,25 @@ def test_curves_are_drawn() -> None:
     time = np.linspace(0, 1, 5)
     panel = Panel("p", time, {"a": np.sin(time), "b": 30 * time}, 0.5 * time)
     assert draw_curves([panel] * 3, ["a", "b"], ("t", "x")).startswith(b"\x89PNG")
+
+
+def test_a_sheet_has_of_what_is_beside_springs_what_is_asked_for() -> None:
+    """From none of it to all that a disc of the same cloth drapes with."""
+    woven = preset_properties("cotton-shirting")
+    material = case_of("hang", 6, within=["couple", "locking"]).sheet.material
+    assert material.couple_weft == pytest.approx(woven.si("couple_weft") / 2)
+    assert material.locking == pytest.approx(woven.si("locking_angle"))
+    assert (material.torsion, material.shear_friction) == (0.0, 0.0)
+    assert case_of("hang", 6).sheet.material == material.elastic
+    assert material.tensile_warp == case_of("hang", 6).sheet.material.tensile_warp
+
+
+@pytest.mark.slow
+def test_what_is_left_out_is_seen_and_what_a_start_hides_is_not() -> None:
+    """Five runs and a level: with all of it none is off; friction of bending is told from chance."""
+    found = {row.method: row for row in within.rows(True)}
+    assert list(found) == [within.ALL, *(f"without {name}" for name in WITHIN), within.NONE, "reference"]
+    assert found[within.ALL].error == 0
+    assert found["without couple"].error > 100 * found["reference"].error
+    assert found[within.NONE].default
+    assert all(row.seconds > 0 for row in found.values() if row.method != "reference")

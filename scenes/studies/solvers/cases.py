@@ -7,12 +7,14 @@ are: solvers that are broken off too early fall too slowly, or stretch. Even the
 centimetre up or down by chance; the error of motion is that of the mean.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from math import asin
 
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_cloth.mechanics.presets import preset_properties, within_material
 from taichi_cloth.motion.forces import Forces, Sphere
 from taichi_cloth.sheet.materials import named_material
 from taichi_cloth.sheet.sheet import Sheet
@@ -24,6 +26,7 @@ F64 = NDArray[np.float64]
 CASES = {"hang": 24, "drape": 24}
 """Frames that are looked at."""
 
+COTTON = "cotton-shirting"
 FRAME_RATE = 60.0
 SIDE, ARC = 0.5, 0.4  # [m], of the sheet and radius of the arc
 BALL = Sphere(centre=(0.013, -0.13, 0.021), radius=0.125)
@@ -51,9 +54,12 @@ class Case:
         return f"{self.name}, {words}"
 
 
-def case_of(name: str, points: int, *, threads: float = 1.0, ratio: float | None = None) -> Case:
-    """A sheet of points × points. ratio: of the threads' stiffness to that of shear, instead of cotton's."""
-    base = named_material("cotton-shirting").linear
+def case_of(
+    name: str, points: int, *, threads: float = 1.0, ratio: float | None = None, within: Iterable[str] = ()
+) -> Case:
+    """A sheet of points × points. ratio: of the threads' stiffness to that of shear, instead of cotton's. within: what
+    of cotton's own it has beside springs, by the names of WITHIN."""
+    base = replace(named_material(COTTON).linear, **within_material(preset_properties(COTTON), within))
     kept = {key: threads * getattr(base, key) for key in ("tensile_warp", "tensile_weft")}
     if ratio is not None:
         kept = dict.fromkeys(kept, ratio * base.shear)
