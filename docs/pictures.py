@@ -54,7 +54,7 @@ def materials() -> np.ndarray:
     """One weave and one dye in four fibres under one light."""
     dye = "#8c2f39"
     weave = [f"yarn.colour='{dye}'", f"weave.warp_colours='{dye}'", f"weave.weft_colours='{dye}'", "weave.ends=46"]
-    weave += ["weave.picks=40", "yarn.plies=1", "yarn.count_tex=36", "yarn.twist_per_m=600", "yarn.fibres=24"]
+    weave += ["weave.picks=40", "yarn.plies=1", "yarn.count_tex=36", "yarn.twist_per_m=600"]
     weave += ["fabric.ends_per_cm=30", "fabric.picks_per_cm=24", "fabric.flattening=1.5"]
     weave += ["fabric.pose=wave", "fabric.pose_amount=1.6", "camera.zoom=1.35"]
     filament = ["ends_per_m=0", "loops_per_m=0"]
@@ -72,7 +72,7 @@ def distances() -> np.ndarray:
     """Four weaves, each from three distances."""
     rows = []
     for name in ("plain", "twill", "satin", "tartan"):
-        near = [(1.0, []), (4.0, ["yarn.fibres=24", "fabric.steps=16"]), (12.0, ["yarn.fibres=60", "fabric.steps=32"])]
+        near = [(1.0, []), (4.0, ["fabric.steps=16"]), (12.0, ["fabric.steps=32"])]
         close = ["fabric.ends_per_cm=66", "fabric.picks_per_cm=40"] if name == "satin" else []
         small = ["weave.ends=20", "weave.picks=20"] if name != "tartan" else ["weave.ends=56", "weave.picks=56"]
         whole = [picture(name, *close, size=(660, 480))[0]]
@@ -83,11 +83,11 @@ def distances() -> np.ndarray:
 
 def fringe() -> np.ndarray:
     """Flyaway fibres of a wool edge against the light."""
-    backlit = ["light.rim_strength=4", "light.rim_azimuth_deg=178", "light.rim_elevation_deg=32"]
+    backlit = ["light.rim_strength=1.5", "light.rim_azimuth_deg=178", "light.rim_elevation_deg=32"]
     backlit += ["light.key_strength=0.25", "light.fill_strength=0.35", "light.follows_camera=true"]
     backlit += ["light.background=['#3a3f49', '#171a20']", "stage.ground=false"]
     woolly = ["fibre.kind=wool", "yarn.hairiness.ends_per_m=9000", "yarn.hairiness.loops_per_m=3000"]
-    woolly += ["yarn.hairiness.height_mm=0.22", "yarn.fibres=40", "fabric.steps=20", "fabric.fringe=3"]
+    woolly += ["yarn.hairiness.height_mm=0.22", "fabric.steps=20", "fabric.fringe=3"]
     view = ["weave.ends=20", "weave.picks=12", "weave.warp_colours=camel", "weave.weft_colours=cream"]
     view += ["camera.elevation_deg=30", "camera.azimuth_deg=12", "camera.zoom=1.2"]
     return picture("plain", *backlit, *woolly, *view, size=(1800, 900))[0]
