@@ -13,7 +13,7 @@ def draft_file(path: str) -> Draft:
     """As the file is now: one that has changed is read again. Raises InputError on what is no such file."""
     try:
         found = Path(path).stat()
-    except OSError:
+    except (OSError, ValueError):  # ValueError: a null byte in its name
         return read_wif(path)  # which says what is wrong with it
     return _read(path, found.st_mtime_ns, found.st_size)
 
