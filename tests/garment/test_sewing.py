@@ -122,7 +122,7 @@ def test_darts_too_narrow_for_their_key_points_are_named(spacing, why, wish):
     worn = Worn(flat, gap=0.02, depth=0.0, stretch=0.0, taut=0.0, speed=0.0, frames=0)
     assert misfit(garment, worn) == f"a seam of front stays 20.0 mm open (allowed 2){why}{wish}"
     deep = replace(worn, gap=0.0, depth=0.01)
-    assert misfit(garment, deep) == f"cloth lies 10.0 mm in the body (allowed 3){wish}"
+    assert misfit(garment, deep) == f"cloth lies 10.0 mm in the body (allowed 5){wish}"
     assert misfit(garment, replace(worn, gap=0.0)) is None
     assert garment.last_ties().tolist() == [len(garment.seams()[0]) - 1]
 
@@ -165,13 +165,13 @@ WALKS = [
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "gender"), [*((n, "female") for n in (*DRAFTS, *SAMPLES)), ("trousers", "male")])
 def test_every_pattern_sews(name, gender):
-    """No seam wider than 2 mm, no key point deeper than 3 mm, no thread longer by more than 8 %."""
+    """No seam wider than 2 mm, no key point deeper than 5 mm, no thread longer by more than 8 %."""
     garment, worn = sewn(name, gender, FINER.get(name, KEY_POINTS))
     assert misfit(garment, worn) is None
     assert worn.gap < 2e-3
-    assert worn.depth < 3e-3
+    assert worn.depth < 5e-3
     assert worn.stretch < 0.08
-    assert worn.speed < 0.005
+    assert worn.speed < 0.01
 
 
 def crossed(points, faces):
