@@ -1,9 +1,45 @@
-"""How near the layers of a sheet lie, and where they cross: by brute force, in float64, apart from what is tested."""
+"""Layers of cloth that the tests of contact share; how near they lie, and where they cross: by brute force, in
+float64, apart from what is tested."""
 
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_cloth.sheet.materials import Material
 from taichi_cloth.sheet.sheet import Sheet
+from taichi_cloth.sheet.springs import calibrate
+
+SPACING, COLS, THICKNESS = 0.01, 7, 0.003
+ROWS = 37  # two panels of 17 and 18 rows with an empty row of cells between them, or one of 37
+SOFT = Material(
+    tensile_warp=150.0,
+    tensile_weft=150.0,
+    shear=15.0,
+    bending_warp=2e-6,
+    bending_weft=2e-6,
+    density=0.15,
+    air_damping=2.0,
+    fibre_damping=1e-4,
+)
+
+
+def sheet_of(panels: int) -> Sheet:
+    cells = np.ones((ROWS - 1, COLS - 1), bool)
+    if panels == 2:
+        cells[16:18] = False
+    springs = calibrate(SOFT, spacing_x=SPACING, spacing_y=SPACING)
+    return Sheet.of_cells(cells, material=SOFT, springs=springs)
+
+
+def layers(speed: float) -> tuple[Sheet, NDArray, NDArray]:
+    """Two panels 6 mm apart, the upper 3 mm off to a side, coming down at `speed` [m/s]; positions and velocities."""
+    sheet = sheet_of(2)
+    flat = sheet.flat()
+    x = flat[..., [0, 2, 1]]
+    upper = np.arange(ROWS) >= 18
+    x[upper] += [0.003, 0.006, 0.004 - 18 * SPACING]
+    v = np.zeros_like(x)
+    v[upper, :, 1] = -speed
+    return sheet, x, v
 
 
 def triangles(sheet: Sheet) -> NDArray:

@@ -6,9 +6,9 @@ and both faces.
 
 Key points between the two discs are held. A hinge at the last of these bends as cloth half a spacing inwards would, and
 the last of a row lies a quarter of a spacing inside the rim on average: so those up to ¾ spacing outside it are held.
-So a stiff disc sags as much
-as a plate that is clamped at the rim, in the mean of four within 1 % from 7.5 to 2.5 mm; with the least mass of key
-points that garments have it is 9, 6, 4 and 2 % more at 7.5, 5, 3.5 and 2.5 mm, since all of the rim is too heavy.
+A stiff disc then sags as much as a plate that is clamped at the rim, in the mean of four within 1 % from 7.5 to 2.5 mm;
+with the least mass of key points that garments have it is 9, 6, 4 and 2 % more at 7.5, 5, 3.5 and 2.5 mm, since all of
+the rim is too heavy.
 Where they lie on the rim all along a facet, or just beside it, makes two or three points of difference (silk, on grids
 of 4.5, 4, 3.75 and 3.5 mm: 44, 42, 44 and 41 %); so each specimen lies elsewhere on its grid, by less than a spacing.
 """

@@ -193,8 +193,9 @@ def section(
         "reference's; blurred: root mean square of luminance after a blur of 5 pixels; depths: "
         f"{len(DEPTHS) - 1} bins of pixels by how much of the sky their fibres see, from the interstices to the "
         "crowns, at each albedo; FLIP: its mean, at one exposure for both. The lines below say what is outside of "
-        "luminance 0.95 to 1.05, blurred error 0.10, depths 0.85 to 1.15, FLIP 0.30, saturation ± 0.03; half as far "
-        "again where nothing was fitted.",
+        f"luminance {1 - LIMITS.luminance:.2f} to {1 + LIMITS.luminance:.2f}, blurred error {LIMITS.blurred:.2f}, "
+        f"depths {1 - LIMITS.depths:.2f} to {1 + LIMITS.depths:.2f}, FLIP {LIMITS.flip:.2f}, saturation "
+        f"± {LIMITS.saturation:.2f}; half as far again where nothing was fitted.",
         sentences=said,
         head=(
             "case",

@@ -145,31 +145,26 @@ class Simulation:
                     raise
             else:
                 if not self.solver.shorten(self.state, moved):
-                    self._check_fault()
-                    self._check_pull()
+                    self._check_solver()
                     break
         self.state = moved
         self.frame += 1
 
-    def _check_fault(self) -> None:
-        """Raises Unstable where a constraint says that this is no cloth."""
+    def _check_solver(self) -> None:
+        """Raises Unstable where a constraint says that this is no cloth, or threads are pulled more than their steps
+        can be shortened for."""
         if fault := self.solver.fault:
-            number = self.frame + 1
-            raise Unstable(
-                f"frame {number}: {fault}; the state of frame {self.frame} is kept. Use slower or nearer pins, weaker "
-                "forces, or closer key points",
-                number,
-            )
-
-    def _check_pull(self) -> None:
-        """Raises Unstable where threads are pulled more than their steps can be shortened for."""
+            raise self._refused(f"{fault}; the", "closer key points")
         if torn := self.solver.torn:
-            number = self.frame + 1
-            raise Unstable(
-                f"frame {number}: {torn}; no cloth carries that. The state of frame {self.frame} is kept. Use slower "
-                "or nearer pins, weaker forces, or softer threads",
-                number,
-            )
+            raise self._refused(f"{torn}; no cloth carries that. The", "softer threads")
+
+    def _refused(self, what: str, instead: str) -> Unstable:
+        number = self.frame + 1
+        return Unstable(
+            f"frame {number}: {what} state of frame {self.frame} is kept. Use slower or nearer pins, weaker forces, or "
+            f"{instead}",
+            number,
+        )
 
     def _moved(self) -> SheetState:
         """The state a frame later, whatever it is."""

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 import taichi as ti
+from layers import SPACING, THICKNESS, layers
 from numpy.typing import NDArray
 
 from taichi_cloth.constraints.constraints_for import constraints_for
@@ -18,22 +19,8 @@ from taichi_cloth.layers.patches import slack_of
 from taichi_cloth.layers.tree import TOP, levels_of
 from taichi_cloth.motion.forces import Forces, SelfContact
 from taichi_cloth.motion.simulation import Simulation
-from taichi_cloth.sheet.materials import Material
 from taichi_cloth.sheet.sheet import Sheet
-from taichi_cloth.sheet.springs import calibrate
 from taichi_cloth.solvers.verlet import Verlet
-
-SPACING, COLS, ROWS, THICKNESS = 0.01, 7, 37, 0.003
-SOFT = Material(
-    tensile_warp=150.0,
-    tensile_weft=150.0,
-    shear=15.0,
-    bending_warp=2e-6,
-    bending_weft=2e-6,
-    density=0.15,
-    air_damping=2.0,
-    fibre_damping=1e-4,
-)
 
 
 @ti.kernel
@@ -101,15 +88,7 @@ def test_levels_of_blocks() -> None:
 @cache
 def thrown(speed: float) -> tuple[Sheet, list[NDArray], Any]:
     """Two panels 6 mm apart, the upper 3 mm off to a side, thrown at the lower at `speed` [m/s]: four frames."""
-    cells = np.ones((ROWS - 1, COLS - 1), bool)
-    cells[16:18] = False
-    springs = calibrate(SOFT, spacing_x=SPACING, spacing_y=SPACING)
-    sheet = Sheet.of_cells(cells, material=SOFT, springs=springs)
-    x = sheet.flat()[..., [0, 2, 1]]
-    upper = np.arange(ROWS) >= 18
-    x[upper] += [0.003, 0.006, 0.004 - 18 * SPACING]
-    v = np.zeros_like(x)
-    v[upper, :, 1] = -speed
+    sheet, x, v = layers(speed)
     forces = Forces(gravity=(0.0, 0.0, 0.0), self_contact=SelfContact(thickness=THICKNESS))
     solver = Verlet(sheet, forces, threads=2, constraints=constraints_for(sheet, forces))  # shares its kernel
     simulation = Simulation(sheet, solver, forces=forces, positions=x, velocities=v)

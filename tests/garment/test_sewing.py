@@ -131,7 +131,7 @@ def test_what_two_holds_say_no_seam_says_again():
     """Ends of a skirt's side seams at its waistband: a seam each, whose other ties are all there."""
     pattern = pattern_of("skirt", "female")
     garment = Garment(pattern, cut(pattern, spacing_for(pattern, KEY_POINTS)), CLOTH)
-    holds, seams = garment.ties(garment.sheet(), np.full(len(garment.holds()[0]), -1), 0.5)
+    holds, seams = garment.ties(garment.sheet(), None, 0.5)
     assert holds.count == len(garment.holds()[0])
     assert seams.count == len(garment.seams()[0]) - len(pattern.seams)
 

@@ -135,16 +135,16 @@ class Garment:
         piece = self.atlas.panel(side.panel)
         return piece.embed(turned(points, piece.panel.grain))
 
-    def ties(self, sheet: Sheet, bones: NDArray, speed: float) -> tuple[Ties, ...]:
-        """Holds, carried by `bones` (n,), and seams, where there are any, but for ties of two points that are held. A
-        garment without holds has one that holds nothing, so that its kernel is that of all garments."""
+    def ties(self, sheet: Sheet, bones: NDArray | None, speed: float) -> tuple[Ties, ...]:
+        """Holds, carried by `bones` (n,) or none, and seams, where there are any, but for ties of two points that are
+        held. A garment without holds has one that holds nothing, so that its kernel is that of all garments."""
         seams, seam_weights = self.seams()
         nodes, weights, places = self.holds()
         asked = ~_both_in(seams, seam_weights, _named(nodes, weights))
         seams, seam_weights = seams[asked], seam_weights[asked]
         if not len(nodes):
             nodes, weights, places = np.zeros((1, 4, 2), np.int64), np.zeros((1, 4)), np.zeros((1, 3))
-            bones = np.full(1, -1)
+            bones = None
         out = [Ties(sheet, nodes, weights, speed=speed, places=places, bones=bones, repeated=False)]
         if len(seams):
             out.append(Ties(sheet, seams, seam_weights, speed=speed))
@@ -169,7 +169,7 @@ class Garment:
         none are carried. solver: see `named_solver`. settled: see `Simulation`. pushes: of `Worn`.
         """
         sheet = self.moving(air_damping)
-        ties = self.ties(sheet, np.full(len(self.holds()[0]), -1) if bones is None else bones, speed)
+        ties = self.ties(sheet, bones, speed)
         kind = named_solver(solver)
         sewn = self.sewn() if forces.self_contact else None
         constraints = constraints_for(sheet, forces, ties=ties, sewn=sewn, answered=kind.answers)
