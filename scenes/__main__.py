@@ -1,14 +1,12 @@
 """The command line: `taichi-cloth scenes | plan | turntable | animate | zoom | still | fabric | profile | check |
 figures | report | stability | body`."""
 
-import contextlib
 import io
 import logging
 import os
-import signal
 import sys
 from pathlib import Path
-from typing import Annotated, Any, NoReturn
+from typing import Annotated, Any
 
 import typer
 
@@ -16,6 +14,7 @@ import taichi_cloth
 from taichi_cloth.ground.errors import InputError, Unstable
 
 from .body.body_command import body_app
+from .commands.stopping import Terminated, stoppable
 
 __all__ = ["app", "main"]
 
@@ -294,13 +293,14 @@ def root(version: Annotated[bool, typer.Option("--version", help="Print the vers
 def main(arguments: list[str] | None = None) -> None:
     """Run the command line. Bad input gives one line on standard error and exit code 2.
 
-    130 and 143 after an interrupt (Ctrl-C) and a SIGTERM, 1 when the machine fails: a full disk, a closed pipe.
+    130 and 143 after an interrupt (Ctrl-C) and a SIGTERM (killed, so 137, where a compiler did not let it answer within
+    a second), 1 when the machine fails: a full disk, a closed pipe.
     """
     _open_streams()
     logging.basicConfig(format="taichi-cloth: %(message)s")
-    with contextlib.suppress(ValueError):  # not in the main thread
-        signal.signal(signal.SIGTERM, _terminate)
-    sys.exit(_status(sys.argv[1:] if arguments is None else arguments))
+    with stoppable(STOPPED):
+        status = _status(sys.argv[1:] if arguments is None else arguments)
+    sys.exit(status)
 
 
 def _open_streams() -> None:
@@ -319,14 +319,6 @@ def _open_streams() -> None:
             stream.reconfigure(errors="backslashreplace")
 
 
-class _Terminated(BaseException):
-    """SIGTERM arrived. Raised so that what is being written is cleaned up, as after Ctrl-C."""
-
-
-def _terminate(number: int, frame: object) -> NoReturn:
-    raise _Terminated
-
-
 def _status(arguments: list[str]) -> int:
     from typer.exceptions import TyperException
 
@@ -340,9 +332,9 @@ def _status(arguments: list[str]) -> int:
     except TyperException as error:
         _say(" ".join(error.format_message().split()) or f"see: taichi-cloth {' '.join(arguments)} --help")
         return 2
-    except (KeyboardInterrupt, typer.Abort, _Terminated) as stop:
+    except (KeyboardInterrupt, typer.Abort, Terminated) as stop:
         _say(STOPPED)
-        return 143 if isinstance(stop, _Terminated) else 130
+        return 143 if isinstance(stop, Terminated) else 130
     except MemoryError:
         _say("out of memory; make the scene smaller (see: taichi-cloth plan) or close other programs")
         return 2
