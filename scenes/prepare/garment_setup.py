@@ -57,7 +57,7 @@ __all__ = [
     "woven_garment",
 ]
 
-VERSION = 18
+VERSION = 19
 """Of what is kept on disk: raised whenever the same scene would come to another rest."""
 
 Progress = Callable[[str, int, int], None]

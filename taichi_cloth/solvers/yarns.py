@@ -25,7 +25,7 @@ from taichi_cloth.sheet.springs import Springs
 from taichi_cloth.solvers.spring_solver import SpringSolver
 from taichi_cloth.solvers.step_choice import StepChoice
 from taichi_cloth.solvers.strained_start import settle
-from taichi_cloth.solvers.whole_yarns import NEVER, Family
+from taichi_cloth.solvers.yarn_fields import NEVER, Family
 from taichi_cloth.solvers.yarn_frame import ChainFrame, YarnFrame
 
 __all__ = ["Yarns", "left_explicit"]

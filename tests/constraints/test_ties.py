@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from strips import PLAIN, simulate
 
+from taichi_cloth.constraints.beside_ties import PULL
 from taichi_cloth.constraints.ties import Ties
 from taichi_cloth.sheet.energy import elastic_energy, kinetic_energy
-from taichi_cloth.sheet.sheet import Sheet
+from taichi_cloth.sheet.sheet import PAD, Sheet
 from taichi_cloth.sheet.springs import calibrate
 
 TIES = 40
@@ -59,3 +60,21 @@ def test_what_seams_are_usually_pushed_by_is_kept_with_the_state(strips):
     assert np.count_nonzero(state.values[6:] == 0.25) == 3 * TIES
     assert (state.values[:6] == sheet.state(joined(sheet)).values).all()
     assert Ties(sheet, nodes, weights, repeated=False).keeps == 0
+
+
+def test_threads_beside_ties_and_the_ties_at_their_ends(strips):
+    """Of the strips' edges: those along the edge and those that lead to it. Each knows the ties that name one of its
+    ends, and may be as long as its law makes it at PULL, since that is more than LONGEST."""
+    sheet, nodes, weights = strips
+    ties = Ties(sheet, nodes, weights)
+    near, flat = ties.beside, sheet.flat().reshape(-1, 3)
+    rows, columns = sheet.shape
+    place = near.ends - PAD * sheet.width
+    place = place // sheet.width * columns + place % sheet.width
+    along = np.linalg.norm(flat[place[:, 1]] - flat[place[:, 0]], axis=1)
+    assert len(near.ends) == 2 * (rows + rows - 1)
+    assert np.allclose(np.sqrt(near.numbers[:, 0]) / along, 1 + PULL / PLAIN.tensile_warp)
+    assert np.allclose(near.numbers[:, 2:].sum(axis=1), 1.0)
+    for thread, (begin, end) in enumerate(zip(near.begin, near.begin[1:], strict=False)):
+        named = (np.isin(ties.index, near.ends[thread]) & (ties.weight != 0)).any(axis=1)
+        assert near.tie[begin:end].tolist() == np.flatnonzero(named).tolist()

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from taichi_cloth.constraints.beside_ties import LONGEST
 from taichi_cloth.constraints.ties import LEARNT, Ties
 from taichi_cloth.ground.errors import InputError, Unstable
 from taichi_cloth.motion.crew import Pace
@@ -315,6 +316,18 @@ def test_what_hangs_on_a_seam_stretches_no_thread_and_is_not_shaken(tmp_path: Pa
         jerks.append(largest(panels, begun.positions))
     assert jerks[0] < largest(sheet, whole.positions) + LEARNT
     assert jerks[1] > 3 * jerks[0]
+
+
+@pytest.mark.slow  # the same
+def test_what_a_seam_asks_at_once_is_shared_among_a_few_threads_of_a_yarn() -> None:
+    """A curtain of two hundred times its weight with a seam across, whose push is not known when it starts: no thread
+    beside the seam is longer than such a thread may be (without that the last ones are by 7.6 %); and it is closed."""
+    panels, seam, flat, _ = sewn_panels()
+    heavy = replace(FAR, gravity=(0.0, -1962.0, 0.0))
+    sewn = simulation(panels, flat, heavy, constraints=(seam,))
+    sewn.step()
+    assert 0.9 * LONGEST < largest(panels, sewn.positions) < 1.1 * LONGEST
+    assert seam.gaps(sewn.state).max() < 1e-4
 
 
 def test_it_falls_as_all_falls() -> None:

@@ -11,7 +11,7 @@ from taichi_cloth.ground.errors import InputError, Unstable
 from taichi_cloth.motion.simulation import Simulation
 from taichi_cloth.motion.solver import Solver
 from taichi_cloth.solvers.verlet import Verlet
-from taichi_cloth.solvers.whole_yarns import Family
+from taichi_cloth.solvers.yarn_fields import Family
 from taichi_cloth.solvers.yarns import Yarns
 
 from ...measure.moved import timed

@@ -1,0 +1,241 @@
+"""Closing ties inside the frame's kernel, all at once by a matrix that is known or one after the other (`ties.py`)."""
+
+from typing import Any
+
+import taichi as ti
+
+from taichi_cloth.constraints.beside_ties import BesideFields
+from taichi_cloth.ground.arrays import F32x2, I32x2, Int, Template
+from taichi_cloth.ground.routine import routine
+from taichi_cloth.motion.stencil import load, near, store
+from taichi_cloth.sheet.sheet import LANES
+
+__all__ = ["ALLOWED", "NODES", "PATH", "USUAL", "TieFields"]
+
+NODES = 8
+SHARE = NODES
+ROW = 2 * NODES
+"""Numbers of a tie that stay: weights, shares w/m / Σ w²/m."""
+ALLOWED = 6
+USUAL = ALLOWED + 2
+PATH = USUAL + 3
+"""Numbers of a tie for a frame: target at its start [m] and how far it moves, width allowed at its start [m] and how
+that changes, and what it is usually pushed by in a substep [m]."""
+
+FRESH, PUSHED = -1, -2
+"""In place of how many ties are listed, in a substep: nothing was done yet; what those before were pushed by."""
+
+SLACK = 1e-4
+"""By how much a tie has to be too wide to be seen to more than once in a substep [m]: few are."""
+
+TURNS = 8
+"""At most, of threads beside ties and these. Walking, 45 frames: with 4 of them 24 threads of a pair of trousers were
+beyond 3 % in all, with 8 two."""
+
+
+@ti.data_oriented
+class TieFields:
+    """Room for so many ties, for what they are to do in a frame, and for so many threads beside them."""
+
+    wide: Any  # its number is the bound of a loop: type checkers would take it for a matrix
+
+    def __init__(self, capacity: int, repeated: bool, at_once: bool, threads: int) -> None:
+        self.capacity, self.repeated, self.at_once = capacity, repeated, at_once
+        self.row, self.path = ti.field(ti.f32, (capacity, ROW)), ti.field(ti.f32, (capacity + 1, PATH))
+        self.node = ti.field(ti.i32, (capacity, NODES))
+        self.usual = ti.field(ti.f32, (3, capacity))
+        if at_once:
+            self.answer, self.stride = ti.field(ti.f32, capacity * capacity), ti.field(ti.i32, ())
+            self.apart, self.push = ti.field(ti.f32, 6 * capacity), ti.field(ti.f32, 6 * capacity)
+        self.holder: object = None
+        self.wide, self.listed = ti.field(ti.i32, ()), ti.field(ti.i32, capacity)
+        self.beside = BesideFields(threads)
+
+    @ti.kernel
+    def take(self, path: F32x2):
+        """For a frame; its last row is of all ties."""
+        ti.loop_config(serialize=True)  # less work than to wake threads
+        for i, j in ti.ndrange(path.shape[0], path.shape[1]):
+            self.path[i if i < path.shape[0] - 1 else self.capacity, j] = path[i, j]
+        ti.loop_config(serialize=True)
+        for k in range(path.shape[0] - 1):
+            for c in range(3):
+                self.usual[c, k] = path[k, USUAL + c]
+
+    @ti.kernel
+    def give(self, usual: F32x2):
+        """What ties are usually pushed by, (3, ties) [m]."""
+        ti.loop_config(serialize=True)
+        for c, k in ti.ndrange(usual.shape[0], usual.shape[1]):
+            usual[c, k] = self.usual[c, k]
+
+    @ti.kernel
+    def take_constant(self, node: I32x2, row: F32x2, answer: F32x2):
+        """answer: (ties, ties) in whole lanes with 0, where they are closed at once."""
+        ti.loop_config(serialize=True)
+        for k in range(node.shape[0]):
+            for j in range(NODES):
+                self.node[k, j] = node[k, j]
+            for j in range(ROW):
+                self.row[k, j] = row[k, j]
+        if ti.static(self.at_once):
+            ti.loop_config(serialize=True)
+            for k in range(answer.shape[0]):
+                for m in range(answer.shape[1]):
+                    self.answer[k * answer.shape[1] + m] = answer[k, m]
+                for c in ti.static(range(6)):
+                    self.apart[c * self.capacity + k] = 0.0
+            self.stride[None] = answer.shape[1]
+
+    @routine
+    def pull(self, points: Template, done: Int):
+        """Every tie, the first time in a substep; from then on those that were much too wide, one after the other."""
+        # How much of the frame is over.
+        share = ti.cast(done + 1, ti.f32) * self.path[self.capacity, 1]
+        if ti.static(points.sums and self.repeated) and self.wide[None] == FRESH:
+            self.push_as_usual(points)
+            self.wide[None] = PUSHED
+        elif ti.static(self.at_once):
+            if self.wide[None] < 0 or ti.static(points.sums and not self.repeated):  # yarns pull again at what is held
+                self.close_all(points, share)
+                if ti.static(points.sums and not self.repeated):
+                    self.draw_beside(points, share)
+            elif ti.static(self.repeated):
+                for m in range(self.wide[None]):
+                    self.close(points, self.listed[m], share)
+                if ti.static(points.sums):
+                    self.draw_beside(points, share)
+        else:
+            first = self.wide[None] < 0
+            count, found = ti.cast(self.path[self.capacity, 0], ti.i32) if first else self.wide[None], 0
+            for m in range(count):  # pyright: ignore[reportArgumentType]
+                k = m if first else self.listed[m]
+                if self.close(points, k, share) and first:
+                    self.listed[found] = k
+                    found += 1
+            if first:
+                self.wide[None] = found
+
+    @ti.func
+    def draw_beside(self, points: Template, share):
+        """Threads beside ties that are too long, in turn with the ties at their ends."""
+        listed = self.beside.look(points)
+        for _ in range(TURNS):
+            if listed > 0:
+                drawn = self.beside.draw(points, listed)
+                for m in range(drawn):
+                    t = self.beside.drawn[m]
+                    for e in range(self.beside.begin[t], self.beside.begin[t + 1]):
+                        self.close(points, self.beside.tie[e], share)
+                if drawn == 0:
+                    listed = 0
+
+    @ti.func
+    def push_as_usual(self, points: Template):
+        """All ties by what they are usually pushed by in a substep."""
+        for k in range(ti.cast(self.path[self.capacity, 0], ti.i32)):  # pyright: ignore[reportArgumentType]
+            push = ti.Vector([0.0] * 6)
+            for c in ti.static(range(3)):
+                push[c] = push[3 + c] = self.usual[c, k]
+            self.move(points, k, push)
+
+    @ti.func
+    def close_all(self, points: Template, share):
+        """Closes all ties at once, and lists those that were wider than SLACK."""
+        # d: how much each tie, and its steps, is to come together; six numbers.
+        found, count = 0, ti.cast(self.path[self.capacity, 0], ti.i32)
+        for k in range(count):  # pyright: ignore[reportArgumentType]
+            push, wide = self.wanted(points, k, share)
+            for c in ti.static(range(6)):
+                self.apart[c * self.capacity + k] = push[c]
+            if wide:
+                self.listed[found] = k
+                found += 1
+        self.wide[None] = found
+        # λ: d times the known matrix, by blocks of 8 × 8.
+        blocks = (count + LANES - 1) // LANES
+        for c in ti.static(range(6)):
+            for k in range(blocks * LANES):
+                self.push[c * self.capacity + k] = 0.0
+        for b in range(2 * blocks):  # three numbers at a time, which is what registers hold
+            q, at = points.lanes((b % blocks) * LANES), b // blocks * 3 * self.capacity
+            for m in range(blocks):
+                self.answer_to(q, points.lanes(m * LANES), at)
+        for k in range(count):  # pyright: ignore[reportArgumentType]
+            push = ti.Vector([self.push[c * self.capacity + k] for c in ti.static(range(6))])
+            self.move(points, k, push)
+            self.learn(points, k, push)
+
+    @ti.func
+    def answer_to(self, q, m, at):
+        """Adds the pushes of the ties at q that answer the gaps of those at m: three of their numbers, from `at` on."""
+        n = ti.static(self.capacity)
+        o = at + q
+        a, b, c = load(self.push, o), load(self.push, o + n), load(self.push, o + 2 * n)
+        for j in ti.static(range(LANES)):
+            row = load(self.answer, near((m + j) * self.stride[None] + q))
+            a = a + row * self.apart[at + m + j]
+            b = b + row * self.apart[at + n + m + j]
+            c = c + row * self.apart[at + 2 * n + m + j]
+        store(self.push, o, a)
+        store(self.push, o + n, b)
+        store(self.push, o + 2 * n, c)
+
+    @ti.func
+    def measure(self, points: Template, k, share):
+        """How far tie k is apart after this share of the frame, and how that changed in this step [m]."""
+        out, moved = ti.Vector([0.0] * 6), self.path[self.capacity, 1]
+        for c in ti.static(range(3)):
+            out[c] = -self.path[k, c] - share * self.path[k, 3 + c]
+            out[3 + c] = -moved * self.path[k, 3 + c]
+        for j in ti.static(range(NODES)):
+            p, weight = self.node[k, j], self.row[k, j]
+            for c in ti.static(range(3)):
+                out[c] += weight * points.position[c][p]
+                out[3 + c] += weight * points.step[c][p]
+        return out
+
+    @ti.func
+    def move(self, points: Template, k, push):
+        """Brings tie k together by so much, and its steps by so much [m]."""
+        for j in ti.static(range(NODES)):
+            p, f = self.node[k, j], self.row[k, SHARE + j]
+            for c in ti.static(range(3)):
+                points.position[c][p] -= f * push[c]
+                points.step[c][p] -= f * push[3 + c]
+
+    @ti.func
+    def wanted(self, points: Template, k, share):
+        """How much tie k is to come together to the width allowed after this share of the frame, and its steps [m]; and
+        whether it was wider by SLACK."""
+        # How wide the gap is and may be, and how fast it grows as a share of itself.
+        push = self.measure(points, k, share)
+        gap = ti.sqrt(push[0] ** 2 + push[1] ** 2 + push[2] ** 2)
+        allowed = self.path[k, ALLOWED] + share * self.path[k, ALLOWED + 1]
+        growth = (push[0] * push[3] + push[1] * push[4] + push[2] * push[5]) / ti.max(gap * gap, 1e-24)
+        most = self.path[self.capacity, 2] / ti.max(gap, 1e-12) + ti.max(growth, 0.0)
+        # The share of it to close: what is too wide, at most what the set speed covers.
+        over = ti.min(ti.max(gap - allowed, 0.0) / ti.max(gap, 1e-12), most)
+        if allowed > 0.0:  # still being drawn together: no more of the step than it grows, along the gap
+            for c in ti.static(range(3)):
+                push[3 + c] = ti.min(ti.max(growth, 0.0), over) * push[c]
+        for c in ti.static(range(3)):
+            push[c] *= over
+        return push, gap > allowed + SLACK
+
+    @ti.func
+    def close(self, points: Template, k, share):
+        """Closes tie k to the width allowed after this share of the frame. Returns whether it was wider by SLACK."""
+        push, wide = self.wanted(points, k, share)
+        self.move(points, k, push)
+        self.learn(points, k, push)
+        return wide
+
+    @ti.func
+    def learn(self, points: Template, k, push):
+        """That tie k was pushed by so much more than usual, if that is not little, nor the tie still being drawn in."""
+        if ti.static(points.sums and self.repeated) and self.path[k, ALLOWED] <= 0.0:
+            size = ti.sqrt(push[3] ** 2 + push[4] ** 2 + push[5] ** 2)
+            gain = self.path[self.capacity, 3] * ti.max(1.0 - self.path[self.capacity, 4] / ti.max(size, 1e-12), 0.0)
+            for c in ti.static(range(3)):
+                self.usual[c, k] += gain * push[3 + c]
