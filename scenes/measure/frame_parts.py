@@ -4,7 +4,6 @@ from collections.abc import Hashable, Mapping
 
 from taichi_cloth.constraints.contact import Contact
 from taichi_cloth.constraints.contact_middles import MiddleContact
-from taichi_cloth.constraints.self_contact import ClothContact
 from taichi_cloth.constraints.strain_limit import ThreadLimit
 from taichi_cloth.constraints.ties import Ties
 from taichi_cloth.ground.errors import InputError
@@ -24,7 +23,6 @@ STAGES = {
 CONSTRAINTS = {
     Contact: "contact",
     MiddleContact: "contact",
-    ClothContact: "cloth on cloth",
     LayerContact: "cloth on cloth",
     ThreadLimit: "strain limit",
 }

@@ -114,12 +114,13 @@ def dress(scene: Scene, each: Progress | None = None) -> Dressed:
     """The scene's garment on its body, sewn unless it was before. Raises InputError; needs Taichi only to sew."""
     parts = dressed_parts(scene)
     colliders = _colliders(scene, parts)
-    limit = garment_forces(scene, parts).strain_limit
+    forces = garment_forces(scene, parts)
+    limit, layers = forces.strain_limit, forces.self_contact
     solver = garment_choice(scene, parts).name
-    made_of = digest(VERSION, solver, parts.garment, limit, colliders.made_of(), list(parts.primitives))
+    made_of = digest(VERSION, solver, parts.garment, limit, layers, colliders.made_of(), list(parts.primitives))
 
     def make() -> dict[str, np.ndarray]:
-        worn = sew(parts.garment, colliders, limit=limit, solver=solver, each=each)
+        worn = sew(parts.garment, colliders, limit=limit, layers=layers, solver=solver, each=each)
         return {name: np.asarray(getattr(worn, name)) for name in Worn.__dataclass_fields__}
 
     arrays, found = kept("worn", made_of, make)

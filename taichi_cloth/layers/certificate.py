@@ -18,11 +18,13 @@ from taichi_cloth.sheet.sheet import LANES
 
 __all__ = ["Certificate"]
 
-PARTED, PUSHED = 2e-5, 1e-4
-"""How far apart a pair is at least, and how far those are pushed that are not [m]."""
+PARTED, SHARE = 2e-5, 0.25
+"""How far apart a pair is at least [m], and of what it is kept apart where that is less: small pieces of cells lie near
+each other."""
 
-STILL_PARTED = 1e-5
-"""The same for points that went back: rounding has its share."""
+PUSHED, STILL_PARTED = 5.0, 0.5
+"""How far those are pushed that are not, over that; and what is asked of points that went back: rounding has its
+share."""
 
 PUSHES, ROUNDS = 12, 60
 """Sweeps that push, and sweeps in all."""
@@ -52,7 +54,7 @@ class Certificate:
         """All pairs of a kind. remedy: what is done with those that are not parted. ahead: how long the next interval
         may be over how long this was: pairs that may touch in it are awake."""
         runs, awake, bad = pairs.packets(), 0, 0
-        least = ti.select(remedy == BACK, STILL_PARTED, PARTED)
+        part = ti.select(remedy == BACK, STILL_PARTED, 1.0)
         for run in range(runs):
             at = ti.Vector([k * runs + run for k in ti.static(range(LANES))])
             x, y, z = gather(pairs.normal[0], at), gather(pairs.normal[1], at), gather(pairs.normal[2], at)
@@ -72,18 +74,19 @@ class Certificate:
                 if self.found[1][k] < contacts.margin[None]:
                     pairs.awake[awake] = pair
                     awake += 1
-                    if self.found[0][k] < least and pairs.kept[pair] > 0.0:
+                    least = ti.min(PARTED, SHARE * pairs.kept[pair])
+                    if self.found[0][k] < part * least and pairs.kept[pair] > 0.0:
                         bad += 1
                         if remedy == PUSH:
-                            self.push(points, pairs, kind, pair)
+                            self.push(points, pairs, kind, pair, PUSHED * least)
                         elif remedy == BACK:
                             self.put_back(points, paths, pairs, pair)
         self.bad[None] = self.bad[None] + bad
         contacts.close(pairs, awake)
 
     @ti.func
-    def push(self, points: Template, pairs: Template, kind, pair):
-        """To both sides of the middle between them, and what approaches stops."""
+    def push(self, points: Template, pairs: Template, kind, pair, apart):
+        """To both sides of the middle between them, so far apart, and what approaches stops."""
         x, s, inverse = ti.static(points.position, points.step, points.inverse_mass)
         n = ti.Vector([pairs.normal[0][pair], pairs.normal[1][pair], pairs.normal[2][pair]])
         least, most, up, down, free_up, free_down = 1e9, -1e9, 0.0, 0.0, 0.0, 0.0
@@ -97,30 +100,24 @@ class Certificate:
                 most, down, free_down = ti.max(most, here), down + step / (4 - kind), free_down + inverse[p]
         middle, pace = 0.5 * (least + most), 0.5 * (up + down)
         if free_up == 0.0:  # held by pins: the other side makes room
-            middle, pace = least - 0.5 * PUSHED, up
+            middle, pace = least - 0.5 * apart, up
         elif free_down == 0.0:
-            middle, pace = most + 0.5 * PUSHED, down
+            middle, pace = most + 0.5 * apart, down
         for corner in ti.static(range(4)):
             p = pairs.point[corner][pair]
             side = ti.select(corner < kind, 1.0, -1.0)
             here = n[0] * x[0][p] + n[1] * x[1][p] + n[2] * x[2][p]
             step = n[0] * s[0][p] + n[1] * s[1][p] + n[2] * s[2][p]
-            depth = 0.5 * PUSHED - side * (here - middle)
+            depth = 0.5 * apart - side * (here - middle)
             if depth > 0.0 and inverse[p] > 0.0:
                 slower = ti.max(side * (pace - step), 0.0)
-                for axis in ti.static(range(3)):
-                    x[axis][p] = x[axis][p] + side * depth * n[axis]
-                    s[axis][p] = s[axis][p] + side * slower * n[axis]
+                points.blends.move(points, p, side * depth * n, side * slower * n)
 
     @ti.func
     def put_back(self, points: Template, paths: Template, pairs: Template, pair):
         """To where the interval began, at rest."""
         for corner in ti.static(range(4)):
-            p = pairs.point[corner][pair]
-            if points.inverse_mass[p] > 0.0:
-                for axis in ti.static(range(3)):
-                    points.position[axis][p] = paths.was[axis][p]
-                    points.step[axis][p] = 0.0
+            points.blends.put_back(points, paths.was, pairs.point[corner][pair])
         self.returned[None] = self.returned[None] + 1
 
     @routine
@@ -133,6 +130,8 @@ class Certificate:
             self.sweep(points, paths, contacts, near.faces, FACES, remedy, ahead)
             self.sweep(points, paths, contacts, near.edges, EDGES, remedy, ahead)
             bad = self.bad[None]
+            if bad > 0:
+                points.blends.refresh(points)
             if rounds == 0:
                 self.pushed[None] = self.pushed[None] + bad
             rounds += 1

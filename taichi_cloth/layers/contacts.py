@@ -13,7 +13,8 @@ import taichi as ti
 
 from taichi_cloth.ground.arrays import Float, Int, Template
 from taichi_cloth.ground.routine import routine
-from taichi_cloth.layers.near_pairs import FACES, gather, nearest_of_edges, nearest_on_face
+from taichi_cloth.layers.blended import Blended
+from taichi_cloth.layers.near_pairs import FACES, apart_along, gather, nearest_of_edges, nearest_on_face
 from taichi_cloth.motion.stencil import load, store
 from taichi_cloth.sheet.sheet import LANES
 
@@ -32,12 +33,12 @@ GROWTH = 1.5
 @ti.data_oriented
 class Contacts:
     """point, weight: [corner]. normal: [axis]. kept: distance [m]. share: 1/Σ w²/m [kg]. pushed, rubbed: in this
-    substep [m]. overflow: contacts without room. most: of the frame."""
+    substep [m]. blended: those of points that are blends. overflow: contacts without room. most: of the frame."""
 
     count: Any
 
-    def __init__(self, size: int) -> None:
-        self.room = ROOM * size
+    def __init__(self, size: int, blends: int) -> None:
+        self.room, self.blended = ROOM * size, Blended(blends)
 
         def fields(count: int) -> list[ti.Field]:
             return [ti.field(ti.f32, self.room + LANES) for _ in range(count)]
@@ -104,6 +105,13 @@ class Contacts:
                 x, y, z, w0, w1, w2, w3 = x_, y_, z_, 1.0 - s, s, t - 1.0, -t
             distance = ti.sqrt(x * x + y * y + z * z + 1e-20)
             x, y, z = x / distance, y / distance, z / distance
+            # Of slivers it may be a way that does not part them: then the one that does stays, and they do not answer.
+            parts = apart_along(points.position, kind, i, j, k, m, (x, y, z)) > 0.5 * distance
+            within = ti.select(parts, within, 0)
+            distance = ti.select(parts, distance, gather(pairs.apart, at))
+            x = ti.select(parts, x, gather(pairs.normal[0], at))
+            y = ti.select(parts, y, gather(pairs.normal[1], at))
+            z = ti.select(parts, z, gather(pairs.normal[2], at))
             rate = none
             for corner, p, w in ti.static(((0, i, w0), (1, j, w1), (2, k, w2), (3, m, w3))):
                 step = x * gather(points.step[0], p) + y * gather(points.step[1], p) + z * gather(points.step[2], p)
@@ -120,8 +128,23 @@ class Contacts:
                     pairs.normal[axis][pair] = self.found[2 + axis][lane]
                 pairs.apart[pair] = self.found[0][lane]
                 if self.found[1][lane] < pairs.kept[pair] and self.inside[lane] == 1:
-                    made = self.add(points, pairs, pair, lane, made)
+                    made = self.add_any(points, pairs, pair, lane, made)
         self.count[None] = made
+
+    @ti.func
+    def add_any(self, points: Template, pairs: Template, pair, lane, at):
+        """`add`, or as one of blends."""
+        out, blends = at, 0
+        for corner in ti.static(range(4)):
+            if points.blends.of[pairs.point[corner][pair]] >= 0:
+                blends += 1
+        if blends == 0:
+            out = self.add(points, pairs, pair, lane, at)
+        else:
+            weights = ti.Vector([self.found[5 + corner][lane] for corner in ti.static(range(4))])
+            normal = ti.Vector([self.found[2 + axis][lane] for axis in ti.static(range(3))])
+            self.blended.add(points, pairs, pair, weights, normal)
+        return out
 
     @ti.func
     def add(self, points: Template, pairs: Template, pair, lane, at):
@@ -155,6 +178,13 @@ class Contacts:
             self.kept[at], self.share[at] = -1.0, 0.0
         self.most[None] = ti.max(self.most[None], self.count[None])
 
+    @ti.func
+    def clear(self):
+        """None."""
+        self.count[None] = 0
+        self.blended.count[None] = 0
+        self.blended.start[0] = 0
+
     @routine
     def forget(self):
         """What was pushed and rubbed in the last substep."""
@@ -163,6 +193,7 @@ class Contacts:
             store(self.pushed, group * LANES, none)
             for axis in ti.static(range(3)):
                 store(self.rubbed[axis], group * LANES, none)
+        self.blended.forget()
 
     @routine
     def respond(self, points: Template, mended: Float):
@@ -181,6 +212,7 @@ class Contacts:
                 for k in range(LANES):
                     if self.found[0][k] < 0.0 or self.pushed[at + k] > 0.0:
                         self.part(x, s, inverse, at + k, self.found[0][k], mended)
+        self.blended.respond(points, self.friction[None], mended)
 
     @ti.func
     def part(self, x: Template, s: Template, inverse: Template, c, gap, mended):

@@ -15,19 +15,21 @@ Everything follows from the state at the start of the frame, and one thread does
 
 import numpy as np
 import taichi as ti
-from scipy import ndimage
 
 from taichi_cloth.crossings.crossings import find_crossings
-from taichi_cloth.ground.arrays import F32x1, F32x3, Float, I32x2, Int, Template
+from taichi_cloth.ground.arrays import F32x1, F32x2, F32x3, Float, I32x1, I32x2, Int, Template
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.ground.routine import routine
+from taichi_cloth.layers.blends import Blends
 from taichi_cloth.layers.certificate import Certificate
 from taichi_cloth.layers.contacts import AWAKE, Contacts
 from taichi_cloth.layers.near_pairs import EDGES, FACES, NearPairs
-from taichi_cloth.layers.paths import CELL, EAST, NORTH, POINT, Paths
+from taichi_cloth.layers.outline import Outline, Tables, crossings_of
+from taichi_cloth.layers.paths import POINT, Paths
+from taichi_cloth.layers.pieces import Pieces
 from taichi_cloth.layers.search import Search
-from taichi_cloth.layers.tree import HOLE, LEVELS, Tree, levels_of
-from taichi_cloth.motion.capacity import capacity_of
+from taichi_cloth.layers.tree import LEVELS, Tree, levels_of
+from taichi_cloth.motion.capacity import capacity_of, class_of
 from taichi_cloth.motion.constraint import SharedConstraint
 from taichi_cloth.motion.forces import FrameForces, SelfContact
 from taichi_cloth.sheet.sheet import LANES, Sheet, SheetState
@@ -46,6 +48,8 @@ USE = 0.7
 """Share of its room that a search is used for."""
 MEND_SUMMED, MEND = 0.06, 0.1
 """Share of the depth that is mended in each turn of a substep among whole yarns, and in every other one of Verlet's."""
+FEWEST = 1024
+"""Blends that there is room for at least: sheets that have none share the kernel of garments that have few."""
 HALVINGS, CAREFUL = 6, 0.7
 """Times that intervals are halved for a frame that could not be proven, and what is left of the use with each."""
 LEAST_SLACK = (0.2, 0.2, 0.3, 0.4)
@@ -56,17 +60,20 @@ NUMBERS = ("thickness", "friction", "reach", "coarse", "margin", "spacing_x", "s
 
 @ti.data_oriented
 class LayerFields:
-    """All of it, for padded grids of up to `size` elements. position, step, inverse_mass, row: as of `Stencil`, between
-    substeps. use: share of room and slack that a search is used for. began, ends: substeps at which the interval did
-    and is over. horizon: substeps that the search is good for. longest, free: of intervals. substeps: of the frame.
-    searches, intervals, unproven, pulled: of the frame."""
+    """All of it, for padded grids of up to `size` elements, and up to `blends` points that are blends of them.
+    position, step, inverse_mass, row: as of `Stencil`, between substeps. use: share of
+    room and slack that a search is used for. began, ends: substeps at which the interval did and is over. horizon:
+    substeps that the search is good for. longest, free: of intervals. substeps: of the frame. searches, intervals,
+    unproven, pulled: of the frame."""
 
-    def __init__(self, size: int) -> None:
+    def __init__(self, size: int, blends: int) -> None:
         self.holder: object = None
-        self.position, self.step = ([ti.field(ti.f32, size) for _ in range(3)] for _ in range(2))
-        self.inverse_mass, self.row = ti.field(ti.f32, size), ti.field(ti.i32, ())
+        elements = size + blends
+        self.position, self.step = ([ti.field(ti.f32, elements) for _ in range(3)] for _ in range(2))
+        self.inverse_mass, self.row = ti.field(ti.f32, elements), ti.field(ti.i32, ())
+        self.blends, self.pieces = Blends(elements, blends), Pieces(size, blends)
         self.paths, self.tree, self.search = Paths(size), Tree(size), Search(size)
-        self.near, self.contacts, self.certificate = NearPairs(size), Contacts(size), Certificate()
+        self.near, self.contacts, self.certificate = NearPairs(size), Contacts(size, blends), Certificate()
         self.reach, self.coarse, self.use = (ti.field(ti.f32, ()) for _ in range(3))
         self.began, self.ends, self.horizon, self.longest, self.free, self.substeps = (
             ti.field(ti.i32, ()) for _ in range(6)
@@ -96,6 +103,28 @@ class LayerFields:
                 self.search.least[level] = numbers[7 + ti.min(level, 3)]
 
     @ti.kernel
+    def take_outline(
+        self,
+        # blends
+        count: Int,
+        at: I32x1,
+        starts: I32x1,
+        nodes: I32x1,
+        weights: F32x1,
+        # pieces
+        first: I32x2,
+        points: I32x2,
+        faces: I32x2,
+        edges: I32x2,
+        elements: F32x2,
+    ):
+        """After `take`: of `Tables`."""
+        ti.loop_config(serialize=True)
+        for _ in range(1):
+            self.blends.take(self, count, at, starts, nodes, weights)
+            self.pieces.take(first, points, faces, edges, elements)
+
+    @ti.kernel
     def start(self, longest: Int, free: Int, substeps: Int, use: Float):
         """Before a frame."""
         self.use[None] = use
@@ -104,7 +133,8 @@ class LayerFields:
         self.near.overflow[None] = 0
         self.contacts.overflow[None] = 0
         self.contacts.most[None] = 0
-        self.contacts.count[None] = 0
+        self.contacts.clear()
+        self.contacts.blended.overflow[None] = 0
         self.certificate.pushed[None] = 0
         self.certificate.returned[None] = 0
         self.searches[None] = 0
@@ -118,6 +148,7 @@ class LayerFields:
         ti.loop_config(serialize=True)
         for _ in range(1):
             self.copy(values, True)
+            self.blends.refresh(self)
             if done == 0:
                 self.open(self)
             else:
@@ -135,7 +166,7 @@ class LayerFields:
                     if ti.static(here):
                         self.position[axis][p] = values[axis, i, j]
                         self.step[axis][p] = values[3 + axis, i, j]
-                    else:
+                    elif self.blends.of[p] < 0:
                         values[axis, i, j] = self.position[axis][p]
                         values[3 + axis, i, j] = self.step[axis][p]
 
@@ -169,6 +200,7 @@ class LayerFields:
             level = top - down
             self.search.descend(self.tree, level, reach + coarse, reach + ti.select(level > 1, coarse, 0.0))
         self.near.find(points, self.paths, self.tree, self.search, reach)
+        self.pieces.find(points, self.paths, self.tree, self.search, self.near, reach)
         self.tree.settle(points, self.paths)
 
     @ti.func
@@ -178,7 +210,7 @@ class LayerFields:
         if ti.static(woken):
             self.contacts.wake(points, self.near.faces, FACES, ahead)
             self.contacts.wake(points, self.near.edges, EDGES, ahead)
-        self.contacts.count[None] = 0
+        self.contacts.clear()
         self.contacts.meet(points, self.near.faces, FACES, ahead)
         self.contacts.meet(points, self.near.edges, EDGES, ahead)
         self.contacts.fill_up()
@@ -194,6 +226,7 @@ class LayerFields:
         used, before = self.paths.used[None], self.certificate.pushed[None]
         if used > 0.999:
             self.paths.pull_back(points, span)
+            self.blends.refresh(points)
             self.pulled[None] = self.pulled[None] + 1
         ahead = ti.cast(self.longest[None], ti.f32) / span
         self.certificate.settle(points, self.paths, self.contacts, self.near, ahead)
@@ -227,16 +260,16 @@ class LayerFields:
 
 
 class LayerContact(SharedConstraint):
-    """The contact of one sheet with itself. options: see `SelfContact`. Raises InputError on a thickness that is more
-    than key points can keep."""
+    """The contact of one sheet with itself. options: see `SelfContact`. outline: of a sheet whose cells are not all
+    whole, or that is sewn. Raises InputError on a thickness that is more than key points can keep."""
 
     fields_of = LayerFields
     answers = "self_contact"
     whole = True
     stops = True
 
-    def __init__(self, sheet: Sheet, options: SelfContact) -> None:
-        s, self._sheet = sheet.springs, sheet
+    def __init__(self, sheet: Sheet, options: SelfContact, outline: Outline | None = None) -> None:
+        s, self._sheet, self._outline = sheet.springs, sheet, outline
         spacing = min(s.spacing_x, s.spacing_y)
         if options.thickness > 4 * spacing:
             raise InputError(
@@ -256,21 +289,11 @@ class LayerContact(SharedConstraint):
         }
         named |= {str(level): least for level, least in enumerate(LEAST_SLACK)}
         self._numbers = np.array([named[name] for name in NUMBERS], np.float32)
-        cells = sheet.cells > 0
-        panels, count = ndimage.label(cells, np.ones((3, 3)))  # pyright: ignore[reportGeneralTypeIssues]
-        corners = [np.pad(panels, ((i, 1 - i), (j, 1 - j))) for i in (0, 1) for j in (0, 1)]
-        east, north, cell = (w > 0 for w in sheet.weights)
-        has = CELL * cell + EAST * east + NORTH * north + POINT * sheet.present
-        labels = [sheet.padded(one).astype(np.int32).ravel() for one in (has, np.maximum.reduce(corners))]
-        rows, columns = np.nonzero(cells)
-        whole = count == 1 and len(rows) == (np.ptp(rows) + 1) * (np.ptp(columns) + 1)
-        if not whole:  # beside a rectangle is nothing, but what is no rectangle has holes
-            labels[0] = np.where(labels[0] & CELL, labels[0], labels[0] | HOLE)
-        self._labels, self._inverse = np.stack(labels), sheet.padded(sheet.inverse_mass).ravel()
+        self._inverse, self._tables = sheet.padded(sheet.inverse_mass).ravel(), Tables(sheet, outline, self._size)
 
     @property
-    def kind(self) -> tuple[int]:
-        return (self._size,)
+    def kind(self) -> tuple[int, int]:
+        return self._size, class_of(len(self._tables.at), FEWEST)
 
     def join(self, substeps: int, step: float) -> None:
         self._substeps = substeps
@@ -278,14 +301,20 @@ class LayerContact(SharedConstraint):
 
     def fill(self, state: SheetState) -> None:
         """Raises InputError on a sheet that passes through itself: it would be kept as it is."""
-        found = find_crossings(self._sheet.positions(state).reshape(-1, 3), self._sheet.triangles)
+        positions, outline = self._sheet.positions(state), self._outline
+        if outline is None:
+            found = find_crossings(positions.reshape(-1, 3), self._sheet.triangles)
+        else:
+            found = crossings_of(outline, positions)
         if found.count:
             x, y, z = np.median(found.places, axis=0)
             raise InputError(
                 f"cloth on cloth: at the start {found.count} triangles pass through others, about ({x:.3f}, {y:.3f}, "
                 f"{z:.3f}) m; allowed: a sheet that meets itself nowhere; move it, or leave forces.self_contact out"
             )
-        self.fields.take(self._width, self._labels, self._inverse, self._levels, self._numbers)
+        labels = np.stack([self._tables.has, self._tables.panel])
+        self.fields.take(self._width, labels, self._inverse, self._levels, self._numbers)
+        self.fields.take_outline(len(self._tables.at), *self._tables.arrays())
 
     def begin(self, state: SheetState, forces: FrameForces) -> None:
         super().begin(state, forces)
@@ -297,7 +326,8 @@ class LayerContact(SharedConstraint):
     def end(self, state: SheetState) -> None:
         """Raises InputError where there was no room for all pairs or contacts."""
         fields = self.fields
-        for name, part in (("cells", fields.search), ("near pairs", fields.near), ("contacts", fields.contacts)):
+        contacts = ("contacts", fields.contacts), ("contacts of pieces", fields.contacts.blended)
+        for name, part in (("cells", fields.search), ("near pairs", fields.near), *contacts):
             if part.overflow[None]:
                 raise InputError(
                     f"cloth on cloth: no room for {part.overflow[None]} {name}; the sheet lies in too many layers: "

@@ -7,18 +7,22 @@ import taichi as ti
 
 from taichi_cloth.ground.arrays import Float, Template
 from taichi_cloth.ground.routine import routine
+from taichi_cloth.layers.outline import MEETS
 from taichi_cloth.layers.paths import CELL, EAST, NORTH, POINT
 from taichi_cloth.layers.search import COLUMNS
 from taichi_cloth.motion.stencil import load, store
 from taichi_cloth.sheet.sheet import LANES
 
-__all__ = ["EDGES", "FACES", "NearPairs", "Pairs", "gather", "nearest_of_edges", "nearest_on_face"]
+__all__ = ["EDGES", "FACES", "NearPairs", "Pairs", "apart_along", "gather", "nearest_of_edges", "nearest_on_face"]
 
 FACES, EDGES = 1, 2
 """Kinds of pairs, and how many of their four points are on the first side: a point and a face, two edges."""
 
 FACE_ROOM, EDGE_ROOM = 16, 48
 """Pairs, for each key point."""
+
+NEAR_SEAMS = 8e-6
+"""That pairs are kept apart at least beside a seam [m]."""
 
 SHALLOW = 0.35
 """Share of the spacing that pairs are kept apart at least, however near they are in the flat sheet."""
@@ -46,6 +50,43 @@ def dot(one: Template, other: Template):
 
 
 @ti.func
+def cross(one: Template, other: Template):
+    return (
+        one[1] * other[2] - one[2] * other[1],
+        one[2] * other[0] - one[0] * other[2],
+        one[0] * other[1] - one[1] * other[0],
+    )
+
+
+@ti.func
+def apart_along(x: Template, kind: Template, i, j, k, m, way: Template):
+    """How far the first `kind` of points i, j, k, m (lanes) are beyond the others along a way."""
+    origin = ti.static((0.0, 0.0, 0.0))
+    a = vectors(x, i, origin)
+    b, c, d = dot(vectors(x, j, a), way), dot(vectors(x, k, a), way), dot(vectors(x, m, a), way)
+    out = -ti.max(b, ti.max(c, d))
+    if ti.static(kind == EDGES):
+        out = ti.min(b, 0.0) - ti.max(c, d)
+    return out
+
+
+@ti.func
+def parting(x: Template, kind: Template, i, j, k, m, u: Template, v: Template, side: Template, way: Template):
+    """A unit vector that parts a point i and a face, or edges i–j and k–m (lanes): `way`, or what is across u and v,
+    two edges of theirs, where that parts them more: the nearest places of slivers, and of what all but touches, are not
+    known so well. side: from the second to the first."""
+    n = cross(u, v)
+    scale = ti.select(dot(side, n) < 0.0, -1.0, 1.0) / ti.sqrt(dot(n, n) + 1e-30)
+    across = (n[0] * scale, n[1] * scale, n[2] * scale)
+    better = apart_along(x, kind, i, j, k, m, across) > apart_along(x, kind, i, j, k, m, way)
+    return (
+        ti.select(better, across[0], way[0]),
+        ti.select(better, across[1], way[1]),
+        ti.select(better, across[2], way[2]),
+    )
+
+
+@ti.func
 def nearest_of_edges(x: Template, i, j, k, m):
     """Where on edges i–j and k–m (lanes) they are nearest, 0 to 1 each, and the vector from the second to the first
     (Ericson 2004, Real-Time Collision Detection, 5.1.9, without branches)."""
@@ -70,8 +111,10 @@ def nearest_on_face(x: Template, p, i, j, k):
     a = vectors(x, i, origin)
     w, u, v = vectors(x, p, a), vectors(x, j, a), vectors(x, k, a)
     uu, uv, vv, uw, vw = dot(u, u) + 1e-20, dot(u, v), dot(v, v) + 1e-20, dot(u, w), dot(v, w)
-    scale = 1.0 / ti.max(uu * vv - uv * uv, 1e-6 * uu * vv)
-    s, t = (vv * uw - uv * vw) * scale, (uu * vw - uv * uw) * scale
+    # By areas, not by uu vv − uv²: pieces of cells may be slivers.
+    n, one, other = cross(u, v), cross(w, v), cross(u, w)
+    scale = 1.0 / ti.max(dot(n, n), 1e-8 * uu * vv)
+    s, t = scale * dot(one, n), scale * dot(other, n)
     inside = (s >= 0.0) & (t >= 0.0) & (s + t <= 1.0)
     # On each edge, and how near, but for |w|².
     s1, t2 = ti.min(ti.max(uw / uu, 0.0), 1.0), ti.min(ti.max(vw / vv, 0.0), 1.0)
@@ -144,9 +187,12 @@ class NearPairs:
             self.edge_offset[k // 2, k % 2] = offset
 
     @ti.func
-    def kept_apart(self, width, p, q):
-        """How far parts of two cells are kept apart: the thickness, or half of how far they are in the flat sheet."""
+    def kept_apart(self, points: Template, width, p, q):
+        """How far parts of two cells are kept apart: the thickness, or half of how far they are in the flat sheet, or
+        by way of a seam."""
         out = self.thickness[None]
+        seams = ti.static(points.pieces.cell_seam)
+        out = ti.min(out, ti.max(0.5 * (seams[p] + seams[q]), NEAR_SEAMS))
         if self.panel[p] == self.panel[q] and self.panel[p] > 0:
             i = ti.cast(ti.max(ti.abs(p // width - q // width) - 1, 0), ti.f32) * self.spacing[1]
             j = ti.cast(ti.max(ti.abs(p % width - q % width) - 1, 0), ti.f32) * self.spacing[0]
@@ -156,7 +202,12 @@ class NearPairs:
 
     @ti.func
     def owns(self, paths: Template, p, bit):
-        return (paths.has[p] & bit) != 0
+        return (paths.has[p] & (bit << MEETS)) != 0
+
+    @ti.func
+    def differ(self, points: Template, p, q):
+        """Whether two elements are not one."""
+        return points.pieces.label[p] != points.pieces.label[q]
 
     @ti.func
     def keep(self, pairs: Template, at, k, kept, points: Template):
@@ -172,14 +223,29 @@ class NearPairs:
         return ti.min(at + 1, pairs.room)
 
     @ti.func
-    def note(self, x, y, z):
-        """Vectors of lanes: squared length, direction."""
-        square = x * x + y * y + z * z
+    def note_faces(self, x: Template, i, j, k, m, way: Template):
+        """Of points i and faces j, k, m (lanes): the squared length of the way between their nearest places, and what
+        parts them."""
+        a = vectors(x, j, ti.static((0.0, 0.0, 0.0)))
+        self.note(x, FACES, i, j, k, m, vectors(x, k, a), vectors(x, m, a), vectors(x, i, a), way)
+
+    @ti.func
+    def note_edges(self, x: Template, i, j, k, m, way: Template):
+        """The same of edges i–j and k–m."""
+        origin = ti.static((0.0, 0.0, 0.0))
+        a, b = vectors(x, i, origin), vectors(x, k, origin)
+        self.note(x, EDGES, i, j, k, m, vectors(x, j, a), vectors(x, m, b), vectors(x, i, b), way)
+
+    @ti.func
+    def note(self, x: Template, kind: Template, i, j, k, m, u: Template, v: Template, side: Template, way: Template):
+        square = dot(way, way)
         scale = 1.0 / ti.sqrt(square + 1e-20)
+        unit = (way[0] * scale, way[1] * scale, way[2] * scale)
+        n = parting(x, kind, i, j, k, m, u, v, side, unit)
         store(self.found[0], 0, square)
-        store(self.found[1], 0, x * scale)
-        store(self.found[2], 0, y * scale)
-        store(self.found[3], 0, z * scale)
+        store(self.found[1], 0, n[0])
+        store(self.found[2], 0, n[1])
+        store(self.found[3], 0, n[2])
 
     @routine
     def find(self, points: Template, paths: Template, tree: Template, search: Template, reach: Float):
@@ -218,7 +284,7 @@ class NearPairs:
                 q + self.face_offset[half, 2],
             )
             _s, _t, x, y, z, _inside = nearest_on_face(points.position, p, i, j, k)
-            self.note(x, y, z)
+            self.note_faces(points.position, p, i, j, k, (x, y, z))
             for lane in range(count):
                 if self.found[0][lane] < self.within[lane]:
                     a, b = self.one[lane], self.other[lane]
@@ -229,9 +295,11 @@ class NearPairs:
                         b + self.face_offset[half, 1],
                         b + self.face_offset[half, 2],
                     )
-                    if self.owns(paths, a, POINT) and self.owns(paths, b, CELL) and a != c and a != d and a != e:
-                        kept = self.kept_apart(width, a, b)
-                        found = self.keep(self.faces, found, lane, kept, (a, c, d, e))
+                    if self.owns(paths, a, POINT) and self.owns(paths, b, CELL):
+                        apart = self.differ(points, a, c) & self.differ(points, a, d)
+                        if apart & self.differ(points, a, e):
+                            kept = self.kept_apart(points, width, a, b)
+                            found = self.keep(self.faces, found, lane, kept, (a, c, d, e))
         return found
 
     @ti.func
@@ -241,21 +309,18 @@ class NearPairs:
         for turn in range(9):
             e, f = turn // 3, turn % 3
             p, q = load(self.one, 0), load(self.other, 0)
-            _s, _t, x, y, z = nearest_of_edges(
-                points.position,
-                p + self.edge_offset[e, 0],
-                p + self.edge_offset[e, 1],
-                q + self.edge_offset[f, 0],
-                q + self.edge_offset[f, 1],
-            )
-            self.note(x, y, z)
+            i, j = p + self.edge_offset[e, 0], p + self.edge_offset[e, 1]
+            k, m = q + self.edge_offset[f, 0], q + self.edge_offset[f, 1]
+            _s, _t, x, y, z = nearest_of_edges(points.position, i, j, k, m)
+            self.note_edges(points.position, i, j, k, m, (x, y, z))
             for lane in range(count):
                 if self.found[0][lane] < self.within[lane]:
                     a, b = self.one[lane], self.other[lane]
                     if self.owns(paths, a, bits[e]) and self.owns(paths, b, bits[f]):
-                        i, j = a + self.edge_offset[e, 0], a + self.edge_offset[e, 1]
-                        k, m = b + self.edge_offset[f, 0], b + self.edge_offset[f, 1]
-                        if i != k and i != m and j != k and j != m:
-                            kept = self.edge_share[None] * self.kept_apart(width, a, b)
-                            found = self.keep(self.edges, found, lane, kept, (i, j, k, m))
+                        c, d = a + self.edge_offset[e, 0], a + self.edge_offset[e, 1]
+                        g, h = b + self.edge_offset[f, 0], b + self.edge_offset[f, 1]
+                        apart = self.differ(points, c, g) & self.differ(points, c, h)
+                        if apart & self.differ(points, d, g) & self.differ(points, d, h):
+                            kept = self.edge_share[None] * self.kept_apart(points, width, a, b)
+                            found = self.keep(self.edges, found, lane, kept, (c, d, g, h))
         return found

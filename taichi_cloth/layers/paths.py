@@ -124,6 +124,4 @@ class Paths:
             used = off.norm_sqr() * self.room[p]
             if used > FULL and points.inverse_mass[p] > 0.0:
                 back = (1.0 - FULL / ti.sqrt(used)) * off
-                for axis in ti.static(range(3)):
-                    points.position[axis][p] = points.position[axis][p] - back[axis]  # pyright: ignore[reportIndexIssue]
-                    points.step[axis][p] = points.step[axis][p] - back[axis] / span  # pyright: ignore[reportIndexIssue]
+                points.blends.move(points, p, -back, -back / span)

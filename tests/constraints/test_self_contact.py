@@ -4,11 +4,10 @@ from functools import cache
 
 import numpy as np
 import pytest
-from layers import ROWS, SOFT, THICKNESS, crossings, layers, nearest, sheet_of
+from layers import SOFT, THICKNESS, crossings, layers, nearest, sheet_of
 from numpy.typing import NDArray
 
 from taichi_cloth.constraints.constraints_for import constraints_for
-from taichi_cloth.constraints.self_contact import ClothContact
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.layers.layer_contact import LayerContact
 from taichi_cloth.motion.forces import Forces, Plane, SelfContact
@@ -58,24 +57,6 @@ def test_contact_keeps_momentum() -> None:
 def test_a_second_run_gives_the_same_bytes() -> None:
     """With what the first has left in the lists; asking for 2 threads changes nothing, as the sheet is one strip."""
     assert len(set(fallen()[3])) == 1
-
-
-@pytest.mark.slow
-def test_sewn_edges_are_let_lie_on_each_other() -> None:
-    """Two panels 1 mm apart, the first row of the upper one sewn: what is beyond the reach of the seam is pushed to the
-    thickness of 3 mm, the seam's own surroundings are where they were."""
-    sheet, x, _ = layers(0.0)
-    upper = np.arange(ROWS) >= 18
-    x[upper, :, 1] = 0.001
-    seams = np.zeros(sheet.shape, bool)
-    seams[18] = True
-    contact = ClothContact(sheet, SelfContact(thickness=THICKNESS), seams)
-    forces = Forces(gravity=(0.0, 0.0, 0.0))
-    simulation = Simulation(sheet, Verlet(sheet, forces, constraints=(contact,)), forces=forces, positions=x)
-    simulation.step()
-    rise = simulation.positions[18:35, :, 1] - 0.001  # where the lower panel, of 17 rows, is below
-    assert np.abs(rise[0]).max() < 1e-4
-    assert rise[contact.reach + 4 : 14].min() > 0.0005
 
 
 @pytest.mark.slow

@@ -8,8 +8,10 @@
 What comes out is where the key points rest. Seams then stay as ties for as long as the garment is worn.
 """
 
+import contextlib
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +23,10 @@ from taichi_cloth.garment.pattern.curves import along, length
 from taichi_cloth.garment.pattern.cut import Atlas, turned
 from taichi_cloth.garment.pattern.pattern import Pattern, Seam, Side
 from taichi_cloth.garment.sewn.limbs import spared
+from taichi_cloth.garment.sewn.own_outline import outline_of
 from taichi_cloth.ground.errors import InputError, Unstable
-from taichi_cloth.motion.forces import Forces, StrainLimit
+from taichi_cloth.layers.outline import Outline, crossings_of
+from taichi_cloth.motion.forces import Forces, SelfContact, StrainLimit
 from taichi_cloth.motion.simulation import Simulation
 from taichi_cloth.sheet.materials import Material
 from taichi_cloth.sheet.sheet import Sheet
@@ -78,6 +82,11 @@ class Garment:
         own = self.material
         air = own.air_damping if air_damping is None else air_damping
         return self.sheet(replace(own, air_damping=air, fibre_damping=max(own.fibre_damping, LAG)))
+
+    @cached_property
+    def outline(self) -> Outline:
+        """What of it can meet cloth."""
+        return outline_of(self)
 
     def seams(self) -> tuple[I64, F64]:
         """Points along all seams, a key point's distance apart: blends (n, 8, 2) and (n, 8) that are 0 when closed."""
@@ -171,8 +180,8 @@ class Garment:
         sheet = self.moving(air_damping)
         ties = self.ties(sheet, bones, speed)
         kind = named_solver(solver)
-        sewn = self.sewn() if forces.self_contact else None
-        constraints = constraints_for(sheet, forces, ties=ties, sewn=sewn, answered=kind.answers)
+        outline = self.outline if forces.self_contact else None
+        constraints = constraints_for(sheet, forces, ties=ties, outline=outline, answered=kind.answers)
         made = kind(sheet, forces, frame_rate=frame_rate, step=step, safety=safety, constraints=constraints)
         simulation = Simulation(sheet, made, forces=forces, positions=positions, settled=settled)
         if pushes is not None and pushes.size:
@@ -206,24 +215,52 @@ def sew(
     body: Colliders,
     *,
     limit: StrainLimit | None = None,
+    layers: SelfContact | None = None,
     solver: str = "verlet",
     each: Callable[[str, int, int], None] | None = None,
     closing: int = CLOSING,
     settling: int = SETTLING,
 ) -> Worn:
-    """Sews a garment on a body at rest. limit: of how far its threads may grow. each: told the stage, the frame and the
-    most there may be, after each frame. solver: see `named_solver`.
+    """Sews a garment on a body at rest. limit: of how far its threads may grow. layers: its contact with itself. each:
+    told the stage, the frame and the most there may be, after each frame. solver: see `named_solver`.
+
+    Few garments pass through themselves while they are sewn: contact is taken up only for those that come to rest so,
+    which are sewn again.
 
     Raises InputError when the cloth does not hold together, with what to change.
     """
+    worn = _sew(garment, body, limit, None, solver, each, closing, settling)
+    if layers and not _clear(garment, worn.positions):
+        with contextlib.suppress(InputError):  # what cannot be sewn so stays as it is, and contact says where
+            worn = _sew(garment, body, limit, layers, solver, each, closing, settling)
+    return worn
+
+
+def _clear(garment: Garment, positions: F64 | F32) -> bool:
+    """Whether it passes through itself nowhere."""
+    return not crossings_of(garment.outline, positions).count
+
+
+def _sew(
+    garment: Garment,
+    body: Colliders,
+    limit: StrainLimit | None,
+    layers: SelfContact | None,
+    solver: str,
+    each: Callable[[str, int, int], None] | None,
+    closing: int,
+    settling: int,
+) -> Worn:
+    """`sew`, with contact of layers from where on none passes through another: panels may start within each other."""
     start = garment.atlas.start()
     still = replace(body, motion=None, recovery=RECOVERY)
     smooth = replace(still, friction=0.05)
     frames = 0
     try:
         weight = Forces().gravity if garment.pattern.holds else (0.0, 0.0, 0.0)
+        apart = layers if layers and _clear(garment, start) else None
         simulation = garment.simulation(
-            Forces(gravity=weight, body=smooth, strain_limit=limit),
+            Forces(gravity=weight, body=smooth, strain_limit=limit, self_contact=apart),
             start,
             air_damping=THICK,
             solver=solver,
@@ -239,8 +276,13 @@ def sew(
         speed = 0.0
         if body.primitives:  # in whose folds both keep out; of grids, which are one skin at rest, there are none
             still = replace(still, spared=spared(garment.atlas, simulation.positions, body.primitives, moving=False))
+        apart = layers if layers and _clear(garment, simulation.positions) else None
         simulation = garment.simulation(
-            Forces(body=still, strain_limit=limit), simulation.positions, air_damping=THIN, solver=solver, settled=True
+            Forces(body=still, strain_limit=limit, self_contact=apart),
+            simulation.positions,
+            air_damping=THIN,
+            solver=solver,
+            settled=True,
         )
         moving = 0.0
         for frame in range(settling):

@@ -1,0 +1,31 @@
+"""What of a garment can meet cloth: the triangles that are drawn of it, and where they are one."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from taichi_cloth.garment.sewn.joined import joined_points, seam_distance
+from taichi_cloth.garment.sewn.surface import Surface
+from taichi_cloth.layers.outline import Outline
+
+if TYPE_CHECKING:
+    from taichi_cloth.garment.sewn.sew import Garment
+
+__all__ = ["outline_of"]
+
+
+def outline_of(garment: "Garment") -> Outline:
+    """Of all panels, sewn."""
+    surface = Surface(garment.atlas)
+    return Outline(
+        blend=surface.blend,
+        corner=surface.corner,
+        faces=surface.faces,
+        cell=surface.cell,
+        flat=surface.lattice * np.asarray(garment.atlas.spacing),
+        panel=surface.panel,
+        same=joined_points(garment, surface),
+        seam=seam_distance(garment, surface),
+        ghosts=surface.ghosts,
+        ghost_blend=surface.ghost_blend,
+    )

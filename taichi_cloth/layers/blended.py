@@ -1,0 +1,121 @@
+"""Contacts of points that are blends of key points: the law of `contacts.py`, of as many key points as there are."""
+
+from typing import Any
+
+import taichi as ti
+
+from taichi_cloth.ground.arrays import Float, Template
+from taichi_cloth.ground.routine import routine
+
+__all__ = ["Blended"]
+
+ROOM, NODES = 6, 8
+"""Contacts for each blend, and key points of one in the mean, at most."""
+
+
+FIRM = 0.2
+"""Σ w²/m of a contact, over the largest 1/m, below which it is none: its sides are so nearly the same blend that moving
+them apart would take their key points far, and shake them. Those of layers that have no key point in common have 0.33
+at least. That the others do not pass through each other is proven all the same."""
+
+
+@ti.data_oriented
+class Blended:
+    """start, node, weight: of each contact. normal, rubbed: [axis]. kept, share, pushed: as of `Contacts`. overflow:
+    contacts without room."""
+
+    count: Any
+    start: Any
+
+    def __init__(self, blends: int) -> None:
+        self.room = ROOM * blends
+
+        def fields(count: int) -> list[ti.Field]:
+            return [ti.field(ti.f32, self.room) for _ in range(count)]
+
+        self.start = ti.field(ti.i32, self.room + 1)
+        self.node, self.weight = ti.field(ti.i32, NODES * self.room), ti.field(ti.f32, NODES * self.room)
+        self.normal, self.rubbed = fields(3), fields(3)
+        self.kept, self.share, self.pushed = fields(3)
+        self.count, self.overflow = ti.field(ti.i32, ()), ti.field(ti.i32, ())
+
+    @ti.func
+    def add(self, points: Template, pairs: Template, pair, weights, normal):
+        """A near pair as a contact. weights: of its four points."""
+        c = self.count[None]
+        begin = self.start[c]
+        used = begin
+        if c < self.room and begin < (NODES - 1) * self.room:
+            for corner in ti.static(range(4)):
+                p, w = pairs.point[corner][pair], weights[corner]
+                if w != 0.0:
+                    k = points.blends.of[p]
+                    if k >= 0:
+                        for m in range(points.blends.start[k], points.blends.start[k + 1]):
+                            used = self.put(begin, used, points.blends.node[m], w * points.blends.weight[m])
+                    else:
+                        used = self.put(begin, used, p, w)
+            yields, most = 0.0, 0.0
+            for m in range(begin, used):
+                yields += self.weight[m] ** 2 * points.inverse_mass[self.node[m]]
+                most = ti.max(most, points.inverse_mass[self.node[m]])
+            if yields > FIRM * most:
+                for axis in ti.static(range(3)):
+                    self.normal[axis][c] = normal[axis]
+                self.kept[c], self.share[c] = pairs.kept[pair], 1.0 / yields
+                self.start[c + 1] = used
+                self.count[None] = c + 1
+        else:
+            self.overflow[None] = self.overflow[None] + 1
+
+    @ti.func
+    def put(self, begin, used, p, w):
+        """One key point more, or more of one. Returns how many there are."""
+        out, found = used, -1
+        for m in range(begin, used):
+            if self.node[m] == p:
+                found = m
+        if found >= 0:
+            self.weight[found] = self.weight[found] + w
+        else:
+            self.node[used], self.weight[used] = p, w
+            out = used + 1
+        return out
+
+    @routine
+    def forget(self):
+        for c in range(self.count[None]):
+            self.pushed[c] = 0.0
+            for axis in ti.static(range(3)):
+                self.rubbed[axis][c] = 0.0
+
+    @routine
+    def respond(self, points: Template, friction: Float, mended: Float):
+        """Every contact once; see `Contacts.part`."""
+        x, s, inverse = ti.static(points.position, points.step, points.inverse_mass)
+        for c in range(self.count[None]):
+            n = ti.Vector([self.normal[0][c], self.normal[1][c], self.normal[2][c]])
+            apart, step, was = ti.Vector([0.0, 0.0, 0.0]), ti.Vector([0.0, 0.0, 0.0]), self.pushed[c]
+            for m in range(self.start[c], self.start[c + 1]):
+                p, w = self.node[m], self.weight[m]
+                for axis in ti.static(range(3)):
+                    apart[axis] += w * x[axis][p]
+                    step[axis] += w * s[axis][p]
+            gap = n.dot(apart) - self.kept[c]
+            if gap < 0.0 or was > 0.0:
+                held = ti.Vector([self.rubbed[0][c], self.rubbed[1][c], self.rubbed[2][c]])
+                along = step.dot(n)
+                push = ti.max(was - along, 0.0)
+                rub = held - (step - along * n)
+                rub *= ti.min(friction * push / ti.sqrt(rub.norm_sqr() + 1e-20), 1.0)
+                change = ((push - was) * n + rub - held) * self.share[c]
+                move = change + mended * self.share[c] * ti.max(-gap, 0.0) * n
+                self.pushed[c] = push
+                for axis in ti.static(range(3)):
+                    self.rubbed[axis][c] = rub[axis]
+                for m in range(self.start[c], self.start[c + 1]):
+                    p = self.node[m]
+                    share = inverse[p] * self.weight[m]
+                    for axis in ti.static(range(3)):
+                        s[axis][p] = s[axis][p] + share * change[axis]
+                        x[axis][p] = x[axis][p] + share * move[axis]

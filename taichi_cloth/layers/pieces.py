@@ -1,0 +1,228 @@
+"""Near pairs of pieces of cells, of those pairs of cells of which at least one has pieces."""
+
+from typing import Any
+
+import taichi as ti
+
+from taichi_cloth.ground.arrays import F32x2, Float, I32x2, Int, Template
+from taichi_cloth.ground.routine import routine
+from taichi_cloth.layers.near_pairs import EDGES, FACES, NEAR_SEAMS, gather, nearest_of_edges, nearest_on_face
+from taichi_cloth.layers.outline import MEETS, PIECES
+from taichi_cloth.layers.paths import CELL, EAST, NORTH, POINT
+from taichi_cloth.layers.search import COLUMNS
+from taichi_cloth.sheet.sheet import LANES
+
+__all__ = ["Pieces"]
+
+QUEUE, ROOM = 4096, 1024
+"""Pairs that wait to be looked at, and room that is left for those of two more cells."""
+
+
+@ti.data_oriented
+class Pieces:
+    """first: (3, elements + 1), where the points, faces and threads of a cell's pieces begin; point, face, edge: of
+    them. label: of each element: those of one number are one. panel: from 1. flat, seam: see `Outline`. cell_seam: the
+    least of a cell. queue: [corner], of pairs that wait. within: how near they are to be, squared [m²]."""
+
+    waiting: Any
+    first: Any
+
+    def __init__(self, size: int, blends: int) -> None:
+        elements, lists = size + blends, 6 * blends
+        self.first = ti.field(ti.i32, (3, size + 1))
+        self.point = ti.field(ti.i32, lists)
+        self.face, self.edge = ([ti.field(ti.i32, lists) for _ in range(n)] for n in (3, 2))
+        self.label, self.panel = (ti.field(ti.i32, elements) for _ in range(2))
+        self.flat = [ti.field(ti.f32, elements) for _ in range(2)]
+        self.seam, self.cell_seam = ti.field(ti.f32, elements), ti.field(ti.f32, size)
+        self.queue = [ti.field(ti.i32, QUEUE + LANES) for _ in range(4)]
+        self.within = ti.field(ti.f32, QUEUE + LANES)
+        self.waiting = ti.field(ti.i32, ())
+
+    @ti.func
+    def take(self, first: I32x2, points: I32x2, faces: I32x2, edges: I32x2, elements: F32x2):
+        """elements: (6, …), label, flat, seam, the seam of cells, panel."""
+        for k in range(3):
+            for p in range(first.shape[1]):
+                self.first[k, p] = first[k, p]
+        for k in range(points.shape[1]):
+            self.point[k] = points[0, k]
+        for k in range(faces.shape[1]):
+            for c in ti.static(range(3)):
+                self.face[c][k] = faces[c, k]
+        for k in range(edges.shape[1]):
+            for c in ti.static(range(2)):
+                self.edge[c][k] = edges[c, k]
+        for p in range(elements.shape[1]):
+            self.label[p] = ti.cast(elements[0, p], ti.i32)
+            self.flat[0][p], self.flat[1][p], self.seam[p] = elements[1, p], elements[2, p], elements[3, p]
+            self.panel[p] = ti.cast(elements[5, p], ti.i32)
+        for p in range(self.cell_seam.shape[0]):
+            self.cell_seam[p] = elements[4, p]
+
+    @routine
+    def find(self, points: Template, paths: Template, tree: Template, search: Template, near: Template, reach: Float):
+        """After `NearPairs.find`: the same of pieces, behind what that has found."""
+        width, self.waiting[None] = points.row[None], 0
+        for kind in range(FACES, EDGES + 1):
+            total = search.count[0]
+            for pair in range(total):
+                one, other = search.one[0, pair], search.other[0, pair]
+                p = one // COLUMNS * width + one % COLUMNS
+                q = other // COLUMNS * width + other % COLUMNS
+                if ((paths.has[p] | paths.has[q]) & PIECES) != 0:
+                    approach = 0.0
+                    for axis in ti.static(range(3)):
+                        slow, fast = ti.static(tree.low[axis + 3], tree.high[axis + 3])
+                        approach += ti.max(fast[p] - slow[q], fast[q] - slow[p], 0.0) ** 2
+                    within = (reach + ti.sqrt(approach)) ** 2
+                    if kind == FACES:
+                        self.ask_faces(paths, near, p, q, within)
+                        self.ask_faces(paths, near, q, p, within)
+                    else:
+                        self.ask_edges(paths, near, p, q, within)
+                if self.waiting[None] > QUEUE - ROOM or pair == total - 1:
+                    if kind == FACES:
+                        self.answer_faces(points, near)
+                    else:
+                        self.answer_edges(points, near)
+
+    @ti.func
+    def ask(self, near: Template, i, j, k, m, within):
+        """One more waits."""
+        at = self.waiting[None]
+        if at < QUEUE:
+            self.queue[0][at], self.queue[1][at], self.queue[2][at], self.queue[3][at] = i, j, k, m
+            self.within[at] = within
+            self.waiting[None] = at + 1
+        else:
+            near.overflow[None] = near.overflow[None] + 1
+
+    @routine
+    def ask_faces(self, paths: Template, near: Template, p: Int, q: Int, within: Float):
+        """Points of cell p with faces of cell q, where at least one is of a piece, and no two points are one."""
+        points, faces = self.first[0, p], self.first[1, q]
+        point_count, face_count = self.first[0, p + 1] - points, self.first[1, q + 1] - faces
+        of_point = (paths.has[p] & (POINT << MEETS)) != 0
+        of_cell = (paths.has[q] & (CELL << MEETS)) != 0
+        for u in range(-1, point_count):
+            v = p
+            if u >= 0:
+                v = self.point[points + u]
+            if u >= 0 or of_point:
+                for f in range(-2, face_count):
+                    if (u >= 0 or f >= 0) and (f >= 0 or of_cell):
+                        i, j, k = q, q, q
+                        if f >= 0:
+                            i, j, k = self.face[0][faces + f], self.face[1][faces + f], self.face[2][faces + f]
+                        else:
+                            i += near.face_offset[f + 2, 0]
+                            j += near.face_offset[f + 2, 1]
+                            k += near.face_offset[f + 2, 2]
+                        own = self.label[v]
+                        if own != self.label[i] and own != self.label[j] and own != self.label[k]:
+                            self.ask(near, v, i, j, k, within)
+
+    @ti.func
+    def thread(self, near: Template, p, e, first):
+        """Ends of thread e of cell p: of its pieces from 0, of what it has as a whole from −3."""
+        i, j = p, p
+        if e >= 0:
+            i, j = self.edge[0][first + e], self.edge[1][first + e]
+        else:
+            i += near.edge_offset[e + 3, 0]
+            j += near.edge_offset[e + 3, 1]
+        return i, j
+
+    @routine
+    def ask_edges(self, paths: Template, near: Template, p: Int, q: Int, within: Float):
+        """Threads of cell p with threads of cell q, likewise."""
+        one, other = self.first[2, p], self.first[2, q]
+        one_count, other_count = self.first[2, p + 1] - one, self.first[2, q + 1] - other
+        bits = ti.Vector([EAST << MEETS, NORTH << MEETS, CELL << MEETS])
+        for e in range(-3, one_count):
+            there = e >= 0
+            if not there:
+                there = (paths.has[p] & bits[e + 3]) != 0
+            if there:
+                i, j = self.thread(near, p, e, one)
+                first, second = self.label[i], self.label[j]
+                for f in range(-3, other_count):
+                    beside = f >= 0
+                    if not beside:
+                        beside = e >= 0 and (paths.has[q] & bits[f + 3]) != 0
+                    if beside:
+                        k, m = self.thread(near, q, f, other)
+                        third, fourth = self.label[k], self.label[m]
+                        if first != third and first != fourth and second != third and second != fourth:
+                            self.ask(near, i, j, k, m, within)
+
+    @ti.func
+    def waiting_lanes(self):
+        """How many packets wait; whole lanes, of the last one again."""
+        count = self.waiting[None]
+        for k in range(LANES):
+            for corner in ti.static(range(4)):
+                self.queue[corner][count + k] = self.queue[corner][ti.max(count - 1, 0)]
+            self.within[count + k] = -1.0
+        return (count + LANES - 1) // LANES
+
+    @routine
+    def answer_faces(self, points: Template, near: Template):
+        """Those that wait and are near enough, as pairs."""
+        found = near.faces.count[None]
+        for group in range(self.waiting_lanes()):
+            at = ti.Vector([group * LANES + k for k in ti.static(range(LANES))])
+            v, i = gather(self.queue[0], at), gather(self.queue[1], at)
+            j, m = gather(self.queue[2], at), gather(self.queue[3], at)
+            _s, _t, x, y, z, _inside = nearest_on_face(points.position, v, i, j, m)
+            near.note_faces(points.position, v, i, j, m, (x, y, z))
+            for k in range(LANES):
+                w = group * LANES + k
+                if near.found[0][k] < self.within[w]:
+                    a, b, c, d = self.queue[0][w], self.queue[1][w], self.queue[2][w], self.queue[3][w]
+                    flat = ti.min(self.beside(a, b, c), ti.min(self.beside(a, c, d), self.beside(a, d, b)))
+                    sewn = self.seam[a] + ti.min(self.seam[b], ti.min(self.seam[c], self.seam[d]))
+                    kept = self.kept_apart(near, a, b, flat, sewn)
+                    found = near.keep(near.faces, found, k, kept, (a, b, c, d))
+        near.faces.close(found, (0, 1, points.row[None], points.row[None] + 1))
+        self.waiting[None] = 0
+
+    @routine
+    def answer_edges(self, points: Template, near: Template):
+        found = near.edges.count[None]
+        for group in range(self.waiting_lanes()):
+            at = ti.Vector([group * LANES + k for k in ti.static(range(LANES))])
+            i, j = gather(self.queue[0], at), gather(self.queue[1], at)
+            m, o = gather(self.queue[2], at), gather(self.queue[3], at)
+            _s, _t, x, y, z = nearest_of_edges(points.position, i, j, m, o)
+            near.note_edges(points.position, i, j, m, o, (x, y, z))
+            for k in range(LANES):
+                w = group * LANES + k
+                if near.found[0][k] < self.within[w]:
+                    a, b, c, d = self.queue[0][w], self.queue[1][w], self.queue[2][w], self.queue[3][w]
+                    one, other = ti.min(self.beside(a, c, d), self.beside(b, c, d)), self.beside(c, a, b)
+                    flat = ti.min(one, ti.min(other, self.beside(d, a, b)))
+                    sewn = ti.min(self.seam[a], self.seam[b]) + ti.min(self.seam[c], self.seam[d])
+                    kept = self.kept_apart(near, a, c, flat, sewn)
+                    found = near.keep(near.edges, found, k, near.edge_share[None] * kept, (a, b, c, d))
+        near.edges.close(found, (0, 1, points.row[None], points.row[None] + 1))
+        self.waiting[None] = 0
+
+    @ti.func
+    def beside(self, p, i, j):
+        """How far point p is from the thread from i to j in the flat sheet [m]."""
+        a = ti.Vector([self.flat[0][i], self.flat[1][i]])
+        b = ti.Vector([self.flat[0][j], self.flat[1][j]]) - a
+        c = ti.Vector([self.flat[0][p], self.flat[1][p]]) - a  # pyright: ignore[reportOptionalCall]
+        share = ti.min(ti.max(b.dot(c) / (b.norm_sqr() + 1e-20), 0.0), 1.0)  # pyright: ignore[reportOptionalCall]
+        return (c - share * b).norm()  # pyright: ignore[reportOptionalCall]
+
+    @ti.func
+    def kept_apart(self, near: Template, p, q, flat, sewn):
+        """How far parts of panels are kept apart: the thickness, or half of how far they are from each other in the
+        flat sheet, or by way of a seam."""
+        out = ti.min(near.thickness[None], 0.5 * sewn)
+        if self.panel[p] == self.panel[q]:
+            out = ti.min(out, 0.5 * flat)
+        return ti.max(out, NEAR_SEAMS)

@@ -1,0 +1,153 @@
+"""What of a garment can meet cloth: pieces of cells along its outline, points that are one; that it is kept apart."""
+
+import numpy as np
+import pytest
+from layers import SOFT
+from numpy.typing import NDArray
+
+from taichi_cloth.constraints.constraints_for import constraints_for
+from taichi_cloth.garment.pattern.cut import cut
+from taichi_cloth.garment.pattern.pattern import Flat, Panel, Pattern, Seam, Side
+from taichi_cloth.garment.sewn.joined import joined_points
+from taichi_cloth.garment.sewn.sew import Garment
+from taichi_cloth.garment.sewn.surface import Surface
+from taichi_cloth.layers.outline import MEETS, PIECES, Tables, crossings_of
+from taichi_cloth.layers.paths import CELL, EAST, NORTH, POINT
+from taichi_cloth.motion.capacity import capacity_of
+from taichi_cloth.motion.forces import Forces, SelfContact
+from taichi_cloth.motion.simulation import Simulation
+from taichi_cloth.solvers.verlet import Verlet
+
+SPACING, SIDE, RADIUS = 0.015, 0.12, 0.004
+HERE = Flat(np.eye(3), np.zeros(3))
+
+
+def square(name: str, grain: float) -> Panel:
+    ring = SIDE * np.array([[0, 0], [1, 0], [1, 1], [0, 1], [0, 0]])
+    return Panel(name, tuple(ring[k : k + 2] for k in range(4)), HERE, grain=grain)
+
+
+def two_squares() -> Garment:
+    """Sewn along x = SIDE of the first and x = 0 of the second; their warps at different angles to it."""
+    seam = Seam(Side("a", 1), Side("b", 3), alike=False)
+    pattern = Pattern("two", (square("a", 0.3), square("b", -0.2)), (seam,))
+    return Garment(pattern, cut(pattern, (SPACING, SPACING)), SOFT)
+
+
+def own(garment: Garment, number: int) -> NDArray:
+    """Key points of a panel in its own coordinates (rows, cols, 2), 0 elsewhere."""
+    out = np.zeros((*garment.atlas.shape, 2))
+    piece = garment.atlas.panels[number]
+    out[piece.row : piece.row + piece.shape[0], piece.col : piece.col + piece.shape[1]] = piece.lattice()
+    return out
+
+
+def folded(garment: Garment) -> tuple[NDArray, NDArray]:
+    """Positions of key points, the second panel bent round over the first by half a turn; and how far along (rows,
+    cols), below 0 on the first panel and above on the second."""
+    along, across = np.zeros(garment.atlas.shape), np.zeros(garment.atlas.shape)
+    for number in (0, 1):
+        mine = garment.atlas.owner() == number
+        at = own(garment, number)[mine]
+        along[mine], across[mine] = at[:, 0] - (SIDE if number == 0 else 0.0), at[:, 1]
+    turn = np.clip(along / RADIUS + np.pi / 2, 0, np.pi)
+    over = np.maximum(np.abs(along) - np.pi / 2 * RADIUS, 0)
+    x = RADIUS * np.sin(turn) - over
+    return np.stack([x, across, RADIUS * (1 - np.cos(turn))], -1), along
+
+
+def test_pieces_cover_the_panel_and_hang_together() -> None:
+    """Of a panel with a round bay and its warp askew: triangles turn one way, cover its area, and an edge has two
+    triangles but on the outline, as long as that."""
+    angle = np.linspace(0, np.pi, 60)
+    bay = np.stack([0.06 + 0.04 * np.cos(angle), 0.12 - 0.05 * np.sin(angle)], -1)
+    ring = np.concatenate([[[0, 0], [0.12, 0], [0.12, 0.12]], bay, [[0, 0.12], [0, 0]]])
+    panel = Panel("bay", (ring[:3], ring[2:-1], ring[-2:]), HERE, grain=0.4)
+    surface = Surface(cut(Pattern("p", (panel,), ()), (SPACING, SPACING)))
+    corner = surface.flat[surface.faces]
+    u, v = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
+    area = (u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]) / 2
+    assert area.min() > 0
+    assert area.sum() == pytest.approx(panel.area, rel=1e-4)
+    edges = np.sort(np.concatenate([surface.faces[:, [i, j]] for i, j in ((0, 1), (1, 2), (2, 0))]), axis=1)
+    found, count = np.unique(edges, axis=0, return_counts=True)
+    assert count.max() == 2
+    border = np.diff(surface.flat[found[count == 1]], axis=1)
+    length = np.linalg.norm(np.diff(ring, axis=0), axis=1).sum()
+    assert np.linalg.norm(border, axis=2).sum() == pytest.approx(length, rel=1e-3)
+
+
+def test_points_are_blends_of_the_triangle_they_are_in() -> None:
+    """At key points anywhere: each triangle lies in the plane of one of the two of its cell."""
+    garment = two_squares()
+    surface, cols = Surface(garment.atlas), garment.atlas.shape[1]
+    positions = np.random.default_rng(1).normal(size=(*garment.atlas.shape, 3))
+    points = surface.places(positions)
+    grid = positions.reshape(-1, 3)
+    grid[surface.ghosts] = surface.ghost_blend @ grid
+    assert surface.blend.sum(axis=1) == pytest.approx(1)
+    a, b, c, d = (grid[surface.cell + k] for k in (0, 1, cols, cols + 1))
+    middle = surface.lattice[surface.faces].mean(axis=1)
+    below = (middle % 1)[:, 0] > (middle % 1)[:, 1]
+    normal = np.where(below[:, None], np.cross(b - a, d - a), np.cross(d - a, c - a))
+    off = np.einsum("mkc,mc->mk", points[surface.faces] - a[:, None], normal)
+    assert np.abs(off).max() < 1e-6
+
+
+def test_points_of_both_sides_are_in_each_group() -> None:
+    """Along a seam: groups are no longer than two ties are apart, of points of both panels, and one of another group is
+    never nearer than a hundredth of a cell."""
+    garment = two_squares()
+    surface = Surface(garment.atlas)
+    same = joined_points(garment, surface)
+    edge = np.flatnonzero(np.bincount(same)[same] > 1)
+    at = np.zeros(len(surface.flat))
+    for number, grain in ((0, 0.3), (1, -0.2)):
+        mine = surface.panel == number
+        s, c = np.sin(grain), np.cos(grain)
+        at[mine] = -s * surface.flat[mine, 0] + c * surface.flat[mine, 1]
+    for group in np.unique(same[edge]):
+        members = np.flatnonzero(same == group)
+        assert set(surface.panel[members]) == {0, 1}
+        assert np.ptp(at[members]) <= 1.01 * SPACING
+        others = edge[same[edge] != group]
+        assert np.abs(at[others][:, None] - at[members]).min() > 0.01 * SPACING
+
+
+def test_tables_have_all_triangles_edges_and_points_once() -> None:
+    garment = two_squares()
+    sheet, outline = garment.sheet(), garment.outline
+    tables = Tables(sheet, outline, capacity_of(sheet.padded_shape))
+    met = tables.has >> MEETS
+    edges = np.sort(np.concatenate([outline.faces[:, [i, j]] for i, j in ((0, 1), (1, 2), (2, 0))]), axis=1)
+    whole = ((met & CELL) != 0).sum()
+    assert 2 * whole + tables.faces.shape[1] == len(outline.faces)
+    assert ((tables.has & PIECES) != 0).sum() + whole == len(np.unique(outline.cell))
+    regular = whole + ((met & EAST) != 0).sum() + ((met & NORTH) != 0).sum()
+    assert regular + tables.edges.shape[1] == len(np.unique(edges, axis=0))
+    assert ((met & POINT) != 0).sum() + tables.points.shape[1] == len(outline.corner)
+
+
+def test_panels_that_are_sewn_together_do_not_pass_through_each_other() -> None:
+    """The second, folded over the first, comes down on it at 3 m/s where it is farthest from the seam; without contact
+    it passes through. Momentum stays, but for what the air takes."""
+    garment = two_squares()
+    sheet = garment.sheet()
+    x, along = folded(garment)
+    v = np.zeros_like(x)
+    v[..., 2] = np.where(along > 0, -3.0 * along / SIDE, 0.0)
+    assert crossings_of(garment.outline, x).count == 0
+    counts = {}
+    for contact in (None, SelfContact(thickness=0.0015)):
+        forces = Forces(gravity=(0.0, 0.0, 0.0), self_contact=contact)
+        constraints = constraints_for(sheet, forces, outline=garment.outline)
+        solver = Verlet(sheet, forces, threads=1, constraints=constraints)
+        simulation = Simulation(sheet, solver, forces=forces, positions=x, velocities=v)
+        counts[contact is not None] = []
+        for _ in range(3):
+            simulation.step()
+            counts[contact is not None].append(crossings_of(garment.outline, simulation.positions).count)
+    assert max(counts[False]) > 20
+    assert counts[True] == [0, 0, 0]
+    lower = (along < -0.05) & sheet.present
+    assert simulation.positions[lower][:, 2].mean() < -1e-4, "the lower one was struck"
