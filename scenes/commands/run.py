@@ -66,7 +66,7 @@ def run(
             held.make()
             sequence = Sequence.open(held, mark, count, products, resume=resume)  # what came there meanwhile
         sequence.begin()
-        for line in (*plan_lines(planned), *fact_lines(model.facts())):
+        for line in (*plan_lines(planned, material=False), *fact_lines(model.facts())):
             print(line)
         todo = sequence.missing()
         if isinstance(model, MovingModel) and command == "animate":

@@ -3,16 +3,16 @@
 from collections.abc import Iterator
 
 from ..models.facts import Fact
-from .plan import Plan
+from .plan import MATERIAL, Plan
 
 __all__ = ["fact_lines", "plan_lines"]
 
 
-def plan_lines(plan: Plan) -> Iterator[str]:
-    """A plan as a person reads it."""
+def plan_lines(plan: Plan, *, material: bool = True) -> Iterator[str]:
+    """A plan as a person reads it. material: with what the cloth weighs and moves by, which facts say too."""
     for word, built in (("built", True), ("left out", False)):
         for stage in plan.stages:
-            if stage.built is built:
+            if stage.built is built and (material or stage.name != MATERIAL):
                 yield f"{word:<9} {stage.name:<14} {stage.why}"
     about = "at most " if plan.about else ""
     yield f"{plan.key_points:,} key points, {plan.blocks:,} blocks, {about}{plan.particles:,} particles"

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 
+from taichi_cloth.fabric.layout import drawn_density
 from taichi_cloth.fibre.fibre import lattice_point_count
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.ground.memory import memory_limit
@@ -16,7 +17,10 @@ from ..prepare.weave_layout import Prepared, prepare_fabric
 from ..prepare.yarns import fibre_kind, yarn_of
 from ..scene.schema import Scene
 
-__all__ = ["Plan", "PlannedStage", "plan"]
+__all__ = ["MATERIAL", "Plan", "PlannedStage", "plan"]
+
+MATERIAL = "material"
+"""The stage of what cloth weighs and moves by."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +53,7 @@ ORDER = (
         "body",
         "pattern",
         "sheet",
-        "material",
+        MATERIAL,
         "within cloth",
         "seams",
         "solver",
@@ -179,6 +183,8 @@ def _count_weave(scene: Scene, counted: _Counted) -> None:
                 f", {per_cm[0]:.1f} × {per_cm[1]:.1f} a cm, {across} × {along} to a cell of key points; "
                 "made where a picture shows them"
             )
+        if not (scene.cloth or scene.garment):
+            built[MATERIAL] = f"areal density {1e3 * drawn_density(layout):.0f} g/m², of the threads as drawn"
         built["fibre blocks"] = f"{len(layout.kinds.section)} kinds of path, {layout.detail.variants} variants"
         if not (layout.warp.yarn.hairiness.ends_per_m or layout.warp.yarn.hairiness.loops_per_m):
             left["hairs"] = "yarn.hairiness is 0"

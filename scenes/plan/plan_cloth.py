@@ -9,10 +9,11 @@ from taichi_cloth.motion.forces import Forces
 from taichi_cloth.motion.solver import Solver
 from taichi_cloth.solvers.choice import Choice
 
-from ..prepare.construction import fabric_properties, own_material
+from ..prepare.construction import own_material
 from ..prepare.gaps import SheetGaps, gaps_of
 from ..prepare.sheet_setup import choice_of, forces_of, moved_by, sheet_of, solver_of, standing_in
 from ..scene.schema import Scene
+from .plan import MATERIAL
 
 __all__ = ["force_stages", "material_stage", "sheet_stages", "solver_stages", "thin_limbs", "within_stages"]
 
@@ -64,13 +65,11 @@ def force_stages(forces: Forces, gaps: SheetGaps) -> tuple[dict[str, str], dict[
 
 
 def material_stage(scene: Scene) -> dict[str, str]:
-    """What a woven or a measured cloth moves by, each number with where it is from; nothing of a preset."""
-    if fabric_properties(scene) is None:
-        return {}
+    """What a cloth moves by, each number with where it is from."""
     groups: dict[str, list[str]] = {}
     for quantity in moved_by(scene).values():
         groups.setdefault(quantity.provenance, []).append(f"{quantity.name} {quantity.shown}")
-    return {"material": "; ".join(f"{', '.join(named)} ({why})" for why, named in groups.items())}
+    return {MATERIAL: "; ".join(f"{', '.join(named)} ({why})" for why, named in groups.items())}
 
 
 def within_stages(scene: Scene) -> tuple[dict[str, str], dict[str, str]]:
@@ -95,17 +94,15 @@ def sheet_stages(scene: Scene) -> tuple[dict[str, str], dict[str, str]]:
     gaps = gaps_of(scene)
     sheet, forces = sheet_of(cloth, scene.solver, own_material(scene)), forces_of(scene.forces, gaps)
     solver = solver_of(sheet, forces, scene.solver, frame_rate=float(scene.output.fps))
-    s, material = sheet.springs, sheet.material
+    s = sheet.springs
     law = "hinges" if s.law == "hinge" else "springs to second neighbours"
-    stated = material_stage(scene)
-    weight = "" if stated else f", {1e3 * material.density:.0f} g/m²"
     built = {
         "sheet": (
             f"{cloth.rows} × {cloth.columns} key points, {1e3 * s.spacing_x:.1f} × {1e3 * s.spacing_y:.1f} mm apart, "
-            f"{scene.material}{weight}; bending by {law}"
+            f"{scene.material}; bending by {law}"
         ),
     }
-    built |= stated
+    built |= material_stage(scene)
     built |= solver_stages(choice_of(sheet, forces, scene.solver), solver, scene)
     left: dict[str, str] = {}
     held = int(sheet.pinned.sum())

@@ -7,6 +7,7 @@ import pytest
 from taichi_cloth.fabric.layout import drawn_density
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.mechanics.presets import TRADE
+from taichi_cloth.scenes.plan.lines import plan_lines
 from taichi_cloth.scenes.plan.plan import plan
 from taichi_cloth.scenes.prepare.construction import construction_of, own_material
 from taichi_cloth.scenes.prepare.sheet_setup import material_of, moved_by
@@ -105,7 +106,19 @@ def test_a_preset_that_a_scene_names_stays_as_it_is() -> None:
     assert own_material(scene) is None
     assert scene.cloth is not None
     assert material_of(scene.cloth) == named_material("denim")
-    assert "material" not in {stage.name for stage in plan(scene).stages}
+    said = {stage.name: stage.why for stage in plan(scene).stages}["material"]
+    assert said.startswith("areal density 324 g/m², bending, warp 97 µN·m, ")
+    assert said.endswith(" (preset denim)")
+
+
+@pytest.mark.parametrize(
+    "own", [{}, {"cloth": {"material": "denim", "representation": "mesh"}}, {"garment": {"representation": "mesh"}}]
+)
+def test_a_plan_says_the_weight_once_and_a_run_leaves_that_to_its_facts(own: dict[str, dict[str, str]]) -> None:
+    """A swatch that lies, a cloth of a preset, and a garment; a run prints the facts of its model below the plan."""
+    planned = plan(load_scene("swatch", []) if not own else make_scene(own))
+    assert sum("g/m²" in line for line in plan_lines(planned)) == 1
+    assert not any("g/m²" in line for line in plan_lines(planned, material=False))
 
 
 def test_threads_that_follow_key_points_state_no_cloth() -> None:
