@@ -57,6 +57,19 @@ def test_a_sheet_on_a_cylinder_stores_b_kappa_squared(cut: int) -> None:
     assert elastic_energy(sheet, x) == pytest.approx(0.5 * PLAIN.bending_warp / radius**2 * patches, rel=0.004)
 
 
+def test_diagonals_of_a_twisted_cell_lock_by_g_a4_kappa4_over_32() -> None:
+    """Threads keep their length, nothing is sheared, and both diagonals get shorter: what the docs say of drape on
+    coarse grids (docs/fabrics.md). Within 1 %, the next order in (a κ)²."""
+    a, kappa = 7.5e-3, 20.0
+    material = replace(named_material("silk-habotai"), torsion=0.0)
+    sheet = sheet_of(material, a, a, rows=2, cols=2)
+    lift = a * a * kappa / 4  # corners by turns up and down: |x₀₀ − x₁₀ − x₀₁ + x₁₁| = a² κ
+    half = np.sqrt(a * a - 4 * lift * lift) / 2
+    x = np.array([[[-half, -half, lift], [half, -half, -lift]], [[-half, half, -lift], [half, half, lift]]])
+    assert np.linalg.norm(x[0, 1] - x[0, 0]) == pytest.approx(a)
+    assert elastic_energy(sheet, x) / a**2 == pytest.approx(material.shear * a**4 * kappa**4 / 32, rel=0.01)
+
+
 @pytest.mark.parametrize("bending", ["hinge", "spring"])
 def test_forces_are_minus_the_derivative_of_the_energy(bending) -> None:
     """Central differences of the energy, float64: relative error under 1e-6."""
