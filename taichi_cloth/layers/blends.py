@@ -63,6 +63,17 @@ class Blends:
                 points.step[axis][self.at[k]] = s[axis]
 
     @ti.func
+    def place(self, points: Template, p):
+        """Where element p is, whatever was moved since `refresh`."""
+        out, k = ti.Vector([points.position[0][p], points.position[1][p], points.position[2][p]]), self.of[p]
+        if k >= 0:
+            out = ti.Vector([0.0, 0.0, 0.0])
+            for m in range(self.start[k], self.start[k + 1]):
+                for axis in ti.static(range(3)):
+                    out[axis] += self.weight[m] * points.position[axis][self.node[m]]
+        return out
+
+    @ti.func
     def move(self, points: Template, p, way, change):
         """Element p by a way, and its step by a change; if it is a blend by what it consists of."""
         x, s = ti.static(points.position, points.step)

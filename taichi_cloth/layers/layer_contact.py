@@ -323,27 +323,34 @@ class LayerContact(SharedConstraint):
             max(1, self._longest // share), max(1, self._free // share), self._substeps, USE * CAREFUL**self._halved
         )
 
-    def end(self, state: SheetState) -> None:
-        """Raises InputError where there was no room for all pairs or contacts."""
-        fields = self.fields
-        contacts = ("contacts", fields.contacts), ("contacts of pieces", fields.contacts.blended)
-        for name, part in (("cells", fields.search), ("near pairs", fields.near), *contacts):
-            if part.overflow[None]:
-                raise InputError(
-                    f"cloth on cloth: no room for {part.overflow[None]} {name}; the sheet lies in too many layers: "
-                    "use a smaller forces.self_contact.thickness_mm or wider spacing"
-                )
-
     def again(self) -> bool:
-        proven = self.fields.unproven[None] == 0
+        """Raises InputError where there was no room for all pairs or contacts, however short intervals are."""
+        full = self._full()
+        proven = self.fields.unproven[None] == 0 and not full
         if proven or self._halved == HALVINGS:
             self.fault = "" if proven else "layers of cloth could not be kept apart"
             self._halved = 0
+            if full:
+                raise InputError(full)
             return False
         self._halved += 1
         return True
 
+    def _full(self) -> str:
+        """What there was no room for in the last frame."""
+        fields = self.fields
+        contacts = ("contacts", fields.contacts), ("contacts of pieces", fields.contacts.blended)
+        for name, part in (("cells", fields.search), ("near pairs", fields.near), *contacts):
+            if part.overflow[None]:
+                return (
+                    f"cloth on cloth: no room for {part.overflow[None]} {name}; the sheet lies in too many layers: "
+                    "use a smaller forces.self_contact.thickness_mm or wider spacing"
+                )
+        return ""
+
     def stop(self, state: SheetState, done: int) -> int:
+        if done and self.fields.unproven[None] and self._halved < HALVINGS:
+            return self._substeps  # it will be taken again
         return int(self.fields.stop(state.values, done))
 
     @ti.func

@@ -23,6 +23,9 @@ threads to the next key point of its row and of its column, the key point itself
 FULL = 0.998
 """Share of its room, squared, to which a key point is pulled back that has used up more."""
 
+ROUNDS = 3
+"""In which that is done: what is pulled back at one place may be too much at the next."""
+
 
 @ti.data_oriented
 class Paths:
@@ -118,10 +121,46 @@ class Paths:
 
     @routine
     def pull_back(self, points: Template, span: Int):
-        """Key points that have left their room, to its edge. After `measure`. span: substeps of the interval."""
-        for p in range(self.count[None] * LANES):
-            off = ti.Vector([self.off[0][p], self.off[1][p], self.off[2][p]])
-            used = off.norm_sqr() * self.room[p]
-            if used > FULL and points.inverse_mass[p] > 0.0:
-                back = (1.0 - FULL / ti.sqrt(used)) * off
-                points.blends.move(points, p, -back, -back / span)
+        """Key points that have left their room to its edge, and threads that have turned by more than their slack back
+        to it. After `measure`. span: substeps of the interval."""
+        row = points.row[None]
+        for _ in range(ROUNDS):
+            for p in range(self.count[None] * LANES):
+                most = ti.Vector([self.off[0][p], self.off[1][p], self.off[2][p]])
+                if most.norm_sqr() * self.room[p] > FULL and points.inverse_mass[p] > 0.0:
+                    # Blends after what they consist of has been pulled back, which may be enough.
+                    off = self.away(points, p)
+                    used = off.norm_sqr() * self.room[p]
+                    if used > FULL:
+                        back = (1.0 - FULL / ti.sqrt(used)) * off
+                        points.blends.move(points, p, -back, -back / span)
+            for p in range(self.count[None] * LANES):
+                for offset, turn in ti.static(((1, self.turn_east), (row, self.turn_north))):
+                    if turn[p] > 0.0:
+                        self.turn_back(points, p, p + offset, turn[p], span)
+
+    @ti.func
+    def away(self, points: Template, p):
+        """How far element p is off its path now."""
+        out, time = points.blends.place(points, p), ti.cast(self.since[None], ti.f32)
+        for axis in ti.static(range(3)):
+            out[axis] -= self.begin[axis][p] + time * self.pace[axis][p]
+        return out
+
+    @ti.func
+    def turn_back(self, points: Template, p, q, turn, span):
+        """The thread from p to q, by moving both ends."""
+        most = 0.0
+        for axis in ti.static(range(3)):
+            most += (self.off[axis][q] - self.off[axis][p]) ** 2
+        one, other = points.inverse_mass[p] > 0.0, points.inverse_mass[q] > 0.0
+        if most * turn > 0.25 * FULL and (one or other):
+            apart = self.away(points, q) - self.away(points, p)
+            used = apart.norm_sqr() * turn
+            if used > FULL:
+                back = (1.0 - FULL / ti.sqrt(used)) * apart
+                share = ti.select(one and other, 0.5, 1.0)
+                if one:
+                    points.blends.move(points, p, share * back, share * back / span)
+                if other:
+                    points.blends.move(points, q, -share * back, -share * back / span)

@@ -112,13 +112,19 @@ def test_a_frame_that_is_not_proven_is_taken_again_more_carefully(monkeypatch: p
     """Until it is, or until no more care can be taken: then that is said."""
     sheet = thrown(2.0)[0]
     one = LayerContact(sheet, SelfContact(thickness=THICKNESS))
-    fields = SimpleNamespace(unproven={None: 1})
+    room = SimpleNamespace(overflow={None: 0})
+    contacts = SimpleNamespace(overflow={None: 0}, blended=room)
+    fields = SimpleNamespace(unproven={None: 1}, search=room, near=room, contacts=contacts)
     monkeypatch.setattr(LayerContact, "fields", fields)
     assert [one.again() for _ in range(HALVINGS + 1)] == [True] * HALVINGS + [False]
     assert one.fault == "layers of cloth could not be kept apart"
     fields.unproven[None] = 0
     assert not one.again()
     assert one.fault == ""
+    room.overflow[None] = 7
+    assert [one.again() for _ in range(HALVINGS)] == [True] * HALVINGS
+    with pytest.raises(InputError, match="no room for 7 cells"):
+        one.again()
 
 
 def test_a_start_that_passes_through_itself_is_refused() -> None:

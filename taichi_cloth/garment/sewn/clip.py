@@ -79,12 +79,17 @@ def _half(ring: Ring, a: float, b: float, c: float) -> Ring:
 
 
 def _triangles(index: list[int], points: Ring) -> list[tuple[int, int, int]]:
-    """Of a polygon that turns left: its ears, one after the other (Meisters 1975), the largest first."""
+    """Of a polygon that turns left: its ears, one after the other (Meisters 1975), the one with the shortest cut first,
+    so that no cut runs close along an outline."""
     out, left = [], list(index)
 
     def size(k: int) -> float:
         p, q, r = (points[left[m % len(left)]] for m in (k - 1, k, k + 1))
         return (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0])
+
+    def cut_at(k: int) -> float:
+        p, q = (points[left[m % len(left)]] for m in (k - 1, k + 1))
+        return (q[0] - p[0]) ** 2 + (q[1] - p[1]) ** 2
 
     def free(k: int) -> bool:
         """Whether no other corner lies in the triangle at k."""
@@ -101,7 +106,7 @@ def _triangles(index: list[int], points: Ring) -> list[tuple[int, int, int]]:
 
     while len(left) > 2:
         sizes = [size(k) for k in range(len(left))]
-        order = sorted(range(len(left)), key=lambda k: -sizes[k])
+        order = sorted(range(len(left)), key=cut_at)
         ear = next((k for k in order if sizes[k] > LEAST and free(k)), None)
         if ear is None:  # what is left is no wider than a line
             flat = min(range(len(left)), key=lambda k: abs(sizes[k]))

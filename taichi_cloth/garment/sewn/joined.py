@@ -29,12 +29,15 @@ FINER = 64
 """Places along a seam to each tie, by which those of an outline are known to lie on it."""
 LONGEST = 1.0
 """Of a group, in distances of two ties."""
+BESIDE = 0.1
+"""Of a point to a seam, in cells, up to which it is one with those of the seam next to it: no more is known of where a
+seam is than by how much the cells beside it are warped."""
 NARROW = 0.02
 """Distance between groups, in the same, below which it hardly matters how much narrower it is."""
 
 
 def joined_points(garment: "Garment", surface: Surface) -> I64:
-    """(n,) a number of each point of the surface: those of one number are sewn together."""
+    """(n,) a number of each point of the surface: those of one number are sewn together, or BESIDE those that are."""
     edge = _outline(surface.faces)
     names = [piece.panel.name for piece in garment.atlas.panels]
     of_panel = {name: edge[surface.panel[edge] == number] for number, name in enumerate(names)}
@@ -50,9 +53,25 @@ def joined_points(garment: "Garment", surface: Surface) -> I64:
     n = len(surface.flat)
     if not points:
         return np.arange(n)
-    i, j = np.concatenate(points), n + np.concatenate(groups)
+    on, group = np.concatenate(points), np.concatenate(groups)
+    near, next_to = _beside(garment, surface, on)
+    i, j = np.concatenate([on, near]), np.concatenate([n + group, next_to])
     graph = coo_array((np.ones(len(i)), (i, j)), shape=(n + made, n + made))
     return np.asarray(connected_components(graph, directed=False)[1])[:n].astype(np.int64)
+
+
+def _beside(garment: "Garment", surface: Surface, on: I64) -> tuple[I64, I64]:
+    """Points that are not `on` a seam but next to one, and which of those on it is nearest."""
+    near, next_to = [], []
+    off, apart = np.setdiff1d(np.arange(len(surface.flat)), on), seam_distance(garment, surface)
+    for number in range(len(garment.atlas.panels)):
+        mine, edge = off[surface.panel[off] == number], np.unique(on[surface.panel[on] == number])
+        if len(edge):
+            nearest = np.asarray(KDTree(surface.flat[edge]).query(surface.flat[mine])[1])
+            chosen = apart[mine] < BESIDE * min(garment.atlas.spacing)
+            near.append(mine[chosen])
+            next_to.append(edge[nearest[chosen]])
+    return np.concatenate(near), np.concatenate(next_to)
 
 
 def seam_distance(garment: "Garment", surface: Surface) -> F64:
