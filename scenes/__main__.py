@@ -186,7 +186,10 @@ def profile(
     overrides: Overrides = None,
     repeats: Annotated[int, typer.Option("--repeats", help="Timed runs of each stage.")] = 15,
     render: Annotated[bool, typer.Option("--render", help="Time the splatter's paths and how they scale.")] = False,
-    largest: Annotated[float, typer.Option("--largest", help="With --render: particles to scale up to.")] = 1e7,
+    scale: Annotated[bool, typer.Option("--scale", help="Time motion of ever larger sheets, in each form.")] = False,
+    largest: Annotated[
+        float | None, typer.Option("--largest", help="Particles (--render) or key points (--scale) to scale up to.")
+    ] = None,
     tables: Annotated[bool, typer.Option("--tables", help="The paper's Tables 1 to 3 beside ours.")] = False,
     quick: Annotated[bool, typer.Option("--quick", help="With --tables: the short skirt alone.")] = False,
     frames: Annotated[
@@ -209,8 +212,14 @@ def profile(
         from .measure.profile_render import render_profile_lines
 
         for line in render_profile_lines(
-            scene, overrides, largest=largest, repeats=repeats, arch=arch, threads=threads
+            scene, overrides, largest=largest or 1e7, repeats=repeats, arch=arch, threads=threads
         ):
+            typer.echo(line)
+        return
+    if scale:
+        from .measure.profile_scale import scale_lines
+
+        for line in scale_lines(largest=largest or 1.1e6, repeats=repeats, arch=arch, threads=threads):
             typer.echo(line)
         return
     from .measure.profile import profile_lines
@@ -337,6 +346,15 @@ def _status(arguments: list[str]) -> int:
         return 143 if isinstance(stop, Terminated) else 130
     except MemoryError:
         _say("out of memory; make the scene smaller (see: taichi-cloth plan) or close other programs")
+        return 2
+    except RuntimeError as error:
+        from taichi_cloth.ground.device_memory import is_out_of_memory
+
+        if not is_out_of_memory(error):
+            raise
+        _say(
+            "the device is out of memory; use --arch cpu, fewer key points or fewer particles (see: taichi-cloth plan)"
+        )
         return 2
     except BrokenPipeError:  # whoever read our output has gone; Python must not trip over it again at its end
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

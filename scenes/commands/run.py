@@ -22,6 +22,7 @@ from ..prepare.drawing import require_picture
 from ..prepare.weave_layout import Prepared
 from ..scene.load import load_scene
 from ..scene.schema import Scene
+from .device import device_of
 from .output_folder import OutputFolder
 from .progress import progress
 from .sequence import Sequence, fingerprint
@@ -59,7 +60,7 @@ def run(
     mark = fingerprint(scene, command)
     with OutputFolder(folder) as held:
         sequence = Sequence.open(held, mark, count, products, resume=resume)
-        runtime.start(arch, threads=threads)
+        runtime.start(device_of(planned, arch), threads=threads)
         model = _built(scene, planned.prepared)
         view = View(model, scene.output.size)
         if not held.path.exists():

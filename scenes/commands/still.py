@@ -30,6 +30,7 @@ from ..plan.plan import plan
 from ..prepare.drawing import require_picture
 from ..scene.load import load_scene
 from ..scene.schema import Scene
+from .device import device_of
 from .output_folder import OutputFolder
 from .run import image_size
 
@@ -69,7 +70,7 @@ def still(
     ending = "exr" if form == "exr" else "png"
     with OutputFolder(folder) as held:
         held.refuse_foreign([*(f"{one}.{ending}" for one in wanted), "still.json"])
-        runtime.start(arch, threads=threads)
+        runtime.start(device_of(planned, arch), threads=threads)
         model = build(scene, planned.prepared)
         model.step(shown_frame(scene, model))
         files = shoot(model, scene, width_height, wanted, form, supersample)  # all is made before any is written

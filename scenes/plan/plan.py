@@ -45,7 +45,11 @@ class Plan:
     limit: int
     notes: tuple[str, ...]
     prepared: Prepared | None = None
+    lacks: str = ""
+    """What of the motion has no parallel form, so that a run on another device takes the CPU; "" where all has one."""
 
+
+DEVICES = "devices"
 
 ORDER = (
     *("fibre lattice", "yarn", "hairs", "twist", "weave", "fibre blocks"),
@@ -62,7 +66,7 @@ ORDER = (
         "wind",
         "strain limit",
     ),
-    *("contact", "thin limbs", "cloth on cloth", "motion"),
+    *("contact", "thin limbs", "cloth on cloth", "motion", DEVICES),
     *("light pass", "occlusion", "floor", "meshes", "splatter", "passes"),
 )
 """In which stages run."""
@@ -80,6 +84,7 @@ class _Counted:
     about: bool = False
     woven: Scene | None = None
     prepared: Prepared | None = None
+    lacks: str = ""
 
 
 def plan(scene: Scene) -> Plan:
@@ -105,6 +110,7 @@ def plan(scene: Scene) -> Plan:
         memory_limit(),
         prepared.notes if prepared else (),
         prepared,
+        counted.lacks,
     )
 
 
@@ -130,8 +136,24 @@ def _count_cloth(scene: Scene, counted: _Counted) -> None:
     else:
         counted.woven = scene if scene.weave else None
         return
+    counted.lacks = _lacks(built)
+    built[DEVICES] = (
+        f"--arch other than cpu: none, {counted.lacks} has no parallel form yet, and the whole run takes the CPU"
+        if counted.lacks
+        else "--arch of any device: all of the motion and of the drawing runs there"
+    )
     counted.built |= built
     counted.left |= left
+
+
+def _lacks(built: dict[str, str]) -> str:
+    """Which of the stages of a moving cloth run on a CPU alone. built[DEVICES]: what of its solver does."""
+    of_solver = built.get(DEVICES, "")
+    wanting = [of_solver] if of_solver else []
+    wanting += [name for name in ("seams", "cloth on cloth") if name in built and name not in of_solver]
+    if "strain limit" in built and built["solver"].startswith("verlet") and "strain limit" not in of_solver:
+        wanting.append("a strain limit of Verlet")
+    return ", ".join(wanting)
 
 
 def _count_strands(scene: Scene, counted: _Counted) -> None:

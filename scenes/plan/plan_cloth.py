@@ -39,6 +39,7 @@ def solver_stages(choice: Choice, solver: Solver, scene: Scene) -> dict[str, str
         for name, cost in choice.costs.items()
     )
     return {
+        "devices": solver.lacks,
         "solver": f"{choice.name}, {solver.substeps} substeps a frame of 1/{rate} s, {1e6 * solver.step:.1f} µs each; "
         f"{scene.output.frames} frames",
         "solver's cost": f"{costs}; threads up to {_short(choice.ratio)} times as stiff as shear; {choice.why}",

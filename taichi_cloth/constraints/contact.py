@@ -14,6 +14,9 @@ Where steps are so long that a limb could be crossed in one, the way of the step
 the thinnest primitive.
 """
 
+from collections.abc import Callable, Hashable
+from typing import Any
+
 import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
@@ -28,7 +31,7 @@ from taichi_cloth.ground.arrays import Template
 from taichi_cloth.motion.capacity import capacity_of, class_of
 from taichi_cloth.motion.constraint import SharedConstraint
 from taichi_cloth.motion.forces import FrameForces
-from taichi_cloth.sheet.sheet import PAD, Sheet, SheetState
+from taichi_cloth.sheet.sheet import LANES, PAD, Sheet, SheetState
 
 __all__ = ["Contact"]
 
@@ -51,6 +54,8 @@ class Contact(SharedConstraint):
     fields_of = Response
     answers = "body"
     parts = True
+    spreads = True
+    known_as = "contact with a body"
     _long_steps: bool | None = None
 
     def __init__(self, body: Colliders, sheet: Sheet) -> None:
@@ -74,12 +79,30 @@ class Contact(SharedConstraint):
         )
 
     @property
-    def kind(self) -> tuple[int, int, tuple[int, ...], bool, int]:
+    def kind(self) -> tuple[Hashable, ...]:
         assert self._long_steps is not None, "a solver takes it first"
         body = self.body
         kinds = ((CONE, ELLIPTIC) if body.primitives else ()) + ((GRID,) if body.grids else ())
         nodes = class_of(sum(g.values.size for g in body.grids), NODES) if body.grids else 1
-        return self._size, class_of(len(body.solids), SOLIDS), kinds, self._long_steps, nodes
+        parts = (self._size // LANES, 1) if self.spread else ()  # a packet each
+        return self._size, class_of(len(body.solids), SOLIDS), kinds, self._long_steps, nodes, *parts
+
+    def loop(self, loops: Any, again: bool) -> Callable[..., Any]:
+        fields, points, packets = self.fields, loops.frame, loops.packets
+
+        @ti.kernel
+        def meet():
+            if ti.static(not again):
+                for i in range(fields.capacity):
+                    if i < int(fields.solids[None]) and loops.now() % int(fields.every[None]) == 0:
+                        fields.follow_one(i, loops.now())
+            for e in range(packets):
+                if ti.static(again):
+                    fields.touch_again(points, e, e, loops.now())
+                else:
+                    fields.touch(points, e, e, e + 1, loops.now())
+
+        return meet
 
     def join(self, substeps: int, step: float) -> None:
         if self._long_steps is None:  # it is compiled for these; later steps are shorter, and may be taken for long

@@ -12,6 +12,7 @@ through every substep, one after the other in a fixed order, each seeing what th
 from one side of a limb to the other within one step is not seen.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ from numpy.typing import NDArray
 from taichi_cloth.constraints.contact import Contact
 from taichi_cloth.constraints.contact_planes import GROWTH, TURNING
 from taichi_cloth.constraints.contact_response import Response
+from taichi_cloth.constraints.middle_loops import SLOTS, MiddleLoops
 from taichi_cloth.ground.arrays import Float, I32x1, Int, Template
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.ground.routine import routine
@@ -215,28 +217,59 @@ class MiddleFields:
                 points.step[axis][q] = points.step[axis][q] + (2.0 - here) * (move[axis] - out[axis])
 
 
+def middle_fields(surface: Response, size: int, spread: bool) -> MiddleFields | MiddleLoops:
+    return MiddleLoops(surface, size) if spread else MiddleFields(surface, size)
+
+
 class MiddleContact(SharedConstraint):
     """Of one sheet, after the contact of its key points. solids: numbers (n,) of those that the middles meet."""
 
-    fields_of = MiddleFields
+    fields_of = staticmethod(middle_fields)
+    known_as = "thin limbs"
     whole = True
+    spreads = True
 
     def __init__(self, contact: Contact, sheet: Sheet, solids: NDArray[np.int32]) -> None:
         self.contact, self.solids, self._size = contact, solids, capacity_of(sheet.padded_shape)
 
     @property
-    def kind(self) -> tuple[Response, int]:
-        return self.contact.fields, self._size
+    def kind(self) -> tuple[Response, int, bool]:
+        return self.contact.fields, self._size, self.spread
+
+    def loop(self, loops: Any, again: bool) -> Callable[..., Any]:
+        fields, points = self.fields, loops.frame
+
+        @ti.kernel
+        def middles():
+            if ti.static(not again):
+                for e in range(loops.packets):
+                    if loops.now() % int(fields.surface.every[None]) == 0:
+                        fields.look_all(points, e, loops.now())
+            for family, odd in ti.static(ti.ndrange(FAMILIES, 2)):
+                for t in range(loops.packets * LANES):
+                    p = points.packet[t // LANES] * LANES + t % LANES
+                    since = loops.now() % int(fields.surface.every[None])
+                    fields.respond(points, family, odd, p, float(since))
+
+        return middles
 
     def fill(self, state: SheetState) -> None:
         self.fields.take(self.solids)
 
     def begin(self, state: SheetState, forces: FrameForces) -> None:
         super().begin(state, forces)
-        self.fields.most[None] = 0
+        if not self.spread:
+            self.fields.most[None] = 0
 
     def end(self, state: SheetState) -> None:
         """Raises InputError where there was no room for all springs near thin solids."""
+        if self.spread:
+            if self.fields.full[None]:
+                raise InputError(
+                    f"contact: more than {SLOTS} thin parts of the body near the same 8 springs; use key points closer "
+                    "together, or --arch cpu"
+                )
+            return
         found, room = self.fields.most[None], self.fields.room
         if found > room:
             raise InputError(

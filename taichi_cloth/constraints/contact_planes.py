@@ -49,8 +49,17 @@ class Planes(BodySurface):
     count: Any
     entries: Any
 
-    def __init__(self, size: int, capacity: int, kinds: tuple[int, ...], long_steps: bool, nodes: int) -> None:
-        super().__init__(capacity, kinds, nodes)
+    def __init__(
+        self,
+        size: int,
+        capacity: int,
+        kinds: tuple[int, ...],
+        long_steps: bool,
+        nodes: int,
+        parts: int = PARTS,
+        line: int = LINE,
+    ) -> None:
+        super().__init__(capacity, kinds, nodes, parts, line)
         self.long_steps, self.spared = long_steps, ti.field(ti.i32, size)
         blocks = size // LANES
         self.count, self.next = ti.field(ti.i32, blocks), ti.field(ti.i32, blocks)
@@ -59,7 +68,7 @@ class Planes(BodySurface):
         self.owner, self.pair, self.looked = (ti.field(ti.i32, blocks * SLOTS) for _ in range(3))
         self.plane = ti.field(ti.f32, blocks * SLOTS * PLANE * LANES)
         # What a substep meets, one after the other in memory: blocks, their primitives, and normals and offsets now.
-        self.entries = ti.field(ti.i32, PARTS * LINE)
+        self.entries = ti.field(ti.i32, parts * line)
         self.entry_block, self.entry_of = ti.field(ti.i32, blocks * SLOTS), ti.field(ti.i32, blocks * SLOTS)
         self.entry = ti.field(ti.f32, blocks * SLOTS * ENTRY * LANES)
 
@@ -325,7 +334,7 @@ class Planes(BodySurface):
                     if (used >> k) & 1 == 1:
                         self.enter(packet * SLOTS + k, e, packet, done)
                         e += 1
-        self.entries[part * LINE] = e
+        self.entries[part * self.line] = e
 
     @ti.func
     def enter(self, slot, e, packet, done):

@@ -9,7 +9,7 @@ import taichi as ti
 from taichi_cloth.constraints.contact_planes import ENTRY, OFFSET, SLOTS, Planes
 from taichi_cloth.ground.arrays import Int, Template
 from taichi_cloth.ground.routine import routine
-from taichi_cloth.motion.crew import LINE
+from taichi_cloth.motion.crew import LINE, PARTS
 from taichi_cloth.motion.stencil import load, load_xyz, rub_anew, store
 from taichi_cloth.sheet.sheet import LANES
 
@@ -23,8 +23,17 @@ SUMS = 5
 class Response(Planes):
     """What the kernel works on, for padded grids of up to `size` key points."""
 
-    def __init__(self, size: int, capacity: int, kinds: tuple[int, ...], long_steps: bool, nodes: int) -> None:
-        super().__init__(size, capacity, kinds, long_steps, nodes)
+    def __init__(
+        self,
+        size: int,
+        capacity: int,
+        kinds: tuple[int, ...],
+        long_steps: bool,
+        nodes: int,
+        parts: int = PARTS,
+        line: int = LINE,
+    ) -> None:
+        super().__init__(size, capacity, kinds, long_steps, nodes, parts, line)
         self.sum = ti.field(ti.f32, size * SLOTS * SUMS)
 
     @routine
@@ -43,7 +52,7 @@ class Response(Planes):
     @routine
     def respond_all(self, points: Template, part: Int, first: Int, since: Int, again: Int):
         """Of all entries of a part; arguments as of `respond`."""
-        for e in range(first * SLOTS, self.entries[part * LINE]):
+        for e in range(first * SLOTS, self.entries[part * self.line]):
             self.respond(points, e, float(since), float(again))
 
     @ti.func

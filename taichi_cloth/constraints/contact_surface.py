@@ -51,12 +51,14 @@ SCRATCH = 10
 
 @ti.data_oriented
 class BodySurface:
-    """Primitives of a body and the tree of their boxes. nodes: values of all distance grids together."""
+    """Primitives of a body and the tree of their boxes. nodes: values of all distance grids together. parts: that work
+    at once and need room of their own, `line` elements apart from each other."""
 
-    def __init__(self, capacity: int, kinds: tuple[int, ...], nodes: int) -> None:
+    def __init__(self, capacity: int, kinds: tuple[int, ...], nodes: int, parts: int = PARTS, line: int = LINE) -> None:
         self.nodes = ti.field(ti.f32, max(1, nodes))
         self.holder: object = None
-        self.capacity, self.kinds = capacity, kinds
+        self.capacity, self.kinds, self.parts, self.line = capacity, kinds, parts, line
+        self.stride = SCRATCH * LANES + (line if line > 1 else 0)
         self.row: Any = ti.field(ti.f32, capacity * Row.COUNT)
         self.settings: list[Any] = [ti.field(ti.f32, ()) for _ in SETTINGS]
         (
@@ -75,7 +77,7 @@ class BodySurface:
         self.leaf = ti.field(ti.i32, 2 * capacity)
         self.box = ti.field(ti.f32, 2 * capacity * BOX)
         self.pose = ti.field(ti.f32, capacity * POSE)
-        self.scratch = ti.field(ti.f32, (PARTS + 1) * (SCRATCH * LANES + LINE))
+        self.scratch = ti.field(ti.f32, (parts + 1) * self.stride)
 
     @ti.kernel
     def take(self, rows: F32x2):
@@ -106,7 +108,7 @@ class BodySurface:
     @ti.func
     def scratch_of(self, part):
         """The first of a part's lanes of scratch. The bounds tell the compiler that nothing overflows."""
-        return (ti.min(ti.max(part, 0), PARTS - 1) + 1) * (SCRATCH * LANES + LINE)
+        return (ti.min(ti.max(part, 0), ti.static(self.parts - 1)) + 1) * ti.static(self.stride)
 
     @ti.func
     def vector(self, i, k: Template) -> Any:
@@ -180,22 +182,27 @@ class BodySurface:
 
     @routine
     def follow(self, done: Int):
-        """Poses at the end of substep `done`: anchors on a line, axes turned about one vector (Rodrigues)."""
+        """Poses at the end of substep `done`."""
         for i in range(int(self.solids[None])):
-            anchor = self.vector(i, Row.ANCHOR) + (done + 1.0) * self.shift(i)
-            turn = (done + 1.0) * self.turn(i)
-            angle = turn.norm()
-            axis, across = self.vector(i, Row.AXIS), self.vector(i, Row.ACROSS)
-            if angle > 0.0:
-                about, cosine, sine = turn / angle, ti.cos(angle), ti.sin(angle)
-                axis = cosine * axis + sine * about.cross(axis) + (1.0 - cosine) * about.dot(axis) * about
-                across = cosine * across + sine * about.cross(across) + (1.0 - cosine) * about.dot(across) * about
-            other = axis.cross(across)
-            for k in ti.static(range(3)):
-                self.pose[i * POSE + k] = anchor[k]
-                self.pose[i * POSE + 3 + k] = axis[k]
-                self.pose[i * POSE + 6 + k] = across[k]
-                self.pose[i * POSE + 9 + k] = other[k]
+            self.follow_one(i, done)
+
+    @ti.func
+    def follow_one(self, i, done):
+        """Of primitive i: its anchor on a line, its axes turned about one vector (Rodrigues)."""
+        anchor = self.vector(i, Row.ANCHOR) + (done + 1.0) * self.shift(i)
+        turn = (done + 1.0) * self.turn(i)
+        angle = turn.norm()
+        axis, across = self.vector(i, Row.AXIS), self.vector(i, Row.ACROSS)
+        if angle > 0.0:
+            about, cosine, sine = turn / angle, ti.cos(angle), ti.sin(angle)
+            axis = cosine * axis + sine * about.cross(axis) + (1.0 - cosine) * about.dot(axis) * about
+            across = cosine * across + sine * about.cross(across) + (1.0 - cosine) * about.dot(across) * about
+        other = axis.cross(across)
+        for k in ti.static(range(3)):
+            self.pose[i * POSE + k] = anchor[k]
+            self.pose[i * POSE + 3 + k] = axis[k]
+            self.pose[i * POSE + 6 + k] = across[k]
+            self.pose[i * POSE + 9 + k] = other[k]
 
     @routine
     def measure(self, i: Int, q: Int, x: Lanes, y: Lanes, z: Lanes):

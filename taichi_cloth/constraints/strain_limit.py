@@ -182,6 +182,7 @@ class ThreadLimit(SharedConstraint):
     """The limit of one sheet's threads; how far they may grow stands in the solver's `Numbers`."""
 
     fields_of = ThreadFields
+    known_as = "a strain limit of Verlet"
     answers = "strain_limit"
     whole = True
     repeated = True

@@ -33,6 +33,7 @@ from taichi_cloth.fabric.frames import frame_of_point
 from taichi_cloth.fabric.octets import octets_of
 from taichi_cloth.ground import runtime
 from taichi_cloth.ground.arrays import F32x3, I64x1, Int, Template
+from taichi_cloth.ground.copies import copy_in, copy_out
 from taichi_cloth.ground.errors import InputError, did_you_mean
 from taichi_cloth.ground.particles import (
     COLOUR,
@@ -188,9 +189,7 @@ class FibreFollower:
         if self._in_place:
             self._seen(field)[: values.size] = values.reshape(-1)
         else:
-            flat = np.zeros(field.shape[0], np.int32 if field.dtype == ti.i32 else np.float32)
-            flat[: values.size] = values.reshape(-1)
-            field.from_numpy(flat)
+            copy_in(np.ascontiguousarray(values.reshape(-1), np.int32 if field.dtype == ti.i32 else np.float32), field)
 
     @property
     def particles(self) -> int:
@@ -215,9 +214,8 @@ class FibreFollower:
         with runtime.plain_code():  # half the time to compile, and as fast a frame
             self._move(self._checked(points), self._blocks)
         if not self._in_place:
-            moved = self._out.to_numpy().reshape(self.groups.shape)
             for row in (POSITION, TANGENT, NORMAL):
-                self.groups[row : row + 3] = moved[row : row + 3]
+                copy_out(self._out, row * self.slots, self.groups[row : row + 3].reshape(-1))
         if self._spare:  # the octet that fills up the last group lies where something is
             last = self.groups[POSITION : POSITION + 3, self._own - 1]
             last[:, OCTET:] = last[:, OCTET - 1, None]

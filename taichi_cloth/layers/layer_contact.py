@@ -264,6 +264,7 @@ class LayerContact(SharedConstraint):
     whole, or that is sewn. Raises InputError on a thickness that is more than key points can keep."""
 
     fields_of = LayerFields
+    known_as = "cloth on cloth"
     answers = "self_contact"
     whole = True
     stops = True

@@ -38,6 +38,9 @@ class Constraint:
     fault: what is wrong with the last frame, where it stops.
     remembers: numbers of each key point that it keeps in the state from frame to frame, by `open` and `close`; above 0
     it has a `warm_start`. At most one constraint of a solver may.
+    spreads: it has a `loop`, and so can do without the kernel that threads share. spread: whether it is to; said by the
+    solver before fields are made.
+    known_as: in a line that says what a device lacks.
     keeps: planes of the state, as large as one of positions, that it uses as it likes, by `begin`, `end` and `rescale`.
     They are the last of the state. At most one constraint of a solver may.
     """
@@ -51,6 +54,15 @@ class Constraint:
     fault = ""
     remembers = 0
     keeps = 0
+    spreads = False
+    spread = False
+    known_as = "ties and seams"
+
+    def loop(self, loops: Any, again: bool) -> Callable[..., Any] | None:
+        """Where frames are parallel loops (`loops/frame_loops.py`): a kernel, a plain function without arguments, that
+        does all of a substep after the springs, in loops over key points. again: once more in the same substep, as
+        `correct_again`."""
+        return None
 
     def made_of(self) -> str:
         """A hash of what the motion follows from beside the sheet and the forces; "" where that is all."""

@@ -47,6 +47,8 @@ class Frame(Stencil):
     plane = 6
     """Of the state, the first of the anchors of friction within the sheet."""
     cut: Any  # its numbers are bounds of loops: type checkers would take them for matrices
+    loops: Any = None
+    """The frame as parallel loops (room `loops`), where it is gone through so."""
 
     def __init__(
         self,
@@ -77,7 +79,6 @@ class Frame(Stencil):
     @ti.kernel
     def _take(self, model: F32x3, values: F32x3, packets: I32x1, cuts: I32x1, named: F32x1):
         """Weights, and the state, with what lies around the sheet."""
-        ti.loop_config(serialize=True)
         for i in range(values.shape[1]):
             for j in range(values.shape[2]):
                 p = i * values.shape[2] + j

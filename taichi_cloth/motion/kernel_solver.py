@@ -1,7 +1,7 @@
 """What solvers have in common whose frame is one kernel (`frame.py`): its fields, threads, constants, constraints."""
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import lru_cache
 from time import perf_counter
 from typing import Any
@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 
 from taichi_cloth.ground import runtime
+from taichi_cloth.ground.device_memory import require_device_memory
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.motion.capacity import capacity_of
 from taichi_cloth.motion.constraint import Constraint
-from taichi_cloth.motion.crew import PARTS, Pace
+from taichi_cloth.motion.crew import PARTS, Pace, parts_of
 from taichi_cloth.motion.forces import Forces, FrameForces
 from taichi_cloth.motion.frame import Frame
 from taichi_cloth.motion.numbers import acting, numbers_of
@@ -20,7 +21,7 @@ from taichi_cloth.motion.slipping import ANCHORS, slip_numbers
 from taichi_cloth.motion.solver import Solver
 from taichi_cloth.motion.stage_clock import StageClock
 from taichi_cloth.motion.stencil import Features
-from taichi_cloth.sheet.sheet import Sheet, SheetState
+from taichi_cloth.sheet.sheet import LANES, Sheet, SheetState
 
 __all__ = ["KernelSolver", "stamped"]
 
@@ -61,6 +62,12 @@ class KernelSolver(Solver):
     clock: StageClock | None
     """What is told where the stages of frames end; with one, a kernel of its own is compiled."""
 
+    loops_of: Any = None
+    """The frame as parallel loops, a class as `loops.FrameLoops`; None where there are none."""
+
+    loops_from: float = float("inf")
+    """Key points from which loops are faster than threads that share a kernel, on a CPU."""
+
     springs_are_threads = True
     """Whether the threads are springs of the stencil. Otherwise what solves them moves key points after it."""
 
@@ -99,6 +106,21 @@ class KernelSolver(Solver):
         )
         self.take_steps(substeps)
         self._pace = Pace(self.threads)
+
+    @property
+    def lacks(self) -> str:
+        """What of it there are no parallel loops for, which devices need; "" where nothing."""
+        wanting = [one.known_as for one in self.constraints if not one.spreads]
+        if self.loops_of is None:
+            wanting.append(f"the solver {type(self).__name__.lower()}")
+        return ", ".join(dict.fromkeys(wanting))
+
+    @property
+    def spread(self) -> bool:
+        """Whether a frame is gone through in parallel loops; said once Taichi runs."""
+        if self.lacks or self.clock is not None:
+            return False
+        return not runtime.on_host() or bool(self.sheet.present.sum() >= self.loops_from)
 
     @property
     def remembered(self) -> int:
@@ -142,7 +164,10 @@ class KernelSolver(Solver):
         with runtime.plain_code(routines=routines, kept=self.clock is None):
             while done < self.substeps:
                 until = min([self.substeps, *(one.stop(state, done) for one in pausing)])
-                frame.run(state.values, *wind, *change, done, until, threads, self.features)  # pyright: ignore[reportCallIssue]
+                if frame.loops is not None:
+                    frame.loops.run(state.values, wind, change, self.substeps)
+                else:
+                    frame.run(state.values, *wind, *change, done, until, threads, self.features)  # pyright: ignore[reportCallIssue]
                 done = until
             for one in pausing:
                 one.stop(state, done)
@@ -159,12 +184,32 @@ class KernelSolver(Solver):
 
     def _filled(self, state: SheetState) -> Any:
         size = capacity_of(self.sheet.padded_shape)
-        slips = self.features.slips
-        frame = _frame(runtime.generation(), self.frame_of, size, self.threads, self.constraints, self.clock, slips)
+        spread = self._loops() if self.spread else None
+        for one in self.constraints:
+            one.spread = spread is not None
+        frame = _frame(
+            runtime.generation(),
+            self.frame_of,
+            size,
+            self.threads if runtime.on_host() else 1,  # on a device they might wait for each other for ever
+            self.constraints,
+            self.clock,
+            self.features.slips,
+            spread,
+        )
+        if frame.holder is None and not runtime.on_host():
+            points = int(self.sheet.present.sum())
+            require_device_memory("sheet", points, (frame, *(getattr(one, "fields", None) for one in self.constraints)))
         if frame.holder != (self, self.numbers):
             self.fill(frame, state)
             frame.holder = self, self.numbers
         return frame
+
+    def _loops(self) -> Callable[[Frame], Any]:
+        """Makes the loops of a frame; the same object for sheets that can share them."""
+        packets = len(parts_of(self.sheet.padded(self.sheet.present) > 0)[0])
+        lanes = LANES if runtime.on_host() else 1
+        return loops_for(self.loops_of, self.features, packets, lanes, self.sheet.padded_shape)
 
     def fill(self, frame: Any, state: SheetState) -> None:
         """What stays the same from frame to frame, into fields that hold that of another solver, or of other steps."""
@@ -186,6 +231,15 @@ def _frame(
     constraints: tuple[Constraint, ...],
     clock: StageClock | None,
     slips: bool,
+    spread: Callable[[Frame], Any] | None,
 ) -> Frame:
     """Sheets of one class share it. generation: of the Taichi runtime; a new start throws all fields away."""
-    return frame_of(size, threads, constraints, clock, slips)
+    frame = frame_of(size, threads, constraints, clock, slips)
+    if spread is not None:
+        frame.loops = spread(frame)
+    return frame
+
+
+@lru_cache(maxsize=16)
+def loops_for(loops_of: Any, *of_sheet: Any) -> Callable[[Frame], Any]:
+    return lambda frame: loops_of(frame, *of_sheet)

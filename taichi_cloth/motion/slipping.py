@@ -15,7 +15,7 @@ import taichi as ti
 
 from taichi_cloth.ground.arrays import F32x1, Float, Template
 from taichi_cloth.motion.crew import LINE, PARTS
-from taichi_cloth.motion.stencil import area_around, load, near, scaled, store
+from taichi_cloth.motion.stencil import area_around, load, near, nothing, scaled, store
 from taichi_cloth.sheet.sheet import LANES
 from taichi_cloth.sheet.springs import Springs
 
@@ -61,17 +61,17 @@ class Slipping:
 
     anchor: see above. bent: [along x, along y][axis], what a hinge pulls by [kg m]. sheared: what the two diagonals of
     a cell are pulled by over their lengths [kg]. locked: of each part of the sheet and each lane, the largest share of
-    the stiffness `lock` that a cell had in this frame.
+    the stiffness `lock` that a cell had in this frame. parts: how many there are, each `line` elements from the next.
     """
 
-    def __init__(self, size: int) -> None:
+    def __init__(self, size: int, parts: int = PARTS, line: int = LINE) -> None:
         def fields(count: int) -> list[ti.Field]:
             return [ti.field(ti.f32, size) for _ in range(count)]
 
-        self.size = size
+        self.size, self.parts, self.line = size, parts, line
         self.anchor, self.sheared = fields(ANCHORS), fields(2)
         self.bent = [fields(3), fields(3)]
-        self.locked = ti.field(ti.f32, PARTS * LINE)
+        self.locked = ti.field(ti.f32, parts * line)
         self.numbers = SlipNumbers.field(shape=())
         self._number = [self.numbers.get_member_field(name) for name in SLIP_NUMBERS]
         self._all = (*self.anchor, *self.sheared, *self.bent[0], *self.bent[1])
@@ -79,7 +79,6 @@ class Slipping:
     @ti.kernel
     def take(self, named: F32x1):
         """named: values of `SlipNumbers`. Nothing pulls yet, also where there is no cloth."""
-        ti.loop_config(serialize=True)
         for p in range(self.size):
             for field in ti.static(self._all):
                 field[p] = 0.0
@@ -117,7 +116,8 @@ class Slipping:
         store(self.sheared[0], p, pull / first)
         store(self.sheared[1], p, -pull / second)
         there = ti.min(load(work.cell, p) * 1e30, 1.0) * begun / n.lock_over
-        store(self.locked, part * LINE, ti.max(load(self.locked, part * LINE), there))
+        o = part * self.line
+        store(self.locked, o, ti.max(load(self.locked, o), there))
 
     @ti.func
     def bend(self, way: Template, p, to: Template, back: Template, offset, weight, normal, numbers, hinges: Template):
@@ -148,16 +148,16 @@ class Slipping:
     def begin(self, part, done):
         """Substeps of a frame, of a part; the frame itself where none is done."""
         if done == 0:
-            store(self.locked, part * LINE, ti.Vector([0.0] * LANES))
+            store(self.locked, part * self.line, nothing())
 
     @ti.kernel
     def most_locked(self) -> Float:
         """The largest of `locked`."""
         most = 0.0
         ti.loop_config(serialize=True)
-        for part in range(PARTS):
-            for lane in range(LANES):
-                most = ti.max(most, self.locked[part * LINE + lane])
+        for part in range(self.parts):
+            for lane in range(ti.static(min(LANES, self.line))):
+                most = ti.max(most, self.locked[part * self.line + lane])
         return most
 
     @ti.func

@@ -33,6 +33,11 @@ class Solver(ABC):
     """What acts on key points beside springs, after each step."""
 
     @property
+    def lacks(self) -> str:
+        """What of it a graphics device cannot do; "" where it can do all."""
+        return f"the solver {type(self).__name__.lower()}"
+
+    @property
     def remembered(self) -> int:
         """Numbers of a key point that a state keeps beside its place and step: first what constraints remember, then
         the solver's own, last what constraints keep."""

@@ -11,8 +11,13 @@ a time τ later. So springs and hinges are measured there, at `ahead`, and cost 
 read nothing else, positions change in place. What is ahead has two buffers that take turns: a substep reads one and
 fills the other, unless something moves key points after it: then `lead` fills it anew. Without damping and without
 that, positions are what is ahead, and are not kept beside it within a frame.
+
+The same functions serve a graphics device, which takes one key point a thread: then `load` gives a number and not
+lanes (`taking`).
 """
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -21,7 +26,7 @@ import taichi as ti
 from taichi_cloth.ground.arrays import Template
 from taichi_cloth.sheet.sheet import LANES
 
-__all__ = ["Features", "Lanes", "Stencil"]
+__all__ = ["Features", "Lanes", "Stencil", "taken", "taking"]
 
 if TYPE_CHECKING:
     Lanes = Any
@@ -45,15 +50,48 @@ class Features:
     apart: bool  # positions are not what is ahead: by damping, or because constraints change them
 
 
+_at_once = [LANES]
+
+
+def taken() -> int:
+    """Neighbours that `load` and `store` take at once, in what is being compiled: LANES, or 1."""
+    return _at_once[-1]
+
+
+@contextmanager
+def taking(count: int) -> Iterator[None]:
+    """Kernels first called within take so many neighbours at once: LANES on a CPU, 1 a thread on a device."""
+    _at_once.append(count)
+    try:
+        yield
+    finally:
+        _at_once.pop()
+
+
 @ti.func
 def load(field: Template, p):
-    return ti.Vector([field[p + k] for k in ti.static(range(LANES))])
+    if ti.static(taken() == 1):
+        return field[p]
+    else:
+        return ti.Vector([field[p + k] for k in ti.static(range(LANES))])
 
 
 @ti.func
 def store(field: Template, p, values):
-    for k in ti.static(range(LANES)):
-        field[p + k] = values[k]
+    if ti.static(taken() == 1):
+        field[p] = values
+    else:
+        for k in ti.static(range(LANES)):
+            field[p + k] = values[k]
+
+
+@ti.func
+def nothing():
+    """0, for each of what is taken at once."""
+    if ti.static(taken() == 1):
+        return 0.0
+    else:
+        return ti.Vector([0.0] * LANES)
 
 
 @ti.func
@@ -71,9 +109,12 @@ def relative(place: Template, p, origin):
 @ti.func
 def largest(values):
     """Of the lanes; in halves, as vector instructions have it."""
-    four = ti.Vector([ti.max(values[k], values[k + 4]) for k in ti.static(range(4))])
-    two = ti.Vector([ti.max(four[k], four[k + 2]) for k in ti.static(range(2))])
-    return ti.max(two[0], two[1])
+    if ti.static(taken() == 1):
+        return values
+    else:
+        four = ti.Vector([ti.max(values[k], values[k + 4]) for k in ti.static(range(4))])
+        two = ti.Vector([ti.max(four[k], four[k + 2]) for k in ti.static(range(2))])
+        return ti.max(two[0], two[1])
 
 
 @ti.func
@@ -146,8 +187,8 @@ class Stencil:
 
     @ti.func
     def lanes(self, p):
-        """Element p, a whole number of lanes. The bounds tell the compiler that nothing overflows."""
-        return ti.min(ti.max(p // LANES, 0), 1 << 24) * LANES
+        """Element p, a whole number of what is taken at once. The bounds tell the compiler that nothing overflows."""
+        return ti.min(ti.max(p // ti.static(taken()), 0), 1 << 24) * ti.static(taken())
 
     @ti.func
     def away(self, place: Template, here: Template, p, offset):
@@ -234,7 +275,7 @@ class Stencil:
     def elastic(self, features: Template, around: Template, a, p, n: Template):
         """Pull of all springs and hinges on the lanes at p, at a of `ahead`. around: what is there, see there."""
         row = self.row[None]
-        x, y, z = ti.Vector([0.0] * LANES), ti.Vector([0.0] * LANES), ti.Vector([0.0] * LANES)
+        x, y, z = nothing(), nothing(), nothing()
         if ti.static(features.threads):
             e, w = load(self.east, p), load(self.east, near(p - 1))
             x, y, z = self.spring(around[1], n.structural_x * e, n.spacing_x)

@@ -13,7 +13,7 @@ import taichi as ti
 
 from taichi_cloth.ground.arrays import F32x1, F32x2, I32x1, Int, Template
 from taichi_cloth.motion.crew import PARTS
-from taichi_cloth.motion.stencil import largest, load, near, store
+from taichi_cloth.motion.stencil import largest, load, near, nothing, store
 from taichi_cloth.sheet.sheet import LANES
 from taichi_cloth.solvers.stability import FrequencyBound
 
@@ -58,9 +58,9 @@ class Stiffest:
         ti.loop_config(serialize=True)
         for k in range(SPRINGS):
             self.offset[k], self.rest[k] = offsets[k], rests[k]
-            for p in range(terms.shape[1]):
+        for p in range(terms.shape[1]):
+            for k in range(SPRINGS):
                 self.term[k * self.size + p] = terms[k, p]
-        ti.loop_config(serialize=True)
         for p in range(terms.shape[1]):
             self.bend[p] = terms[SPRINGS, p]
         self.springs[None] = springs
@@ -77,14 +77,27 @@ class Stiffest:
                 self.room[k] = 0.0
             for k in range(self.springs[None]):
                 self.spring(work, p, k)
-            bound = self.eigenvalue() + load(self.bend, p)
+            xx, yy, zz = load(self.room, XX), load(self.room, YY), load(self.room, ZZ)
+            xy, xz, yz = load(self.room, XY), load(self.room, XZ), load(self.room, YZ)
+            bound = eigenvalue(xx, yy, zz, xy, xz, yz) + load(self.bend, p)
             store(self.room, MOST, ti.max(load(self.room, MOST), bound))
         return largest(load(self.room, MOST))
 
     @ti.func
     def spring(self, work: Template, p, k):
-        """Adds spring k of the lanes at p: c n nᵀ, and where it is longer than at rest what holds it straight,
-        c (1 − L/l) (I − n nᵀ)."""
+        """Adds spring k of the lanes at p."""
+        xx, yy, zz, xy, xz, yz = self.held(work, p, k)
+        self.add(XX, xx)
+        self.add(YY, yy)
+        self.add(ZZ, zz)
+        self.add(XY, xy)
+        self.add(XZ, xz)
+        self.add(YZ, yz)
+
+    @ti.func
+    def held(self, work: Template, p, k):
+        """What spring k of the key points taken at p adds to their matrices: c n nᵀ, and where it is longer than at
+        rest what holds it straight, c (1 − L/l) (I − n nᵀ). Six numbers."""
         q = near(p + self.offset[k])
         # The way (x, y, z) to the other end; what the spring holds across it, and along it beyond that.
         constant = load(self.term, work.lanes(k * self.size + p))
@@ -94,28 +107,38 @@ class Stiffest:
         inverse = 1.0 / ti.sqrt(ti.max(x * x + y * y + z * z, 1e-20))
         across = constant * ti.max(1.0 - self.rest[k] * inverse, 0.0)
         along = (constant - across) * inverse * inverse
-        self.add(XX, along * x * x + across)
-        self.add(YY, along * y * y + across)
-        self.add(ZZ, along * z * z + across)
-        self.add(XY, along * x * y)
-        self.add(XZ, along * x * z)
-        self.add(YZ, along * y * z)
+        return (
+            along * x * x + across,
+            along * y * y + across,
+            along * z * z + across,
+            along * x * y,
+            along * x * z,
+            along * y * z,
+        )
 
     @ti.func
     def add(self, k: Template, values):
         store(self.room, k, load(self.room, k) + values)
 
     @ti.func
-    def eigenvalue(self):
-        """The largest of each matrix, none of which has one below 0."""
-        xx, yy, zz = load(self.room, XX), load(self.room, YY), load(self.room, ZZ)
-        xy, xz, yz = load(self.room, XY), load(self.room, XZ), load(self.room, YZ)
-        # A over its trace, so that no power leaves float32; squared to A¹⁶, whose own square has the trace asked for.
-        trace = xx + yy + zz
-        s = 1.0 / ti.max(trace, 1e-30)
-        a = squared(squared(squared(squared((xx * s, yy * s, zz * s, xy * s, xz * s, yz * s)))))
-        power = a[0] * a[0] + a[1] * a[1] + a[2] * a[2] + 2.0 * (a[3] * a[3] + a[4] * a[4] + a[5] * a[5])
-        return trace * ti.sqrt(ti.sqrt(ti.sqrt(ti.sqrt(ti.sqrt(power)))))
+    def bound(self, work: Template, p):
+        """That of the key points taken at p, where many are worked out at once and each needs room of its own."""
+        xx, yy, zz, xy, xz, yz = nothing(), nothing(), nothing(), nothing(), nothing(), nothing()
+        for k in range(self.springs[None]):
+            a, b, c, d, e, f = self.held(work, p, k)
+            xx, yy, zz, xy, xz, yz = xx + a, yy + b, zz + c, xy + d, xz + e, yz + f
+        return eigenvalue(xx, yy, zz, xy, xz, yz) + load(self.bend, p)
+
+
+@ti.func
+def eigenvalue(xx, yy, zz, xy, xz, yz):
+    """The largest of matrices that have none below 0."""
+    # A over its trace, so that no power leaves float32; squared to A¹⁶, whose own square has the trace asked for.
+    trace = xx + yy + zz
+    s = 1.0 / ti.max(trace, 1e-30)
+    a = squared(squared(squared(squared((xx * s, yy * s, zz * s, xy * s, xz * s, yz * s)))))
+    power = a[0] * a[0] + a[1] * a[1] + a[2] * a[2] + 2.0 * (a[3] * a[3] + a[4] * a[4] + a[5] * a[5])
+    return trace * ti.sqrt(ti.sqrt(ti.sqrt(ti.sqrt(ti.sqrt(power)))))
 
 
 @ti.func

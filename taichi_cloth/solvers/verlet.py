@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_cloth.ground.errors import InputError
+from taichi_cloth.loops.verlet_loops import VerletLoops
 from taichi_cloth.motion.constraint import Constraint
 from taichi_cloth.motion.forces import Forces
 from taichi_cloth.motion.numbers import numbers_of
@@ -33,6 +34,7 @@ class Verlet(SpringSolver):
     """
 
     frame_of = VerletFrame
+    loops_of = VerletLoops
     instead = 'solver.name = "yarns", '
 
     def __init__(
@@ -114,4 +116,5 @@ class Verlet(SpringSolver):
 
     def look(self, frame: VerletFrame) -> None:
         super().look(frame)
-        self._now = frame.stiffest() ** 0.5 / self.step
+        loops = frame.loops
+        self._now = (frame.stiffest() if loops is None else loops.stiffest()) ** 0.5 / self.step

@@ -127,13 +127,11 @@ class YarnFields:
         """weights: slack and mean, (2, family, elements of whole tiles). orders: `order`, `closes`. places: of tiles,
         and of the same turned. reach: begin, count and lag of each group of each family, and the family's offset. No
         yarn pulls yet."""
-        ti.loop_config(serialize=True)
         for p in range(weights.shape[2]):
             for family in ti.static(range(self.families)):
                 self.slack[p + family * self.size] = weights[0, family, p]
                 self.mean[p + family * self.size] = weights[1, family, p]
             self.diagonal[p] = 1.0
-        ti.loop_config(serialize=True)
         for p in range(weights.shape[2] // width * (width + 2)):  # of those turned, with what is around
             for field in ti.static(self._forgotten[1]):
                 field[p] = 0.0

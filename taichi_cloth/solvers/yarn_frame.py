@@ -18,7 +18,7 @@ from taichi_cloth.motion.constraint import Constraint
 from taichi_cloth.motion.crew import PARTS
 from taichi_cloth.motion.frame import Frame
 from taichi_cloth.motion.stage_clock import StageClock
-from taichi_cloth.motion.stencil import load, rub_anew, store
+from taichi_cloth.motion.stencil import load, nothing, rub_anew, store
 from taichi_cloth.sheet.sheet import LANES
 from taichi_cloth.solvers.whole_yarns import WholeYarns
 from taichi_cloth.solvers.yarn_order import GROUPS
@@ -153,7 +153,7 @@ class YarnFrame(Frame):
             store(self.position[axis], p, load(self.position[axis], p) + step)
             store(self.step[axis], p, step)
         # Nothing pulls, presses or rubs yet.
-        none = ti.Vector([0.0] * LANES)
+        none = nothing()
         for shape, there in ti.static(((BALL, features.sphere), (FLOOR, features.plane))):
             if ti.static(there):
                 store(self.pressed[shape], p, none)

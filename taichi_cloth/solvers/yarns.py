@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_cloth.ground.errors import InputError
+from taichi_cloth.loops.yarn_loops import YarnLoops
 from taichi_cloth.motion.constraint import Constraint
 from taichi_cloth.motion.forces import Forces
 from taichi_cloth.sheet.sheet import Sheet, SheetState
@@ -95,6 +96,7 @@ class Yarns(SpringSolver):
         springs, longest, cost = left_explicit(sheet.springs, longest_of, chains)
         self.choice, self.chains = choices[springs], cost > 1
         self.frame_of = ChainFrame if self.chains else YarnFrame
+        self.loops_of = None if self.chains else YarnLoops
         if step is not None and not 0 < step <= longest:
             raise InputError(f"solver.step: {step!r} s; allowed: above 0, at most {longest:.4g} s")
         substeps = self.choice.substeps(step or longest)
@@ -153,7 +155,7 @@ class Yarns(SpringSolver):
 
     def look(self, frame: YarnFrame) -> None:
         super().look(frame)
-        self.tight = frame.tightest()
+        self.tight = frame.tightest() if frame.loops is None else frame.loops.tightest()
 
     def shorten(self, state: SheetState, reached: SheetState | None) -> bool:
         if reached is state:

@@ -1,0 +1,218 @@
+"""The middles of springs against thin solids as parallel loops (`contact_middles.py` has the law, and the serial form).
+
+A packet of 8 key points has the springs that begin in it, those of each family side by side in the lanes, and a few
+SLOTS for each family: a thin solid that one of these springs can come near, and when to look at it again. So packets
+share nothing they write, until it comes to the response, which moves both ends of a spring: of a family every second
+row or column of springs at once, then the others. On a CPU springs are gone through in the order of the list instead;
+where two that share an end touch at once, who comes first differs.
+"""
+
+from typing import Any
+
+import taichi as ti
+
+from taichi_cloth.constraints.contact_planes import GROWTH, TURNING
+from taichi_cloth.constraints.contact_response import Response
+from taichi_cloth.ground.arrays import I32x1, Template
+from taichi_cloth.motion.stencil import load, near, store
+from taichi_cloth.sheet.sheet import LANES
+
+__all__ = ["MiddleLoops"]
+
+FAMILIES = 4
+SLOTS = 6
+"""Thin solids that the springs of a packet and a family can be near at once: fingers lie side by side."""
+PLANE = 4 * LANES
+FAR = -1e6  # offset [m] of a plane that nothing touches
+
+
+@ti.data_oriented
+class MiddleLoops:
+    """surface: the body's. solid: numbers of the thin ones. full: whether slots were too few somewhere, so far. count:
+    of each packet and family, how many slots are used. Of each slot: owner, due, busy (whether one of its planes can be
+    touched before the next look), and plane."""
+
+    solids: Any  # its number is the bound of a loop: type checkers would take it for a matrix
+    count: Any
+
+    def __init__(self, surface: Response, size: int) -> None:
+        self.surface, packets = surface, size // LANES
+        self.packets = packets
+        self.holder: object = None
+        self.solid, self.solids = ti.field(ti.i32, surface.capacity), ti.field(ti.i32, ())
+        self.full, self.count = ti.field(ti.i32, ()), ti.field(ti.i32, FAMILIES * packets)
+        self.owner, self.due, self.busy = (ti.field(ti.i32, FAMILIES * packets * SLOTS) for _ in range(3))
+        self.plane = ti.field(ti.f32, FAMILIES * packets * SLOTS * PLANE)
+        self.place = ti.field(ti.f32, packets * 3 * LANES)
+
+    @ti.kernel
+    def take(self, solids: I32x1):
+        for k in range(solids.shape[0]):
+            self.solid[k] = solids[k]
+        for _ in range(1):
+            self.solids[None], self.full[None] = solids.shape[0], 0
+
+    @ti.func
+    def ends(self, family: Template, p, row):
+        """Both ends of the springs of a family that begin at element p: along the weft, along the warp, diagonals."""
+        one, two = p, p + 1
+        if ti.static(family == 1):
+            two = p + row
+        elif ti.static(family >= 2):
+            one, two = p + ti.static(family - 2), p + row + ti.static(3 - family)
+        return near(one), near(two)
+
+    @ti.func
+    def weight(self, points: Template, family: Template, p):
+        out = points.east[p]
+        if ti.static(family == 1):
+            out = points.north[p]
+        elif ti.static(family >= 2):
+            out = points.cell[p]
+        return out
+
+    @ti.func
+    def look_all(self, points: Template, e, done):
+        """Of packet e of the sheet: lists before each walk of the tree, and what is due of them."""
+        packet = points.packet[e]
+        for family in ti.static(range(FAMILIES)):
+            g = family * self.packets + packet
+            if done % int(self.surface.wait[None]) == 0:
+                self.seek(points, family, packet, g, done)
+            for slot in range(self.count[g]):
+                s = g * SLOTS + slot
+                self.busy[s] = 0
+                if self.due[s] <= done:
+                    self.look(points, family, packet, s, e, done)
+
+    @ti.func
+    def seek(self, points: Template, family: Template, packet, g, done):
+        """The thin solids that middles of the springs of a packet and family could touch before the next time."""
+        found = 0
+        for m in range(self.solids[None]):
+            i = self.solid[m]
+            if self.can_meet(points, family, packet, i):
+                if found < SLOTS:
+                    self.owner[g * SLOTS + found], self.due[g * SLOTS + found] = i, done
+                found += 1
+        self.count[g] = ti.min(found, SLOTS)
+        if found > SLOTS:
+            self.full[None] = 1
+
+    @ti.func
+    def can_meet(self, points: Template, family: Template, packet, i):
+        """Whether one of them is near solid i, by the capsule around it, and is to meet it."""
+        row, meets = points.row[None], False
+        c, axis, shift = self.surface.anchor(i), self.surface.axis(i), self.surface.shift(i)
+        turn = self.surface.turn(i).norm()
+        for p in range(packet * LANES, (packet + 1) * LANES):
+            one, two = self.ends(family, p, row)
+            spared = ((self.surface.spared[one] | self.surface.spared[two]) >> self.surface.bone(i)) & 1
+            if self.weight(points, family, p) > 0.0 and self.mobile(points, one, two) > 0.0 and spared == 0:
+                x, u = self.middle(points, one, two)
+                x, u = x - c, u - shift
+                along = ti.min(ti.max(x.dot(axis), self.surface.low(i)), self.surface.high(i))
+                far = (x - along * axis).norm() - self.surface.radius(i) - self.surface.gap[None]
+                rate = self.surface.spare_step[None] + GROWTH * (u.norm() + turn * x.norm())
+                if far < self.surface.wait[None] * rate:
+                    meets = True
+        return meets
+
+    @ti.func
+    def mobile(self, points: Template, one, two):
+        return points.inverse_mass[one] + points.inverse_mass[two]
+
+    @ti.func
+    def middle(self, points: Template, one, two):
+        """Place of a spring's middle, and its step [m]."""
+        x, u = ti.Vector([0.0, 0.0, 0.0]), ti.Vector([0.0, 0.0, 0.0])
+        for axis in ti.static(range(3)):
+            x[axis] = 0.5 * (points.position[axis][one] + points.position[axis][two])
+            u[axis] = 0.5 * (points.step[axis][one] + points.step[axis][two])
+        return x, u
+
+    @ti.func
+    def look(self, points: Template, family: Template, packet, s, part, done):
+        """Distances of 8 springs from the solid of slot s, when to look again, and planes for those that could touch
+        before. part: whose lanes of scratch are used."""
+        row, i, every = points.row[None], self.owner[s], int(self.surface.every[None])
+        q, o = self.surface.scratch_of(part), near(part * 3) * LANES
+        c = self.surface.anchor(i)
+        one, two = self.ends(family, points.lanes(packet * LANES), row)
+        # Middles against the anchor, their distances d and normals n, and the slip (u, v, w) past the surface.
+        for axis in ti.static(range(3)):
+            both = load(points.position[axis], one) + load(points.position[axis], two)
+            store(self.place, o + axis * LANES, 0.5 * both - c[axis])
+        x, y, z = load(self.place, o), load(self.place, o + LANES), load(self.place, o + 2 * LANES)
+        self.surface.measure(i, q, x, y, z)
+        u = 0.5 * (load(points.step[0], one) + load(points.step[0], two))
+        v = 0.5 * (load(points.step[1], one) + load(points.step[1], two))
+        w = 0.5 * (load(points.step[2], one) + load(points.step[2], two))
+        u, v, w = self.surface.slip(i, x, y, z, u, v, w)
+        d, nx = load(self.surface.scratch, q), load(self.surface.scratch, q + LANES)
+        ny, nz = load(self.surface.scratch, q + 2 * LANES), load(self.surface.scratch, q + 3 * LANES)
+        away, along = ti.max(d - self.surface.gap[None], 0.0), u * nx + v * ny + w * nz
+        rate = self.surface.spare_step[None] + GROWTH * ti.max(-along, 0.0) + TURNING * ti.sqrt(u * u + v * v + w * w)
+        store(self.surface.scratch, q, away / rate)
+        store(self.place, o, x * nx + y * ny + z * nz - d)
+        # Planes, and the soonest of what is there.
+        soonest = 1e6
+        for k in range(LANES):
+            p = packet * LANES + k
+            here, there = self.ends(family, p, row)
+            spared = ((self.surface.spared[here] | self.surface.spared[there]) >> self.surface.bone(i)) & 1
+            met = self.weight(points, family, p) > 0.0 and self.mobile(points, here, there) > 0.0 and spared == 0
+            at, offset = s * PLANE + k, FAR
+            if met:
+                arrives = self.surface.scratch[q + k]
+                soonest = ti.min(soonest, arrives)
+                if arrives < every:
+                    offset = self.place[o + k]
+                    self.busy[s] = 1
+            for m in ti.static(range(3)):
+                self.plane[at + m * LANES] = self.surface.scratch[q + (m + 1) * LANES + k]
+            self.plane[at + 3 * LANES] = offset
+        self.due[s] = done + ti.max(int(soonest) // every, 1) * every
+
+    @ti.func
+    def respond(self, points: Template, family: Template, odd: Template, p, since):
+        """Of the springs of a family that begin at element p of the sheet, where its row or column is even, or odd.
+        since: substeps since the poses were worked out."""
+        row = points.row[None]
+        line = p // row
+        if ti.static(family == 0):
+            line = p % row
+        g = family * self.packets + p // LANES
+        if line % 2 == odd and self.count[g] > 0 and self.weight(points, family, p) > 0.0:
+            one, two = self.ends(family, p, row)
+            for slot in range(self.count[g]):
+                s = g * SLOTS + slot
+                at = s * PLANE + p % LANES
+                if self.busy[s] > 0 and self.plane[at + 3 * LANES] > 0.5 * FAR:
+                    self.push(points, self.owner[s], at, one, two, since)
+
+    @ti.func
+    def push(self, points: Template, i, at, p, q, since):
+        """As `Response.respond`, of one middle."""
+        shift, turn = self.surface.shift(i), self.surface.turn(i)
+        x, u = self.middle(points, p, q)
+        normal = ti.Vector([self.plane[at], self.plane[at + LANES], self.plane[at + 2 * LANES]])
+        normal += since * turn.cross(normal)
+        x -= self.surface.anchor(i) + since * shift
+        depth = self.surface.gap[None] - (normal.dot(x) - self.plane[at + 3 * LANES])
+        if depth > 0.0:
+            # The slip past the surface, and the push: the approach whole, of what was deep before `recovery`.
+            u -= shift
+            u -= turn.cross(x - 0.5 * u)  # half-way along the step
+            approach = ti.max(-u.dot(normal), 0.0)
+            push = ti.min(depth, approach + self.surface.recovery[None])
+            pressed = ti.min(push, approach)
+            move = self.surface.change(u[0], u[1], u[2], normal[0], normal[1], normal[2], push, pressed)
+            out = (push - pressed) * normal
+            # Both ends by shares of their inverse masses; what was deep before is no speed.
+            here = 2.0 * points.inverse_mass[p] / (points.inverse_mass[p] + points.inverse_mass[q])
+            for axis in ti.static(range(3)):
+                points.position[axis][p] = points.position[axis][p] + here * move[axis]
+                points.position[axis][q] = points.position[axis][q] + (2.0 - here) * move[axis]
+                points.step[axis][p] = points.step[axis][p] + here * (move[axis] - out[axis])
+                points.step[axis][q] = points.step[axis][q] + (2.0 - here) * (move[axis] - out[axis])

@@ -1,0 +1,205 @@
+"""A substep of whole yarns as parallel loops, in the order of `YarnFrame`; their systems in pieces (`line_systems.py`).
+
+A key point has a thread of the device of its own, on a CPU too. Which threads strained the last substep, and which
+matrices are too old for a second sweep, is told by flags that whoever finds it sets to 1: it does not matter who was
+first. Factors are made anew yarn by yarn, and not by groups of yarns as on a CPU.
+"""
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import taichi as ti
+
+from taichi_cloth.ground.arrays import Float, Template
+from taichi_cloth.loops.frame_loops import NOW, WIND, FrameLoops, Largest, Launch
+from taichi_cloth.loops.line_systems import LineSystems
+from taichi_cloth.motion.frame import Frame
+from taichi_cloth.motion.stencil import Features
+from taichi_cloth.sheet.sheet import PAD
+
+__all__ = ["YarnLoops"]
+
+FAMILIES = 2
+FAR = 1e5
+"""[m] that a strain limit lets a thread grow by where there is none, at least."""
+
+
+@ti.data_oriented
+class YarnLoops(FrameLoops):
+    """systems: of each family. late: of each line of the family at work, whether its factors are too old. seen: whether
+    a thread was strained so much in the last substep that the next is wild."""
+
+    def __init__(
+        self, frame: Frame, features: Features, packets: int, lanes: int, padded_shape: tuple[int, int]
+    ) -> None:
+        super().__init__(frame, features, packets, 1, padded_shape)
+        rows, width = padded_shape[0] - 2 * PAD, padded_shape[1]
+        self.yarns: Any = self.frame.yarns
+        self.tight = Largest(frame.size)
+        self.yarns.tight = self.tight.value  # each thread has its own place
+        self.yarns.strained, self.yarns.differs = (ti.field(ti.f32, frame.size) for _ in range(2))
+        first = PAD * width
+        self.systems = (
+            LineSystems(self.yarns, 0, rows, width, (first, width, 1)),
+            LineSystems(self.yarns, 1, width, rows, (first, 1, width)),
+        )
+        self.late, self.seen = ti.field(ti.i32, max(rows, width)), ti.field(ti.i32, ())
+        self.width = width
+
+    def settings(self) -> Any:
+        return int(self.frame.numbers[None].sweeps)
+
+    def substep(self, odd: int) -> Iterator[Launch]:
+        sweeps = self.settings()
+        yield self.kernel("soft", _soft), WIND, 1
+        yield from self._touch(False)
+        for sweep in range(sweeps):
+            for family in (1, 0) if odd else (0, 1):
+                kind = family, sweep == 0, sweep == sweeps - 1
+                yield self.kernel(kind, lambda loops, kind=kind: _solve(loops, *kind)), (), 1
+            yield from self._touch(True)
+
+    def _touch(self, again: bool) -> Iterator[Launch]:
+        for one in self.frame.constraints:
+            if one.whole:
+                yield from self.constrain(one, again)
+        if self.features.sphere or self.features.plane:
+            yield self.kernel("shapes", _shapes), (), 1
+        for one in self.frame.constraints:
+            if one.parts:
+                yield from self.constrain(one, again)
+
+    @ti.func
+    def begin(self, p):
+        self.yarns.tight[p], self.yarns.strained[p] = 0.0, 0.0
+        for family in ti.static(range(FAMILIES)):
+            s = p + family * self.frame.size
+            self.yarns.pulled[s], self.yarns.held[s], self.yarns.tension[s] = 0.0, 0.0, 0.0
+        if p == 0:
+            self.seen[None] = 0
+
+    @ti.func
+    def judge(self):
+        """A loop: what is ahead; and whether the substep that begins is wild."""
+        for t in range(self.count):
+            if t == 0:
+                self.turn[NOW] = self.turn[NOW] + 1
+            p = self.place(t)
+            self.frame.lead(p, self.frame.numbers[None])
+            if self.yarns.strained[p] > 1.0:
+                self.seen[None] = 1
+            self.yarns.strained[p] = 0.0
+
+    @ti.func
+    def soften(self, wind):
+        """A loop: the soft springs."""
+        for t in range(self.count):
+            if t == 0:
+                self.yarns.wild[None] = ti.select(self.seen[None] > 0, 1.0, 0.0)
+            air = ti.Vector([wind[c] + self.turn[NOW] * wind[3 + c] for c in ti.static(range(3))])
+            self.frame.soft(self.place(t), air, self.frame.numbers[None], self.features)
+
+    @ti.func
+    def shapes(self):
+        """A loop: the fixed ball and half space."""
+        for t in range(self.count):
+            self.frame.touch(self.place(t), self.frame.numbers[None], self.features)
+
+    @ti.func
+    def all_anew(self, n: Template, first: Template):
+        """Whether all factors of a family are made in this sweep; a limit asks for matrices of its own."""
+        return first or self.yarns.wild[None] > 0.0 or n.bound < FAR
+
+    @ti.func
+    def solve(self, system: Template, y: Template, family: Template, first: Template, last: Template):
+        """Loops: a sweep over the yarns y of a family, the first or the last of a substep. system: of the family."""
+        base, offset = ti.static(family * self.frame.size), ti.static(system.next_point)
+        carried = ti.static(0.0 if first else 1.0)
+        # Where threads lie and how they turned.
+        for t in range(self.count):
+            if t == 0:
+                self.seen[None] = 0
+            if t < system.lines:
+                self.late[t] = 0
+            y.aim(self.frame, self.place(t), base, offset, y.numbers[family])
+        # Where to push, and what is asked.
+        for t in range(self.count):
+            p, n = self.place(t), y.numbers[family]
+            y.straighten(self.frame, p, base, offset)
+            if self.all_anew(n, first):
+                y.ask(self.frame, p, base, offset, p, carried, n, True)
+                if n.bound < FAR:
+                    y.hold(self.frame, p, base, n)
+            else:
+                y.differs[p] = 0.0
+                y.ask(self.frame, p, base, offset, p, carried, n, False)
+                if y.differs[p] > 0.0:
+                    self.late[self.line(family, p)] = 1
+        # The systems: couplings and factors where they are made anew; pieces, their ends, pieces.
+        for t in range(system.count):
+            n = y.numbers[family]
+            anew = self.all_anew(n, first)
+            line, piece = system.piece_of(t)
+            late = not anew and self.late[line] > 0
+            if anew or late:
+                begin, end = system.reach(piece)
+                for k in range(begin, end + 1):
+                    p = system.element(line, k)
+                    if late:
+                        y.ask(self.frame, p, base, offset, p, carried, n, True)
+                    y.couple(self.frame, p, base, offset, n)
+            system.down(t, anew or late)
+        for line in range(system.lines):
+            n = y.numbers[family]
+            system.join(line, self.all_anew(n, first) or self.late[line] > 0)
+        for t in range(system.count):
+            system.up(t)
+        # What they move.
+        for t in range(self.count):
+            p, n = self.place(t), y.numbers[family]
+            y.push(self.frame, p, base, offset, carried, n)
+            if n.bound < FAR:
+                y.let_go(self.frame, p, base, n)
+            if ti.static(last):  # noqa: SIM102 (one is known when it is compiled)
+                if self.turn[NOW] % 2 == 1:
+                    y.pull(self.frame, p, base, offset, p, n)
+
+    @ti.func
+    def line(self, family: Template, p):
+        """Of a family, that element p is of."""
+        out = p % self.width
+        if ti.static(family == 0):
+            out = p // self.width - PAD
+        return out
+
+    def tightest(self) -> float:
+        """As `YarnFrame.tightest`."""
+        return self.tight.find()
+
+
+def _soft(loops: Any) -> Callable[..., Any]:
+    @ti.kernel
+    def soft(wx: Float, wy: Float, wz: Float, cx: Float, cy: Float, cz: Float):
+        loops.judge()
+        loops.slip()
+        loops.soften(ti.Vector([wx, wy, wz, cx, cy, cz]))
+
+    return soft
+
+
+def _shapes(loops: Any) -> Callable[..., Any]:
+    @ti.kernel
+    def shapes():
+        loops.shapes()
+
+    return shapes
+
+
+def _solve(loops: Any, family: int, first: bool, last: bool) -> Callable[..., Any]:
+    system, yarns = loops.systems[family], loops.yarns
+
+    @ti.kernel
+    def solve():
+        loops.solve(system, yarns, family, first, last)
+
+    return solve

@@ -1,0 +1,95 @@
+"""Small pieces of cloth that are moved on any device: for tests, and as a program that writes where they came to.
+
+python device_cases.py CASE ARCH FILE.npy
+"""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_cloth.body.colliders.colliders import Colliders
+from taichi_cloth.body.primitives.primitives import Primitive
+from taichi_cloth.constraints.constraints_for import constraints_for
+from taichi_cloth.ground import runtime
+from taichi_cloth.motion.forces import Forces, Plane, Sphere, StrainLimit, Wind
+from taichi_cloth.motion.simulation import Simulation
+from taichi_cloth.sheet.materials import named_material
+from taichi_cloth.sheet.pins import Pins
+from taichi_cloth.sheet.sheet import Sheet
+from taichi_cloth.sheet.springs import calibrate
+from taichi_cloth.solvers.verlet import Verlet
+from taichi_cloth.solvers.yarns import Yarns
+
+N = 21
+CASES = {
+    "verlet, wind": (Verlet, {"wind": True}),
+    "verlet, friction within": (Verlet, {"within": True}),
+    "yarns, wind": (Yarns, {"wind": True}),
+    "yarns, limit": (Yarns, {"limit": True}),
+    "yarns, table": (Yarns, {"body": True}),
+    "verlet, table": (Verlet, {"body": True}),
+    "yarns, drape": (Yarns, {"drape": True}),
+}
+"""Hanging from their top edge in wind, falling on a table, folding over a ball. Only the last buckles."""
+
+
+def simulation(case: str, *, n: int = N, long: int = 0) -> Simulation:
+    """A square of 0.3 m with n × n key points, or with `long` rows of the same spacing."""
+    solver, asked = CASES[case]
+    straight = {} if solver is Yarns else dict.fromkeys(("drawn_warp", "drawn_weft", "crimp_warp", "crimp_weft"), 0.0)
+    material = replace(named_material("cotton-shirting"), air_damping=1.0, fibre_damping=5e-5, **straight)
+    if asked.get("within"):
+        material = replace(material, couple_warp=1e-4, couple_weft=1e-4, shear_friction=0.3)
+    rows, spacing = long or n, 0.3 / (n - 1)
+    springs = calibrate(material, spacing_x=spacing, spacing_y=spacing)
+    lies = asked.get("body") or asked.get("drape")
+    held = np.zeros((rows, n), bool)
+    held[-1] = not lies
+    sheet = Sheet.rectangle(rows, n, material=material, springs=springs, pinned=held)
+    forces = Forces(
+        wind=Wind(velocity=(0.3, 0.0, 1.5), gusts=0.3) if asked.get("wind") else None,
+        sphere=Sphere(centre=(0.15, -0.11, -0.15), radius=0.1) if asked.get("drape") else None,
+        plane=Plane(height=-0.15) if asked.get("drape") else None,
+        strain_limit=StrainLimit(strain=0.004, passes=1) if asked.get("limit") else None,
+        body=table() if asked.get("body") else None,
+    )
+    x = sheet.flat()
+    if lies:
+        x = x[..., [0, 2, 1]] * np.array([1.0, 1.0, -1.0])
+        x[..., 1] += 0.01 * x[..., 0]  # one edge arrives first, and nothing is decided by rounding
+    made = solver(sheet, forces, frame_rate=60, constraints=constraints_for(sheet, forces, answered=solver.answers))
+    return Simulation(sheet, made, forces=forces, positions=x, pins=() if lies else (Pins(held),))
+
+
+def table() -> Colliders:
+    """A round table 5 mm below the cloth, and a bar on it that lifts the cloth's middle."""
+    up, away = np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 0.4])
+    middle = np.array([0.15, 0.0, -0.15])
+    top = Primitive(
+        kind="elliptic",
+        start=middle - 0.3 * up,
+        end=middle - 0.005 * up,
+        radii=(0.5, 0.5),
+        across=np.array([1.0, 0.0, 0.0]),
+        rounding=0.01,
+    )
+    bar = Primitive(kind="cylinder", start=middle - 0.03 * up - away, end=middle - 0.03 * up + away, radii=(0.03, 0.03))
+    return Colliders(primitives=(top, bar), friction=0.4, gap=0.001)
+
+
+def moved(case: str, frames: int) -> NDArray[np.float32]:
+    """Positions (frames, rows, columns, 3) [m]."""
+    moving, out = simulation(case), []
+    for _ in range(frames):
+        moving.step()
+        out.append(moving.positions)
+    return np.stack(out)
+
+
+if __name__ == "__main__":
+    name, arch, file = sys.argv[1:]
+    runtime.start(arch)  # pyright: ignore[reportArgumentType]
+    np.save(Path(file), moved(name, 12))
