@@ -53,29 +53,21 @@ class MiddleLoops:
             self.solids[None], self.full[None] = solids.shape[0], 0
 
     @ti.func
-    def ends(self, family: Template, p, row):
+    def ends(self, family, p, row):
         """Both ends of the springs of a family that begin at element p: along the weft, along the warp, diagonals."""
-        one, two = p, p + 1
-        if ti.static(family == 1):
-            two = p + row
-        elif ti.static(family >= 2):
-            one, two = p + ti.static(family - 2), p + row + ti.static(3 - family)
+        one = p + ti.select(family == 3, 1, 0)
+        two = p + ti.select(family == 0, 1, row + ti.select(family == 2, 1, 0))
         return near(one), near(two)
 
     @ti.func
-    def weight(self, points: Template, family: Template, p):
-        out = points.east[p]
-        if ti.static(family == 1):
-            out = points.north[p]
-        elif ti.static(family >= 2):
-            out = points.cell[p]
-        return out
+    def weight(self, points: Template, family, p):
+        return ti.select(family == 0, points.east[p], ti.select(family == 1, points.north[p], points.cell[p]))
 
     @ti.func
     def look_all(self, points: Template, e, done):
         """Of packet e of the sheet: lists before each walk of the tree, and what is due of them."""
         packet = points.packet[e]
-        for family in ti.static(range(FAMILIES)):
+        for family in range(FAMILIES):
             g = family * self.packets + packet
             if done % int(self.surface.wait[None]) == 0:
                 self.seek(points, family, packet, g, done)
@@ -86,7 +78,7 @@ class MiddleLoops:
                     self.look(points, family, packet, s, e, done)
 
     @ti.func
-    def seek(self, points: Template, family: Template, packet, g, done):
+    def seek(self, points: Template, family, packet, g, done):
         """The thin solids that middles of the springs of a packet and family could touch before the next time."""
         found = 0
         for m in range(self.solids[None]):
@@ -100,7 +92,7 @@ class MiddleLoops:
             self.full[None] = 1
 
     @ti.func
-    def can_meet(self, points: Template, family: Template, packet, i):
+    def can_meet(self, points: Template, family, packet, i):
         """Whether one of them is near solid i, by the capsule around it, and is to meet it."""
         row, meets = points.row[None], False
         c, axis, shift = self.surface.anchor(i), self.surface.axis(i), self.surface.shift(i)
@@ -132,7 +124,7 @@ class MiddleLoops:
         return x, u
 
     @ti.func
-    def look(self, points: Template, family: Template, packet, s, part, done):
+    def look(self, points: Template, family, packet, s, part, done):
         """Distances of 8 springs from the solid of slot s, when to look again, and planes for those that could touch
         before. part: whose lanes of scratch are used."""
         row, i, every = points.row[None], self.owner[s], int(self.surface.every[None])

@@ -43,7 +43,7 @@ class Solved:
 @pytest.mark.parametrize("length", [2, PIECE, PIECE + 1, 3 * PIECE - 1, 5 * PIECE + 7])
 @pytest.mark.parametrize("across", [False, True])
 def test_pieces_solve_what_the_whole_line_is(length: int, across: bool) -> None:
-    """As badly conditioned as threads that cannot be stretched: diagonal 2, couplings of −1 to 1; some threads absent."""
+    """As badly conditioned as threads that cannot be stretched: diagonal 2, couplings of −1 to 1."""
     lines = 5
     steps = (0, 1, lines) if across else (0, length, 1)
     fields = Systems(lines * length)

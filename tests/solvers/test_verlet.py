@@ -10,7 +10,7 @@ from taichi_cloth.ground.errors import InputError
 from taichi_cloth.motion.forces import Forces, FrameForces
 from taichi_cloth.sheet.energy import elastic_energy, elastic_forces, hinges, kinetic_energy, links
 from taichi_cloth.sheet.springs import BendingLaw
-from taichi_cloth.solvers import step_choice
+from taichi_cloth.solvers import stability, step_choice
 from taichi_cloth.solvers.stability import FrequencyBound, _pulls, _stiffness_times, highest_frequency, longest_step
 from taichi_cloth.solvers.verlet import Verlet
 
@@ -170,6 +170,13 @@ def test_the_highest_frequency_lies_under_its_bound_and_near_the_dense_one() -> 
         dense = np.linalg.eigvalsh(root[:, None] * k * root)[-1] ** 0.5
         assert highest_frequency(sheet) == pytest.approx(dense, rel=2e-3)
         assert dense <= FrequencyBound(sheet).at() < 1.03 * dense
+
+
+def test_of_a_large_sheet_the_bound_stands_for_the_frequency(monkeypatch: pytest.MonkeyPatch) -> None:
+    sheet = strip()
+    exact = highest_frequency(sheet)
+    monkeypatch.setattr(stability, "LARGE", 10)
+    assert exact / 1.001 < highest_frequency(sheet) < 1.03 * exact
 
 
 def test_a_step_that_is_too_long_is_refused_with_the_one_that_would_do() -> None:
