@@ -84,7 +84,8 @@ def scale_lines(*, largest: float, repeats: int, arch: Any, threads: int | None)
         for one in forms:  # compiles
             if one.run() > LONGEST * 10:
                 slow.add(one.name)
-            one.wall.clear(), one.cpu.clear()
+            one.wall.clear()
+            one.cpu.clear()
         for _ in range(repeats):
             for one in forms:
                 if one.run() > LONGEST / 4:
