@@ -76,6 +76,17 @@ def splat(
             wide = min(faint, 2 / 3 + np.sqrt(0.64 + b**2))
             long = np.sqrt(a**2 + wide**2 - b**2)
             alpha = min(min(1.875 * b / faint, 1) * a / long * (1 + 0.6 * endwise), 1)
+        even = 1.0
+        if p.half_length is not None and sheet is None:  # a faint piece is drawn nearer to its yarn's axis
+            curve, across = 0.5 * finish.roundness, np.linspace(-1, 1, 401)
+            blunt = 1 / (edge or max(wide / 2, 1))
+            disc = 1 / 4 - 3 / 16 * blunt + blunt**2 / 16
+            rim = np.minimum((1 - across**2) / blunt, 1) ** 2
+            square = disc if edge is not None else (across**2 @ rim / rim.sum()) * (1 - endwise) + disc * endwise
+            even = 1 / (1 + curve * (1 / 4 - square))
+            slim = min(max(p.half_length[i] / p.radius[i] - 1, 0), 1)
+            inward = 0.55 * slim * max(wide - 1.875 * b, 0) * (camera.rotation @ p.normal[i])[:2]
+            dx, dy = dx + inward[0], dy + inward[1]
         s, t = (axis[0] * dy - axis[1] * dx) / wide, (axis[0] * dx + axis[1] * dy) / long
         if sheet is not None:
             size, k = sheet.size, 0 if p.sprite is None else p.sprite[i]
@@ -94,6 +105,6 @@ def splat(
             across = np.cross(p.tangent[i], view)
             facing = np.clip((p.normal[i] @ to_light + 0.25) / 1.25, 0, 1)
             slope = across @ to_light / np.linalg.norm(across) * min(2 * facing, 1) * 0.6 * finish.roundness * key_share
-            weight = weight * (1 + 0.5 * finish.roundness * (0.25 - s**2) + slope * s)
+            weight = weight * even * (1 + 0.5 * finish.roundness * (0.25 - s**2) + slope * s)
         rgba += weight[..., None] * colours[i]
     return np.concatenate([rgba, 1 - through[..., None]], axis=2)

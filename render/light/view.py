@@ -28,12 +28,15 @@ OTHERS = 16  # further lights: direction and radiance, two rows a light
 MOST_OTHERS = 8
 DOME = OTHERS + 2 * MOST_OTHERS  # how much the zenith differs from the horizon
 BULK = DOME + 1  # what highlights leave of a bulk's light; share of what maps do not show; the sky's highlights
-COAT = BULK + 1  # how far these have the fibre's colour; gain of lights on fibres that maps do not tell apart
+COAT = BULK + 1  # how far these have the fibre's colour; gain of lights that maps do not tell apart; limb darkening
 VIEW_ROWS = COAT + 1
 
+LIMB_DARKENING = 0.5
+"""How much darker the sides of a round thread are than its middle, at roundness 1."""
+
 SLOPE_GAIN, KEY_SHADE = 0.6, 0.6
-"""Shading across a round thread at roundness 1 (with `splat.LIMB_DARKENING` its worst case stays above 0), and the
-share of the key light that a particle loses when it sees no sky at all; half that where it casts shadows too."""
+"""Shading across a round thread at roundness 1 (with `LIMB_DARKENING` its worst case stays above 0), and the share of
+the key light that a particle loses when it sees no sky at all; half that where it casts shadows too."""
 BULK_SHADE = 0.32
 """That share in a cloth within which light goes from fibre to fibre: its fibres that are seen from above and from the
 side lose 0.14 of a light in front of them, at a mean openness of 0.55 (plain weave and satin of all fibres)."""
@@ -85,6 +88,7 @@ def set_finish(
     sharpness = 1.0 / (8.0 * np.sin(np.radians(finish.spread)) ** 2)
     view[EDGE] = edge, KEY_SHADE / (2 if lighting.shadows else 1), sharpness
     view[LOBES] = finish.reflect, finish.transmit, finish.internal
+    view[COAT, 2] = LIMB_DARKENING * finish.roundness
     set_bulk(view, finish, 1.0)
 
 
@@ -97,4 +101,4 @@ def set_bulk(view: NDArray[np.float32], finish: Finish, coarse: float) -> None:
     body = min((1.0 - lobes) / BODY, 1.0)
     view[EDGE, 1] = BULK_SHADE * coarse
     view[BULK] = body, coarse, 1.0 - body
-    view[COAT] = 1.0 - finish.reflect / max(lobes, 1e-6), 1.0 + UNRESOLVED * coarse, 0.0
+    view[COAT, :2] = 1.0 - finish.reflect / max(lobes, 1e-6), 1.0 + UNRESOLVED * coarse

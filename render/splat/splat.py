@@ -39,9 +39,6 @@ from .project import project
 
 __all__ = ["Splatter"]
 
-LIMB_DARKENING = 0.5
-"""How much darker the sides of a round thread are than its middle, at roundness 1."""
-
 CLOTH = Finish(depth=1e-3)
 """Needs every map of light that a finish may need."""
 
@@ -326,7 +323,7 @@ class Splatter:
         rows.set_finish(view, camera, lighting, finish, self._box, opacity=self._opacity, edge=picture.edge)
         picture.focal = float(camera.focal)
         picture.nearest, picture.key_depth = float(view[rows.DEPTH, 0]), 1.0 / float(view[rows.DEPTH, 1])
-        picture.darkening = LIMB_DARKENING * finish.roundness
+        picture.darkening = float(view[rows.COAT, 2])
         picture.gain = 1.0 / WHITE[lighting.tone]
 
     def _pixels(self, out: NDArray[np.uint8] | None) -> NDArray[np.uint8]:

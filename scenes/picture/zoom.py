@@ -37,7 +37,7 @@ END_WIDTHS = 5.5
 TURN = 0.7
 """How far the camera turns from the scene's view towards the cloth's normal on its way."""
 SKIN_LENGTH = 350e-6
-FITTED = 5
+FITTED = 6
 """Version of how gains are fitted, which takes long: they are kept."""
 RESOLUTION = 1024
 """Texels along a shadow map: more than for a still, for the camera comes near."""

@@ -21,7 +21,7 @@ ALBEDOS = np.linspace(0.0, 1.0, 51)
 
 def of(weights: tuple[tuple[float, ...], ...]) -> np.ndarray:
     """Weights at `ALBEDOS`, (weights, albedos)."""
-    return np.array([ALBEDOS * np.polyval(one[::-1], ALBEDOS) for one in weights])
+    return np.array([np.polyval(one[::-1], ALBEDOS) for one in weights])
 
 
 def sheet(height: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
