@@ -142,26 +142,28 @@ def _slope(particles: Blocks, view: F32x2, b, vx, vy, vz, sin_v, key_facing):
 
 
 @ti.func
-def _even(crisp: Template, edge, endwise, curve):
-    """What makes the mean brightness of a piece 1 that is shaded by 1 + curve (1/4 - s^2) across: 1/4 less the mean of
-    s^2 over its alpha hangs on how blunt it is, 1/7 for a long piece of edge 1 and nearly 1/3 for a sharp one, 1/8 and
-    1/4 for a disc. So a thread is no brighter the fewer pixels it has. Error of the mean of s^2: 0.005."""
+def _even(crisp: Template, edge, endwise, curve, red, green, blue):
+    """Its colour, over the mean brightness of a piece that is shaded by 1 + curve (1/4 - s^2) across. The mean of s^2
+    over its alpha hangs on how blunt it is: 1/7 for a long piece of edge 1 and nearly 1/3 for a sharp one, 1/8 and 1/4
+    for a disc. So a thread is no brighter the fewer pixels it has. Error of the mean of s^2: 0.005."""
     blunt = 1.0 / edge
     mean = 0.25 + blunt * (0.0625 * blunt - 0.1875)
     if ti.static(crisp):
         long = 0.3354 + blunt * (0.0448 * blunt - 0.2427)
         mean = long + endwise * (mean - long)
-    return 1.0 / (1.0 + curve * (0.25 - mean))
+    even = 1.0 / (1.0 + curve * (0.25 - mean))
+    return even * red, even * green, even * blue
 
 
 @ti.func
-def _drawn_in(particles: Blocks, view: F32x2, b, x, y, wider, slim):
+def _drawn_in(layout: Template, particles: Blocks, view: F32x2, b, x, y, wider):
     """Where a faint piece is drawn that is so much wider [px] than it is opaque: moved along its normal towards the
     axis of its yarn. Many faint pieces one behind the other are opaque as far as they reach, so that a yarn of them
     would be wider the fewer pixels it has. A piece that is as wide as long is none of a yarn, and stays."""
     nx = particles[NORMAL, b]
     ny = particles[NORMAL + 1, b]
     nz = particles[NORMAL + 2, b]
+    slim = particles[layout.half_length_row, b] / ti.max(particles[RADIUS, b], 1e-12)
     inward = INWARD * wider * ti.min(ti.max(slim - 1.0, 0.0), 1.0)
     x -= inward * (nx * view[0, 0] + ny * view[0, 1] + nz * view[0, 2])
     y -= inward * (nx * view[1, 0] + ny * view[1, 1] + nz * view[1, 2])
@@ -247,12 +249,8 @@ def project(
                 )
                 slope = _slope(particles, view, b, vx, vy, vz, sin_v, key_facing)
                 if ti.static(not layout.textured):
-                    long = particles[layout.half_length_row, b]
-                    x, y = _drawn_in(particles, view, b, x, y, ti.max(reach - 1.875 * radius, 0.0), long / size)
-                    even = _even(crisp, edge, endwise, view[COAT, 2])
-                    red *= even
-                    green *= even
-                    blue *= even
+                    x, y = _drawn_in(layout, particles, view, b, x, y, ti.max(reach - 1.875 * radius, 0.0))
+                    red, green, blue = _even(crisp, edge, endwise, view[COAT, 2], red, green, blue)
             if ti.static(layout.opacity):
                 alpha *= ti.min(ti.max(particles[layout.opacity_row, b], 0.0), 1.0)
             else:
