@@ -12,9 +12,10 @@ from taichi_cloth.body.colliders.grid import DistanceGrid
 from taichi_cloth.body.moving.motion import Motion
 from taichi_cloth.body.primitives.primitives import Primitive
 from taichi_cloth.body.skin.skinning import Body
+from taichi_cloth.garment.fit.fitted import fitted
+from taichi_cloth.garment.fit.taped import landmarks_of
 from taichi_cloth.garment.pattern.cut import Atlas, cut, spacing_for
 from taichi_cloth.garment.pattern.drafts import DRAFTS, Cut, draft
-from taichi_cloth.garment.pattern.fitting import fitted
 from taichi_cloth.garment.pattern.garmentcode import read_garmentcode
 from taichi_cloth.garment.pattern.measure import figure_of
 from taichi_cloth.garment.pattern.pattern import Pattern
@@ -148,14 +149,13 @@ def garment_of(
 ) -> Garment:
     """A pattern, fitted to the body and cut. solver, own: see `material_of`. per_m: ends and picks a metre, whole
     numbers of which are to fit between key points. Raises InputError."""
-    figure = figure_of(body)
     pattern: Pattern
     if PATTERN_FILE.fits(section.pattern):
-        pattern = fitted(read_garmentcode(Path(section.pattern)), figure)
+        pattern = fitted(read_garmentcode(Path(section.pattern)), landmarks_of(body))
     elif section.pattern in DRAFTS:
         metres = {name: None if cm is None else 0.01 * cm for name, cm in
                   (("length", section.length_cm), ("sleeve", section.sleeve_cm))}  # fmt: skip
-        pattern = draft(section.pattern, figure, Cut(ease=section.ease, flare=section.flare, **metres))
+        pattern = draft(section.pattern, figure_of(body), Cut(ease=section.ease, flare=section.flare, **metres))
     else:
         raise InputError(
             f"garment.pattern: {section.pattern!r}; known: {', '.join(DRAFTS)}, or the path of a .json file"

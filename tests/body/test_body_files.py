@@ -97,6 +97,24 @@ def test_a_whole_mesh_is_left_alone_and_an_inside_out_one_is_turned(body) -> Non
     assert turned.notes == ["turned all faces outwards"]
 
 
+def test_a_child_of_a_year_and_a_man_in_inches(body) -> None:
+    """0.75 m is a child; 70 is a man in inches, not a child in centimetres, unless that is said."""
+    tall = body.vertices[:, 1].max()
+    assert body_from_mesh(body.vertices * (0.75 / tall), body.faces).stature == pytest.approx(0.75)
+    assert body_from_mesh(body.vertices * (70 / tall), body.faces).stature == pytest.approx(1.778)
+    assert body_from_mesh(body.vertices * (80 / tall), body.faces, unit="cm").stature == pytest.approx(0.8)
+
+
+def test_an_obj_that_names_a_material_is_read_without_it(body, tmp_path: Path) -> None:
+    lines = ["mtllib skin.mtl", *(f"v {x} {y} {z}" for x, y, z in body.vertices), "vt 0 0", "usemtl skin"]
+    lines += [f"f {a}/1 {b}/1 {c}/1" for a, b, c in body.faces + 1]
+    (tmp_path / "own.obj").write_text("\n".join(lines))
+    (tmp_path / "skin.mtl").write_text("newmtl skin\nmap_Kd skin.png\n")
+    found = body_from_file(tmp_path / "own.obj")
+    assert found.stature == pytest.approx(body.stature, abs=1e-3)
+    assert len(found.faces) == len(body.faces)
+
+
 def test_what_is_no_body_is_refused_in_one_line(body, tmp_path: Path) -> None:
     ball = trimesh.creation.icosphere(3, 0.9)
     sheet = trimesh.creation.box((1, 1.8, 0.5)).subdivide().subdivide().subdivide()
@@ -106,7 +124,7 @@ def test_what_is_no_body_is_refused_in_one_line(body, tmp_path: Path) -> None:
     for vertices, faces, options, match in (
         (ball.vertices, ball.faces, {}, "not standing"),
         (body.vertices, body.faces, {"unit": "cm"}, "state body.unit"),
-        (body.vertices * 7, body.faces, {}, "fits no unit"),
+        (body.vertices * 4, body.faces, {}, "fits no unit"),
         (body.vertices, body.faces, {"up": "x"}, "known: y, z"),
         (sheet.vertices, open_sheet, {}, "hole"),
         (two.vertices, two.faces, {}, "2 parts"),
@@ -312,7 +330,7 @@ def test_scene_section_builds_what_it_says(tmp_path: Path) -> None:
         ({"source": "anny", "waist_cm": 70}, "only the built-in body"),
         ({"unit": "cm"}, "is for a mesh file"),
         ({"source": "none.obj"}, "No such file"),
-        ({"waist_cm": 20}, "allowed: 45 to 160 cm"),
+        ({"waist_cm": 20}, "allowed: 38 to 160 cm"),
         ({"source": "a.obj", "stature_cm": 170}, "its own height"),
     ):
         with pytest.raises(InputError, match=match):

@@ -9,7 +9,6 @@ from figures import plain_figure
 from taichi_cloth.constraints.ties import Ties
 from taichi_cloth.garment.pattern.cut import cut, intervals, spacing_for, turned
 from taichi_cloth.garment.pattern.drafts import DRAFTS, draft
-from taichi_cloth.garment.pattern.fitting import fitted
 from taichi_cloth.garment.pattern.pattern import Flat, Panel, Pattern
 from taichi_cloth.garment.sewn.sew import Garment
 from taichi_cloth.garment.sewn.skin import beneath
@@ -265,25 +264,6 @@ def test_the_far_side_of_a_finger_stays_where_it_is(height: float) -> None:
     assert out[top, 1].max() < height - 0.004 + 1e-4
     assert out[:, 1].max() < height
     np.testing.assert_allclose(out[bottom], skin[bottom], atol=1e-7)
-
-
-def test_fitting_scales_lifts_and_holds():
-    from pathlib import Path
-
-    from taichi_cloth.garment.pattern.garmentcode import read_garmentcode
-
-    figure = plain_figure()
-    folder_ = Path(__file__).parents[1] / "data" / "patterns"
-    skirt = fitted(read_garmentcode(folder_ / "skirt_4_panels.json"), figure)
-    top = max(p.place.points(p.outline)[:, 1].max() for p in skirt.panels)
-    assert top == pytest.approx(figure.waist_height, abs=0.08)
-    assert len(skirt.holds) == 4
-    tee = fitted(read_garmentcode(folder_ / "tee.json"), figure)
-    top = max(p.place.points(p.outline)[:, 1].max() for p in tee.panels)
-    assert top == pytest.approx(figure.neck_height + 0.02)  # where it starts
-    assert not tee.holds
-    wide = 4 * np.abs(tee.panel("front").outline[:, 0]).max()
-    assert wide > 1.04 * figure.chest
 
 
 def test_cache_keeps_and_mends(tmp_path, monkeypatch):

@@ -30,8 +30,8 @@ from taichi_cloth.body.files.meshfile import body_from_file
 from taichi_cloth.body.moving.bvh import CHANNELS, bvh_motion
 from taichi_cloth.body.primitives.primitive_file import load_primitives, primitives_json
 from taichi_cloth.body.primitives.primitives import Primitive
+from taichi_cloth.garment.fit.fitted import fitted
 from taichi_cloth.garment.pattern.cut import cut
-from taichi_cloth.garment.pattern.fitting import fitted
 from taichi_cloth.garment.pattern.garmentcode import read_garmentcode
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.render.data.sprites import sheet_from_png
@@ -40,7 +40,7 @@ from taichi_cloth.scenes.scene.load import load_scene
 from taichi_cloth.weave.wif import read_wif
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from figures import plain_figure  # as pytest finds it
+from figures import plain_landmarks  # as pytest finds it
 
 DATA = Path(__file__).parents[1] / "data"
 SCENES = Path(__file__).parents[2] / "scenes"
@@ -189,7 +189,7 @@ def _primitives() -> bytes:
 
 def _garment(path: Path) -> object:
     """What `plan` makes of a pattern."""
-    pattern = fitted(read_garmentcode(path), plain_figure())
+    pattern = fitted(read_garmentcode(path), plain_landmarks())
     return cut(pattern, (0.08, 0.08))
 
 

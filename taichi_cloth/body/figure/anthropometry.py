@@ -62,10 +62,10 @@ MALE = Measures(
 )  # fmt: skip
 
 ALLOWED = {
-    "stature": (1.2, 2.3), "bust": (0.6, 1.6), "underbust": (0.5, 1.5), "waist": (0.45, 1.6), "hip": (0.6, 1.7),
-    "neck": (0.22, 0.6), "upper_arm": (0.15, 0.6), "forearm": (0.15, 0.5), "wrist": (0.1, 0.3), "thigh": (0.35, 1.0),
-    "knee": (0.25, 0.65), "calf": (0.2, 0.65), "ankle": (0.14, 0.4), "shoulder_breadth": (0.25, 0.55),
-    "arm_length": (0.35, 0.85), "crotch_height": (0.5, 1.15),
+    "stature": (0.7, 2.3), "bust": (0.42, 1.6), "underbust": (0.38, 1.5), "waist": (0.38, 1.6), "hip": (0.42, 1.7),
+    "neck": (0.18, 0.6), "upper_arm": (0.11, 0.6), "forearm": (0.11, 0.5), "wrist": (0.08, 0.3), "thigh": (0.22, 1.0),
+    "knee": (0.16, 0.65), "calf": (0.14, 0.65), "ankle": (0.1, 0.4), "shoulder_breadth": (0.16, 0.55),
+    "arm_length": (0.22, 0.85), "crotch_height": (0.25, 1.15),
 }  # fmt: skip
 
 

@@ -71,7 +71,8 @@ def read_mesh(path: Path) -> tuple[F64, I64]:
 
 
 def _options(kind: str) -> dict[str, Any]:
-    return {"skip_materials": True} if kind == "glb" else {}
+    """Materials name other files, and pictures, which want a package of their own."""
+    return {"skip_materials": True} if kind in ("glb", "obj") else {}
 
 
 def _sizes(kind: str, data: bytes) -> Iterator[tuple[int, int, str]]:

@@ -21,7 +21,10 @@ __all__ = ["Facing", "Unit", "Up", "body_from_file", "body_from_mesh", "laid_ske
 F64 = NDArray[np.float64]
 
 METRES = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001, "inch": 0.0254}
-SHORTEST, TALLEST = 1.2, 2.3
+SHORTEST, TALLEST = 0.7, 2.3
+"""Of a standing body, from a child that has learnt to walk on [m]."""
+GROWN = 1.2
+"""From here on a height tells the unit: 80 high is a man in inches rather than a child in centimetres [m]."""
 
 
 def body_from_file(
@@ -68,9 +71,11 @@ def body_from_mesh(
         points = points @ np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
     height = float(np.ptp(points[:, 1]))
     if unit is None:
-        fits = [u for u, m in METRES.items() if SHORTEST <= height * m <= TALLEST]
+        fits = [u for low in (GROWN, SHORTEST) for u, m in METRES.items() if low <= height * m <= TALLEST]
         if not fits:
-            raise InputError(f"mesh: {height:g} high fits no unit for a body of 1.2 to 2.3 m; state body.unit")
+            raise InputError(
+                f"mesh: {height:g} high fits no unit for a body of {SHORTEST:g} to {TALLEST:g} m; state body.unit"
+            )
         unit = fits[0]  # type: ignore[assignment]
         notes.append(f"lengths in {unit} (seen from its height)")
     assert unit is not None

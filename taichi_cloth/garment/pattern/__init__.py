@@ -1,1 +1,1 @@
-"""Patterns (paper 4): drafts, files of others, fitting to a body, and cutting."""
+"""Patterns (paper 4): drafts, files of others, and cutting."""

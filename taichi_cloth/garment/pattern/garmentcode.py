@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_cloth.garment.pattern.curves import arc, bezier, from_relative
+from taichi_cloth.garment.pattern.loops import without_loops
 from taichi_cloth.garment.pattern.pattern import LARGEST_PANEL, Flat, Panel, Pattern, Seam, Side
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.ground.files import read_json
@@ -67,30 +68,35 @@ def _pattern(name: str, document: Any) -> Pattern:
     if notation not in ("relative", "absolute"):
         raise InputError(f"properties.curvature_coords: {notation!r}; allowed: relative, absolute")
     named = _get(body, "panels", dict, "pattern")
-    order = body.get("panel_order") or list(named)
-    if not isinstance(order, list) or not all(isinstance(key, str) for key in order) or sorted(order) != sorted(named):
-        raise InputError("pattern.panel_order: not the names of the panels; allowed: each of them once")
-    panels = [_panel(key, named[key], float(units), notation == "relative") for key in order]
+    panels, notes = [], []
+    for key in named:  # `panel_order` says how a picture lists them, and is not always whole
+        panel = _panel(key, named[key], float(units), notation == "relative")
+        panel, cut_off = without_loops(panel)
+        panels.append(panel)
+        notes += cut_off
     stitches = body.get("stitches", [])
     if not isinstance(stitches, list):
         raise InputError("pattern.stitches: allowed: a list")
-    return Pattern(name, tuple(panels), tuple(_seam(k, s) for k, s in enumerate(stitches)))
+    return Pattern(name, tuple(panels), tuple(_seam(k, s) for k, s in enumerate(stitches)), notes=tuple(notes))
 
 
 def _panel(name: str, panel: Any, units: float, relative: bool) -> Panel:
     where = f"panels.{name}"
     rows = _get(panel, "vertices", list, where)
     vertices = [_metres(v, 2, units, f"{where}.vertices") for v in rows]
-    edges = []
+    edges, marks = [], []
     for k, edge in enumerate(_get(panel, "edges", list, where)):
         at = f"{where}.edges[{k}]"
         ends = _get(edge, "endpoints", list, at)
         if len(ends) != 2 or not all(isinstance(e, int) and 0 <= e < len(vertices) for e in ends):
             raise InputError(f"{at}.endpoints: {ends}; allowed: two numbers of vertices, 0 to {len(vertices) - 1}")
         edges.append(_curve(vertices[ends[0]], vertices[ends[1]], edge.get("curvature"), units, relative, at))
+        if isinstance(edge.get("label"), str) and edge["label"]:
+            marks.append((k, edge["label"]))
     shift = _metres(panel.get("translation", [0, 0, 0]), 3, units, f"{where}.translation")
     turn = _numbers(panel.get("rotation", [0, 0, 0]), 3, f"{where}.rotation")
-    return Panel(name, tuple(edges), Flat(_rotation(turn), shift), label=str(panel.get("label", "")))
+    label = panel.get("label") or ""
+    return Panel(name, tuple(edges), Flat(_rotation(turn), shift), label=str(label), marks=tuple(marks))
 
 
 def _curve(start: F64, end: F64, bend: Any, units: float, relative: bool, where: str) -> F64:
@@ -128,8 +134,9 @@ def _rotation(degrees: F64) -> F64:
 
 
 def _seam(number: int, stitch: Any) -> Seam:
+    """Loops of both panels run the same way round, so a seam's ends meet crosswise; "right_wrong" ones meet alike."""
     where = f"stitches[{number}]"
     if not isinstance(stitch, list) or not 2 <= len(stitch) <= 3 or (len(stitch) == 3 and stitch[2] != "right_wrong"):
         raise InputError(f'{where}: allowed: two sides {{"panel", "edge"}}, and perhaps "right_wrong"')
     sides = [Side(_get(s, "panel", str, where), _get(s, "edge", int, where)) for s in stitch[:2]]
-    return Seam(sides[0], sides[1], alike=True if len(stitch) == 3 else None)
+    return Seam(sides[0], sides[1], alike=len(stitch) == 3)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from taichi_cloth.garment.pattern.curves import along, length
 from taichi_cloth.ground.errors import InputError, did_you_mean
 
-__all__ = ["LARGEST_PANEL", "Cone", "Flat", "Hold", "Panel", "Pattern", "Seam", "Side", "Wrap"]
+__all__ = ["LARGEST_PANEL", "Cone", "Course", "Flat", "Hold", "Panel", "Pattern", "Seam", "Side", "Wrap", "area"]
 
 F64 = NDArray[np.float64]
 
@@ -126,9 +126,23 @@ class Cone:
 
 
 @dataclass(frozen=True, eq=False)
+class Course:
+    """Where the points along one edge of a panel belong. flat: (n, 2) points close together along it; places: (n, 3)
+    where each does [m]."""
+
+    flat: F64
+    places: F64
+
+    def points(self, xy: F64) -> F64:
+        """(m, 2) of the edge to (m, 3) of the world [m]."""
+        return self.places[((xy[:, None] - self.flat[None]) ** 2).sum(axis=2).argmin(axis=1)]
+
+
+@dataclass(frozen=True, eq=False)
 class Panel:
     """edges: polylines (k, 2) [m], each from the end of the one before, closed. grain: of the warp [rad].
-    hems: numbers of edges that are turned and hemmed."""
+    hems: numbers of edges that are turned and hemmed. label: what part of the body it is on, where a file says so.
+    marks: numbers of edges with the labels that a file gives them."""
 
     name: str
     edges: tuple[F64, ...]
@@ -136,6 +150,7 @@ class Panel:
     grain: float = 0.0
     hems: tuple[int, ...] = ()
     label: str = ""
+    marks: tuple[tuple[int, str], ...] = ()
 
     @cached_property
     def outline(self) -> F64:
@@ -150,7 +165,7 @@ class Panel:
     @property
     def area(self) -> float:
         """[m²]"""
-        return abs(_area(self.outline))
+        return abs(area(self.outline))
 
 
 @dataclass(frozen=True)
@@ -180,17 +195,21 @@ class Hold:
     """
 
     side: Side
-    place: Flat | Wrap | Cone | None = None
+    place: Flat | Wrap | Cone | Course | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class Pattern:
-    """Raises InputError on what is none: panels that are open, tiny or cross themselves, seams without an edge."""
+    """Raises InputError on what is none: panels that are open, tiny or cross themselves, seams without an edge.
+
+    notes: what was changed of what a file says, one line each.
+    """
 
     name: str
     panels: tuple[Panel, ...]
     seams: tuple[Seam, ...]
     holds: tuple[Hold, ...] = ()
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.panels:
@@ -254,7 +273,8 @@ class Pattern:
         return replace(self, panels=tuple(panels))
 
 
-def _area(p: F64) -> float:
+def area(p: F64) -> float:
+    """Of a closed polygon (n, 2), each point once [m²]; below 0 where it runs clockwise."""
     return float(np.sum(p[:, 0] * np.roll(p[:, 1], -1) - np.roll(p[:, 0], -1) * p[:, 1])) / 2
 
 

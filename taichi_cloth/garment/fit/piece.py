@@ -1,0 +1,152 @@
+"""A panel while it is placed and graded: its edges in metres, where it stands, and what has been found out about it."""
+
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_cloth.garment.pattern.curves import length
+from taichi_cloth.garment.pattern.pattern import Flat, Panel, Pattern, Seam, Side, area
+
+__all__ = ["UP", "Piece", "Work", "circle", "pieces_of", "turned_towards"]
+
+F64 = NDArray[np.float64]
+
+UP = np.array([0.0, 1.0, 0.0])
+
+FINE = 0.02
+"""Longest straight part of an edge: where widths change with height it is graded into a curve [m]."""
+
+
+@dataclass(eq=False)
+class Piece:
+    """edges: polylines (k, 2), the outline counter-clockwise, right side towards the reader. graded: the same, for the
+    body. rotation, at: of the drawn edges; `lift` is added to heights. shift: of the graded ones. part: trunk, head,
+    skirt, arm_l, arm_r, leg_l, leg_r. side: front, back, left, right."""
+
+    panel: Panel
+    edges: list[F64]
+    rotation: F64
+    at: F64
+    part: str = ""
+    side: str = ""
+    lift: float = 0.0
+    graded: list[F64] = field(default_factory=list)
+    shift: F64 = field(default_factory=lambda: np.zeros(3))
+    ring: int | None = None
+
+    @property
+    def name(self) -> str:
+        return self.panel.name
+
+    @property
+    def label(self) -> str:
+        """What the file calls the panel: arm, leg, body or "" for what says nothing."""
+        return self.panel.label if self.panel.label in ("arm", "leg", "body") else ""
+
+    @property
+    def normal(self) -> F64:
+        """(3,) of the right side."""
+        return self.rotation[:, 2]
+
+    def world(self, edge: int | None = None) -> F64:
+        """(n, 3) of the drawn outline or one edge as stacked [m]."""
+        xy = np.concatenate([e[:-1] for e in self.edges]) if edge is None else self.edges[edge]
+        return np.pad(xy, ((0, 0), (0, 1))) @ self.rotation.T + self.at + self.lift * UP
+
+    def worn(self, edge: int | None = None) -> F64:
+        """(n, 3) of the graded outline or one edge where it starts on the body [m]."""
+        xy = np.concatenate([e[:-1] for e in self.graded]) if edge is None else self.graded[edge]
+        return np.pad(xy, ((0, 0), (0, 1))) @ self.rotation.T + self.shift
+
+    def level(self, edge: int | None = None, *, worn: bool = False) -> F64:
+        """(n,) heights at which the outline or one edge is worn [m]: those of the plane, but of a sector of a ring its
+        ends' height and how far down the ring a point is. worn: of the graded edges."""
+        edges, shift = (self.graded, self.shift) if worn else (self.edges, self.at + self.lift * UP)
+        xy = np.concatenate([e[:-1] for e in edges]) if edge is None else edges[edge]
+        if self.ring is None:
+            return xy @ self.rotation[1, :2] + shift[1]
+        arc = edges[self.ring]
+        centre, radius = circle(arc)
+        ends = float((arc[[0, -1]] @ self.rotation[1, :2]).mean() + shift[1])
+        return ends - (np.linalg.norm(xy - centre, axis=1) - radius)
+
+    def mark(self, edge: int) -> str:
+        return dict(self.panel.marks).get(edge, "")
+
+    def edge_length(self, edge: int) -> float:
+        return length(self.edges[edge])
+
+
+@dataclass(eq=False)
+class Work:
+    """A pattern while it is placed: its pieces by name and its seams."""
+
+    pattern: Pattern
+    pieces: dict[str, Piece]
+    seams: tuple[Seam, ...]
+
+    def pairs(self, name: str) -> list[tuple[Side, Side]]:
+        """(own side, other side) of all seams of a panel with others."""
+        both = [(s.first, s.second) for s in self.seams] + [(s.second, s.first) for s in self.seams]
+        return [(own, other) for own, other in both if own.panel == name and other.panel != name]
+
+    def joined(self) -> list[tuple[Side, Side]]:
+        """Both sides of all seams between two panels."""
+        return [(s.first, s.second) for s in self.seams if s.first.panel != s.second.panel]
+
+    def sewn(self) -> set[tuple[str, int]]:
+        """Panels and edges that a seam joins."""
+        return {(side.panel, side.edge) for seam in self.seams for side in (seam.first, seam.second)}
+
+    def at(self, side: Side) -> F64:
+        """(k, 3) of one side of a seam as stacked [m]."""
+        return self.pieces[side.panel].world(side.edge)
+
+    def of(self, *parts: str) -> list[Piece]:
+        return [piece for piece in self.pieces.values() if piece.part in parts]
+
+
+def circle(arc: F64) -> tuple[F64, float]:
+    """Centre (2,) and radius of the circle through the ends and the middle of an arc (k, 2) [m]."""
+    a, b, c = (arc[k] for k in (0, len(arc) // 2, -1))
+    rows = 2 * np.array([b - a, c - a])
+    if abs(np.linalg.det(rows)) < 1e-9:
+        return (a + c) / 2 + np.array([0.0, 1e3]), 1e3
+    centre = np.linalg.solve(rows, np.array([b @ b - a @ a, c @ c - a @ a]))
+    return centre, float(np.linalg.norm(a - centre))
+
+
+def pieces_of(pattern: Pattern) -> Work:
+    """Right sides out: of a file's panel the one from which its loop of edges runs counter-clockwise. Those that run
+    clockwise are mirrored and turned half round, which moves none of their points. Which ends meet is settled before.
+    """
+    seams = tuple(Seam(s.first, s.second, pattern.is_alike(s)) for s in pattern.seams)
+    pieces = {}
+    for panel in pattern.panels:
+        assert isinstance(panel.place, Flat)
+        edges, rotation = [_dense(edge) for edge in panel.edges], panel.place.rotation.copy()
+        if area(panel.outline) < 0:
+            edges = [edge * np.array([-1.0, 1.0]) for edge in edges]
+            rotation = rotation @ np.diag([-1.0, 1.0, -1.0])
+        pieces[panel.name] = Piece(panel, edges, rotation, panel.place.translation.copy())
+    return Work(pattern, pieces, seams)
+
+
+def _dense(edge: F64) -> F64:
+    out = [edge[:1]]
+    for a, b in pairwise(edge):
+        n = max(1, int(np.ceil(np.linalg.norm(b - a) / FINE)))
+        out.append(a + np.linspace(0, 1, n + 1)[1:, None] * (b - a))
+    return np.concatenate(out)
+
+
+def turned_towards(edge: F64, start: F64, end: F64) -> F64:
+    """An edge (k, 2), turned and scaled with its chord so that it goes from `start` to `end` (2,)."""
+    old, new = complex(*(edge[-1] - edge[0])), complex(*(end - start))
+    turn = new / old if abs(old) > 1e-9 else 1.0
+    z = ((edge[:, 0] - edge[0, 0]) + 1j * (edge[:, 1] - edge[0, 1])) * turn
+    out = np.stack([z.real, z.imag], -1) + start
+    out[0], out[-1] = start, end
+    return out

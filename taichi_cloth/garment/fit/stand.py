@@ -1,0 +1,83 @@
+"""Where graded panels start: before, behind and beside the body, CLEAR of it. Files have them much farther off."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_cloth.garment.fit.grade import top_edge
+from taichi_cloth.garment.fit.landmarks import Landmarks
+from taichi_cloth.garment.fit.piece import Piece, Work, circle
+from taichi_cloth.garment.fit.widen import widths
+from taichi_cloth.garment.pattern.curves import along, length
+from taichi_cloth.garment.pattern.pattern import Cone, Flat
+
+__all__ = ["CLEAR", "stand", "start_of"]
+
+F64 = NDArray[np.float64]
+
+CLEAR = 0.03
+"""[m]"""
+SNUG = 0.012
+"""Between the body and the top of a cone [m]."""
+
+
+def stand(work: Work, worn: Landmarks) -> None:
+    """Moves all pieces but sleeves to where they start."""
+    deep = [pair for name, pair in worn.depth.items() if name not in ("top", "neck")]
+    front, back = max(d[0] for d in deep) + CLEAR, min(d[1] for d in deep) - CLEAR
+    radius = worn.girth["waist"] / (2 * np.pi)
+    middle = float(np.mean(worn.depth["waist"]))
+    for piece in work.pieces.values():
+        if piece.part.startswith("arm"):
+            continue
+        n, w = piece.normal, piece.worn()
+        beside = piece.part == "skirt" and abs(float(w[:, 0].mean())) > 1.5 * radius
+        if piece.part == "head":
+            _by_the_head(piece, worn)
+        elif abs(n[2]) > 0.9 and not beside:
+            piece.shift[2] = front if n[2] > 0 else back
+        elif piece.part == "skirt":  # one of many round the body: its top edge to the waist
+            there = piece.worn(top_edge(work, piece)).mean(axis=0) - [0, 0, middle]
+            flat = n[[0, 2]] / max(float(np.linalg.norm(n[[0, 2]])), 1e-6)
+            piece.shift[[0, 2]] += flat * (1.3 * radius + CLEAR) - there[[0, 2]]
+
+
+def start_of(work: Work, piece: Piece, worn: Landmarks) -> tuple[list[F64], Flat | Cone]:
+    """Edges and where they start: as they stand; sectors of a ring in skirts hang round the body as a cone does, with
+    the share of the turn that their arc has of the loop."""
+    flat = Flat(piece.rotation, piece.shift)
+    if piece.ring is None or piece.part != "skirt" or abs(piece.normal[2]) < 0.9:
+        return piece.graded, flat
+    arc = piece.graded[piece.ring]
+    top = float(piece.level(piece.ring, worn=True).mean())
+    own = length(arc)
+    loop = sum(float(widths(other, np.array([top - 0.01]))[0]) for other in work.of("skirt", "trunk"))
+    if loop < 1.2 * own or own < 0.05:
+        return piece.graded, flat
+    centre, radius = circle(arc)
+    middle = along(arc, np.array([0.5]))[0]
+    way = (centre - middle) / np.linalg.norm(centre - middle)  # to be +y
+    turn = np.array([[way[1], way[0]], [-way[0], way[1]]])
+    edges = [(edge - middle) @ turn for edge in piece.graded]
+    _, breadth, depth, at = worn.ring(top)
+    scale = max(1.0, loop / (np.pi * (breadth + depth + 2 * SNUG)))
+    axes = (depth + SNUG) * scale, (breadth + SNUG) * scale
+    outward = np.array([0.0, 0.0, float(np.sign(piece.normal[2]))])
+    turn_of = own / radius
+    return edges, Cone(np.array([0.0, top, at]), outward, axes, radius, turn_of, share=own / loop)
+
+
+def _by_the_head(piece: Piece, worn: Landmarks) -> None:
+    """Halves of hoods beside the head, standing collars before and behind the neck, lying ones round it."""
+    n, w = piece.normal, piece.worn()
+    neck, head = worn.girth["neck"] / (2 * np.pi), worn.girth["head"] / (2 * np.pi)
+    middle = float(np.mean(worn.depth["top"]))
+    if abs(n[0]) > 0.7:
+        piece.shift[0] += np.sign(w[:, 0].mean()) * (head + CLEAR) - w[:, 0].mean()
+        piece.shift[2] += middle - 0.5 * (w[:, 2].min() + w[:, 2].max())
+    elif abs(n[2]) > 0.7:
+        piece.shift[2] = worn.depth["neck"][0] + CLEAR if n[2] > 0 else worn.depth["neck"][1] - CLEAR
+    else:
+        way = np.array([w[:, 0].mean(), w[:, 2].mean() - middle])
+        broad = min(np.ptp(np.concatenate(piece.graded), axis=0))
+        there = way / max(float(np.linalg.norm(way)), 1e-6) * (neck + 0.5 * broad)
+        piece.shift[[0, 2]] += there + np.array([0.0, middle]) - w[:, [0, 2]].mean(axis=0)

@@ -1,0 +1,235 @@
+"""No loop of cloth tighter than the body where it is worn: levels that are get wider, and only those.
+
+The ease that was drafted stays, as widths go by girths; this is a floor under it.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d, maximum_filter1d
+
+from taichi_cloth.garment.fit.grade import BELOW, even_out
+from taichi_cloth.garment.fit.landmarks import Landmarks
+from taichi_cloth.garment.fit.piece import UP, Piece, Work, circle
+from taichi_cloth.garment.pattern.curves import length
+from taichi_cloth.garment.pattern.cut import intervals
+
+__all__ = ["EASE", "MORE", "raise_tight", "widen", "widths"]
+
+F64 = NDArray[np.float64]
+
+EASE, MORE = 1.04, 0.02
+"""Least girth of a loop of cloth over the body's there, and what is added to one that has to be widened [m]."""
+TIGHT = 1.0
+"""Girth of a top over the body's under which it is rather raised than widened."""
+CLOSED = 0.4
+"""Share of the body's girth under which the cloth of a level is no loop: the garment ends above or below."""
+STEP = 0.01
+SPREAD = 3
+"""Steps up and down over which a level's widening is spread."""
+BEYOND = 0.10
+"""Of a piece's top and bottom within which it still counts as there: its neighbours may be drawn as much higher [m]."""
+MARGIN = 0.015
+"""From a piece's top and bottom within which its width is that beyond: those edges may lean or curve [m]."""
+MOST = 1.5
+"""Of a level at a time."""
+ROUNDS = 3
+
+
+def widen(work: Work, worn: Landmarks) -> list[str]:
+    """Widens graded pieces of trunk, skirt and legs, and collars; gives a line for each stretch of levels that was
+    too tight."""
+    notes = []
+    crotch, underarm = worn.height["crotch"], worn.height["underarm"]
+    for tier in _tiers(work, work.of("trunk", "skirt", "leg_l", "leg_r")):
+        notes += _levels(work, tier, worn, crotch + 0.01, underarm - BELOW - 0.02, "trunk")
+    low = crotch - 0.02
+    for part in ("leg_l", "leg_r"):
+        notes += _levels(work, work.of(part), worn, 0.12 * worn.height["top"], low, part)
+    collars = [piece for piece in work.of("head") if abs(piece.normal[2]) > 0.7]
+    if collars:
+        notes += _levels(work, collars, worn, worn.height["neck"] - 0.05, worn.height["neck"] + 0.2, "neck")
+    return notes
+
+
+def raise_tight(work: Work, worn: Landmarks) -> list[str]:
+    """Skirts and trousers whose top is too tight where seams would hang them, as under a long bodice that is gathered
+    onto them, go up to where they fit, and what they hang on is shortened below the arms."""
+    low, waist = worn.height["crotch"], worn.height["waist"]
+    for tier in _tiers(work, work.of("skirt", "leg_l", "leg_r", "trunk")):
+        top = max(float(piece.level(worn=True).max()) for piece in tier)
+        if tier[0].part == "trunk" or not low < top < waist - 0.02:
+            continue
+        loop = sum(float(widths(piece, np.array([top - 0.01]))[0]) for piece in tier)
+        if not CLOSED * worn.ring(top)[0] < loop < TIGHT * worn.ring(top)[0]:
+            continue
+        up = np.arange(top, waist + STEP, STEP)
+        fits = [y for y in up if loop >= EASE * worn.ring(float(y))[0]]
+        by = float((fits[0] if fits else waist) - top)
+        for piece in work.of("skirt", "leg_l", "leg_r"):
+            piece.shift = piece.shift + by * UP
+        arm = worn.height["underarm"] - BELOW
+        for piece in work.of("trunk"):
+            _shortened(piece, arm, (arm - top - by) / (arm - top))
+        even_out(work, rounds=2)
+        return [f"waist: raised by {100 * by:.0f} cm to where the body is as narrow as its {100 * loop:.0f} cm"]
+    return []
+
+
+def _shortened(piece: Piece, under: float, by: float) -> None:
+    """Its heights under a height [m] times `by`."""
+    rise, _, steep = _frame(piece)
+    if steep < 0.3:
+        return
+    limit = (under - float(piece.shift[1])) / steep
+    out = []
+    for edge in piece.graded:
+        t = edge @ rise
+        out.append(edge + np.outer(np.minimum(t - limit, 0.0) * (by - 1), rise))
+    piece.graded = out
+
+
+def _tiers(work: Work, pieces: list[Piece]) -> list[list[Piece]]:
+    """Pieces that go round the body side by side: a waistband's, a skirt's. Seams between them run over most of the
+    height of one of them, not along its top or bottom."""
+    number = {piece.name: k for k, piece in enumerate(pieces)}
+    span = [(float(y.min()), float(y.max())) for y in (piece.level(worn=True) for piece in pieces)]
+    tier = list(range(len(pieces)))
+    for a, b in work.joined():
+        if a.panel not in number or b.panel not in number:
+            continue
+        i, j = number[a.panel], number[b.panel]
+        shared = min(span[i][1], span[j][1]) - max(span[i][0], span[j][0])
+        if shared > 0.5 * min(span[i][1] - span[i][0], span[j][1] - span[j][0]):
+            old, new = tier[j], tier[i]
+            tier = [new if t == old else t for t in tier]
+    return [[piece for piece, t in zip(pieces, tier, strict=True) if t == one] for one in sorted(set(tier))]
+
+
+def _levels(work: Work, pieces: list[Piece], worn: Landmarks, low: float, high: float, what: str) -> list[str]:
+    if not pieces:
+        return []
+    own_heights = np.concatenate([piece.level(worn=True) for piece in pieces])
+    heights = np.arange(max(low, own_heights.min()), min(high, own_heights.max()) + STEP, STEP)
+    if len(heights) < 2:
+        return []
+    girth = np.array([_girth(worn, float(y), what) for y in heights])
+    need, first = EASE * girth, None
+    for _ in range(ROUNDS):
+        each = np.array([widths(piece, heights) for piece in pieces])
+        own = each.sum(axis=0)
+        before, behind = (np.array([piece.normal[2] * sign > 0 for piece in pieces]) for sign in (1, -1))
+        whole = (each[before] > 0).any(axis=0) & (each[behind] > 0).any(axis=0)
+        tight = whole & (own > CLOSED * girth) & (own < need)
+        if not tight.any():
+            break
+        if first is None:
+            first = own.copy(), tight.copy()
+        factor = np.where(tight, (need + MORE) / np.maximum(own, 1e-6), 1.0)
+        factor = np.minimum(factor, MOST)
+        factor = gaussian_filter1d(maximum_filter1d(factor, 2 * SPREAD + 1), 1.0, mode="nearest")
+        for piece in pieces:
+            _widened(piece, heights, np.maximum(factor, 1.0))
+        even_out(work, rounds=2)
+    if first is None:
+        return []
+    own, tight = first
+    worst = int(np.argmax(np.where(tight, need / np.maximum(own, 1e-6), 0.0)))
+    return [
+        f"{_named(heights[worst], worn, what)}: {100 * own[worst]:.0f} cm round on {100 * girth[worst]:.0f} cm of "
+        f"body: widened to {100 * (need[worst] + MORE):.0f} cm"
+    ]
+
+
+def _named(y: float, worn: Landmarks, what: str) -> str:
+    if what != "trunk":
+        return {"leg_l": "left leg", "leg_r": "right leg"}.get(what, what)
+    return min(("hip", "waist", "underbust", "bust"), key=lambda name: abs(worn.height[name] - y))
+
+
+def _girth(worn: Landmarks, y: float, what: str) -> float:
+    """Of the part of the body at a height [m]."""
+    h, g = worn.height, worn.girth
+    if what == "trunk":
+        return worn.ring(y)[0]
+    if what == "neck":
+        return g["neck"]
+    return float(np.interp(y, [0.06, h["knee"], h["crotch"] - 0.03], [g["ankle"], g["knee"], g["thigh"]]))
+
+
+def _frame(piece: Piece) -> tuple[F64, F64, float]:
+    """(2,) rising and (2,) level in the piece's plane, and the sine of its slope."""
+    rise = piece.rotation[1, :2]
+    steep = float(np.linalg.norm(rise))
+    rise = rise / max(steep, 1e-9)
+    return rise, np.array([rise[1], -rise[0]]), steep
+
+
+def widths(piece: Piece, heights: F64) -> F64:
+    """(n,) of a graded piece at heights [m]: darts are no cloth. Of a sector of a ring as its arcs are long."""
+    rise, across, steep = _frame(piece)
+    out = np.zeros(len(heights))
+    if piece.ring is not None:
+        level = piece.level(worn=True)
+        low, high = float(level.min()), float(level.max())
+        there = (heights >= low - BEYOND) & (heights <= high + BEYOND)
+        radius = circle(piece.graded[piece.ring])[1]
+        out[there] = length(piece.graded[piece.ring]) * (1 + (high - heights[there]) / max(radius, 1e-3))
+        return out
+    if steep < 0.3:
+        return out
+    outline = np.concatenate([edge[:-1] for edge in piece.graded])
+    ring = np.stack([outline @ across, outline @ rise], -1)
+    low, high = float(ring[:, 1].min()), float(ring[:, 1].max())
+    beyond = BEYOND / steep
+    first, last = _whole(piece, rise, across, MARGIN / steep)
+    for n, y in enumerate(heights):
+        t = (float(y) - float(piece.shift[1])) / steep
+        if low - beyond <= t <= high + beyond:
+            pieces = intervals(ring, float(np.clip(t, first, last)), 1)
+            out[n] = float((pieces[:, 1] - pieces[:, 0]).sum())
+    return out
+
+
+def _whole(piece: Piece, rise: F64, across: F64, margin: float) -> tuple[float, float]:
+    """Between which heights in its plane a piece goes from one side to the other: over the hem, which may slant or
+    curve, and under the top. Outlines run counter-clockwise, so along the hem with `across`, along the top against it.
+    """
+    lows, highs = [], []
+    everything = np.concatenate(piece.graded) @ rise
+    for edge in piece.graded:
+        way = edge[-1] - edge[0]
+        share = float(way @ across) / max(float(np.linalg.norm(way)), 1e-9)
+        if share > 0.6:
+            lows.append(float((edge @ rise).max()))
+        elif share < -0.6:
+            highs.append(float((edge @ rise).min()))
+    low, high = float(everything.min()), float(everything.max())
+    first = max((v for v in lows if v < low + 0.5 * (high - low)), default=low) + margin
+    last = min((v for v in highs if v > low + 0.5 * (high - low)), default=high) - margin
+    return (first, last) if first < last else ((low + high) / 2, (low + high) / 2)
+
+
+def _widened(piece: Piece, heights: F64, factor: F64) -> None:
+    rise, level, steep = _frame(piece)
+    if piece.ring is not None:
+        y = piece.level(worn=True)
+        f = float(np.interp(np.linspace(y.min(), y.max(), 9), heights, factor).max())
+        top = piece.worn(piece.ring)[[0, -1]].mean(axis=0)
+        piece.graded = [edge * f for edge in piece.graded]
+        piece.shift = piece.shift + (top - piece.worn(piece.ring)[[0, -1]].mean(axis=0)) * [0, 1, 0]
+        return
+    if steep < 0.3:
+        return
+    way = piece.rotation[:, :2] @ level
+    across = np.concatenate(piece.graded) @ level
+    base = float(across.min() + across.max()) / 2
+    if piece.part.startswith("leg"):
+        base = 0.0
+    elif abs(way[0]) > 0.5:
+        base = -float(piece.shift[0]) / float(way[0])
+    out = []
+    for edge in piece.graded:
+        t, c = edge @ rise, edge @ level
+        f = np.interp(piece.shift[1] + steep * t, heights, factor)
+        out.append(np.outer(t, rise) + np.outer(base + (c - base) * f, level))
+    piece.graded = out
