@@ -20,7 +20,7 @@ LYING = 0.3
 """Sine of a panel's slope under which it lies flat."""
 RING = 25.0
 """Degrees by which the top edge of a sector of a ring turns, at least."""
-BELOW = 0.035
+BELOW = 0.06
 """Of an armhole's lowest point under the arm where the garment rests, at least [m]."""
 SEWN, FREE = 5.0, 1.0
 """How much an edge keeps to the length it should have when corners are moved."""
