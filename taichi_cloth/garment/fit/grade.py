@@ -12,7 +12,7 @@ from taichi_cloth.garment.fit.maps import Map, across, heights
 from taichi_cloth.garment.fit.piece import Piece, Work, circle, turned_towards
 from taichi_cloth.garment.pattern.curves import length
 
-__all__ = ["BELOW", "even_out", "find_rings", "grade", "top_edge"]
+__all__ = ["BELOW", "SLEEVED", "even_out", "find_rings", "grade", "top_edge"]
 
 F64 = NDArray[np.float64]
 
@@ -20,8 +20,8 @@ LYING = 0.3
 """Sine of a panel's slope under which it lies flat."""
 RING = 25.0
 """Degrees by which the top edge of a sector of a ring turns, at least."""
-BELOW = 0.06
-"""Of an armhole's lowest point under the arm where the garment rests, at least [m]."""
+BELOW, SLEEVED = 0.035, 0.05
+"""Of an armhole's lowest point under the arm where the garment rests, at least, and with a sleeve in it [m]."""
 SEWN, FREE = 5.0, 1.0
 """How much an edge keeps to the length it should have when corners are moved."""
 
@@ -31,7 +31,7 @@ def grade(work: Work, drafted: Landmarks, worn: Landmarks, armhole: float | None
     point as drawn [m]: it comes to lie under the arm, else cloth is drawn into the armpit."""
     up = heights(drafted, worn)
     if armhole is not None:
-        up = _deepened(up, armhole, worn)
+        up = _deepened(up, armhole, worn, SLEEVED if work.of("arm_l", "arm_r") else BELOW)
     for piece in work.pieces.values():
         if piece.part.startswith("arm"):
             continue
@@ -76,9 +76,9 @@ def grade(work: Work, drafted: Landmarks, worn: Landmarks, armhole: float | None
         piece.shift = shift
 
 
-def _deepened(up: Map, armhole: float, worn: Landmarks) -> Map:
-    """A map of heights that brings an armhole BELOW the arm: all lower between neck and waist, those stay."""
-    own, target = float(up(armhole)), worn.height["underarm"] - BELOW
+def _deepened(up: Map, armhole: float, worn: Landmarks, below: float) -> Map:
+    """A map of heights that brings an armhole `below` the arm: all lower between neck and waist, those stay."""
+    own, target = float(up(armhole)), worn.height["underarm"] - below
     waist, neck = worn.height["waist"], worn.height["neck"]
     if not target < own < neck - 0.02 or target < waist + 0.02:
         return up

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
-from taichi_cloth.garment.fit.grade import BELOW, even_out
+from taichi_cloth.garment.fit.grade import BELOW, SLEEVED, even_out
 from taichi_cloth.garment.fit.landmarks import Landmarks
 from taichi_cloth.garment.fit.piece import UP, Piece, Work, circle
 from taichi_cloth.garment.pattern.curves import length
@@ -41,7 +41,7 @@ def widen(work: Work, worn: Landmarks) -> list[str]:
     notes = []
     crotch, underarm = worn.height["crotch"], worn.height["underarm"]
     for tier in _tiers(work, work.of("trunk", "skirt", "leg_l", "leg_r")):
-        notes += _levels(work, tier, worn, crotch + 0.01, underarm - BELOW - 0.02, "trunk")
+        notes += _levels(work, tier, worn, crotch + 0.01, underarm - SLEEVED - 0.02, "trunk")
     low = crotch - 0.02
     for part in ("leg_l", "leg_r"):
         notes += _levels(work, work.of(part), worn, 0.12 * worn.height["top"], low, part)
