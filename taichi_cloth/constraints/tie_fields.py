@@ -119,7 +119,9 @@ class TieFields:
     @ti.func
     def draw_beside(self, points: Template, share):
         """Threads beside ties that are too long, in turn with the ties at their ends."""
-        listed = self.beside.look(points)
+        listed = 0
+        if self.path[self.capacity, 5] > 0.0:
+            listed = self.beside.look(points)
         for _ in range(TURNS):
             if listed > 0:
                 drawn = self.beside.draw(points, listed)
