@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import typer
 
 import taichi_cloth
-from taichi_cloth.ground.errors import InputError, Unstable
+from taichi_cloth.ground.errors import DoesNotFit, InputError, Unstable
 
 from .body.body_command import body_app
 from .commands.stopping import Terminated, stoppable
@@ -300,7 +300,8 @@ def root(version: Annotated[bool, typer.Option("--version", help="Print the vers
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Run the command line. Bad input gives one line on standard error and exit code 2.
+    """Run the command line. Bad input gives one line on standard error and exit code 2, a garment that does not fit its
+    body, its pictures drawn, one line and exit code 3.
 
     130 and 143 after an interrupt (Ctrl-C) and a SIGTERM (killed, so 137, where a compiler did not let it answer within
     a second), 1 when the machine fails: a full disk, a closed pipe.
@@ -336,6 +337,9 @@ def _status(arguments: list[str]) -> int:
     except (InputError, Unstable) as error:
         _say(str(error))
         return 2
+    except DoesNotFit as error:
+        _say(str(error))
+        return 3
     except typer.Exit as end:
         return end.exit_code
     except TyperException as error:

@@ -6,7 +6,7 @@ from typing import Any, Literal
 from rich.progress import TaskID
 
 from taichi_cloth.ground import runtime
-from taichi_cloth.ground.errors import InputError
+from taichi_cloth.ground.errors import DoesNotFit, InputError
 
 from ...render.image.image import contact_sheet, write_png
 from ...render.image.video import write_mp4
@@ -27,7 +27,7 @@ from .output_folder import OutputFolder
 from .progress import progress
 from .sequence import Sequence, fingerprint
 
-__all__ = ["image_size", "run"]
+__all__ = ["image_size", "require_fit", "run"]
 
 Command = Literal["turntable", "animate", "zoom"]
 
@@ -91,6 +91,13 @@ def run(
             if scene.output.webp:
                 write_webp(folder / f"{command}.webp", sequence.paths, fps=scene.output.fps)
     print(f"{count} frames, {video} ({codec}) and {sheet} in {folder}")
+    require_fit(model)
+
+
+def require_fit(model: Model) -> None:
+    """Raises DoesNotFit where a garment was sewn, and drawn, that does not fit who wears it."""
+    if isinstance(model, MovingModel) and model.misfit is not None:
+        raise DoesNotFit(f"does not fit: {model.misfit}; the pictures are kept")
 
 
 def _built(scene: Scene, prepared: Prepared | None) -> Model:

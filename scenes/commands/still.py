@@ -32,7 +32,7 @@ from ..scene.load import load_scene
 from ..scene.schema import Scene
 from .device import device_of
 from .output_folder import OutputFolder
-from .run import image_size
+from .run import image_size, require_fit
 
 __all__ = ["FORMATS", "still"]
 
@@ -80,6 +80,7 @@ def still(
         for file, (_, write) in files.items():
             write(folder / file)
     print(f"{', '.join(files)} in {folder}")
+    require_fit(model)
 
 
 def passes_of(text: str) -> tuple[str, ...]:

@@ -19,7 +19,11 @@ from typing import NoReturn
 __all__ = ["Terminated", "stoppable"]
 
 GRACE = 1.0
-"""Seconds that a run has to answer a signal; how long it then takes to clean up is its own business."""
+"""Seconds that a run has to answer a signal."""
+
+AGAIN = 5.0
+"""Seconds after which a run that answered and goes on is asked once more: an exception that is raised while a library's
+callback or finaliser runs is written out and forgotten."""
 
 _ANSWERED = 0
 """What a run writes when it answers: no signal has that number."""
@@ -94,10 +98,20 @@ def _watch(run: int, heard: int, line: str) -> None:
     nowhere = os.open(os.devnull, os.O_RDWR)
     for standard in (0, 1):  # who waits for the end of the run's output must not wait for us
         os.dup2(nowhere, standard)
-    while (number := _next(heard)) is not None:
-        if number != _ANSWERED and not _answers(heard) and os.getppid() == run:
-            os.write(2, f"taichi-cloth: {line}\n".encode(errors="replace"))
-            os.kill(run, signal.SIGKILL)
+    asked = None
+    while True:
+        if not select.select([heard], [], [], None if asked is None else AGAIN)[0]:
+            if asked is not None and os.getppid() == run:
+                os.kill(run, asked)
+            continue
+        number = _next(heard)
+        if number is None:
+            return
+        if number != _ANSWERED:
+            asked = number
+            if not _answers(heard) and os.getppid() == run:
+                os.write(2, f"taichi-cloth: {line}\n".encode(errors="replace"))
+                os.kill(run, signal.SIGKILL)
 
 
 def _answers(heard: int) -> bool:

@@ -14,7 +14,6 @@ from taichi_cloth.garment.sewn.sew import misfit
 from taichi_cloth.garment.sewn.stitches import PIECES, STRANDS, Stitches
 from taichi_cloth.garment.sewn.surface import Surface
 from taichi_cloth.garment.sewn.weaving import Colours, Weaving
-from taichi_cloth.ground.mixing import sent_back
 from taichi_cloth.ground.particles import LANES, ROWS
 from taichi_cloth.motion.simulation import Simulation
 from taichi_cloth.weave.colour_order import colour
@@ -35,7 +34,7 @@ from ..prepare.garment_setup import (
     woven_garment,
 )
 from ..prepare.print_images import print_of
-from ..prepare.thread_colours import panel_colours
+from ..prepare.thread_colours import outer_colours, panel_colours
 from ..prepare.weave_layout import Prepared, prepare_fabric
 from ..scene.body_section import BodySection
 from ..scene.schema import Scene
@@ -148,7 +147,7 @@ class GarmentModel(MovingModel):
 
     def __init__(self, scene: Scene, dressed: Dressed) -> None:
         self.scene, self.dressed, self.fibres, self.frames = scene, dressed, None, scene.output.frames
-        self.motion = motion_of(scene, dressed.body)
+        self.motion, self.misfit = motion_of(scene, dressed.body), misfit(dressed.garment, dressed.worn)
         self.simulation = self.at_start()
         self.simulation.solver.make_ready(self.simulation.state)  # before what is drawn, as where it was sewn just now
         self.surface = Surface(dressed.garment.atlas)
@@ -199,9 +198,9 @@ class GarmentModel(MovingModel):
 
     @cached_property
     def mesh_colours(self) -> F32:
-        """Albedo at each point of the surface, (n, 3): what its panel's threads send back."""
-        repeats = colours_of(self.scene, self.dressed).values()
-        shades = [(sent_back(one.warp).mean(axis=0) + sent_back(one.weft).mean(axis=0)) / 2 for one in repeats]
+        """Albedo at each point of the surface, (n, 3): what its panel sends back outside."""
+        names = [piece.panel.name for piece in self.dressed.garment.atlas.panels]
+        shades = list(outer_colours(self.scene, names).values())
         return np.stack(shades)[self.surface.panel].astype(np.float32)
 
     def numbers(self) -> Numbers:
@@ -227,10 +226,10 @@ class GarmentModel(MovingModel):
             Fact("deepest in the body", f"{1e3 * worn.depth:.2f} mm"),
             Fact("largest stretch", f"{100 * worn.stretch:.1f} %, away from seams {100 * worn.taut:.1f} %"),
             self.substeps_fact(),
+            *(Fact("fitted", note) for note in garment.pattern.notes),
         ]
-        wrong = misfit(garment, worn)
-        if wrong is not None:
-            facts.append(Fact("does not fit", wrong))
+        if self.misfit is not None:
+            facts.append(Fact("does not fit", self.misfit))
         return facts
 
 

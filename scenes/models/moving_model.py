@@ -53,6 +53,8 @@ class MovingModel(ABC):
     simulation: Simulation
     fibres: Fibres | None
     bounds: F32
+    misfit: str | None = None
+    """Why what is worn does not fit who wears it, in one line."""
     _kept: Path | None = None
 
     @abstractmethod

@@ -18,12 +18,12 @@ from taichi_cloth.weave.draft import Draft
 
 from ..scene.garment_schema import PanelColours
 from ..scene.schema import Scene, Weave, YarnSection
-from .yarns import draft_of, fibre_kind
+from .yarns import draft_of, fibre_kind, repeat_of
 
 if TYPE_CHECKING:  # loads Taichi, which a plan of what lies still does without
     from taichi_cloth.garment.sewn.weaving import Colours
 
-__all__ = ["colour_repeats", "fibre_colour", "panel_colours", "thread_colours", "yarn_colours"]
+__all__ = ["colour_repeats", "fibre_colour", "outer_colours", "panel_colours", "thread_colours", "yarn_colours"]
 
 F32 = NDArray[np.float32]
 
@@ -76,6 +76,19 @@ def panel_colours(scene: Scene, panels: Iterable[str]) -> "dict[str, Colours]":
         own = _orders(scene.garment.weaves.get(name), stated.warp, stated.weft)
         warp, weft = (next(o for o in orders if o is not None) for orders in zip(own, common, plain, strict=True))
         out[name] = Colours(warp, weft)
+    return out
+
+
+def outer_colours(scene: Scene, panels: Iterable[str]) -> dict[str, F32]:
+    """What a garment's panels send back outside, linear (3,), by name: warp and weft by how often each lies on top."""
+    from taichi_cloth.ground.mixing import sent_back
+
+    assert scene.garment is not None
+    common, own = (scene.weave or Weave()).draft, scene.garment.weaves
+    out = {}
+    for name, threads in panel_colours(scene, panels).items():
+        warp = repeat_of(own.get(name, common)).warp_up.mean()
+        out[name] = warp * sent_back(threads.warp).mean(axis=0) + (1 - warp) * sent_back(threads.weft).mean(axis=0)
     return out
 
 

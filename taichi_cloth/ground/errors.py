@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from difflib import get_close_matches
 
-__all__ = ["InputError", "Unstable", "did_you_mean"]
+__all__ = ["DoesNotFit", "InputError", "Unstable", "did_you_mean"]
 
 LONGEST = 1500
 """Letters of a line; what a person wrote may be longer, and its middle is left out."""
@@ -29,3 +29,7 @@ class Unstable(RuntimeError):
     def __init__(self, message: str, frame: int) -> None:
         super().__init__(message)
         self.frame = frame
+
+
+class DoesNotFit(RuntimeError):
+    """A garment that was sewn and drawn but does not fit its body: why, in one line. The command line exits with 3."""

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from taichi_cloth.ground.errors import InputError
+from taichi_cloth.ground.mixing import sent_back
 from taichi_cloth.scenes.paper.own_scenes import scene_file
 from taichi_cloth.scenes.prepare.garment_setup import dressed_parts, woven_garment
-from taichi_cloth.scenes.prepare.thread_colours import panel_colours
+from taichi_cloth.scenes.prepare.thread_colours import outer_colours, panel_colours
 from taichi_cloth.scenes.prepare.weave_layout import prepare_fabric
 from taichi_cloth.scenes.prepare.yarns import draft_of
 from taichi_cloth.scenes.scene.load import load_scene
@@ -88,6 +89,17 @@ def test_a_garment_without_orders_has_its_yarns_colours() -> None:
     for colours in panel_colours(plain, panel_names(plain)).values():
         assert colours.warp.tolist() == [[1.0, 0.0, 0.0]]
         assert (colours.weft == stated).all()
+
+
+def test_the_side_of_a_mesh_that_lies_outside_has_the_colour_of_what_floats_there() -> None:
+    """A 3/1 twill is three parts of its warp, but for a panel of another weave; in the light that they send back."""
+    scene = load_scene("trousers", ["weave.warp_colours=#ff0000", "weave.weft_colours=#0000ff"])
+    assert scene.garment is not None
+    scene.garment.weaves["left_back"] = "plain"
+    red, blue = sent_back(np.eye(3)[[0, 2]])
+    found = outer_colours(scene, ["left_front", "left_back"])
+    np.testing.assert_allclose(found["left_front"], 0.75 * red + 0.25 * blue, atol=1e-6)
+    np.testing.assert_allclose(found["left_back"], 0.5 * red + 0.5 * blue, atol=1e-6)
 
 
 def test_files_of_panels_are_meant_from_where_the_scene_lies(tmp_path: Path) -> None:

@@ -22,6 +22,7 @@ from taichi_cloth.garment.pattern.pattern import Cone, Flat, Panel, Pattern, Sea
 from taichi_cloth.garment.sewn.limbs import bearer, spared
 from taichi_cloth.garment.sewn.sew import Garment, Worn, misfit, sew
 from taichi_cloth.motion.forces import Forces, StrainLimit
+from taichi_cloth.scenes.__main__ import _status
 from taichi_cloth.scenes.prepare.body_setup import grids_of, primitives_of
 from taichi_cloth.scenes.prepare.garment_setup import dress
 from taichi_cloth.scenes.scene.body_section import BodySection, prepare_body, prepare_motion
@@ -224,9 +225,19 @@ def test_patterns_of_others_fit_in_a_built_in_scene(name):
 
 
 @pytest.mark.slow
+def test_what_does_not_fit_is_drawn_and_ends_with_its_line_and_its_own_code(tmp_path, capsys, keep_taichi):
+    pattern = f"garment.pattern={SAMPLES['dress_pencil_specification']}"
+    told = (pattern, f"garment.key_points={KEY_POINTS}", "garment.representation=mesh", "body.gender=female")
+    changes = [part for one in told for part in ("--set", one)]
+    assert _status(["still", "tshirt", *changes, "--size", "64x80", "--out", str(tmp_path / "out")]) == 3
+    assert (tmp_path / "out" / "colour.png").exists()
+    assert re.fullmatch(r"taichi-cloth: does not fit: .*; the pictures are kept\n", capsys.readouterr().err)
+
+
+@pytest.mark.slow
 def test_a_pattern_on_too_few_key_points_names_its_darts():
     garment, worn = sewn("dress_pencil_specification", "female", KEY_POINTS)
-    assert re.search(r"its darts, from \d+ mm wide, want key points closer than 4\d mm", misfit(garment, worn) or "")
+    assert re.search(r"its darts, from \d+ mm wide, want key points closer than \d\d mm", misfit(garment, worn) or "")
 
 
 @pytest.mark.slow

@@ -15,6 +15,14 @@ pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals of POSI
 
 HOLDS = "hold = lambda: sum(range(10**11))"  # one step of Python's that takes minutes, as a compiler does
 WAITS = "import time; hold = lambda: time.sleep(60)"
+FORGETS = """
+import contextlib, time, taichi_cloth.scenes.commands.stopping as stopping
+stopping.AGAIN = 0.3
+def hold():
+    with contextlib.suppress(BaseException):
+        time.sleep(60)
+    time.sleep(60)
+"""
 RUN = """
 import signal; signal.signal(signal.SIGINT, signal.default_int_handler)
 from taichi_cloth.scenes.commands.stopping import Terminated, stoppable
@@ -54,6 +62,11 @@ def test_a_run_that_holds_the_interpreter_is_killed_with_its_line(number: signal
 def test_a_run_that_can_cleans_up_by_itself(number: signal.Signals, name: str, tmp_path: Path) -> None:
     code, out, err, _ = ended(WAITS, number, tmp_path)
     assert (code, out, err) == (0, f"cleaned up after {name}\n", "")
+
+
+def test_a_run_that_forgets_is_asked_again(tmp_path: Path) -> None:
+    code, out, err, _ = ended(FORGETS, signal.SIGTERM, tmp_path)
+    assert (code, out, err) == (0, "cleaned up after Terminated\n", "")
 
 
 def test_afterwards_signals_are_as_they_were() -> None:

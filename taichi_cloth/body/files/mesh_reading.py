@@ -34,6 +34,9 @@ MOST_LINES = 3 * MOST_VERTICES
 """Of text: a vertex, its normal and its place on a texture."""
 MOST_NUMBERS = 5 * MOST_FACES
 """In a PLY of text."""
+DRESS = re.compile(rb"(?m)^[ \t]*(?:mtllib|usemtl|vt)\b[^\n]*\n?")
+"""Lines of an OBJ that say how it looks: materials are files of their own and want a package for pictures, and a body
+would be cut open along the borders of its texture."""
 LONGEST_LINE = 10_000
 LARGEST_HEADER = 4_000_000
 """Bytes of JSON in a GLB file."""
@@ -54,7 +57,8 @@ def read_mesh(path: Path) -> tuple[F64, I64]:
             if not 0 <= count <= most:
                 raise InputError(f"{path.name}: {count:,} {what}; allowed: up to {most:,}; simplify it first")
         with np.errstate(all="ignore"):
-            mesh = trimesh.load_scene(io.BytesIO(data), file_type=kind, **_options(kind)).to_mesh()
+            plain = DRESS.sub(b"", data) if kind == "obj" else data
+            mesh = trimesh.load_scene(io.BytesIO(plain), file_type=kind, **_options(kind)).to_mesh()
         vertices, faces = np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int64)
     except InputError:
         raise
@@ -71,8 +75,7 @@ def read_mesh(path: Path) -> tuple[F64, I64]:
 
 
 def _options(kind: str) -> dict[str, Any]:
-    """Materials name other files, and pictures, which want a package of their own."""
-    return {"skip_materials": True} if kind in ("glb", "obj") else {}
+    return {"skip_materials": True} if kind == "glb" else {}
 
 
 def _sizes(kind: str, data: bytes) -> Iterator[tuple[int, int, str]]:
