@@ -61,8 +61,8 @@ armpits, by 27 mm/s at 0.1 and by 140 at 0.03, and at 0.01 a curtain shakes that
 
 LEARNT = 0.004
 """Push of a substep that is too small to be learnt from, as a share of a cell. Learnt from all the same, pushes hunt:
-what adds up makes a spring of what was a tie, and a T-shirt at rest trembled at 4 mm/s. With 0.008 and 0.012 the longest
-thread of one that walks comes to 3.04 and 2.98 % in place of 2.6."""
+what adds up makes a spring of what was a tie, and a T-shirt at rest trembled at 4 mm/s. With 0.008 and 0.012 the
+longest thread of one that walks comes to 3.04 and 2.98 % in place of 2.6."""
 
 
 class Ties(SharedConstraint):
