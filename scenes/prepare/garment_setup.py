@@ -58,7 +58,7 @@ __all__ = [
     "woven_garment",
 ]
 
-VERSION = 22
+VERSION = 23
 """Of what is kept on disk: raised whenever the same scene would come to another rest."""
 
 Progress = Callable[[str, int, int], None]

@@ -56,6 +56,7 @@ class MiddleFields:
         self.holder: object = None
         self.solid, self.solids = ti.field(ti.i32, surface.capacity), ti.field(ti.i32, ())
         self.groups, self.most, self.entries = (ti.field(ti.i32, ()) for _ in range(3))
+        self.looked = ti.field(ti.i32, ())  # substep of the frame in which it was last seen what may touch
         self.one, self.two = (ti.field(ti.i32, self.room + LANES) for _ in range(2))  # ends of each spring
         self.owner, self.due = (ti.field(ti.i32, self.room // LANES + 1) for _ in range(2))  # of each group
         self.place = ti.field(ti.f32, 6 * LANES)  # of the group at work: middles against the anchor, and their steps
@@ -73,7 +74,8 @@ class MiddleFields:
         """Response of the middles at the end of substep `done`, to poses that `Contact` has just brought up to date.
         reach: of a spring [m], at most."""
         since = done % int(self.surface.every[None])
-        if since == 0:
+        if since == 0 and self.looked[None] != done:  # whole yarns ask several times in a substep
+            self.looked[None] = done
             if done % int(self.surface.wait[None]) == 0:
                 self.seek(points, done, reach)
             self.entries[None] = 0
@@ -259,7 +261,7 @@ class MiddleContact(SharedConstraint):
     def begin(self, state: SheetState, forces: FrameForces) -> None:
         super().begin(state, forces)
         if not self.spread:
-            self.fields.most[None] = 0
+            self.fields.most[None], self.fields.looked[None] = 0, -1
 
     def end(self, state: SheetState) -> None:
         """Raises InputError where there was no room for all springs near thin solids."""
