@@ -23,6 +23,7 @@ from taichi_cloth.constraints.contact import Contact
 from taichi_cloth.constraints.contact_planes import GROWTH, TURNING
 from taichi_cloth.constraints.contact_response import Response
 from taichi_cloth.constraints.middle_loops import SLOTS, MiddleLoops
+from taichi_cloth.constraints.middle_response import respond
 from taichi_cloth.ground.arrays import Float, I32x1, Int, Template
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.ground.routine import routine
@@ -188,35 +189,12 @@ class MiddleFields:
 
     @ti.func
     def respond(self, points: Template, e, since):
-        """As `Response.respond`, of one middle. since: substeps since the poses were worked out."""
-        k = self.entry[e]
-        i, p, q = self.owner[k // LANES], self.one[k], self.two[k]
-        shift, turn = self.surface.shift(i), self.surface.turn(i)
-        # The middle, its step and its plane, where the solid is by now.
-        x, u, normal = ti.Vector([0.0, 0.0, 0.0]), ti.Vector([0.0, 0.0, 0.0]), ti.Vector([0.0, 0.0, 0.0])
+        """Of one entry. since: substeps since the poses were worked out."""
+        k, normal = self.entry[e], ti.Vector([0.0, 0.0, 0.0])
         for axis in ti.static(range(3)):
-            x[axis] = 0.5 * (points.position[axis][p] + points.position[axis][q])
-            u[axis] = 0.5 * (points.step[axis][p] + points.step[axis][q])
             normal[axis] = self.plane[e * PLANE + axis]
-        normal += since * turn.cross(normal)
-        x -= self.surface.anchor(i) + since * shift
-        depth = self.surface.gap[None] - (normal.dot(x) - self.plane[e * PLANE + 3])
-        if depth > 0.0:
-            # The slip past the surface, and the push: the approach whole, of what was deep before `recovery`.
-            u -= shift
-            u -= turn.cross(x - 0.5 * u)  # half-way along the step
-            approach = ti.max(-u.dot(normal), 0.0)
-            push = ti.min(depth, approach + self.surface.recovery[None])
-            pressed = ti.min(push, approach)
-            move = self.surface.change(u[0], u[1], u[2], normal[0], normal[1], normal[2], push, pressed)
-            out = (push - pressed) * normal
-            # Both ends by shares of their inverse masses; what was deep before is no speed.
-            here = 2.0 * points.inverse_mass[p] / (points.inverse_mass[p] + points.inverse_mass[q])
-            for axis in ti.static(range(3)):
-                points.position[axis][p] = points.position[axis][p] + here * move[axis]
-                points.position[axis][q] = points.position[axis][q] + (2.0 - here) * move[axis]
-                points.step[axis][p] = points.step[axis][p] + here * (move[axis] - out[axis])
-                points.step[axis][q] = points.step[axis][q] + (2.0 - here) * (move[axis] - out[axis])
+        offset = self.plane[e * PLANE + 3]
+        respond(self.surface, points, self.owner[k // LANES], self.one[k], self.two[k], normal, offset, since)
 
 
 def middle_fields(surface: Response, size: int, spread: bool) -> MiddleFields | MiddleLoops:

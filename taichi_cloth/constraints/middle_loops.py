@@ -13,6 +13,7 @@ import taichi as ti
 
 from taichi_cloth.constraints.contact_planes import GROWTH, TURNING
 from taichi_cloth.constraints.contact_response import Response
+from taichi_cloth.constraints.middle_response import middle_of, respond
 from taichi_cloth.ground.arrays import I32x1, Template
 from taichi_cloth.motion.stencil import load, near, store
 from taichi_cloth.sheet.sheet import LANES
@@ -101,7 +102,7 @@ class MiddleLoops:
             one, two = self.ends(family, p, row)
             spared = ((self.surface.spared[one] | self.surface.spared[two]) >> self.surface.bone(i)) & 1
             if self.weight(points, family, p) > 0.0 and self.mobile(points, one, two) > 0.0 and spared == 0:
-                x, u = self.middle(points, one, two)
+                x, u = middle_of(points, one, two)
                 x, u = x - c, u - shift
                 along = ti.min(ti.max(x.dot(axis), self.surface.low(i)), self.surface.high(i))
                 far = (x - along * axis).norm() - self.surface.radius(i) - self.surface.gap[None]
@@ -113,15 +114,6 @@ class MiddleLoops:
     @ti.func
     def mobile(self, points: Template, one, two):
         return points.inverse_mass[one] + points.inverse_mass[two]
-
-    @ti.func
-    def middle(self, points: Template, one, two):
-        """Place of a spring's middle, and its step [m]."""
-        x, u = ti.Vector([0.0, 0.0, 0.0]), ti.Vector([0.0, 0.0, 0.0])
-        for axis in ti.static(range(3)):
-            x[axis] = 0.5 * (points.position[axis][one] + points.position[axis][two])
-            u[axis] = 0.5 * (points.step[axis][one] + points.step[axis][two])
-        return x, u
 
     @ti.func
     def look(self, points: Template, family, packet, s, part, done):
@@ -181,30 +173,6 @@ class MiddleLoops:
                 s = g * SLOTS + slot
                 at = s * PLANE + p % LANES
                 if self.busy[s] > 0 and self.plane[at + 3 * LANES] > 0.5 * FAR:
-                    self.push(points, self.owner[s], at, one, two, since)
-
-    @ti.func
-    def push(self, points: Template, i, at, p, q, since):
-        """As `Response.respond`, of one middle."""
-        shift, turn = self.surface.shift(i), self.surface.turn(i)
-        x, u = self.middle(points, p, q)
-        normal = ti.Vector([self.plane[at], self.plane[at + LANES], self.plane[at + 2 * LANES]])
-        normal += since * turn.cross(normal)
-        x -= self.surface.anchor(i) + since * shift
-        depth = self.surface.gap[None] - (normal.dot(x) - self.plane[at + 3 * LANES])
-        if depth > 0.0:
-            # The slip past the surface, and the push: the approach whole, of what was deep before `recovery`.
-            u -= shift
-            u -= turn.cross(x - 0.5 * u)  # half-way along the step
-            approach = ti.max(-u.dot(normal), 0.0)
-            push = ti.min(depth, approach + self.surface.recovery[None])
-            pressed = ti.min(push, approach)
-            move = self.surface.change(u[0], u[1], u[2], normal[0], normal[1], normal[2], push, pressed)
-            out = (push - pressed) * normal
-            # Both ends by shares of their inverse masses; what was deep before is no speed.
-            here = 2.0 * points.inverse_mass[p] / (points.inverse_mass[p] + points.inverse_mass[q])
-            for axis in ti.static(range(3)):
-                points.position[axis][p] = points.position[axis][p] + here * move[axis]
-                points.position[axis][q] = points.position[axis][q] + (2.0 - here) * move[axis]
-                points.step[axis][p] = points.step[axis][p] + here * (move[axis] - out[axis])
-                points.step[axis][q] = points.step[axis][q] + (2.0 - here) * (move[axis] - out[axis])
+                    normal = ti.Vector([self.plane[at], self.plane[at + LANES], self.plane[at + 2 * LANES]])
+                    offset = self.plane[at + 3 * LANES]
+                    respond(self.surface, points, self.owner[s], one, two, normal, offset, since)

@@ -13,6 +13,7 @@ Bounds of loops are numbers when they are compiled: on a device with Vulkan a lo
 131,072 threads.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Hashable, Iterator
 from dataclasses import replace
 from typing import Any
@@ -70,7 +71,7 @@ class Largest:
 
 
 @ti.data_oriented
-class FrameLoops:
+class FrameLoops(ABC):
     """The loops of a frame's fields, for sheets that have so many packets of lanes with key points.
 
     lanes: key points an iteration. count: iterations of a loop over all of them. turn: [u] the number of a substep, for
@@ -119,9 +120,9 @@ class FrameLoops:
                     builder.dispatch(kernel, *takes)
         return builder.compile()
 
+    @abstractmethod
     def substep(self, odd: int) -> Iterator[Launch]:
         """Of an even substep, or of an odd one, in order. The same kernel for both is the same object."""
-        raise NotImplementedError
 
     def kernel(self, name: Hashable, make: Callable[[Any], Any]) -> Any:
         """What `make` makes of these loops, the first time it is asked for."""
@@ -185,7 +186,7 @@ class FrameLoops:
             for t in range(self.count):
                 self.frame.slipping.begin(t, 0)
 
-    @ti.func
+    @ti.func  # noqa: B027  # nothing, where a solver has nothing of its own
     def begin(self, p):
         """What begins anew with each frame, of element p."""
 
