@@ -20,6 +20,19 @@ STAGES = {
     "shapes": "ball and plane",
     "state": "state",
 }
+LAYERS = {
+    "copies": "layers: proof",
+    "paths": "layers: proof",
+    "proof": "layers: proof",
+    "boxes": "layers: search",
+    "descent": "layers: search",
+    "sieve": "layers: search",
+    "thin": "layers: search",
+    "near pairs": "layers: near pairs",
+    "near pieces": "layers: near pairs",
+    "contacts": "layers: contacts",
+}
+"""Of what is done between substeps; what contacts do within them is cloth on cloth."""
 CONSTRAINTS = {
     Contact: "contact",
     MiddleContact: "contact",
@@ -27,7 +40,8 @@ CONSTRAINTS = {
     ThreadLimit: "strain limit",
 }
 KERNEL_PARTS = (
-    "springs", "yarns", "strain limit", "seams", "holds", "ball and plane", "contact", "cloth on cloth", "state",
+    "springs", "yarns", "strain limit", "seams", "holds", "ball and plane", "contact", "cloth on cloth",
+    *dict.fromkeys(LAYERS.values()), "state",
 )  # fmt: skip
 """In the order in which they are printed. springs: all that are not solved whole, with gravity and wind; of Verlet with
 fixed shapes. contact: with a body. state: from the host and back."""
@@ -52,7 +66,7 @@ def kernel_parts(reading: Mapping[Hashable, float]) -> dict[str, float]:
 
 def _part(stage: Hashable) -> str:
     if isinstance(stage, str):
-        return STAGES[stage]
+        return STAGES.get(stage) or LAYERS[stage]
     if isinstance(stage, Ties):
         return "seams" if stage.repeated else "holds"
     return CONSTRAINTS[type(stage)]  # pyright: ignore[reportArgumentType]

@@ -14,7 +14,7 @@ import taichi as ti
 from taichi_cloth.ground.arrays import Float, Int, Template
 from taichi_cloth.ground.routine import routine
 from taichi_cloth.layers.blended import Blended
-from taichi_cloth.layers.near_pairs import FACES, apart_along, gather, nearest_of_edges, nearest_on_face
+from taichi_cloth.layers.distances import FACES, apart_along, gather, nearest_of_edges, nearest_on_face
 from taichi_cloth.motion.stencil import load, store
 from taichi_cloth.sheet.sheet import LANES
 

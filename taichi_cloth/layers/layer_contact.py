@@ -1,17 +1,21 @@
 """Cloth that meets cloth, as a constraint of a sheet: searches, contacts and proofs, interval by interval.
 
 A frame is cut into intervals of a few substeps. At the start of each are known: all pairs that are near (from the last
-search), a direction that parts each, and the contacts of the interval. In the interval contacts answer within each
+searches), a direction that parts each, and the contacts of the interval. In the interval contacts answer within each
 substep. At its end
 
 1. key points that have left the room round their path are pulled back to it (few ever do);
 2. the certificate is made out: no near pair has passed through the other (`certificate.py`);
 3. it is proven that no other pair can have met: no room and no slack is used up (`paths.py`, `patches.py`);
-4. the next interval's length follows from how fast room is used up, and from that whether to search anew.
+4. the next interval's length follows from how fast room is used up. Key points that would use up too much of theirs
+   in it get a new path, and what has to do with them is searched; all is where that are many, or where it was too long
+   ago.
 
 A frame with an interval that could not be proven is taken again with intervals half as long, down to single substeps.
 Everything follows from the state at the start of the frame, and one thread does it: the same bytes each time.
 """
+
+from typing import Any
 
 import numpy as np
 import taichi as ti
@@ -28,18 +32,21 @@ from taichi_cloth.layers.outline import Outline, Tables, crossings_of
 from taichi_cloth.layers.paths import POINT, Paths
 from taichi_cloth.layers.pieces import Pieces
 from taichi_cloth.layers.search import Search
+from taichi_cloth.layers.sieve import Sieve
 from taichi_cloth.layers.tree import LEVELS, Tree, levels_of
 from taichi_cloth.motion.capacity import capacity_of, class_of
 from taichi_cloth.motion.constraint import SharedConstraint
 from taichi_cloth.motion.forces import FrameForces, SelfContact
+from taichi_cloth.motion.stage_clock import StageClock
 from taichi_cloth.sheet.sheet import LANES, Sheet, SheetState
 
 __all__ = ["LayerContact"]
 
 LONGEST, FREE = 2.4e-3, 5.6e-3
 """Of an interval, and of one where nothing is near [s]."""
-FAR = 8
-"""Intervals that a search may be good for."""
+NEXT, FAR, SHARE = 2, 14, 0.12
+"""Intervals that a search of all is good for, at least and at most; and for how much of the room that key points use up
+which do not go on as those round them."""
 SKIN, COARSE = 0.2, 0.16
 """Shares of the spacing: half of what pairs are sought within beyond their thickness, and how much more for blocks."""
 EDGE_SHARE = 0.5
@@ -50,6 +57,11 @@ MEND_SUMMED, MEND = 0.06, 0.1
 """Share of the depth that is mended in each turn of a substep among whole yarns, and in every other one of Verlet's."""
 FEWEST = 1024
 """Blends that there is room for at least: sheets that have none share the kernel of garments that have few."""
+TURNS, MOST_SPENT = 2, 0.2
+"""Searches of what has used up its room, one after the other, as others have less by the last; and of which share of
+all at most. If that is not enough all is searched."""
+ENOUGH = 0.95
+"""Share that others may come to in the next interval after a search of some."""
 HALVINGS, CAREFUL = 6, 0.7
 """Times that intervals are halved for a frame that could not be proven, and what is left of the use with each."""
 LEAST_SLACK = (0.2, 0.2, 0.3, 0.4)
@@ -61,24 +73,28 @@ NUMBERS = ("thickness", "friction", "reach", "coarse", "margin", "spacing_x", "s
 @ti.data_oriented
 class LayerFields:
     """All of it, for padded grids of up to `size` elements, and up to `blends` points that are blends of them.
-    position, step, inverse_mass, row: as of `Stencil`, between substeps. use: share of
+    clock: is told where parts end. position, step, inverse_mass, row: as of `Stencil`, between substeps. use: share of
     room and slack that a search is used for. began, ends: substeps at which the interval did and is over. horizon:
-    substeps that the search is good for. longest, free: of intervals. substeps: of the frame. searches, intervals,
-    unproven, pulled: of the frame."""
+    substeps that the search of all is good for. longest, free: of intervals. substeps: of the frame. searches: of all;
+    renewals: of some; intervals, unproven, pulled: of the frame."""
 
-    def __init__(self, size: int, blends: int) -> None:
+    def __init__(self, size: int, blends: int, clock: StageClock | None = None) -> None:
         self.holder: object = None
+        self.clock: Any = clock  # its functions are called where it is one
+        self.timed = clock is not None
         elements = size + blends
         self.position, self.step = ([ti.field(ti.f32, elements) for _ in range(3)] for _ in range(2))
         self.inverse_mass, self.row = ti.field(ti.f32, elements), ti.field(ti.i32, ())
         self.blends, self.pieces = Blends(elements, blends), Pieces(size, blends)
-        self.paths, self.tree, self.search = Paths(size), Tree(size), Search(size)
+        self.paths, self.tree, self.search, self.sieve = Paths(size), Tree(size), Search(size), Sieve()
         self.near, self.contacts, self.certificate = NearPairs(size), Contacts(size, blends), Certificate()
         self.reach, self.coarse, self.use = (ti.field(ti.f32, ()) for _ in range(3))
         self.began, self.ends, self.horizon, self.longest, self.free, self.substeps = (
             ti.field(ti.i32, ()) for _ in range(6)
         )
-        self.searches, self.intervals, self.unproven, self.pulled = (ti.field(ti.i32, ()) for _ in range(4))
+        self.searches, self.renewals, self.intervals, self.unproven, self.pulled = (
+            ti.field(ti.i32, ()) for _ in range(5)
+        )
 
     @ti.kernel
     def take(self, width: Int, labels: I32x2, inverse: F32x1, levels: I32x2, numbers: F32x1):
@@ -138,22 +154,33 @@ class LayerFields:
         self.certificate.pushed[None] = 0
         self.certificate.returned[None] = 0
         self.searches[None] = 0
+        self.renewals[None] = 0
         self.intervals[None] = 0
         self.unproven[None] = 0
         self.pulled[None] = 0
+
+    @ti.func
+    def stamp(self, name: Template):
+        """A part, and what passed since the last one did is its time."""
+        if ti.static(self.timed):
+            self.clock.end(name, 0)
 
     @ti.kernel
     def stop(self, values: F32x3, done: Int) -> Int:
         """Between two intervals. values: of a `SheetState`. Returns up to which substep the next goes."""
         ti.loop_config(serialize=True)
         for _ in range(1):
+            if ti.static(self.timed):
+                self.clock.start(0)
             self.copy(values, True)
             self.blends.refresh(self)
+            self.stamp("copies")
             if done == 0:
                 self.open(self)
             else:
                 self.close(self, done)
                 self.copy(values, False)
+                self.stamp("copies")
         return self.ends[None]
 
     @ti.func
@@ -172,15 +199,11 @@ class LayerFields:
 
     @routine
     def open(self, points: Template):
-        """A frame: the first search, for as long as the speeds of neighbours differ little enough."""
-        self.paths.predict(points, 0.0)
-        room = 0.5 * self.use[None] * self.reach[None]
-        good = ti.cast(ti.min(room / ti.max(self.paths.rough[None], 1e-9), 1e6), ti.i32)
-        self.horizon[None] = ti.min(ti.max(good, self.longest[None]), FAR * self.longest[None])
-        self.look(points)
+        """A frame: the first search."""
+        self.search_all(points, 0.0, self.substeps[None])
         self.paths.keep(points)
         most = ti.select(self.alone(), self.free[None], self.longest[None])
-        self.begin(points, 0, ti.min(ti.min(most, self.horizon[None]), self.substeps[None]), True)
+        self.begin(points, 0, ti.min(most, self.substeps[None]), True)
 
     @ti.func
     def alone(self):
@@ -188,20 +211,52 @@ class LayerFields:
         return self.near.faces.count[None] + self.near.edges.count[None] == 0
 
     @routine
-    def look(self, points: Template):
-        """A search, from paths that begin here."""
+    def search_all(self, points: Template, span: Float, left: Int):
+        """A search of all, from paths that begin here. span: see `Paths.predict`. left: substeps of the frame."""
         self.searches[None] = self.searches[None] + 1
+        self.paths.spend_all()
+        self.paths.predict(points, span)
+        good = SHARE * 0.5 * self.reach[None] / ti.max(self.paths.rough[None], 1e-7)
+        most = ti.min(ti.max(ti.cast(good, ti.i32), NEXT * self.longest[None]), FAR * self.longest[None])
+        parts = (left + most - 1) // most
+        self.horizon[None] = (left + parts - 1) // parts
+        self.look(points, 1)
+
+    @routine
+    def search_spent(self, points: Template, span: Float):
+        """A search of what gets a new path."""
+        self.renewals[None] = self.renewals[None] + 1
+        self.paths.predict(points, span)
+        self.look(points, 0)
+
+    @routine
+    def look(self, points: Template, whole: Int):
+        """A search. whole: whether nothing is known."""
         reach, coarse = self.reach[None], self.coarse[None]
-        self.tree.cells(points, self.paths, ti.cast(self.horizon[None], ti.f32))
-        self.tree.rise()
+        ahead = ti.cast(self.horizon[None] - self.paths.since[None], ti.f32)
+        self.stamp("paths")
+        self.tree.cells(points, self.paths, ahead, whole)
+        self.tree.rise(whole)
+        self.stamp("boxes")
         self.search.begin(self.tree, reach + coarse)
         top = self.tree.top[None]
         for down in range(top):
             level = top - down
-            self.search.descend(self.tree, level, reach + coarse, reach + ti.select(level > 1, coarse, 0.0))
+            self.search.descend(self.tree, level, reach + ti.select(level > 1, coarse, 0.0))
+        self.stamp("descent")
+        self.sieve.sift(points, self.paths, self.tree, self.search, reach, ahead)
+        self.stamp("sieve")
+        if whole != 0:
+            self.near.none()
+        else:
+            self.near.thin(points, self.tree, self.search)
+            self.stamp("thin")
         self.near.find(points, self.paths, self.tree, self.search, reach)
+        self.stamp("near pairs")
         self.pieces.find(points, self.paths, self.tree, self.search, self.near, reach)
+        self.stamp("near pieces")
         self.tree.settle(points, self.paths)
+        self.stamp("boxes")
 
     @ti.func
     def begin(self, points: Template, done, length, woken: Template):
@@ -214,6 +269,7 @@ class LayerFields:
         self.contacts.meet(points, self.near.faces, FACES, ahead)
         self.contacts.meet(points, self.near.edges, EDGES, ahead)
         self.contacts.fill_up()
+        self.stamp("contacts")
         self.began[None], self.ends[None] = done, done + length
         self.intervals[None] = self.intervals[None] + 1
 
@@ -229,31 +285,40 @@ class LayerFields:
             self.blends.refresh(points)
             self.pulled[None] = self.pulled[None] + 1
         ahead = ti.cast(self.longest[None], ti.f32) / span
+        self.stamp("paths")
         self.certificate.settle(points, self.paths, self.contacts, self.near, ahead)
         if used > 0.999 or self.certificate.pushed[None] > before:
             self.paths.measure(points)
         if self.paths.used[None] > 1.0 or self.certificate.bad[None] > 0:
             self.unproven[None] = self.unproven[None] + 1
+        self.stamp("proof")
         left = self.substeps[None] - done
         if left > 0:
             self.go_on(points, done, left, span)
 
     @ti.func
     def go_on(self, points: Template, done, left, span):
-        since, used = self.paths.since[None], self.paths.used[None]
-        rate = ti.max(used / ti.cast(since, ti.f32), 1e-5)
+        """The next interval; before it a search, of all or of what has used up its room."""
         most = ti.select(self.alone(), self.free[None], self.longest[None])
         wanted = ti.min(most, left)
-        room = ti.cast((self.use[None] - used) / rate, ti.i32)
-        anew = room < wanted or since + wanted > self.horizon[None]
-        if anew:
-            room = ti.max(ti.cast(self.use[None] / rate, ti.i32), 1)
-            self.horizon[None] = ti.min(ti.max(room, self.longest[None]), FAR * self.longest[None])
-            self.paths.predict(points, ti.cast(span, ti.f32))
-            self.look(points)
+        length = ti.max(1, ti.min(wanted, ti.cast(self.use[None] / ti.max(self.paths.rate[None], 1e-5), ti.i32)))
+        whole, anew, turn = self.paths.since[None] + length > self.horizon[None], False, 0
+        while not whole and turn <= TURNS:
+            allowed = ti.select(turn == 0, self.use[None], ENOUGH)
+            spent = self.paths.spend(allowed, ti.cast(length, ti.f32))
+            if spent == 0:
+                turn = TURNS + 1
+            elif turn == TURNS or spent > MOST_SPENT * LANES * ti.cast(self.paths.count[None], ti.f32):
+                whole = True
+            else:
+                self.search_spent(points, ti.cast(span, ti.f32))
+                self.paths.measure(points)
+                anew = True
+                turn += 1
+        if whole:
+            self.search_all(points, ti.cast(span, ti.f32), left)
         self.paths.keep(points)
-        length = ti.min(ti.max(room, 1), wanted)
-        if anew:
+        if anew or whole:
             self.begin(points, done, length, True)
         else:
             self.begin(points, done, length, False)
@@ -293,8 +358,8 @@ class LayerContact(SharedConstraint):
         self._inverse, self._tables = sheet.padded(sheet.inverse_mass).ravel(), Tables(sheet, outline, self._size)
 
     @property
-    def kind(self) -> tuple[int, int]:
-        return self._size, class_of(len(self._tables.at), FEWEST)
+    def kind(self) -> tuple[int, int, StageClock | None]:
+        return self._size, class_of(len(self._tables.at), FEWEST), self.clock
 
     def join(self, substeps: int, step: float) -> None:
         self._substeps = substeps

@@ -30,10 +30,13 @@ ROUNDS = 3
 @ti.data_oriented
 class Paths:
     """Of padded grids of up to `size` key points. has: `CELL` and so on. was: at the start of the interval [m]. begin,
-    pace: path from the last search on, place [m] and step [m a substep]. off: from the path [m]. room, turn: 1 over the
-    square of how far key points may be off [m], and of how much the difference of two that a thread joins may be off
-    [m]; 0 where there is none. count: packets of lanes. since: substeps since the search. used: the largest
-    share. rough: the largest difference of a key point's own pace from that of its path [m]."""
+    pace: path since the last search of all, where it is at its start [m] and its step [m a substep]. now: where it is
+    at the last search [m]. off: from the path [m]. room, turn: 1 over the square of how far key points may be off [m],
+    and of how much the difference of two that a thread joins may be off [m]; 0 where there is none. renewed: substep at
+    which the path was, from that search on. use: which share of room or turn is used up. fast: of it, how much a
+    substep. used, rate: the largest of these. spent: 1 of key points that get a new path. count: packets of lanes.
+    since: substeps since the search of all. rough: how
+    much the paces of key points differ from those of their paths, in the root of the mean square [m]."""
 
     count: Any  # its number is the bound of loops: type checkers would take it for a matrix
 
@@ -41,11 +44,11 @@ class Paths:
         def fields(count: int) -> list[ti.Field]:
             return [ti.field(ti.f32, size) for _ in range(count)]
 
-        self.was, self.begin, self.pace, self.off, self._own = (fields(3) for _ in range(5))
-        self.room, self.turn_east, self.turn_north, self.there = fields(4)
-        self.has = ti.field(ti.i32, size)
+        self.was, self.begin, self.now, self.pace, self.off, self._own = (fields(3) for _ in range(6))
+        self.room, self.turn_east, self.turn_north, self.there, self.renewed, self.use, self.fast = fields(7)
+        self.has, self.spent = ti.field(ti.i32, size), ti.field(ti.i32, size)
         self.count, self.since = ti.field(ti.i32, ()), ti.field(ti.i32, ())
-        self.used, self.rough = ti.field(ti.f32, ()), ti.field(ti.f32, ())
+        self.used, self.rate, self.rough = (ti.field(ti.f32, ()) for _ in range(3))
 
     @ti.func
     def packet(self, e):
@@ -60,46 +63,79 @@ class Paths:
                 store(self.was[axis], p, load(points.position[axis], p))
 
     @routine
+    def spend_all(self):
+        """All key points get a new path: a search of all."""
+        self.since[None] = 0
+        for e in range(self.count[None]):
+            store(self.spent, self.packet(e), ti.Vector([1] * LANES))
+
+    @routine
+    def spend(self, allowed: Float, ahead: Float) -> Int:
+        """After `measure`: those get a new path that, at the rate that they did, would use up more than what is allowed
+        within `ahead` substeps. Returns how many."""
+        count = ti.Vector([0] * LANES)
+        for e in range(self.count[None]):
+            p = self.packet(e)
+            spent = ti.select(load(self.use, p) + ahead * load(self.fast, p) > allowed, 1, 0)
+            store(self.spent, p, spent)
+            count += spent
+        return count.sum()
+
+    @routine
     def predict(self, points: Template, span: Float):
-        """Paths from here. span: substeps since `was`; 0: at the speed of the last step."""
+        """New paths of those that are to get one. span: substeps since `was`; 0: at the speed of the last step."""
         row = points.row[None]
-        scale = 1.0 / ti.max(span, 1.0)
+        scale, time = 1.0 / ti.max(span, 1.0), ti.cast(self.since[None], ti.f32)
         for e in range(self.count[None]):
             p = self.packet(e)
             there = load(self.there, p)
             for axis in ti.static(range(3)):
-                here = load(points.position[axis], p)
-                store(self.begin[axis], p, here)
-                mean = scale * (here - load(self.was[axis], p))
+                mean = scale * (load(points.position[axis], p) - load(self.was[axis], p))
                 own = ti.select(span > 0.0, mean, load(points.step[axis], p))
                 store(self._own[axis], p, there * own)
-        most = ti.Vector([0.0] * LANES)
+        total, count = ti.Vector([0.0] * LANES), ti.Vector([0.0] * LANES)
         for e in range(self.count[None]):
             p = self.packet(e)
             # By twos across from each other: a slope of the pace changes nothing, at an edge neither.
             u, v, w = load(self._own[0], p), load(self._own[1], p), load(self._own[2], p)
-            x, y, z, weight = u, v, w, ti.Vector([1.0] * LANES)
-            for o in ti.static((1, row, row + 1, row - 1)):
+            x, y, z, weight = 4.0 * u, 4.0 * v, 4.0 * w, ti.Vector([4.0] * LANES)
+            for o, share in ti.static(((1, 2.0), (row, 2.0), (row + 1, 1.0), (row - 1, 1.0))):
                 a, b = near(p + o), near(p - o)
-                both = load(self.there, a) * load(self.there, b)
+                both = share * load(self.there, a) * load(self.there, b)
                 weight += 2.0 * both
                 x += both * (load(self._own[0], a) + load(self._own[0], b))
                 y += both * (load(self._own[1], a) + load(self._own[1], b))
                 z += both * (load(self._own[2], a) + load(self._own[2], b))
             x, y, z = x / weight, y / weight, z / weight
-            for axis, pace in ti.static(((0, x), (1, y), (2, z))):
+            spent = load(self.spent, p) != 0
+            for axis, mean in ti.static(((0, x), (1, y), (2, z))):
+                here = load(points.position[axis], p)
+                pace = ti.select(spent, mean, load(self.pace[axis], p))
+                begin = ti.select(spent, here - time * mean, load(self.begin[axis], p))
                 store(self.pace[axis], p, pace)
+                store(self.begin[axis], p, begin)
+                store(self.now[axis], p, begin + time * pace)
+                store(self.off[axis], p, ti.select(spent, 0.0, load(self.off[axis], p)))
+            store(self.renewed, p, ti.select(spent, time, load(self.renewed, p)))
             apart = (x - u) ** 2 + (y - v) ** 2 + (z - w) ** 2
-            most = ti.max(most, apart * load(self.there, p))
-        self.rough[None] = ti.sqrt(largest(most))
-        self.since[None] = 0
+            total += apart * load(self.there, p)
+            count += load(self.there, p)
+        self.rough[None] = ti.sqrt(total.sum() / ti.max(count.sum(), 1.0))  # pyright: ignore[reportOptionalCall]
+
+    @ti.func
+    def strayed(self, p, width):
+        """How far corners of cell p are off, at most [m]; after `measure` or `predict`."""
+        most = 0.0
+        for offset in ti.static(range(4)):
+            q = p + (offset & 1) + (offset >> 1) * width
+            most = ti.max(most, self.off[0][q] ** 2 + self.off[1][q] ** 2 + self.off[2][q] ** 2)
+        return ti.sqrt(most)
 
     @routine
     def measure(self, points: Template):
-        """How far all are off, into `off`, and `used`."""
+        """How far all are off, into `off`; which share each has used up; `used` and `rate`."""
         row = points.row[None]
         time = ti.cast(self.since[None], ti.f32)
-        most = ti.Vector([0.0] * LANES)
         for e in range(self.count[None]):
             p = self.packet(e)
             total = ti.Vector([0.0] * LANES)
@@ -108,7 +144,9 @@ class Paths:
                 off = load(points.position[axis], p) - path
                 store(self.off[axis], p, off)
                 total += off * off
-            most = ti.max(most, total * load(self.room, p))
+            total *= load(self.room, p)
+            store(self.use, p, total)
+            store(self.fast, p, total / ti.max(time - load(self.renewed, p), 1.0) ** 2)
         for e in range(self.count[None]):
             p = self.packet(e)
             for offset, turn in ti.static(((1, self.turn_east), (row, self.turn_north))):
@@ -116,8 +154,20 @@ class Paths:
                 for axis in ti.static(range(3)):
                     apart = load(self.off[axis], near(p + offset)) - load(self.off[axis], p)
                     total += apart * apart
-                most = ti.max(most, total * load(turn, p))
-        self.used[None] = ti.sqrt(largest(most))
+                total *= load(turn, p)
+                since = ti.min(load(self.renewed, p), load(self.renewed, near(p + offset)))
+                rate = total / ti.max(time - since, 1.0) ** 2
+                for q in ti.static((p, near(p + offset))):
+                    store(self.use, q, ti.max(load(self.use, q), total))
+                    store(self.fast, q, ti.max(load(self.fast, q), rate))
+        most, fast = ti.Vector([0.0] * LANES), ti.Vector([0.0] * LANES)
+        for e in range(self.count[None]):
+            p = self.packet(e)
+            used, rate = ti.sqrt(load(self.use, p)), ti.sqrt(load(self.fast, p))
+            store(self.use, p, used)
+            store(self.fast, p, rate)
+            most, fast = ti.max(most, used), ti.max(fast, rate)
+        self.used[None], self.rate[None] = largest(most), largest(fast)
 
     @routine
     def pull_back(self, points: Template, span: Int):

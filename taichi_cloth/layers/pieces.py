@@ -6,10 +6,11 @@ import taichi as ti
 
 from taichi_cloth.ground.arrays import F32x2, Float, I32x2, Int, Template
 from taichi_cloth.ground.routine import routine
-from taichi_cloth.layers.near_pairs import EDGES, FACES, NEAR_SEAMS, gather, nearest_of_edges, nearest_on_face
+from taichi_cloth.layers.distances import EDGES, FACES, gather, nearest_of_edges, nearest_on_face
+from taichi_cloth.layers.near_pairs import NEAR_SEAMS
 from taichi_cloth.layers.outline import MEETS, PIECES
 from taichi_cloth.layers.paths import CELL, EAST, NORTH, POINT
-from taichi_cloth.layers.search import COLUMNS
+from taichi_cloth.layers.search import element
 from taichi_cloth.sheet.sheet import LANES
 
 __all__ = ["Pieces"]
@@ -22,7 +23,8 @@ QUEUE, ROOM = 4096, 1024
 class Pieces:
     """first: (3, elements + 1), where the points, faces and threads of a cell's pieces begin; point, face, edge: of
     them. label: of each element: those of one number are one. panel: from 1. flat, seam: see `Outline`. cell_seam: the
-    least of a cell. queue: [corner], of pairs that wait. within: how near they are to be, squared [m²]."""
+    least of a cell. queue: [corner], of pairs that wait. cell: [side], of
+    them. within: how near they are to be, squared [m²]."""
 
     waiting: Any
     first: Any
@@ -37,6 +39,7 @@ class Pieces:
         self.seam, self.cell_seam = ti.field(ti.f32, elements), ti.field(ti.f32, size)
         self.queue = [ti.field(ti.i32, QUEUE + LANES) for _ in range(4)]
         self.within = ti.field(ti.f32, QUEUE + LANES)
+        self.cell = [ti.field(ti.i32, QUEUE) for _ in range(2)]
         self.waiting = ti.field(ti.i32, ())
 
     @ti.func
@@ -67,15 +70,14 @@ class Pieces:
         for kind in range(FACES, EDGES + 1):
             total = search.count[0]
             for pair in range(total):
-                one, other = search.one[0, pair], search.other[0, pair]
-                p = one // COLUMNS * width + one % COLUMNS
-                q = other // COLUMNS * width + other % COLUMNS
+                p, q = element(search.one[0, pair], width), element(search.other[0, pair], width)
                 if ((paths.has[p] | paths.has[q]) & PIECES) != 0:
                     approach = 0.0
                     for axis in ti.static(range(3)):
                         slow, fast = ti.static(tree.low[axis + 3], tree.high[axis + 3])
                         approach += ti.max(fast[p] - slow[q], fast[q] - slow[p], 0.0) ** 2
-                    within = (reach + ti.sqrt(approach)) ** 2
+                    off = paths.strayed(p, width) + paths.strayed(q, width)
+                    within = (reach + off + ti.sqrt(approach)) ** 2
                     if kind == FACES:
                         self.ask_faces(paths, near, p, q, within)
                         self.ask_faces(paths, near, q, p, within)
@@ -88,12 +90,12 @@ class Pieces:
                         self.answer_edges(points, near)
 
     @ti.func
-    def ask(self, near: Template, i, j, k, m, within):
-        """One more waits."""
+    def ask(self, near: Template, i, j, k, m, p, q, within):
+        """One more waits, of cells p and q."""
         at = self.waiting[None]
         if at < QUEUE:
             self.queue[0][at], self.queue[1][at], self.queue[2][at], self.queue[3][at] = i, j, k, m
-            self.within[at] = within
+            self.within[at], self.cell[0][at], self.cell[1][at] = within, p, q
             self.waiting[None] = at + 1
         else:
             near.overflow[None] = near.overflow[None] + 1
@@ -121,7 +123,7 @@ class Pieces:
                             k += near.face_offset[f + 2, 2]
                         own = self.label[v]
                         if own != self.label[i] and own != self.label[j] and own != self.label[k]:
-                            self.ask(near, v, i, j, k, within)
+                            self.ask(near, v, i, j, k, p, q, within)
 
     @ti.func
     def thread(self, near: Template, p, e, first):
@@ -155,7 +157,7 @@ class Pieces:
                         k, m = self.thread(near, q, f, other)
                         third, fourth = self.label[k], self.label[m]
                         if first != third and first != fourth and second != third and second != fourth:
-                            self.ask(near, i, j, k, m, within)
+                            self.ask(near, i, j, k, m, p, q, within)
 
     @ti.func
     def waiting_lanes(self):
@@ -184,7 +186,7 @@ class Pieces:
                     flat = ti.min(self.beside(a, b, c), ti.min(self.beside(a, c, d), self.beside(a, d, b)))
                     sewn = self.seam[a] + ti.min(self.seam[b], ti.min(self.seam[c], self.seam[d]))
                     kept = self.kept_apart(near, a, b, flat, sewn)
-                    found = near.keep(near.faces, found, k, kept, (a, b, c, d))
+                    found = near.keep(near.faces, found, k, kept, (a, b, c, d), self.cell[0][w], self.cell[1][w])
         near.faces.close(found, (0, 1, points.row[None], points.row[None] + 1))
         self.waiting[None] = 0
 
@@ -205,7 +207,8 @@ class Pieces:
                     flat = ti.min(one, ti.min(other, self.beside(d, a, b)))
                     sewn = ti.min(self.seam[a], self.seam[b]) + ti.min(self.seam[c], self.seam[d])
                     kept = self.kept_apart(near, a, c, flat, sewn)
-                    found = near.keep(near.edges, found, k, near.edge_share[None] * kept, (a, b, c, d))
+                    kept *= near.edge_share[None]
+                    found = near.keep(near.edges, found, k, kept, (a, b, c, d), self.cell[0][w], self.cell[1][w])
         near.edges.close(found, (0, 1, points.row[None], points.row[None] + 1))
         self.waiting[None] = 0
 

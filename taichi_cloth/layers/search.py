@@ -3,6 +3,11 @@
 A pair of nodes is done with where the two stay apart until the horizon, or where both are part of one patch that cannot
 meet itself (`patches.py`). Either way it is noted how much they may leave their paths before that has to be looked at
 again. What is left on the lowest level are pairs of cells.
+
+Where only some key points get a new path, only pairs are gone through that have to do with them; what was found of all
+others stays as it is. A pair of which nothing got a new path was dealt with before, itself or as part of a larger one,
+and what those of its cells may leave their paths by has been kept. Unless that was as part of a patch: of one that is
+none any more all pairs are gone through (`ANEW`).
 """
 
 from typing import Any
@@ -13,8 +18,10 @@ from taichi_cloth.ground.arrays import Float, Int, Template
 from taichi_cloth.ground.routine import routine
 from taichi_cloth.layers.patches import slack_of
 from taichi_cloth.layers.tree import LEVELS, WARP, WEFT
+from taichi_cloth.motion.stencil import store
+from taichi_cloth.sheet.sheet import LANES
 
-__all__ = ["Search"]
+__all__ = ["ROOM", "Search", "element"]
 
 ROOM = 24
 """Pairs, for each key point."""
@@ -22,32 +29,69 @@ ROOM = 24
 COLUMNS = 1 << 12
 """More than a padded grid has."""
 
+ANEW = 1 << 28
+"""Bit of the first node of pairs of which all within is to be gone through."""
+
+
+@ti.func
+def element(node, width):
+    """Of the padded grid, of a cell in a list."""
+    return node // COLUMNS * width + node % COLUMNS
+
 
 @ti.data_oriented
 class Search:
-    """one, other: [list, pair], row × COLUMNS + column of two nodes. count: [list]. least: [level], slack
-    that a patch has to have. overflow: pairs without room."""
+    """one, other: [list, pair], row × COLUMNS + column of two nodes. count: [list]. least: [level], slack that a patch
+    has to have. gap: between four nodes and four others [m]. overflow: pairs without room."""
 
     count: Any
 
     def __init__(self, size: int) -> None:
         self.room = ROOM * size
         self.one, self.other = (ti.field(ti.i32, (2, self.room)) for _ in range(2))
+        self.gap = ti.field(ti.f32, 2 * LANES)
         self.least = ti.field(ti.f32, LEVELS)
         self.count, self.overflow = ti.field(ti.i32, 2), ti.field(ti.i32, ())
 
     @ti.func
-    def apart(self, tree: Template, a, b, reach):
-        """Whether two nodes stay further apart than `reach` until the horizon, as far as boxes tell."""
-        gap = -1e9
-        for axis in ti.static(range(3)):
-            low, high, slow, fast = ti.static(tree.low[axis], tree.high[axis], tree.low[axis + 3], tree.high[axis + 3])
-            gap = ti.max(gap, low[a] - high[b] - ti.max(fast[b] - slow[a], 0.0))
-            gap = ti.max(gap, low[b] - high[a] - ti.max(fast[a] - slow[b], 0.0))
-        if gap > reach:
-            tree.clear[a] = ti.min(tree.clear[a], 0.5 * gap)
-            tree.clear[b] = ti.min(tree.clear[b], 0.5 * gap)
-        return gap > reach
+    def apart(self, tree: Template, a, b):
+        """How far nodes a and b, four each, stay apart until the horizon at least, as far as boxes tell: into `gap`, of
+        each of the first with all of the others."""
+        for half in ti.static(range(2)):
+            gap = ti.Vector([-1e9] * LANES)
+            for axis in ti.static(range(3)):
+                low, high, slow, fast = ti.static(
+                    tree.low[axis], tree.high[axis], tree.low[axis + 3], tree.high[axis + 3]
+                )
+                one = self.each(low, a, half) - self.all_of(high, b)
+                one -= ti.max(self.all_of(fast, b) - self.each(slow, a, half), 0.0)
+                other = self.all_of(low, b) - self.each(high, a, half)
+                other -= ti.max(self.each(fast, a, half) - self.all_of(slow, b), 0.0)
+                gap = ti.max(gap, ti.max(one, other))
+            store(self.gap, half * LANES, gap)
+
+    @ti.func
+    def each(self, field: Template, a, half: Template):
+        """Of the first or last two of four nodes, four times each."""
+        one, other = field[a[2 * half]], field[a[2 * half + 1]]
+        return ti.Vector([one, one, one, one, other, other, other, other])
+
+    @ti.func
+    def all_of(self, field: Template, b):
+        """Of four nodes, twice."""
+        four = ti.Vector([field[b[k]] for k in ti.static(range(4))])
+        return ti.Vector([four[k % 4] for k in ti.static(range(LANES))])
+
+    @ti.func
+    def children(self, tree: Template, level, i, j):
+        """Those of node (i, j) of the level above, on this level; others where the sheet ends."""
+        last_row, last_column = tree.at[level, 1] - 1, tree.at[level, 2] - 1
+        return ti.Vector(
+            [
+                tree.node(level, ti.min(2 * i + x // 2, last_row), ti.min(2 * j + x % 2, last_column))
+                for x in ti.static(range(4))
+            ]
+        )
 
     @ti.func
     def flat(self, tree: Template, level, i, j, k, m):
@@ -66,23 +110,42 @@ class Search:
         return slack > self.least[level]
 
     @ti.func
-    def add(self, target, found, i, j, k, m):
+    def beside(self, tree: Template, level, i, j, k, m):
+        """Of two nodes that touch, the first as rows and columns go, and the bit that the other is of it."""
+        first = i < k or (i == k and j <= m)
+        node = ti.select(first, tree.node(level, i, j), tree.node(level, k, m))
+        side = ti.select(first, m - j, j - m)
+        return node, 1 << (3 * ti.abs(k - i) + side + 1)
+
+    @ti.func
+    def add(self, target, found, i, j, k, m, done):
         if found < self.room:
-            self.one[target, found] = i * COLUMNS + j
+            self.one[target, found] = i * COLUMNS + j + ti.select(done < 0, ANEW, 0)
             self.other[target, found] = k * COLUMNS + m
         else:
             self.overflow[None] = self.overflow[None] + 1
         return ti.min(found + 1, self.room)
 
     @ti.func
-    def done(self, tree: Template, level, i, j, k, m, reach):
-        """Whether two nodes need no closer look."""
-        out = 0
+    def done(self, tree: Template, level, i, j, k, m, reach, anew, gap):
+        """0 where two nodes need a closer look, −1 where all in them does; 1 where they need none. anew: whether
+        nothing is known of them. gap: how far they are apart."""
+        a, b = tree.node(level, i, j), tree.node(level, k, m)
+        out, look, was = 0, tree.stale[a] | tree.stale[b] | anew, 0
         if ti.max(ti.abs(i - k), ti.abs(j - m)) <= 1:
-            out = ti.cast(self.flat(tree, level, i, j, k, m), ti.i32)
-        if out == 0:
-            out = ti.cast(self.apart(tree, tree.node(level, i, j), tree.node(level, k, m), reach), ti.i32)
-        return out == 1
+            look |= tree.stale[tree.node(level, i, m)] | tree.stale[tree.node(level, k, j)]
+            if look != 0:
+                node, bit = self.beside(tree, level, i, j, k, m)
+                was = ti.select(tree.flat[node] & bit != 0, 1, 0)
+                out = ti.cast(self.flat(tree, level, i, j, k, m), ti.i32)
+                tree.flat[node] = ti.select(out == 1, tree.flat[node] | bit, tree.flat[node] & ~bit)
+        if look == 0:
+            out = 1
+        elif out == 0 and gap > reach:
+            out = 1
+            tree.clear[a] = ti.min(tree.clear[a], 0.5 * gap)
+            tree.clear[b] = ti.min(tree.clear[b], 0.5 * gap)
+        return ti.select(out == 0 and (was | anew) != 0, -1, out)
 
     @routine
     def begin(self, tree: Template, reach: Float):
@@ -91,41 +154,38 @@ class Search:
         wide = tree.at[level, 2]
         total, found = tree.at[level, 1] * wide, 0
         for a in range(total):
-            for b in range(a, total):
-                if not self.done(tree, level, a // wide, a % wide, b // wide, b % wide, reach):
-                    found = self.add(level & 1, found, a // wide, a % wide, b // wide, b % wide)
+            for group in range(a // 4, (total + 3) // 4):
+                first = tree.node(level, 0, 0)
+                others = ti.Vector([first + ti.min(4 * group + y, total - 1) for y in ti.static(range(4))])
+                self.apart(tree, ti.Vector([first + a] * 4), others)
+                for b in range(ti.max(a, 4 * group), ti.min(4 * group + 4, total)):
+                    gap = self.gap[b - 4 * group]
+                    done = self.done(tree, level, a // wide, a % wide, b // wide, b % wide, reach, 0, gap)
+                    if done <= 0:
+                        found = self.add(level & 1, found, a // wide, a % wide, b // wide, b % wide, done)
         self.count[level & 1] = found
 
     @routine
-    def descend(self, tree: Template, level: Int, wide: Float, reach: Float):
-        """Pairs of a level to those of the one below. wide, reach: how near two nodes are looked at, of which one is on
-        this level, and both on the one below [m]."""
+    def descend(self, tree: Template, level: Int, reach: Float):
+        """Pairs of a level to those of the one below. reach: how near two nodes of that are looked at [m]."""
         source, target = level & 1, 1 - (level & 1)
         found, rows, columns = 0, tree.at[level - 1, 1], tree.at[level - 1, 2]
         for pair in range(self.count[source]):
             one, other = self.one[source, pair], self.other[source, pair]
+            anew = ti.select(one & ANEW != 0, 1, 0)
+            one &= ~ANEW
             i, j, k, m = one // COLUMNS, one % COLUMNS, other // COLUMNS, other % COLUMNS
             same = one == other
-            a, b = tree.node(level, i, j), tree.node(level, k, m)
-            near = 0  # a bit for each child of the second
-            for y in range(4):
-                u, v = 2 * k + (y >> 1), 2 * m + (y & 1)
-                there = u < rows and v < columns
-                if there and same:
-                    near |= 1 << y
-                elif there:  # noqa: SIM102  # nested, as `and` works out all of it
-                    if not self.apart(tree, tree.node(level - 1, u, v), a, wide):
-                        near |= 1 << y
+            self.apart(tree, self.children(tree, level - 1, i, j), self.children(tree, level - 1, k, m))
             for x in range(4):
                 s, t = 2 * i + (x >> 1), 2 * j + (x & 1)
-                if near != 0 and s < rows and t < columns:
-                    far = 0
-                    if not same:
-                        far = ti.cast(self.apart(tree, tree.node(level - 1, s, t), b, wide), ti.i32)
-                    if far == 0:
-                        for y in range(4):
-                            if (near >> y) & 1 == 1 and (not same or x < y or (x == y and level > 1)):
-                                u, v = 2 * k + (y >> 1), 2 * m + (y & 1)
-                                if not self.done(tree, level - 1, s, t, u, v, reach):
-                                    found = self.add(target, found, s, t, u, v)
+                if s < rows and t < columns:
+                    for y in range(4):
+                        u, v = 2 * k + (y >> 1), 2 * m + (y & 1)
+                        if u < rows and v < columns and (not same or x < y or (x == y and level > 1)):
+                            done = self.done(tree, level - 1, s, t, u, v, reach, anew, self.gap[4 * x + y])
+                            if level == 1 and done < 0:
+                                done = 0
+                            if done <= 0:
+                                found = self.add(target, found, s, t, u, v, done)
         self.count[target] = found

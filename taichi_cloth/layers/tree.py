@@ -7,11 +7,10 @@ import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
 
-from taichi_cloth.ground.arrays import I32x2, Template
+from taichi_cloth.ground.arrays import Float, I32x2, Int, Template
 from taichi_cloth.ground.routine import routine
 from taichi_cloth.layers.paths import CELL, EAST, NORTH, POINT
 from taichi_cloth.motion.stencil import load, near, store
-from taichi_cloth.sheet.sheet import LANES
 
 __all__ = ["HOLE", "LEVELS", "NONE", "Tree", "levels_of"]
 
@@ -43,7 +42,9 @@ def levels_of(rows: int, width: int) -> NDArray[np.int32]:
 @ti.data_oriented
 class Tree:
     """low, high: [bound], see `WEFT`; of nothing NONE and −NONE. clear: how far all in a node may be off its path [m].
-    slack: by how much its threads may turn, as a share of their length. at: see `levels_of`. top: level."""
+    slack: by how much its threads may turn, as a share of their length. stale: 1 where anything in it gets a new path.
+    flat: a bit for each of the nodes beside it, and itself, that it makes a patch with that cannot meet itself, see
+    `Search.beside`. at: see `levels_of`. top: level."""
 
     at: Any
     top: Any
@@ -52,6 +53,7 @@ class Tree:
         nodes = 2 * size
         self.low, self.high = ([ti.field(ti.f32, nodes) for _ in range(12)] for _ in range(2))
         self.clear, self.slack = (ti.field(ti.f32, nodes) for _ in range(2))
+        self.stale, self.flat = (ti.field(ti.i32, nodes) for _ in range(2))
         self.at, self.top = ti.field(ti.i32, (LEVELS, 3)), ti.field(ti.i32, ())
         self.inverse = ti.field(ti.f32, 2)
 
@@ -76,8 +78,8 @@ class Tree:
         store(self.high[k], p, ti.select(there, high, -NONE))
 
     @routine
-    def cells(self, points: Template, paths: Template, horizon: ti.f32):  # pyright: ignore[reportInvalidTypeForm]
-        """The lowest level. horizon: substeps ahead."""
+    def cells(self, points: Template, paths: Template, horizon: Float, whole: Int):
+        """The lowest level. horizon: substeps ahead. whole: whether nothing is known from before."""
         row = points.row[None]
         for e in range(paths.count[None]):
             p = paths.packet(e)
@@ -85,8 +87,8 @@ class Tree:
             here, east, north, cell = (has & POINT) != 0, (has & EAST) != 0, (has & NORTH) != 0, (has & CELL) != 0
             hole = (has & HOLE) != 0
             for axis in ti.static(range(3)):
-                a, b = load(points.position[axis], p), load(points.position[axis], near(p + 1))
-                c, d = load(points.position[axis], near(p + row)), load(points.position[axis], near(p + row + 1))
+                a, b = load(paths.now[axis], p), load(paths.now[axis], near(p + 1))
+                c, d = load(paths.now[axis], near(p + row)), load(paths.now[axis], near(p + row + 1))
                 x, y, z = ti.select(east, b, a), ti.select(north, c, a), ti.select(cell, d, a)
                 self.bound(axis, p, here, ti.min(ti.min(a, x), ti.min(y, z)), ti.max(ti.max(a, x), ti.max(y, z)))
                 u, v = horizon * load(paths.pace[axis], p), horizon * load(paths.pace[axis], near(p + 1))
@@ -110,11 +112,15 @@ class Tree:
                         ti.select(hole, -9.0, scale * low),
                         ti.select(hole, 9.0, scale * high),
                     )
-            store(self.clear, p, ti.Vector([NONE] * LANES))
-            store(self.slack, p, ti.Vector([NONE] * LANES))
+            stale = load(paths.spent, p) | load(paths.spent, near(p + 1))
+            stale |= load(paths.spent, near(p + row)) | load(paths.spent, near(p + row + 1))
+            store(self.stale, p, stale)
+            store(self.clear, p, ti.select(stale != 0, NONE, load(self.clear, p)))
+            store(self.slack, p, ti.select(stale != 0, NONE, load(self.slack, p)))
+            store(self.flat, p, ti.select(whole != 0, 0, load(self.flat, p)))
 
     @routine
-    def rise(self):
+    def rise(self, whole: Int):
         """All levels from the one below."""
         for level in range(1, self.top[None] + 1):
             rows, wide = self.at[level - 1, 1], self.at[level - 1, 2]
@@ -127,8 +133,12 @@ class Tree:
                         low, high = ti.static(self.low[k], self.high[k])
                         low[q] = ti.min(ti.min(low[p], low[p + x]), ti.min(low[p + y], low[p + y + x]))
                         high[q] = ti.max(ti.max(high[p], high[p + x]), ti.max(high[p + y], high[p + y + x]))
-                    self.clear[q] = NONE
-                    self.slack[q] = NONE
+                    self.stale[q] = self.stale[p] | self.stale[p + x] | self.stale[p + y] | self.stale[p + y + x]
+                    if self.stale[q] != 0:
+                        self.clear[q] = NONE
+                        self.slack[q] = NONE
+                    if whole != 0:
+                        self.flat[q] = 0
 
     @routine
     def settle(self, points: Template, paths: Template):

@@ -40,6 +40,7 @@ class Constraint:
     it has a `warm_start`. At most one constraint of a solver may.
     spreads: it has a `loop`, and so can do without the kernel that threads share. spread: whether it is to; said by the
     solver before fields are made.
+    clock: the solver's, see `KernelSolver`.
     known_as: in a line that says what a device lacks.
     keeps: planes of the state, as large as one of positions, that it uses as it likes, by `begin`, `end` and `rescale`.
     They are the last of the state. At most one constraint of a solver may.
@@ -56,6 +57,7 @@ class Constraint:
     keeps = 0
     spreads = False
     spread = False
+    clock: Any = None
     known_as = "ties and seams"
 
     def loop(self, loops: Any, again: bool) -> Callable[..., Any] | None:

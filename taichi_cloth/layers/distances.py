@@ -1,0 +1,122 @@
+"""Distances of points from faces and of edges from edges, by lanes, and the directions that part them."""
+
+import taichi as ti
+
+from taichi_cloth.ground.arrays import Template
+from taichi_cloth.sheet.sheet import LANES
+
+__all__ = [
+    "EDGES",
+    "FACES",
+    "apart_along",
+    "cross",
+    "dot",
+    "gather",
+    "nearest_of_edges",
+    "nearest_on_face",
+    "parting",
+    "vectors",
+]
+
+FACES, EDGES = 1, 2
+"""Kinds of pairs, and how many of their four points are on the first side: a point and a face, two edges."""
+
+
+@ti.func
+def gather(field: Template, at):
+    """Of elements `at`, one a lane."""
+    return ti.Vector([field[at[k]] for k in ti.static(range(LANES))])
+
+
+@ti.func
+def vectors(place: Template, to, origin: Template):
+    """Of elements `to`, less x, y, z."""
+    return (
+        gather(place[0], to) - origin[0],
+        gather(place[1], to) - origin[1],
+        gather(place[2], to) - origin[2],
+    )
+
+
+@ti.func
+def dot(one: Template, other: Template):
+    return one[0] * other[0] + one[1] * other[1] + one[2] * other[2]
+
+
+@ti.func
+def cross(one: Template, other: Template):
+    return (
+        one[1] * other[2] - one[2] * other[1],
+        one[2] * other[0] - one[0] * other[2],
+        one[0] * other[1] - one[1] * other[0],
+    )
+
+
+@ti.func
+def apart_along(x: Template, kind: Template, i, j, k, m, way: Template):
+    """How far the first `kind` of points i, j, k, m (lanes) are beyond the others along a way."""
+    origin = ti.static((0.0, 0.0, 0.0))
+    a = vectors(x, i, origin)
+    b, c, d = dot(vectors(x, j, a), way), dot(vectors(x, k, a), way), dot(vectors(x, m, a), way)
+    out = -ti.max(b, ti.max(c, d))
+    if ti.static(kind == EDGES):
+        out = ti.min(b, 0.0) - ti.max(c, d)
+    return out
+
+
+@ti.func
+def parting(x: Template, kind: Template, i, j, k, m, u: Template, v: Template, side: Template, way: Template):
+    """A unit vector that parts a point i and a face, or edges i–j and k–m (lanes): `way`, or what is across u and v,
+    two edges of theirs, where that parts them more: the nearest places of slivers, and of what all but touches, are not
+    known so well. side: from the second to the first."""
+    n = cross(u, v)
+    scale = ti.select(dot(side, n) < 0.0, -1.0, 1.0) / ti.sqrt(dot(n, n) + 1e-30)
+    across = (n[0] * scale, n[1] * scale, n[2] * scale)
+    better = apart_along(x, kind, i, j, k, m, across) > apart_along(x, kind, i, j, k, m, way)
+    return (
+        ti.select(better, across[0], way[0]),
+        ti.select(better, across[1], way[1]),
+        ti.select(better, across[2], way[2]),
+    )
+
+
+@ti.func
+def nearest_of_edges(x: Template, i, j, k, m):
+    """Where on edges i–j and k–m (lanes) they are nearest, 0 to 1 each, and the vector from the second to the first
+    (Ericson 2004, Real-Time Collision Detection, 5.1.9, without branches)."""
+    origin = ti.static((0.0, 0.0, 0.0))
+    a, b = vectors(x, i, origin), vectors(x, k, origin)
+    u, v = vectors(x, j, a), vectors(x, m, b)
+    rx, ry, rz = a[0] - b[0], a[1] - b[1], a[2] - b[2]
+    r = (rx, ry, rz)
+    uu, vv, uv = dot(u, u) + 1e-20, dot(v, v) + 1e-20, dot(u, v)
+    ur, vr = dot(u, r), dot(v, r)
+    s = ti.min(ti.max((uv * vr - ur * vv) / ti.max(uu * vv - uv * uv, 1e-6 * uu * vv), 0.0), 1.0)
+    t = ti.min(ti.max((uv * s + vr) / vv, 0.0), 1.0)
+    s = ti.min(ti.max((uv * t - ur) / uu, 0.0), 1.0)
+    return s, t, rx + s * u[0] - t * v[0], ry + s * u[1] - t * v[1], rz + s * u[2] - t * v[2]
+
+
+@ti.func
+def nearest_on_face(x: Template, p, i, j, k):
+    """Where on triangle i, j, k (lanes) point p is nearest, as shares of j and k, the vector from there to p, and
+    whether that is inside."""
+    origin = ti.static((0.0, 0.0, 0.0))
+    a = vectors(x, i, origin)
+    w, u, v = vectors(x, p, a), vectors(x, j, a), vectors(x, k, a)
+    uu, uv, vv, uw, vw = dot(u, u) + 1e-20, dot(u, v), dot(v, v) + 1e-20, dot(u, w), dot(v, w)
+    # By areas, not by uu vv − uv²: pieces of cells may be slivers.
+    n, one, other = cross(u, v), cross(w, v), cross(u, w)
+    scale = 1.0 / ti.max(dot(n, n), 1e-8 * uu * vv)
+    s, t = scale * dot(one, n), scale * dot(other, n)
+    inside = (s >= 0.0) & (t >= 0.0) & (s + t <= 1.0)
+    # On each edge, and how near, but for |w|².
+    s1, t2 = ti.min(ti.max(uw / uu, 0.0), 1.0), ti.min(ti.max(vw / vv, 0.0), 1.0)
+    k3 = ti.min(ti.max((uu - uv - uw + vw) / (uu - 2.0 * uv + vv + 1e-20), 0.0), 1.0)
+    h3 = 1.0 - k3
+    d1, d2 = s1 * s1 * uu - 2.0 * s1 * uw, t2 * t2 * vv - 2.0 * t2 * vw
+    d3 = h3 * h3 * uu + 2.0 * k3 * h3 * uv + k3 * k3 * vv - 2.0 * h3 * uw - 2.0 * k3 * vw
+    first, second = (d1 <= d2) & (d1 <= d3), d2 <= d3
+    s = ti.select(inside, s, ti.select(first, s1, ti.select(second, 0.0, h3)))
+    t = ti.select(inside, t, ti.select(first, 0.0, ti.select(second, t2, k3)))
+    return s, t, w[0] - s * u[0] - t * v[0], w[1] - s * u[1] - t * v[1], w[2] - s * u[2] - t * v[2], inside
