@@ -20,7 +20,7 @@ from taichi_cloth.garment.pattern.garmentcode import read_garmentcode
 from taichi_cloth.garment.pattern.measure import figure_of
 from taichi_cloth.garment.pattern.pattern import Pattern
 from taichi_cloth.garment.sewn.limbs import bearer, spared
-from taichi_cloth.garment.sewn.sew import Garment, Worn, sew
+from taichi_cloth.garment.sewn.sew import RECOVERY, Garment, Worn, sew
 from taichi_cloth.garment.sewn.weaving import crossings_shape
 from taichi_cloth.ground.cache import digest, kept
 from taichi_cloth.ground.errors import InputError
@@ -58,7 +58,7 @@ __all__ = [
     "woven_garment",
 ]
 
-VERSION = 23
+VERSION = 24
 """Of what is kept on disk: raised whenever the same scene would come to another rest."""
 
 Progress = Callable[[str, int, int], None]
@@ -242,6 +242,8 @@ def garment_simulation(
     garment = dressed.garment
     met = spared(garment.atlas, dressed.worn.positions, dressed.primitives, moving=not still)
     colliders = replace(colliders, spared=met)
+    if still:  # let out as fast as it was when it came to rest, or waistbands begin with a jerk of 10 mm/s
+        colliders = replace(colliders, recovery=RECOVERY)
     forces = replace(garment_forces(scene, dressed), body=colliders)
     places = garment.holds()[2]
     solver = scene.solver or SolverSection()

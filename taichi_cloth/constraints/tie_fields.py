@@ -28,6 +28,9 @@ FRESH, PUSHED = -1, -2
 SLACK = 1e-4
 """By how much a tie has to be too wide to be seen to more than once in a substep [m]: few are."""
 
+LEAST = 0.1
+"""Share of MOVING of `ties.py` that a tie which lies learns as if it had: a curtain that is hung still must learn."""
+
 TURNS = 8
 """At most, of threads beside ties and these. Walking, 45 frames: with 4 of them 24 threads of a pair of trousers were
 beyond 3 % in all, with 8 two."""
@@ -118,14 +121,16 @@ class TieFields:
 
     @ti.func
     def draw_beside(self, points: Template, share):
-        """Threads beside ties that are too long, in turn with the ties at their ends."""
+        """Threads beside ties that are too long, in turn with the ties at their ends. Seams have the last word, and
+        threads where cloth is held: it may be held a hair off, and no thread is so long for it."""
         listed = 0
         if self.path[self.capacity, 5] > 0.0:
             listed = self.beside.look(points)
-        for _ in range(TURNS):
+        for turn in range(TURNS):
             if listed > 0:
                 drawn = self.beside.draw(points, listed)
-                for m in range(drawn):
+                last = ti.static(not self.repeated) and turn == TURNS - 1
+                for m in range(0 if last else drawn):
                     t = self.beside.drawn[m]
                     for e in range(self.beside.begin[t], self.beside.begin[t + 1]):
                         self.close(points, self.beside.tie[e], share)
@@ -235,9 +240,23 @@ class TieFields:
 
     @ti.func
     def learn(self, points: Template, k, push):
-        """That tie k was pushed by so much more than usual, if that is not little, nor the tie still being drawn in."""
+        """That tie k was pushed by so much more than usual, if that is not little, nor the tie still being drawn in.
+        The slower it moves the less it learns."""
         if ti.static(points.sums and self.repeated) and self.path[k, ALLOWED] <= 0.0:
             size = ti.sqrt(push[3] ** 2 + push[4] ** 2 + push[5] ** 2)
             gain = self.path[self.capacity, 3] * ti.max(1.0 - self.path[self.capacity, 4] / ti.max(size, 1e-12), 0.0)
+            gain *= ti.min(ti.max(self.path[self.capacity, 6] * self.speed(points, k), LEAST), 1.0)
             for c in ti.static(range(3)):
                 self.usual[c, k] += gain * push[3 + c]
+
+    @ti.func
+    def speed(self, points: Template, k):
+        """How far what tie k joins moved in this step [m]."""
+        x, y, z, weights = 0.0, 0.0, 0.0, 0.0
+        for j in ti.static(range(NODES)):
+            p, weight = self.node[k, j], ti.abs(self.row[k, j])
+            x += weight * points.step[0][p]
+            y += weight * points.step[1][p]
+            z += weight * points.step[2][p]
+            weights += weight
+        return ti.sqrt(x * x + y * y + z * z) / weights

@@ -64,6 +64,10 @@ LEARNT = 0.004
 what adds up makes a spring of what was a tie, and a T-shirt at rest trembled at 4 mm/s. With 0.008 and 0.012 the
 longest thread of one that walks comes to 3.04 and 2.98 % in place of 2.6."""
 
+MOVING = 0.3
+"""Speed of a tie from which on it learns in that time [m/s]. Slower ones learn more slowly: what keeps seams closed
+changes as cloth moves, and what learns at rest hunts."""
+
 
 class Ties(SharedConstraint):
     """nodes: int (n, m ≤ 8, 2) rows and columns of key points. weights: (n, m); those of a tie sum to 0, or to 1 where
@@ -199,7 +203,7 @@ class Ties(SharedConstraint):
             path[:-1, USUAL:] = self._usual(state).T
         most = np.inf if self.repeated else self.reach / self.substeps
         drawn = float((now <= CLOSED).all())
-        path[-1, :6] = self.count, 1.0 / self.substeps, most, self.gain, self.least, drawn
+        path[-1, :7] = self.count, 1.0 / self.substeps, most, self.gain, self.least, drawn, 1.0 / (MOVING * self.step)
         fields.take(path)
 
     def end(self, state: SheetState) -> None:

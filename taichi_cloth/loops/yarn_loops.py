@@ -35,7 +35,7 @@ class YarnLoops(FrameLoops):
         super().__init__(frame, features, packets, 1, padded_shape)
         rows, width = padded_shape[0] - 2 * PAD, padded_shape[1]
         self.yarns: Any = self.frame.yarns
-        self.tight = Largest(frame.size)
+        self.tight, self.missed = Largest(frame.size), Largest(frame.size)
         self.yarns.tight = self.tight.value  # each thread has its own place
         self.yarns.strained, self.yarns.differs = (ti.field(ti.f32, frame.size) for _ in range(2))
         first = PAD * width
@@ -175,6 +175,19 @@ class YarnLoops(FrameLoops):
     def tightest(self) -> float:
         """As `YarnFrame.tightest`."""
         return self.tight.find()
+
+    def unsolved(self) -> float:
+        """As `YarnFrame.unsolved`."""
+        self._find_unsolved()
+        return self.missed.find()
+
+    @ti.kernel
+    def _find_unsolved(self):
+        for p in range(self.frame.size):
+            most = 0.0
+            for family in ti.static(range(FAMILIES)):
+                most = ti.max(most, self.yarns.unsolved(self.frame, p, family))
+            self.missed.value[p] = most
 
 
 def _soft(loops: Any) -> Callable[..., Any]:

@@ -127,7 +127,11 @@ class Simulation:
         """Takes away all speed. Done whenever cloth begins to slow down, as it does where its energy is least, this
         brings it to rest sooner than any damping that is the same all the time (kinetic damping, Cundall 1976; Barnes
         1999, "Form finding and analysis of tension structures by dynamic relaxation")."""
-        self.sheet.set_steps(self.state, np.zeros((*self.sheet.shape, 3)))
+        self.slow(0.0)
+
+    def slow(self, share: float) -> None:
+        """Leaves key points this share of their speed."""
+        self.sheet.set_steps(self.state, share * self.sheet.steps(self.state))
 
     def step(self) -> None:
         """One frame. Raises Unstable, with the state as it was before the frame; InputError where it is the first, and

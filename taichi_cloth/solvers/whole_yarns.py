@@ -47,6 +47,9 @@ HELD = 0.9
 AVERAGED = 8.0
 """Substeps over which the pull of a thread is averaged. It is looked at in every other one."""
 
+LONG = 0.029
+"""Strain up to which it does not matter what a thread pulls (`WholeYarns.unsolved`)."""
+
 OVERSHOOT = 0.5
 """Share of a row's diagonal by which α may have changed since its matrix was factorised: the old one is used again."""
 
@@ -88,6 +91,25 @@ class WholeYarns(YarnFields):
         for group in range(GROUPS):
             most = ti.max(most, largest(load(field, group * LINE)))
         return most
+
+    @ti.func
+    def unsolved(self, points: Template, p, family):
+        """By how much the thread of a family that begins at p is longer than what it pulls says, as a share of its
+        length: what has moved its ends since its yarn was solved, most of all ties and the body. 0 of one that is not
+        LONG."""
+        s, n = p + family * self.size, self.numbers[family]
+        out = 0.0
+        if self.slack[s] > 0.0:
+            q = p + self.offset[family]
+            x = points.position[0][q] - points.position[0][p]
+            y = points.position[1][q] - points.position[1][p]
+            z = points.position[2][q] - points.position[2][p]
+            pull = -self.slack[s] * self.tension[s]
+            own = ti.select(n.soft * pull > n.crimp, n.offset + n.stiff * pull, n.soft * pull)
+            grown = ti.sqrt(x * x + y * y + z * z) - n.rest
+            if grown > LONG * n.rest:
+                out = (grown - ti.max(own, 0.0)) * n.slimmer
+        return out
 
     @ti.func
     def solve(self, points: Template, family, group, sweep, pulls):

@@ -204,6 +204,16 @@ class YarnFrame(Frame):
             most = self.yarns.tightest()
         return most
 
+    @ti.kernel
+    def unsolved(self) -> Float:
+        """The largest of `WholeYarns.unsolved` after the last frame."""
+        most = 0.0
+        ti.loop_config(serialize=True)
+        for p in range(self.size):
+            for family in ti.static(range(2)):
+                most = ti.max(most, self.yarns.unsolved(self, p, family))
+        return most
+
 
 @ti.data_oriented
 class ChainFrame(YarnFrame):

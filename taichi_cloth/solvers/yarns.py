@@ -12,7 +12,7 @@ which −λ/L = h² T/(m L) of a thread comes above ¼ is taken again with more 
 
 from collections.abc import Callable
 from dataclasses import replace
-from math import ceil, sqrt
+from math import ceil, inf, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,6 +45,17 @@ CHAINED = 1.8
 MOST_SUBSTEPS = 4096
 WORTH = 0.9
 """Share of the substeps from which on fewer are taken again."""
+
+MOST_SWEEPS, UNSOLVED = 6, 0.01
+"""Sweeps at most of a frame that is taken again since ties and the body have made a thread longer than its yarn was
+solved for, by such a share of its length; those shorter than LONG of `whole_yarns.py` may be."""
+
+GAIN = 0.9
+"""Share of that which one sweep more has to come below, or it is not worth its time."""
+
+CALM = 0.2
+"""Time without such threads after which there is a sweep less, and after which sweeps that gained nothing are tried
+again [s]."""
 
 WILD = 0.02
 """Strain of a thread, beyond its crimp, that makes a substep wild (`whole_yarns.py`)."""
@@ -86,7 +97,8 @@ class Yarns(SpringSolver):
         threads: int | None = None,
         constraints: tuple[Constraint, ...] = (),
     ) -> None:
-        self.sweeps, self.tight = sweeps, 0.0
+        self.sweeps, self._fewest, self._calm, self._futile = sweeps, sweeps, 0, 0
+        self.tight, self.unsolved, self._before = 0.0, 0.0, inf
         choices: dict[Springs, StepChoice] = {}
 
         def longest_of(springs: Springs) -> float:
@@ -156,6 +168,7 @@ class Yarns(SpringSolver):
     def look(self, frame: YarnFrame) -> None:
         super().look(frame)
         self.tight = frame.tightest() if frame.loops is None else frame.loops.tightest()
+        self.unsolved = frame.unsolved() if frame.loops is None else frame.loops.unsolved()
 
     def shorten(self, state: SheetState, reached: SheetState | None) -> bool:
         if reached is state:
@@ -166,7 +179,30 @@ class Yarns(SpringSolver):
             return True
         if wanted < WORTH * self.substeps and reached is not None:
             self._go_over(reached, wanted)
+        return reached is not None and self._sweep_more()
+
+    def _sweep_more(self) -> bool:
+        """Whether the last frame is to be taken again with a sweep more."""
+        gained, wanted = self.unsolved < GAIN * self._before, self.unsolved > UNSOLVED
+        if wanted and gained and self.sweeps < MOST_SWEEPS and self._futile == 0:
+            self._before = self.unsolved
+            self._take_sweeps(self.sweeps + 1)
+            return True
+        often = ceil(CALM * self.frame_rate)
+        self._futile = often if wanted and not gained else max(self._futile - 1, 0)
+        self._calm = 0 if wanted and gained else self._calm + 1
+        self._before = inf
+        if self._futile == often:
+            self._take_sweeps(self._fewest)
+        elif self._calm >= often:
+            self._calm = 0
+            self._take_sweeps(max(self.sweeps - 1, self._fewest))
         return False
+
+    def _take_sweeps(self, sweeps: int) -> None:
+        if sweeps != self.sweeps:
+            self.sweeps = sweeps
+            self.take_steps(self.substeps)
 
     @property
     def torn(self) -> str:
@@ -203,8 +239,9 @@ class Yarns(SpringSolver):
 
     @property
     def found(self) -> tuple[float, ...]:
-        return (self.substeps,)
+        return self.substeps, self.sweeps, self._calm, self._futile
 
     def go_on(self, found: tuple[float, ...]) -> None:
-        if found[0] != self.substeps:
-            self.take_steps(int(found[0]))
+        found = (*found, *self.found[len(found) :])  # runs that were saved before told of less
+        substeps, self.sweeps, self._calm, self._futile = (int(one) for one in found)
+        self.take_steps(substeps)

@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
-from strips import PLAIN, simulate
+from strips import NOTHING, PLAIN, simulate
 
 from taichi_cloth.constraints.beside_ties import PULL
-from taichi_cloth.constraints.ties import Ties
+from taichi_cloth.constraints.tie_fields import TieFields
+from taichi_cloth.constraints.ties import CLOSED, Ties
 from taichi_cloth.sheet.energy import elastic_energy, kinetic_energy
 from taichi_cloth.sheet.sheet import PAD, Sheet
 from taichi_cloth.sheet.springs import calibrate
@@ -78,3 +79,18 @@ def test_threads_beside_ties_and_the_ties_at_their_ends(strips):
     for thread, (begin, end) in enumerate(zip(near.begin, near.begin[1:], strict=False)):
         named = (np.isin(ties.index, near.ends[thread]) & (ties.weight != 0)).any(axis=1)
         assert near.tie[begin:end].tolist() == np.flatnonzero(named).tolist()
+
+
+def test_threads_wait_until_all_seams_are_closed(strips, monkeypatch):
+    """While one is still being drawn together those beside ties are left to their law: drawn to their length meanwhile
+    they tear denim."""
+    sheet, nodes, weights = strips
+    ties = Ties(sheet, nodes, weights)
+    drawn = []
+    monkeypatch.setattr(TieFields, "take", lambda _, path: drawn.append(path[-1, 5]))
+    ties.join(40, 1 / 60 / 40)
+    apart = joined(sheet)
+    apart[7, 4:, 0] += 1.1 * CLOSED
+    for positions in (joined(sheet), apart):
+        ties.begin(sheet.state(positions, ties.keeps), NOTHING.during(0.0, 1 / 60))
+    assert drawn == [1.0, 0.0]

@@ -1,13 +1,14 @@
 """Whole yarns against the same scheme in float64 with dense systems, against closed forms, and against themselves."""
 
 from dataclasses import dataclass, replace
+from math import ceil
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from taichi_cloth.constraints.beside_ties import LONGEST
-from taichi_cloth.constraints.ties import LEARNT, Ties
+from taichi_cloth.constraints.ties import LEARNT, MOVING, Ties
 from taichi_cloth.ground.errors import InputError, Unstable
 from taichi_cloth.motion.crew import Pace
 from taichi_cloth.motion.forces import Forces, FrameForces, Plane, Sphere, StrainLimit
@@ -15,10 +16,10 @@ from taichi_cloth.motion.simulation import Simulation
 from taichi_cloth.sheet.energy import elastic_energy, elastic_forces, kinetic_energy
 from taichi_cloth.sheet.materials import Material
 from taichi_cloth.sheet.pins import Pins
-from taichi_cloth.sheet.sheet import Sheet
+from taichi_cloth.sheet.sheet import PAD, Sheet
 from taichi_cloth.sheet.springs import calibrate
 from taichi_cloth.solvers.verlet import Verlet
-from taichi_cloth.solvers.yarns import TIGHTEST, WILD, Yarns
+from taichi_cloth.solvers.yarns import CALM, MOST_SWEEPS, TIGHTEST, UNSOLVED, WILD, Yarns
 
 SIDE = 21
 SPACING = 1 / (SIDE - 1)
@@ -241,14 +242,14 @@ def test_each_sweep_leaves_a_share_of_the_error() -> None:
     assert left[2] < 0.5 * left[1]
 
 
-def sewn_panels() -> tuple[Sheet, Ties, np.ndarray, int]:
-    """Two panels sewn to one sheet of 1 m, held at the top: with their seam, key points on each other in the x–y plane,
-    the top at 0, and the number of the row that is there twice."""
+def sewn_panels(*, free: bool = False) -> tuple[Sheet, Ties, np.ndarray, int]:
+    """Two panels sewn to one sheet of 1 m, held at the top or not: with their seam, key points on each other in the x–y
+    plane, the top at 0, and the number of the row that is there twice."""
     middle, material = SIDE // 2 + 1, times(1e4)
     cells = np.ones((SIDE, SIDE - 1))
     cells[middle - 1] = 0.0  # rows middle − 1 and middle lie on each other
     held = np.zeros((SIDE + 1, SIDE), bool)
-    held[-1] = True
+    held[-1] = not free
     springs = calibrate(material, spacing_x=SPACING, spacing_y=SPACING)
     panels = Sheet.of_cells(cells, material=material, springs=springs, pinned=held)
     flat = panels.flat() - [0.5, 1.0, 0.0]
@@ -275,6 +276,27 @@ def test_a_seam_moves_as_the_cloth_without_it() -> None:
     apart = np.linalg.norm(np.delete(sewn.positions, middle, axis=0) - whole.positions, axis=-1)
     assert apart.max() < 1e-3
     assert np.sqrt((apart**2).mean()) < 5e-4
+
+
+@pytest.mark.slow  # the same
+def test_a_seam_learns_as_fast_as_it_moves() -> None:
+    """Two panels that part at 0.2 m/s without weight, and travel together, which changes nothing else: what their seam
+    has learnt after a frame grows with their speed, up to MOVING."""
+    learnt = []
+    for speed in (0.0, 0.5 * MOVING, MOVING, 3 * MOVING):
+        panels, seam, flat, middle = sewn_panels(free=True)
+        start = np.zeros_like(flat)
+        start[middle:, :, 1], start[..., 2] = 0.2, speed
+        none = replace(FAR, gravity=(0.0, 0.0, 0.0))
+        moving = Simulation(
+            panels, Yarns(panels, none, constraints=(seam,)), forces=none, positions=flat, velocities=start
+        )
+        moving.step()
+        learnt.append(np.linalg.norm(seam.pushes(moving.state), axis=0).mean())
+    still, half, _, fast = np.array(learnt) / learnt[2]
+    assert still < 0.45
+    assert 0.45 < half < 0.75
+    assert 0.95 < fast < 1.3
 
 
 @pytest.mark.slow  # the same
@@ -315,7 +337,7 @@ def test_what_hangs_on_a_seam_stretches_no_thread_and_is_not_shaken(tmp_path: Pa
         begun.step()
         jerks.append(largest(panels, begun.positions))
     assert jerks[0] < largest(sheet, whole.positions) + LEARNT
-    assert jerks[1] > 3 * jerks[0]
+    assert jerks[1] > 1.8 * jerks[0]
 
 
 @pytest.mark.slow  # the same
@@ -472,6 +494,53 @@ def test_a_taut_string_gets_the_steps_it_needs() -> None:
     for _ in range(10):
         calm.step()
     assert calm.solver.substeps < 1.3 * first
+
+
+def test_what_moves_the_ends_of_threads_after_their_yarn_is_seen() -> None:
+    """Threads that gravity draws by up to a tenth are as long as they pull. A key point that is then moved by 4 % of
+    its thread leaves the thread so much longer than that, and the next as much shorter, which is no matter."""
+    sheet = sheet_of(replace(CLOTH, tensile_warp=18.0, tensile_weft=18.0, air_damping=8.0), pinned=(-1, slice(None)))
+    hung = simulation(sheet, upright(sheet))
+    for _ in range(120):
+        hung.step()
+    solver = hung.solver
+    assert isinstance(solver, Yarns)
+    assert 0.08 < largest(sheet, hung.positions) < 0.12
+    assert solver.unsolved < 2e-3
+    assert solver.sweeps == 2
+    frame = solver._filled(hung.state)
+    place = (SIDE - 3 + PAD) * sheet.width + SIDE // 2
+    frame.position[1][place] -= 0.04 * SPACING  # pyright: ignore[reportIndexIssue]
+    assert abs(frame.unsolved() - 0.04) < 2e-3
+
+
+def test_a_frame_gets_more_sweeps_while_they_gain() -> None:
+    """Of what is left after each frame: taken again with a sweep more as long as that brings it below GAIN, at most
+    MOST_SWEEPS; for a while one that gained nothing is not tried again, and a sweep goes when nothing is left."""
+    solver = simulation(sheet_of(), level(sheet_of())).solver
+    assert isinstance(solver, Yarns)
+
+    def ask(*left: float) -> list[bool]:
+        out = []
+        for solver.unsolved in left:
+            out.append(solver._sweep_more())
+        return out
+
+    assert ask(0.0, 0.5 * UNSOLVED) == [False, False]
+    assert (ask(0.05, 0.03, 0.005), solver.sweeps) == ([True, True, False], 4)
+    for sweeps in (3, 2, 2):
+        ask(*[0.0] * ceil(CALM * solver.frame_rate))
+        assert solver.sweeps == sweeps
+    assert (ask(0.05, 0.049), solver.sweeps) == ([True, False], 2)
+    waiting = [False] * ceil(CALM * solver.frame_rate)
+    assert ask(*[0.05] * len(waiting)) == waiting
+    assert ask(0.1, 0.08, 0.06, 0.05, 0.04) == [True, True, True, True, False]
+    assert solver.sweeps == MOST_SWEEPS == solver.numbers["sweeps"]
+    other = simulation(sheet_of(), level(sheet_of())).solver
+    other.go_on(solver.found)
+    assert other.found == solver.found
+    other.go_on((solver.substeps + 2,))
+    assert other.found == (solver.substeps + 2, *solver.found[1:])
 
 
 def test_a_pull_that_no_steps_follow_is_refused() -> None:
