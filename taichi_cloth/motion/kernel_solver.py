@@ -98,6 +98,7 @@ class KernelSolver(Solver):
         self.features = Features(
             threads=self.springs_are_threads,
             hinges=sheet.springs.law == "hinge",
+            diagonals=sheet.springs.diagonal > 0 or not sheet.springs.slips,
             wind=forces.wind is not None,
             sphere=forces.sphere is not None,
             plane=forces.plane is not None,

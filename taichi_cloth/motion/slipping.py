@@ -5,8 +5,8 @@ key point a second difference along the normal, of the cell that begins there a 
 [m]. These are the planes ANCHORS of a state; 0 is the sheet as it was woven, flat and square.
 
 It is found for 8 key points before the springs of each substep, at what is ahead: how much each hinge and each cell
-pulls, of which key points then take their parts (`Stencil.elastic`). With hinges come those that only bend, so that
-their code is not there twice.
+pulls, of which key points then take their parts (`Stencil.elastic`). With hinges come those that only bend, with cells
+those that only shear, so that their code is not there twice.
 """
 
 from typing import Any
@@ -27,7 +27,7 @@ ALONG_X, ALONG_Y, SHEAR = range(ANCHORS)
 LEAST = 1e-30
 
 SPRINGS = (
-    *("hinge_x", "hinge_y", "rub_x", "rub_y", "rub_shear", "lock"),  # × h² [kg]
+    *("hinge_x", "hinge_y", "shear", "rub_x", "rub_y", "rub_shear", "lock"),  # × h² [kg]
     *("couple_x", "couple_y", "slip_shear"),  # × h² [kg m]
 )
 SLIP_NUMBERS = (
@@ -112,7 +112,7 @@ class Slipping:
         beyond = ti.max(ti.abs(apart) - n.lock_from, 0.0)
         begun = ti.min(beyond, n.lock_over)
         lock = n.lock * (0.5 * begun * begun / n.lock_over + beyond - begun)
-        pull = load(work.cell, p) * (pull + ti.select(apart > 0.0, lock, -lock))
+        pull = load(work.cell, p) * (n.shear * apart + pull + ti.select(apart > 0.0, lock, -lock))
         store(self.sheared[0], p, pull / first)
         store(self.sheared[1], p, -pull / second)
         there = ti.min(load(work.cell, p) * 1e30, 1.0) * begun / n.lock_over

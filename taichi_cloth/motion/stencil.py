@@ -41,6 +41,7 @@ class Features:
 
     threads: bool  # structural springs; without them whole yarns are solved instead
     hinges: bool
+    diagonals: bool  # springs; without them cells shear, if anything does
     wind: bool
     sphere: bool
     plane: bool
@@ -290,10 +291,10 @@ class Stencil:
             ((0, row + 1, 0), (1, -row - 1, -row - 1), (2, row - 1, -1), (3, 1 - row, -row))
         ):
             share = load(self.cell, near(p + cell))
-            c = n.diagonal * share
             to = self.away(self.ahead, around[0], a, corner)
-            u, v, t = self.spring(to, c, n.diagonal_length)
-            x, y, z = x + u, y + v, z + t
+            if ti.static(features.diagonals):
+                u, v, t = self.spring(to, n.diagonal * share, n.diagonal_length)
+                x, y, z = x + u, y + v, z + t
             if ti.static(features.slips):
                 u, v, t = scaled(to, load(self.slipping.sheared[number // 2], near(p + cell)))
                 x, y, z = x + u, y + v, z + t

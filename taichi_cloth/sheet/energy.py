@@ -1,7 +1,7 @@
 """Energy and forces of a sheet in float64 on the host: the reference that kernels and tests are held against.
 
 W = Σ k/2 (|d| − L)² over structural, diagonal and second-neighbour springs + Σ β/2 |x₋ − 2x + x₊|² over hinges
-  + Σ τ/2 |x₀₀ − x₁₀ − x₀₁ + x₁₁|² over cells
+  + Σ τ/2 |x₀₀ − x₁₀ − x₀₁ + x₁₁|² + Σ k/2 (|x₁₁ − x₀₀| − |x₀₁ − x₁₀|)² over cells
 
 Friction within the sheet follows from what went before and is not in it, nor is locking.
 """
@@ -14,7 +14,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from taichi_cloth.sheet.sheet import Sheet
 
-__all__ = ["Links", "accelerations", "elastic_energy", "elastic_forces", "hinges", "kinetic_energy", "links", "twists"]
+__all__ = [
+    "Links",
+    "accelerations",
+    "elastic_energy",
+    "elastic_forces",
+    "hinges",
+    "kinetic_energy",
+    "links",
+    "sheared",
+    "twists",
+]
 
 F64 = NDArray[np.float64]
 Window = tuple[slice, slice]
@@ -83,6 +93,22 @@ def twists(sheet: Sheet) -> tuple[tuple[Window, Window, Window, Window], F64] | 
     return ((low, left), (high, left), (low, right), (high, right)), sheet.springs.twist * sheet.cells
 
 
+def sheared(sheet: Sheet, x: F64) -> Iterator[tuple[Window, Window, F64, F64]]:
+    """Both diagonals of all cells that shear: windows of their ends, vectors between them (rows − 1, cols − 1, 3) [m],
+    and how much each is pulled along itself (rows − 1, cols − 1) [N]; nothing where diagonals are springs. x: positions
+    (rows, cols, 3) [m]."""
+    if sheet.springs.shear == 0:
+        return
+    rows, cols = sheet.shape
+    low, left, high, right = slice(0, rows - 1), slice(0, cols - 1), slice(1, rows), slice(1, cols)
+    ends = ((low, left), (high, right)), ((low, right), (high, left))
+    vectors = [x[two] - x[one] for one, two in ends]
+    lengths = [np.linalg.norm(d, axis=-1) for d in vectors]
+    pull = sheet.springs.shear * sheet.cells * (lengths[0] - lengths[1])
+    for (one, two), d, sign in zip(ends, vectors, (1, -1), strict=True):
+        yield one, two, d, sign * pull
+
+
 def elastic_energy(sheet: Sheet, positions: ArrayLike) -> float:
     """Energy of all springs and hinges [J]. positions: (rows, cols, 3) [m]."""
     x = np.asarray(positions, np.float64)
@@ -97,6 +123,8 @@ def elastic_energy(sheet: Sheet, positions: ArrayLike) -> float:
         (one, two, three, four), constant = found
         turn = x[one] - x[two] - x[three] + x[four]
         total += 0.5 * float(np.sum(constant[..., None] * turn**2))
+    for _, _, d, pull in sheared(sheet, x):  # k (d₁ − d₂) d₁/2 and −k (d₁ − d₂) d₂/2
+        total += 0.5 * float(np.sum(pull * np.linalg.norm(d, axis=-1)))
     return total
 
 
@@ -120,6 +148,10 @@ def elastic_forces(sheet: Sheet, positions: ArrayLike) -> F64:
         turn = constant[..., None] * (x[one] - x[two] - x[three] + x[four])
         for window, sign in ((one, -1), (two, 1), (three, 1), (four, -1)):
             out[window] += sign * turn
+    for one, two, d, along in sheared(sheet, x):
+        pull = (along / np.maximum(np.linalg.norm(d, axis=-1), 1e-30))[..., None] * d
+        out[one] += pull
+        out[two] -= pull
     return out
 
 

@@ -17,6 +17,11 @@ edges such a sheet answers with E_x = C_x − G²/C_y, and E_x / E_y = C_x / C_y
 and then k_d, k_x and k_y: all calibrated together. Springs on an edge of the sheet stand for half a strip and get
 half the constant, as edge key points get half the mass (`sheet.py`).
 
+Diagonals get shorter together where a cell is twisted, though nothing is sheared: with threads that keep their length
+by G a⁴ κ_xy⁴/32 an area, which on wide grids is more than bending. So a fabric that has friction or locking within, of
+whose cells each is looked at anyway (`motion/slipping.py`), has cells in their place. They measure shear by the
+difference of their diagonals' lengths: k_c/2 (d₁ − d₂)², k_c = k_d/2. Then C_x = E_x, C_y = E_y and nothing couples.
+
 Bending laws:
 - "hinge" (default): energy B/2 ∫ κ² with κ ≈ |x₋ − 2x + x₊| / a², the quadratic bending of Bergou et al. 2006 on a
   grid; linear in the positions, right near the flat state. Energy of a hinge: β/2 |x₋ − 2x + x₊|², β = B b/a³.
@@ -62,7 +67,8 @@ LOCKED, LOCKS_OVER = 8.0, 0.07
 class Springs:
     """Constants of the interior of a sheet. x is along the weft (j), y along the warp (i).
 
-    structural_x, structural_y, diagonal: [N/m]. second_x, second_y: the paper's bending springs [N/m], 0 with hinges.
+    structural_x, structural_y, diagonal: [N/m]. shear: k_c of cells, in place of diagonals [N/m].
+    second_x, second_y: the paper's bending springs [N/m], 0 with hinges.
     hinge_x, hinge_y: β [N/m], 0 with springs. spacing_x, spacing_y: rest lengths [m]. law: which of them bends.
     twist: τ [N/m]. rub_x, rub_y: r of hinges [N/m], couple_x, couple_y: their s [N]. rub_shear: r of cells [N/m],
     slip_shear: their s [N]. lock: what locking adds in the end [N/m], on the difference of diagonals' lengths from
@@ -80,6 +86,7 @@ class Springs:
     spacing_x: float
     spacing_y: float
     law: BendingLaw
+    shear: float = 0.0
     twist: float = 0.0
     rub_x: float = 0.0
     rub_y: float = 0.0
@@ -111,7 +118,7 @@ class Springs:
 
     def alone(self, diagonal: float) -> "Springs":
         """Diagonals [N/m] and nothing else."""
-        names = ("structural_x", "structural_y", "second_x", "second_y", "hinge_x", "hinge_y", "twist")
+        names = ("structural_x", "structural_y", "second_x", "second_y", "hinge_x", "hinge_y", "twist", "shear")
         return replace(self, diagonal=diagonal, **dict.fromkeys(names, 0.0))
 
     @property
@@ -121,13 +128,14 @@ class Springs:
 
     @property
     def held(self) -> "Springs":
-        """As stiff as before anything slips: what steps have to follow. A slider on the difference of two diagonals is
-        at most twice as stiff on each."""
+        """As stiff as before anything slips: what steps have to follow. What pulls by the difference of two diagonals
+        is at most twice as stiff on each."""
         return replace(
             self,
             hinge_x=self.hinge_x + self.rub_x,
             hinge_y=self.hinge_y + self.rub_y,
-            diagonal=self.diagonal + 2 * self.rub_shear,
+            diagonal=self.diagonal + 2 * (self.shear + self.rub_shear),
+            shear=0.0,
         )
 
     def drawn(self, material: Material) -> "Springs":
@@ -169,7 +177,10 @@ def calibrate(
     ):
         if not (isfinite(value) and value > 0):
             raise InputError(f"springs.{name}: {value!r}; allowed: a finite number above 0")
-    a, b, g = spacing_x, spacing_y, material.shear
+    a, b = spacing_x, spacing_y
+    friction = _friction(material, a, b) | _locking(material, a, b)
+    cells = max(friction.values()) > 0
+    g = 0.0 if cells else material.shear  # of diagonals
     e_x, e_y = material.tensile_weft, material.tensile_warp
     c_y = (e_y + sqrt(e_y**2 + 4 * g**2 * e_y / e_x)) / 2
     c_x = c_y * e_x / e_y
@@ -197,6 +208,7 @@ def calibrate(
         structural_x=k_x,
         structural_y=k_y,
         diagonal=g * (a**2 + b**2) / (2 * a * b),
+        shear=material.shear * (a**2 + b**2) / (4 * a * b) if cells else 0.0,
         second_x=q_x,
         second_y=q_y,
         hinge_x=h_x,
@@ -205,8 +217,7 @@ def calibrate(
         spacing_y=b,
         law=bending,
         twist=material.torsion / (a * b),
-        **_friction(material, a, b),
-        **_locking(material, a, b),
+        **friction,
     )
 
 

@@ -68,12 +68,34 @@ def test_diagonals_of_a_twisted_cell_lock_by_g_a4_kappa4_over_32() -> None:
     x = np.array([[[-half, -half, lift], [half, -half, -lift]], [[-half, half, -lift], [half, half, lift]]])
     assert np.linalg.norm(x[0, 1] - x[0, 0]) == pytest.approx(a)
     assert elastic_energy(sheet, x) / a**2 == pytest.approx(material.shear * a**4 * kappa**4 / 32, rel=0.01)
+    rubbing = sheet_of(replace(material, shear_friction=0.1), a, a, rows=2, cols=2)
+    assert (rubbing.springs.diagonal, rubbing.springs.shear) == (0.0, pytest.approx(sheet.springs.diagonal / 2))
+    assert elastic_energy(rubbing, x) < 1e-6 * elastic_energy(sheet, x)
 
 
-@pytest.mark.parametrize("bending", ["hinge", "spring"])
-def test_forces_are_minus_the_derivative_of_the_energy(bending) -> None:
+@pytest.mark.parametrize(("a", "b"), [(0.01, 0.01), (0.01, 0.007)])
+def test_cells_in_place_of_diagonals_shear_as_much_and_couple_nothing(a: float, b: float) -> None:
+    """Of a fabric with friction within: ½ G g² and ½ E e² an area, the latter without contraction. 0.1 % at 1e-4."""
+    material = replace(PLAIN, couple_warp=1e-4)
+    sheet, e = sheet_of(material, a, b), 1e-4
+    x = sheet.flat()
+    area = x[..., 0].max() * x[..., 1].max()
+    for along, towards, modulus in (
+        (0, 1, material.shear),
+        (0, 0, material.tensile_weft),
+        (1, 1, material.tensile_warp),
+    ):
+        moved = x.copy()
+        moved[..., along] += e * x[..., towards]
+        assert elastic_energy(sheet, moved) / area == pytest.approx(modulus * e**2 / 2, rel=1e-3)
+    assert sheet.springs.held.shear == 0
+
+
+@pytest.mark.parametrize(("bending", "friction"), [("hinge", 0.0), ("spring", 0.0), ("hinge", 1.0)])
+def test_forces_are_minus_the_derivative_of_the_energy(bending, friction) -> None:
     """Central differences of the energy, float64: relative error under 1e-6."""
-    sheet = sheet_of(replace(PLAIN, bending_warp=3e-5), 0.02, 0.015, bending=bending, rows=4, cols=5)
+    material = replace(PLAIN, bending_warp=3e-5, shear_friction=friction)
+    sheet = sheet_of(material, 0.02, 0.015, bending=bending, rows=4, cols=5)
     x = sheet.flat() + 0.002 * RNG.standard_normal((4, 5, 3))
     forces = elastic_forces(sheet, x)
     h = 1e-7
