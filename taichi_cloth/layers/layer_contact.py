@@ -64,7 +64,7 @@ ENOUGH = 0.95
 """Share that others may come to in the next interval after a search of some."""
 HALVINGS, CAREFUL = 6, 0.7
 """Times that intervals are halved for a frame that could not be proven, and what is left of the use with each."""
-LEAST_SLACK = (0.2, 0.2, 0.3, 0.4)
+LEAST_SLACK = (0.25, 0.25, 0.3, 0.4)
 """Shares of their length by which the threads of a patch may turn at least, by its level and from the last on: those of
 one with less are looked at more closely."""
 NUMBERS = ("thickness", "friction", "reach", "coarse", "margin", "spacing_x", "spacing_y", "0", "1", "2", "3")
