@@ -12,7 +12,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from taichi_cloth.ground.particles import RADIUS
 
-__all__ = ["MapPlace", "place_map", "step_up", "typical_radius"]
+__all__ = ["MapPlace", "blind", "lead", "place_map", "step_up", "typical_radius"]
+
+SEEING, BLIND = 0.5, 1.5
+"""Widths of a texel, in depths of a cloth, up to which its threads are seen, and from which on they are not at all.
+A particle reads a map beside itself, out along its normal by half a texel. Where that is farther than the cloth is
+thick, a fibre on a thread's flank reads within the cloth, as if it were buried there. So the wider the texels, the more
+is taken what gets to the cloth as a whole; what a particle's own neighbours hide is told by its openness alone."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,3 +85,14 @@ def typical_radius(blocks: NDArray[np.float32]) -> float:
     sample = blocks[RADIUS, :: max(1, blocks.shape[1] // 64)]
     sample = sample[sample > 0]
     return float(np.median(sample)) if len(sample) else 1e-4
+
+
+def blind(texel: float, depth: float) -> float:
+    """How far texels so wide [m] do not show what hides what in a cloth `depth` [m] thick, 0 to 1; 0 of no cloth."""
+    return float(np.clip((texel / depth - SEEING) / (BLIND - SEEING), 0.0, 1.0)) if depth > 0 else 0.0
+
+
+def lead(light: NDArray[np.float32], row: int, to: int, share: float) -> None:
+    """Lead a row of light (blocks, rows, 16) by so much to the one `to` rows after it, in place."""
+    if share > 0.0:
+        light[:, row] += np.float32(share) * (light[:, row + to] - light[:, row])

@@ -20,7 +20,7 @@ from ..data.blocks import Layout
 from ..data.light_sizes import LAYERS, SCRATCH_ROWS, SKY_DIRECTIONS, SKY_SIZE
 from ..tiles.mesh import Mesh
 from . import sky
-from .map_place import place_map, typical_radius
+from .map_place import blind, place_map, typical_radius
 from .meshlight import walls
 
 __all__ = ["SkyMaps", "half_sphere", "occlude"]
@@ -81,8 +81,8 @@ class SkyMaps:
         """Write the share of the sky that packed particles see, 0..1, to light_out (blocks, rows, 16), at `row`; with a
         depth, in the five after it what a cloth `depth` [m] thick at their place sees (see `sky.look`)."""
         if blocks.shape[1]:
-            beyond = BEYOND * depth + self.texel
-            sky.look(sky.Looking(self.walls is not None, depth > 0), *self._map, beyond, blocks, row, light_out)
+            how = sky.Looking(self.walls is not None, depth > 0)
+            sky.look(how, *self._map(BEYOND * depth + self.texel, blind(self.texel, depth)), blocks, row, light_out)
 
     def seen_from(self, points: ArrayLike, normals: ArrayLike) -> NDArray[np.float32]:
         """The share of the sky, 0..1, that world points (n, 3) [m] with unit normals (n, 3) see, shape (n,)."""
@@ -91,14 +91,14 @@ class SkyMaps:
             raise InputError(f"seen_from: points {points.shape}, normals {normals.shape}; allowed: (n, 3) both")
         light = np.ones(len(points), np.float32)
         if len(points):
-            sky.look_at(sky.Looking(self.walls is not None, False), *self._map, points, normals, light)
+            sky.look_at(sky.Looking(self.walls is not None, False), *self._map(), points, normals, light)
         return light
 
-    @property
-    def _map(self) -> tuple[Any, Any, float, float, Any, Any, Any]:
+    def _map(self, beyond: float = 0.0, unseen: float = 0.0) -> tuple[Any, Any, Any, Any, Any, Any]:
         """As the kernels that look up in it take it."""
+        reading = np.array([0.5 * self.texel, FINE * self.texel, beyond, unseen], np.float32)
         walls = NO_WALLS if self.walls is None else self.walls
-        return self.axes, self.maps, 0.5 * self.texel, FINE * self.texel, self.ends, self.depth, walls
+        return self.axes, self.maps, reading, self.ends, self.depth, walls
 
     @property
     def nbytes(self) -> int:

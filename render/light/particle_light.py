@@ -8,7 +8,7 @@ splatter.light.hold(maps)                        batches, or a thinned or refine
 """
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,10 +28,30 @@ from .shadow import ShadowMap, cast
 from .thin import chained, spread, thin
 from .view import MOST_OTHERS
 
-__all__ = ["NO_LIGHT", "LightMaps", "ParticleLight", "shading_of"]
+__all__ = ["NO_LIGHT", "Held", "LightMaps", "LookedUp", "ParticleLight", "shading_of"]
 
 NO_LIGHT = np.ones((1, 1, LANES), np.float32)
 """What `project` gets where no map of light is needed."""
+
+
+class LookedUp(Protocol):
+    """What tells particles how much of a light, or of the sky, gets to them."""
+
+    def on_particles(
+        self, blocks: NDArray[np.float32], light_out: NDArray[np.float32], row: int, depth: float = 0.0
+    ) -> None: ...
+
+
+class Held(Protocol):
+    """Maps that particles are looked up in, whatever is loaded."""
+
+    @property
+    def lights(self) -> tuple[LookedUp | None, ...]: ...
+
+    @property
+    def sky(self) -> LookedUp | None: ...
+
+    def coarse(self, depth: float) -> float: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +98,8 @@ class ParticleLight:
 
     def __init__(self) -> None:
         self.lookups = 0
-        self.held: LightMaps | None = None
+        self.held: Held | None = None
+        self._each = False
         self._light: NDArray[np.float32] | None = None
         self._known: dict[int, Any] = {}
         self._maps: dict[Any, ShadowMap] = {}
@@ -92,9 +113,12 @@ class ParticleLight:
         self._known, self._maps, self._sky, self._few = {}, {}, None, {}
         self._mesh, self._chained = mesh, None
 
-    def hold(self, maps: LightMaps | None) -> None:
-        """From now on look up all particles in these maps, whatever is loaded; None makes maps of what is loaded."""
-        self.held, self._known = maps, {}
+    def hold(self, maps: Held | None, *, each: bool = False) -> None:
+        """From now on look up all particles in these maps, whatever is loaded; None makes maps of what is loaded.
+
+        each: every particle by itself, and not some of a chain for those between them: so batches that differ in what
+        they are made of meet without a step."""
+        self.held, self._each, self._known = maps, each, {}
 
     def cast(
         self,
@@ -113,7 +137,7 @@ class ParticleLight:
 
         resolution: texels along a shadow map, at most.
         """
-        if self.held is not None:
+        if isinstance(self.held, LightMaps):
             return self.held
         if self._mesh is not None:
             corners = self._mesh.vertices[np.isfinite(self._mesh.vertices).all(axis=1)]
@@ -142,7 +166,7 @@ class ParticleLight:
         shading: Shading,
         layout: Layout,
         blocks: NDArray[np.float32],
-        maps: LightMaps | None,
+        maps: Held | None,
         depth: float = 0.0,
     ) -> NDArray[np.float32]:
         """The light 0..1 on packed particles, (blocks, shading.rows, 16), with the rows that `shading` names.
@@ -155,7 +179,7 @@ class ParticleLight:
             self._light = np.ones((blocks.shape[1], shading.rows, LANES), np.float32)
             self._known = {}
         known_lights = zip(shading.shadows, maps.lights, strict=True)
-        rows: list[tuple[int, int, ShadowMap | SkyMaps | None, int]] = [
+        rows: list[tuple[int, int, LookedUp | None, int]] = [
             (row, shading.of_light, one, KEY_STRIDE) for row, one in known_lights if row >= 0
         ]
         if shading.sky >= 0:
@@ -165,7 +189,7 @@ class ParticleLight:
                 raise InputError("light: the maps that are held have none for this light; cast them with it")
             known = self._known.get(row)
             if known is None or known[0] is not one or known[1] != depth:
-                few, stride = self._thinned(layout, blocks, stride)
+                few, stride = (blocks, 1) if self._each else self._thinned(layout, blocks, stride)
                 if stride == 1:
                     one.on_particles(blocks, self._light, row, depth)
                 else:

@@ -21,7 +21,7 @@ from ..data.light_sizes import LAYERS, MAP_SIZE, STAMP_ROWS
 from ..tiles.mesh import Mesh
 from . import lookup, transmittance
 from .deep_map import EMPTY, SCALE, new_deep_map
-from .map_place import place_map, typical_radius
+from .map_place import blind, lead, place_map, typical_radius
 from .meshlight import walls
 from .stamps import stamp
 
@@ -90,6 +90,7 @@ class ShadowMap:
             beyond = BEYOND * depth + self.texel
             numbers = self._numbers(offset=0.5 * self.texel, lag=0.5 * self.texel, beyond=beyond)
             lookup.gather(self.softness > 0, depth > 0, numbers, *self._arrays, blocks, row, light_out)
+            lead(light_out, row, 1, blind(self.texel, depth))
 
     def shadow_at(self, points: ArrayLike, *, lag: float | None = None) -> NDArray[np.float32]:
         """The light 0..1 that reaches world points (n, 3) [m], shape (n,) float32.

@@ -35,6 +35,10 @@ class Looking:
     bulk: bool
 
 
+OFFSET, FINE, BEYOND, BLIND = range(4)
+"""Numbers by which maps are read: how far a place is moved out along its normal, and towards the sky, before it reads
+[m]; length by which layers are laid [m]; and of bulk, see `_seen`."""
+
 DENSITY = 1.6
 """Optical depth of a texel covered once by an opaque fibre: spread evenly, as a fibre that covers its middle is."""
 
@@ -210,15 +214,17 @@ def _passing(how: Template, front, depth, c, fine, ends: F32x2, depth_of: F32x2,
 
 @ti.func
 def _seen(
-    how: Template, place, normal, outward, lag, beyond, axes: F32x3, maps: I32x2, fine,
+    how: Template, place, normal, outward, lag, reading: F32x1, axes: F32x3, maps: I32x2,
     ends: F32x2, depth_of: F32x2, walls: F32x2,
 ):  # fmt: skip
     """The share of the sky, by the cosine to the normal, that is seen from a place moved `outward` [m] along it; and in
-    bulk the mean direction of what is open before it (3), and, read `beyond` [m] farther out where the cloth that it is
+    bulk the mean direction of what is open before it (3), and, read BEYOND [m] farther out where the cloth that it is
     in hides nothing, the share of the sky seen by a surface that faces that way, and by its other side: with the sky's
     mean m and its mean m1 times direction, m + 2 m1 . n, which is exact where the sky is linear in the direction.
 
-    lag: how far towards each end of a map it is moved before it reads [m].
+    lag: how far towards each end of a map it is moved before it reads [m]. BLIND: how far the maps do not show what
+    hides what within a cloth, 0 to 1 (see `map_place.blind`): as far, a fibre sees all of the sky that the cloth does,
+    on the side that is more open unless it faces the other, and what is open to it lies where its normal points.
     """
     total, weight, mean = 0.0, 0.0, 0.0
     open_way = ti.Vector([0.0, 0.0, 0.0])
@@ -241,7 +247,7 @@ def _seen(
         # How the depth of a surface varies over a texel: 1 + tan of the angle, up to 4.
         moved = lag * (1.0 + ti.min(ti.sqrt(ti.max(1.0 - cosine * cosine, 0.0)) / ti.max(cosine, 0.05), 3.0))
         moved = moved if front else -moved
-        farther = beyond if front else -beyond
+        farther = reading[BEYOND] if front else -reading[BEYOND]
         u = ti.min(ti.max(u - 0.5, 0.0), width - 1.001)
         v = ti.min(ti.max(v - 0.5, 0.0), high - 1.001)
         left = ti.cast(u, ti.i32)
@@ -253,10 +259,12 @@ def _seen(
         for j in ti.static(range(4)):
             part = (s if ti.static(j % 2 == 1) else 1.0 - s) * (t if ti.static(j // 2 == 1) else 1.0 - t)
             c = maps[m, 0] + (top + j // 2) * width + left + j % 2
-            passing += part * _passing(how, front, depth - moved, c, fine, ends, depth_of, walls)
+            passing += part * _passing(how, front, depth - moved, c, reading[FINE], ends, depth_of, walls)
             if ti.static(how.bulk):
-                outside += part * _passing(how, front, depth - moved - farther, c, fine, ends, depth_of, walls)
-                opposite += part * _passing(how, not front, depth + moved + farther, c, fine, ends, depth_of, walls)
+                outside += part * _passing(how, front, depth - moved - farther, c, reading[FINE], ends, depth_of, walls)
+                opposite += part * _passing(
+                    how, not front, depth + moved + farther, c, reading[FINE], ends, depth_of, walls
+                )
         total += cosine * passing
         weight += cosine
         if ti.static(how.bulk):
@@ -273,7 +281,18 @@ def _seen(
         lean = leaning.dot(open_way) / maps.shape[0]
         before = ti.math.clamp(mean + lean, 0.0, 1.0)
         behind = ti.math.clamp(mean - lean, 0.0, 1.0)
-    return total / ti.max(weight, 1e-6), before, behind, open_way
+    seen = total / ti.max(weight, 1e-6)
+    if ti.static(how.bulk):  # noqa: SIM102
+        if reading[BLIND] > 0.0:
+            leaning /= maps.shape[0]
+            side = leaning.norm()
+            side *= ti.math.clamp(1.0 + 2.0 * leaning.dot(normal) / (side + 1e-6), -1.0, 1.0)
+            of_cloth = ti.math.clamp(mean + side, 0.0, 1.0)
+            seen += reading[BLIND] * (of_cloth - seen)
+            before += reading[BLIND] * (of_cloth - before)
+            behind += reading[BLIND] * (ti.math.clamp(mean - side, 0.0, 1.0) - behind)
+            open_way = (open_way + reading[BLIND] * (normal - open_way)).normalized()
+    return seen, before, behind, open_way
 
 
 @ti.kernel
@@ -282,13 +301,11 @@ def look(
     # maps:
     axes: F32x3,
     maps: I32x2,
-    offset: Float,
-    fine: Float,
+    reading: F32x1,
     ends: F32x2,
     depth_of: F32x2,
     walls: F32x2,
     # in:
-    beyond: Float,
     particles: F32x3,
     row: Int,
     # out:
@@ -297,7 +314,7 @@ def look(
     """light_out[block, row, lane]: the share of the sky that packed particles see, 0..1; in bulk, in the rows after it
     what the cloth at their place sees before it and behind it, and the direction (3) of what is open to them (`_seen`).
 
-    offset: how far a place is moved out along its normal, and towards the sky, before it reads [m].
+    reading: numbers by which they are read, `OFFSET` and so on.
     """
     keep(light_out, (0, 0, 0), row)
     for i in range(particles.shape[1] * LANES):
@@ -307,10 +324,10 @@ def look(
         if size > 0.0:
             place = ti.Vector([particles[POSITION + k, b, lane] for k in ti.static(range(3))])
             normal = ti.Vector([particles[NORMAL + k, b, lane] for k in ti.static(range(3))])
-            outward = offset + 0.5 * size
-            lag = offset + 0.25 * size
+            outward = reading[OFFSET] + 0.5 * size
+            lag = reading[OFFSET] + 0.25 * size
             value, before, behind, way = _seen(
-                how, place, normal, outward, lag, beyond, axes, maps, fine, ends, depth_of, walls
+                how, place, normal, outward, lag, reading, axes, maps, ends, depth_of, walls
             )
             light_out[b, row, lane] = value
             if ti.static(how.bulk):
@@ -329,8 +346,7 @@ def look_at(
     # maps:
     axes: F32x3,
     maps: I32x2,
-    offset: Float,
-    fine: Float,
+    reading: F32x1,
     ends: F32x2,
     depth_of: F32x2,
     walls: F32x2,
@@ -340,9 +356,11 @@ def look_at(
     # out:
     light_out: F32x1,
 ):
-    """light_out[i]: the share of the sky that points (n, 3) [m] with normals (n, 3) see, 0..1. offset: as of `look`."""
+    """light_out[i]: the share of the sky that points (n, 3) [m] with normals (n, 3) see. reading: as of `look`."""
     for i in range(points.shape[0]):
         place = ti.Vector([points[i, k] for k in ti.static(range(3))])
         normal = ti.Vector([normals[i, k] for k in ti.static(range(3))])
-        value, _, _, _ = _seen(how, place, normal, offset, offset, 0.0, axes, maps, fine, ends, depth_of, walls)
+        value, _, _, _ = _seen(
+            how, place, normal, reading[OFFSET], reading[OFFSET], reading, axes, maps, ends, depth_of, walls
+        )
         light_out[i] = value

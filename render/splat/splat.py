@@ -215,7 +215,7 @@ class Splatter:
         if self._turn != "only" and self.light.held is None:  # a batch knows nothing of what would shadow it
             lighting = lighting.without_maps()
         shading = shading_of(lighting, finish)
-        maps = self.cast_light(camera, lighting) if shading.rows else None
+        maps = (self.light.held or self.cast_light(camera, lighting)) if shading.rows else None
         light = self.light.on_particles(shading, self._layout, self._blocks, maps, finish.depth)
         if maps is not None and shading.bulk:
             rows.set_bulk(self._view, finish, maps.coarse(finish.depth))

@@ -15,7 +15,7 @@ from ..models.build import build, shown_frame
 from ..models.model import Model
 from ..models.moving_model import STATE, MovingModel
 from ..picture.view import View
-from ..picture.zoom import zoom
+from ..picture.zoom import require_threads, zoom
 from ..plan.lines import fact_lines, plan_lines
 from ..plan.plan import plan
 from ..prepare.drawing import require_picture
@@ -49,8 +49,8 @@ def run(
         raise InputError(
             f"animate: {name} stands still; use turntable, or animate twist, drape, flag, hanging or dress"
         )
-    if command == "zoom" and scene.subject != "fabric":
-        raise InputError(f"zoom: {name} has no [weave]; use a woven scene, such as swatch")
+    if command == "zoom":
+        require_threads(scene, name)
     require_picture(scene.output.size)
     planned = plan(scene)
     count = scene.output.views if command == "turntable" else scene.output.frames
@@ -72,8 +72,9 @@ def run(
         todo = sequence.missing()
         if isinstance(model, MovingModel) and command == "animate":
             model.keep(folder, todo[0] if todo else count)
-        if command == "turntable":
+        if command != "animate":
             model.step(shown_frame(scene, model))
+        if command == "turntable":
             frames = view.turntable(count, todo)
         elif command == "zoom":
             frames = zoom(view, count, todo)

@@ -20,7 +20,7 @@ from ...render.data.light import Lighting
 from ...render.splat.splat import Splatter
 from ...render.splat.stream import Source, stream
 
-__all__ = ["Views", "colours_at", "crossings", "fit_gains", "fit_near", "seen_at", "views_of"]
+__all__ = ["Views", "colours_at", "crossings", "fit_gains", "fit_near", "matched", "seen_at", "views_of"]
 
 F64 = NDArray[np.float64]
 Seen = tuple[Camera, tuple[slice, slice]]
@@ -232,13 +232,19 @@ def fit_near(
             )
             for source in (plain, fine)
         )
-        was, now = (np.maximum(light[:2] - light[2], 1e-9) for light in (before, after))  # by warp and by weft
-        alike = was / now
-        more, *_ = np.linalg.lstsq((now[:, None] * own).T, np.full(3, before[2] - after[2]), rcond=1e-3)
-        return np.clip(alike + more, 0.5, 1.5).astype(np.float32)
+        return matched(before, after, own)
 
     fine.parted_gain = factor(PARTED)
     return fine.parted_gain, factor(with_surface)
+
+
+def matched(before: F64, after: F64, own: F64) -> NDArray[np.float32]:
+    """Factors for the colours of warp and of weft by which what looked so after looks as it did before. Red, green and
+    blue of warp and weft in the colours of `PROBE`; own: in which they are really dyed, (2, 3)."""
+    was, now = (np.maximum(light[:2] - light[2], 1e-9) for light in (before, after))  # by warp and by weft
+    alike = was / now
+    more, *_ = np.linalg.lstsq((now[:, None] * own).T, np.full(3, before[2] - after[2]), rcond=1e-3)
+    return np.clip(alike + more, 0.5, 1.5).astype(np.float32)
 
 
 def colours_at(

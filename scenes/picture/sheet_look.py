@@ -23,7 +23,7 @@ from ...render.data.light import KeyLight, Lighting
 from ...render.splat.splat import Splatter
 from ...render.splat.stream import stream
 
-__all__ = ["fit_look", "seen_light"]
+__all__ = ["fit_look", "flat_piece", "seen_light"]
 
 F64 = NDArray[np.float64]
 
@@ -45,7 +45,7 @@ SKY = 0.4
 CLEAR = 1e-3
 """Of light that passes through, less is taken for as much."""
 EVEN = 1.0, 1.0, 1.0
-FILL = Lighting(key=0.0, fill=1.0, sky=EVEN, ground=EVEN)
+NONE = 0.0, 0.0, 0.0
 
 
 def _keys(side: int) -> Lighting:
@@ -58,37 +58,51 @@ def _keys(side: int) -> Lighting:
     )
 
 
-def fit_look(source: CellStream, finish: Finish) -> SheetLook:
-    """The look of the sheets of a cloth whose fibres have that finish."""
+def _sky(side: int, backed: bool) -> Lighting:
+    """An even sky all round; or, of a cloth that lies on something, only before the side that is seen, the right one
+    (0) or the wrong one (1). Of white, what is sent back of a sky all round and what shines through add up to the same
+    however open its fibres lie, so that half of it tells how far they do."""
+    dark = (NONE, EVEN) if side else (EVEN, NONE)
+    sky, ground = dark if backed else (EVEN, EVEN)
+    return Lighting(key=0.0, fill=1.0, sky=sky, ground=ground)
+
+
+def fit_look(source: CellStream, finish: Finish, *, backed: bool = False) -> SheetLook:
+    """The look of the sheets of a cloth whose fibres have that finish. backed: as its fibres look where nothing shines
+    through, see `_sky`."""
     cloth = source.cloth
     guess = guess_of(cloth.bank, cloth.repeats)
     bank = cloth.bank
     parts = bank.particle, bank.start, bank.first, bank.phases, [(one.kind, *one.ahead) for one in cloth.repeats]
-    made_of = digest(VERSION, FLANKS, TURNED, finish, guess, source.pitch, *parts)
+    made_of = digest(VERSION, *(["backed"] if backed else []), FLANKS, TURNED, finish, guess, source.pitch, *parts)
 
     def make() -> dict[str, NDArray]:
-        every = [_measured(cloth, number, source.pitch, guess, finish) for number in range(len(cloth.repeats))]
+        every = [_measured(cloth, number, source.pitch, guess, finish, backed) for number in range(len(cloth.repeats))]
         return {"factor": np.stack(every).astype(np.float32)}
 
     return SheetLook(kept("sheet", made_of, make)[0]["factor"], guess.lean)
 
 
-def _measured(cloth: CellCloth, number: int, pitch: tuple[float, float], guess: SheetLook, finish: Finish) -> F64:
+def _measured(
+    cloth: CellCloth, number: int, pitch: tuple[float, float], guess: SheetLook, finish: Finish, backed: bool
+) -> F64:
     """The factors of a repeat, (2, TILTS, 4)."""
     splatter = Splatter(*SIZE)
-    fibres, sheet = (_piece(cloth, number, threads, pitch) for threads, _ in (FIBRES, SHEETS))
+    fibres, sheet = (flat_piece(cloth, number, threads, pitch) for threads, _ in (FIBRES, SHEETS))
     fibres.target, fibres.sheets = COARSEST, False
     sheet.look = SheetLook(guess.factor.copy(), guess.lean)
     out = guess.factor[number].astype(np.float64)
 
     def got(now: F64, side: int, elevation: float) -> F64:
         sheet.look.factor[number, side] = now  # seen so, all of it is at this angle
-        return seen_light(splatter, sheet, *_camera(sheet, elevation, SHEETS[1]), finish)
+        return seen_light(splatter, sheet, *_camera(sheet, elevation, SHEETS[1]), finish, backed=backed)
 
     for side in (0, 1):
         for t, tilt in enumerate(TILTS):
             elevation = degrees(asin(tilt)) * (1 - 2 * side)
-            want = seen_light(splatter, fibres, *_camera(fibres, elevation, FIBRES[1] * tilt**-0.33), finish)
+            want = seen_light(
+                splatter, fibres, *_camera(fibres, elevation, FIBRES[1] * tilt**-0.33), finish, backed=backed
+            )
             start = out[side, max(t - 1, 0)].copy()
             out[side, t] = _solved(lambda now, at=(side, elevation): got(now, *at), want, start)
     return out
@@ -108,7 +122,7 @@ def _solved(got: Callable[[F64], F64], want: F64, start: F64) -> F64:
     return now
 
 
-def _piece(cloth: CellCloth, number: int, threads: int, pitch: tuple[float, float]) -> CellStream:
+def flat_piece(cloth: CellCloth, number: int, threads: int, pitch: tuple[float, float]) -> CellStream:
     """A flat piece of so many threads each way, woven as a repeat says."""
     cells = -(-threads // CELL)
     shape = cells + 1, cells + 1
@@ -137,11 +151,18 @@ def _camera(source: CellStream, elevation: float, pixels: float) -> tuple[Camera
     return camera, mask > 0
 
 
-def seen_light(splatter: Splatter, source: CellStream, camera: Camera, where: NDArray[np.bool_], finish: Finish) -> F64:
-    """Coverage; of lights all round, what comes by the colour of warp and by that of weft; of an even sky, likewise:
-    means of those pixels."""
-    means = []
-    for lighting in (_keys(int(camera.forward[1] > 0)), FILL):
+def seen_light(
+    splatter: Splatter,
+    source: CellStream,
+    camera: Camera,
+    where: NDArray[np.bool_],
+    finish: Finish,
+    backed: bool = False,
+) -> F64:
+    """Coverage; of lights all round, what comes by the colour of warp and by that of weft; of a sky, likewise: means of
+    those pixels. backed: see `_sky`."""
+    means, side = [], int(camera.forward[1] > 0)
+    for lighting in (_keys(side), _sky(side, backed)):
         stream(splatter, camera, source, most=10**9, lighting=lighting, finish=finish)
         means.append(splatter.linear()[where].mean(axis=0, dtype=np.float64))
     (red, green, blue, cover), sky = means

@@ -1,7 +1,6 @@
 """One continuous move from the whole cloth to one fibre (the paper's Figure 13): the camera's path, and its frames."""
 
 from collections.abc import Iterator
-from math import radians, tan
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,45 +8,52 @@ from numpy.typing import NDArray
 from taichi_cloth.detail.refine import RefiningStream
 from taichi_cloth.detail.thinning import Gains
 from taichi_cloth.fabric.layout import BODY
-from taichi_cloth.fibre.contours import contour
-from taichi_cloth.fibre.relief import skin_of
-from taichi_cloth.fibre.sphere_set import sphere_set_from_rows
 from taichi_cloth.ground.cache import digest, kept
 from taichi_cloth.ground.errors import InputError
 
 from ...render.data.blocks import ParticleBlocks
-from ...render.data.camera import Camera, frame, look_at
+from ...render.data.camera import Camera, frame
 from ...render.data.finish import Finish
 from ...render.data.light import Lighting
 from ...render.splat.splat import Splatter
 from ..models.fabric_model import FabricModel
 from ..models.model import Model
 from ..prepare.drawing import LIT, has_floor
-from ..prepare.yarns import fibre_kind
+from ..prepare.sett import sett_of
+from ..scene.schema import Scene
 from .gains import fit_gains, fit_near, views_of
 from .streamed import Streamed
 from .view import View
+from .zoom_cells import zoom_cells
+from .zoom_path import RESOLUTION, nearing, skin_in
 
-__all__ = ["path", "target_of", "zoom"]
+__all__ = ["path", "require_threads", "source_of", "target_of", "zoom"]
 
 Image = NDArray[np.uint8]
 F64 = NDArray[np.float64]
-END_WIDTHS = 5.5
-"""Height of the last picture, in diameters of a fibre."""
-TURN = 0.7
-"""How far the camera turns from the scene's view towards the cloth's normal on its way."""
-SKIN_LENGTH = 350e-6
 FITTED = 6
 """Version of how gains are fitted, which takes long: they are kept."""
-RESOLUTION = 1024
-"""Texels along a shadow map: more than for a still, for the camera comes near."""
+
+
+def require_threads(scene: Scene, name: str) -> None:
+    """Raises InputError for a scene that no zoom can show."""
+    moving = scene.cloth or scene.garment
+    if scene.weave is None or (scene.subject != "fabric" and moving is None):
+        raise InputError(f"zoom: {name} has no [weave]; use a woven scene, such as swatch or tshirt")
+    if moving is not None and moving.representation != "fibre":
+        raise InputError(f"zoom: {name} is drawn as a mesh, which has no fibres; set {scene.subject}.representation")
+    if moving is not None and sett_of(scene) is None:
+        raise InputError(f"zoom: {name} states no sett; set fabric.ends_per_cm and fabric.picks_per_cm")
 
 
 def zoom(view: View, count: int, numbers: list[int]) -> Iterator[tuple[int, Image]]:
     """The frames `numbers` of `count`, lit as a still is: light maps of the whole cloth, made once a light direction.
 
-    Raises InputError for a scene that is not of a fabric.
+    Raises InputError for a scene that is neither of a fabric nor of cloth that is made where a camera looks.
     """
+    if not isinstance(view.model, FabricModel):
+        yield from zoom_cells(view, count, numbers)
+        return
     lighting = view.lighting
     source = source_of(view.model, lighting.without_maps(), view.finish, _first(view))
     width, height = view.size
@@ -72,11 +78,7 @@ def source_of(
     """
     if not isinstance(model, FabricModel):
         raise InputError("zoom: needs a woven scene, such as swatch; this one has no [weave]")
-    rows = model.scene.fibre.spheres
-    spheres = (
-        sphere_set_from_rows(rows) if rows is not None else contour(fibre_kind(model.scene).name, length_m=SKIN_LENGTH)
-    )
-    skin = skin_of(spheres)
+    skin = skin_in(model.scene)
     fabric, points, options = model.fabric, model.points, {"lighting": lighting, "finish": finish}
 
     views = None if farthest is None else views_of(fabric, points, farthest)
@@ -94,33 +96,12 @@ def source_of(
 
 
 def path(view: View, source: RefiningStream, count: int) -> list[Camera]:
-    """`count` cameras: the distance falls by the same factor from each to the next, and what is looked at moves
-    from the middle of the cloth to a fibre in proportion to the distance left, so that it drifts to the middle of
-    the picture evenly."""
-    camera, points, first = view.scene.camera, source.base.arrays.point, _first(view)
-    lens = {"width": first.width, "height": first.height, "fov": camera.fov_deg}
+    """`count` cameras from the whole cloth to a fibre, see `nearing`."""
+    first, points = _first(view), source.base.arrays.point
     end, normal = target_of(source)
     centre = (points.min(axis=0) + points.max(axis=0)).astype(np.float64) / 2
-    far = float((centre - first.eye) @ first.forward)
-    begin = first.eye + first.forward * far
     diameter = source.base.fabric.layout.warp.yarn.fibre_diameter
-    near = END_WIDTHS * diameter / 2 / tan(radians(camera.fov_deg) / 2)
-    start = -first.forward
-    final = start + TURN * (normal - start)
-    cameras = []
-    for k in range(count):
-        share = k / max(1, count - 1)
-        distance = far * (near / far) ** share
-        left = (distance - near) / (far - near)
-        at = end + (begin - end) * left
-        ease = share * share * (3 - 2 * share)
-        direction = start + (final - start) * ease
-        direction /= np.linalg.norm(direction)
-        # The picture's up stays that of the first view, so that a look straight down does not spin.
-        cameras.append(
-            look_at(at + direction * distance, at, up=-first.rotation[1], near=distance * 0.3, **lens)  # pyright: ignore
-        )
-    return cameras
+    return nearing(first, view.scene.camera.fov_deg, centre, end, normal, diameter, count)
 
 
 def _first(view: View) -> Camera:

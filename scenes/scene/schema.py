@@ -214,6 +214,11 @@ class Camera(Section):
     zoom: float = Field(
         default=1.0, gt=0, le=1e4, description="how much nearer than the framing distance; above 1 crops"
     )
+    aim: tuple[float, float] | None = Field(
+        default=None,
+        description="where a zoom goes: shares of the first picture's width and height, from its upper left; default: "
+        "the middle of a cloth, the chest of a garment",
+    )
 
 
 class Light(Section):

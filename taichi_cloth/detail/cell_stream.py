@@ -35,7 +35,7 @@ from taichi_cloth.detail.view import Pinhole, view_of
 from taichi_cloth.fabric.cells import CellCloth
 from taichi_cloth.ground.particles import HALF_LENGTH, LANES, POSITION, RADIUS, ROWS, fill_up
 
-__all__ = ["SHEET", "TARGET", "CellStream", "Seen"]
+__all__ = ["SHEET", "TARGET", "CellStream", "Seen", "parted"]
 
 F32 = NDArray[np.float32]
 I32 = NDArray[np.int32]
@@ -44,9 +44,11 @@ F64 = NDArray[np.float64]
 TARGET = 0.25
 """Radius of the smallest particles, in pixels of the picture that is shown: on a canvas with several samples a pixel
 each way, as many times as much."""
-SHEET = 1.2, 2.0
+SHEET = 1.1, 3.4
 """Pixels from thread to thread up to which a cloth is drawn as a sheet, and from which on it is drawn of fibres."""
-FADING = 1.3
+EVENLY = 0.62
+"""Fibres that fade in beside a sheet show little at first: with their share so, brightness goes over evenly."""
+FADING = 1.6
 """Fibres of a level are whole from so many times the smallest radius on; of smaller ones some are of the next level."""
 APART, FINER = 0.6, 0.42
 """Pixels between surfels; with n × n samples a pixel n^FINER times as many samples, as larger ones hide more: so a
@@ -97,7 +99,9 @@ class CellStream:
         self.pieces, self.each = np.zeros((ROWS, 0), np.float32) if pieces is None else pieces, each
         self._whole = self._cells()
         layout = cloth.repeats[0].layout
-        self._under = np.array([cloth.bank.height, layout.warp.pitch, layout.weft.pitch], np.float32)
+        self.under = np.array([cloth.bank.height, layout.warp.pitch, layout.weft.pitch], np.float32)
+        """How far the cloth's right side lies above its middle, and from warp end to warp end and from weft pick to
+        weft pick, on average [m]."""
         self.sheets = True
         """Whether cloth far away is drawn as a sheet."""
         self.look = guess_of(cloth.bank, cloth.repeats)
@@ -122,10 +126,14 @@ class CellStream:
         out[:, PATCH_ENDS] = ends + (col == of[3] - 2)
         return out
 
+    def whole(self) -> I32:
+        """A patch of each cell, at the finest level, a copy."""
+        return self._whole.copy()
+
     @property
     def pitch(self) -> tuple[float, float]:
         """From warp end to warp end and from weft pick to weft pick, on average [m]."""
-        return float(self._under[1]), float(self._under[2])
+        return float(self.under[1]), float(self.under[2])
 
     @property
     def allocated(self) -> int:
@@ -144,7 +152,7 @@ class CellStream:
         # Of fibres; too many particles for one patch: several.
         woven, of_fibres = self._levels(patch[fine > 0], pixel[fine > 0], fine[fine > 0])
         parts = np.ceil(np.sqrt(_blocks(woven) * bank.size[woven[:, LEVEL]] / MOST)).astype(np.int64)
-        woven, of_patch = _parted(woven, parts)
+        woven, of_patch = parted(woven, parts)
         # As a sheet.
         flat, far = patch[fine < 1], pixel[fine < 1]
         grid = np.concatenate([np.zeros((len(woven), 2), np.int32), self._grid(flat, self._apart(far))])
@@ -182,8 +190,8 @@ class CellStream:
         """What share of a cloth is drawn of fibres where a pixel is so wide [m], 0 to 1."""
         if not self.sheets or self.target <= 0:
             return np.ones(len(pixel))
-        wide = float(np.sqrt(self._under[1] * self._under[2])) / pixel * (TARGET / self.target)
-        return np.clip(np.log(wide / SHEET[0]) / np.log(SHEET[1] / SHEET[0]), 0.0, 1.0)
+        wide = float(np.sqrt(self.under[1] * self.under[2])) / pixel * (TARGET / self.target)
+        return np.clip(np.log(wide / SHEET[0]) / np.log(SHEET[1] / SHEET[0]), 0.0, 1.0) ** EVENLY
 
     def _levels(self, patch: I32, pixel: F64, share: F64) -> tuple[I32, F64]:
         """Patches at their levels, where a pixel is so wide [m] and that share of them is drawn of fibres; two where
@@ -204,7 +212,7 @@ class CellStream:
 
     def _grid(self, patch: I32, apart: F64) -> I32:
         """Rows and columns of surfels so far apart [m] in whole cells, (n, 2)."""
-        size = patch[:, [PATCH_PICKS, PATCH_ENDS]] * self._under[[2, 1]] / apart[:, None]
+        size = patch[:, [PATCH_PICKS, PATCH_ENDS]] * self.under[[2, 1]] / apart[:, None]
         return np.maximum(np.rint(size), 1.0).astype(np.int32)
 
     def _counts(self, pack: Any, patch: I32, grid: I32) -> I32:
@@ -233,7 +241,7 @@ class CellStream:
         pack, fibres = self.cloth.pack(), len(sheet) - int(sheet.sum())
         if fibres:
             lay(
-                *_shared_out(chosen[:fibres], starts[: fibres + 1]), seen.patch, seen.share, self._under, pack,
+                *_shared_out(chosen[:fibres], starts[: fibres + 1]), seen.patch, seen.share, self.under, pack,
                 out, self._yarn,
             )  # fmt: skip
         if fibres < len(chosen):
@@ -285,7 +293,7 @@ def _blocks(patch: I32) -> F64:
     return 2.0 * np.prod(patch[:, [LAYERS, PATCH_PICKS, PATCH_ENDS]].astype(np.float64), axis=1)
 
 
-def _parted(patch: I32, parts: NDArray[np.int64]) -> tuple[I32, NDArray[np.int64]]:
+def parted(patch: I32, parts: NDArray[np.int64]) -> tuple[I32, NDArray[np.int64]]:
     """Patches cut into so many parts each way, as even as whole crossings allow, and which of them each is of."""
     high, wide = np.minimum(parts, patch[:, PATCH_PICKS]), np.minimum(parts, patch[:, PATCH_ENDS])
     each = high * wide

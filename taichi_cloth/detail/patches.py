@@ -20,7 +20,7 @@ from taichi_cloth.fabric.cell_blocks import (
 from taichi_cloth.fabric.cells import TEMPLATES, CellPack
 from taichi_cloth.fabric.laying import lay_particle
 from taichi_cloth.fabric.templates import COLUMN
-from taichi_cloth.ground.arrays import F32x1, F32x2, F32x3, I16x2, I32x1, I32x2
+from taichi_cloth.ground.arrays import F32x1, F32x2, F32x3, I16x2, I32x1, I32x2, Template
 from taichi_cloth.ground.particles import (
     COLOUR,
     HALF_LENGTH,
@@ -35,7 +35,7 @@ from taichi_cloth.ground.particles import (
 
 __all__ = [
     "CELL", "CHUNKS", "CHUNK_STEPS", "FIRST_END", "FIRST_PICK", "LAYERS", "LEVEL", "PANEL", "PATCH", "PATCH_ENDS",
-    "PATCH_PICKS", "count", "lay", "look", "look_at",
+    "PATCH_PICKS", "count", "cut_away", "lay", "look", "look_at", "patch_block", "placed_block",
 ]  # fmt: skip
 
 CELL, PANEL, FIRST_PICK, FIRST_END, PATCH_PICKS, PATCH_ENDS, LAYERS, LEVEL = range(8)
@@ -104,6 +104,46 @@ def count(cloth: CellPack, patch: I32x2, chosen: I32x1, counts_out: I32x1):
         counts_out[q] = total
 
 
+@ti.func
+def patch_block(patch: I32x2, cloth: Template, q, e):
+    """Block e of patch q: its family, the pick and the end where it begins, its thread and its place along it, and
+    where its particles stand among the templates' and how many they are."""
+    high, wide = patch[q, PATCH_PICKS], patch[q, PATCH_ENDS]
+    family, c = e % 2, (e // 2) % (high * wide)
+    i, j = patch[q, FIRST_PICK] + c // wide, patch[q, FIRST_END] + c % wide
+    yarn, along, made = cell_template(cloth, patch[q, PANEL], family, i, j)
+    base, size = 0, 0
+    if made >= 0:
+        kind = patch[q, LEVEL] * cloth.grid[TEMPLATES] + made
+        base = ti.cast(cloth.start[kind], ti.i32)
+        size = ti.cast(cloth.start[kind + 1], ti.i32) - base
+    return family, i, j, yarn, along, base, size
+
+
+@ti.func
+def placed_block(patch: I32x2, under: F32x1, cloth: Template, q, e, yarn, along):
+    """From where to where block e of patch q is not cut away, and its ends as of `cell_block`."""
+    cell, p, high, wide = patch[q, CELL], patch[q, PANEL], patch[q, PATCH_PICKS], patch[q, PATCH_ENDS]
+    family, c, layer = e % 2, (e // 2) % (high * wide), (e // 2) // (high * wide)
+    i, j = patch[q, FIRST_PICK] + c // wide, patch[q, FIRST_END] + c % wide
+    since, up_to = cell_span(cloth, yarn, along)
+    p0, p1, a0, a1, n0, n1 = cell_block(cloth, p, cell, family, i, j)
+    if layer > 0:
+        if not cell_turned_in(cloth, p, cell, i, j):
+            since, up_to = 1.0, 0.0
+        # Under the first and half a thread beside it, its wrong side up: turned about the yarn.
+        p0 += 0.5 * under[1 + family] * n0.cross(a0).normalized() - 2.0 * under[0] * n0
+        p1 += 0.5 * under[1 + family] * n1.cross(a1).normalized() - 2.0 * under[0] * n1
+        n0, n1 = -n0, -n1
+    return since, up_to, p0, p1, a0, a1, n0, n1
+
+
+@ti.func
+def cut_away(since, up_to, u):
+    """Whether a particle at u along its block is."""
+    return since > up_to or (u < since and since > 0.0) or (u > up_to and up_to < 1.0)
+
+
 @ti.kernel
 def lay(
     bounds: I32x1,
@@ -128,33 +168,16 @@ def lay(
             continue
         for k in range(bounds[step // CHUNK_STEPS], bounds[step // CHUNK_STEPS + 1]):
             q = chosen[k]
-            cell, p, high, wide = patch[q, CELL], patch[q, PANEL], patch[q, PATCH_PICKS], patch[q, PATCH_ENDS]
-            at, last, e = starts[k], starts[k + 1], 0
+            p, at, last, e = patch[q, PANEL], starts[k], starts[k + 1], 0
             while at < last:
-                # The next block: where, of which family, in which layer.
-                family, c, layer = e % 2, (e // 2) % (high * wide), (e // 2) // (high * wide)
-                i, j = patch[q, FIRST_PICK] + c // wide, patch[q, FIRST_END] + c % wide
-                yarn, along, made = cell_template(cloth, p, family, i, j)
-                base, size, since, up_to = 0, 0, 1.0, 0.0
-                if made >= 0:
-                    kind = patch[q, LEVEL] * cloth.grid[TEMPLATES] + made
-                    base = ti.cast(cloth.start[kind], ti.i32)
-                    size = ti.cast(cloth.start[kind + 1], ti.i32) - base
-                    since, up_to = cell_span(cloth, yarn, along)
-                    if layer > 0 and not cell_turned_in(cloth, p, cell, i, j):
-                        since, up_to = 1.0, 0.0
-                p0, p1, a0, a1, n0, n1 = cell_block(cloth, p, cell, family, i, j)
-                if layer > 0:
-                    # Under the first and half a thread beside it, its wrong side up: turned about the yarn.
-                    p0 += 0.5 * under[1 + family] * n0.cross(a0).normalized() - 2.0 * under[0] * n0
-                    p1 += 0.5 * under[1 + family] * n1.cross(a1).normalized() - 2.0 * under[0] * n1
-                    n0, n1 = -n0, -n1
+                # The next block.
+                _family, i, j, yarn, along, base, size = patch_block(patch, cloth, q, e)
+                since, up_to, p0, p1, a0, a1, n0, n1 = placed_block(patch, under, cloth, q, e, yarn, along)
                 dyed = cell_shade(cloth, p, yarn, i, j)
                 for m in range(size):
                     t = base + m
                     x, d, outward = lay_particle(cloth.particle, t, p0, p1, a0, a1, n0, n1)
                     u = cloth.particle[t, COLUMN.u]
-                    cut = since > up_to or (u < since and since > 0.0) or (u > up_to and up_to < 1.0)
                     radius = cloth.particle[t, COLUMN.radius]
                     if share[q] < 1.0:
                         chance = ti.cast(hashed(yarn * 64 + along % 64, m), ti.f32) / 16777216.0
@@ -166,7 +189,7 @@ def lay(
                         groups_out[TANGENT + axis, group, lane] = d[axis]
                         groups_out[NORMAL + axis, group, lane] = outward[axis]
                         groups_out[COLOUR + axis, group, lane] = dyed[axis] * tone  # pyright: ignore[reportIndexIssue]
-                    groups_out[RADIUS, group, lane] = 0.0 if cut else radius
+                    groups_out[RADIUS, group, lane] = 0.0 if cut_away(since, up_to, u) else radius
                     groups_out[HALF_LENGTH, group, lane] = cloth.particle[t, COLUMN.half_length]
                     groups_out[OPENNESS, group, lane] = cloth.particle[t, COLUMN.openness]
                     yarn_out[at] = yarn

@@ -24,7 +24,10 @@ from taichi_cloth.ground.particles import (
     TANGENT,
 )
 
-__all__ = ["THREAD", "WIDTH", "place", "split", "surface"]
+__all__ = [
+    "AFTER", "BEFORE", "FAMILY", "PARTED", "PERIOD", "PLACE", "SKINNED", "SURFACE", "THREAD", "TURN", "WIDTH", "place",
+    "split", "surface",
+]  # fmt: skip
 
 SURFACE = (7.0, 16.0)
 """Radius of a real fibre [px] at which its surface begins to show, and at which it is all there."""
@@ -32,11 +35,11 @@ SPACING = 2.0
 """Distance between points on a fibre's surface [px]."""
 GROWN = 30.0
 """The real fibres beside the first have their full radius when they have parted this many times less than wholly."""
-PLACE, PERIOD, TURN, SKINNED, PARTED, BEFORE, AFTER, THREAD = range(ROWS, ROWS + 8)
+PLACE, PERIOD, TURN, SKINNED, PARTED, BEFORE, AFTER, THREAD, FAMILY = range(ROWS, ROWS + 9)
 """Numbers of a piece after those of a particle's record: its place along its skin's period, the period [m], the skin's
 turn [rad], whether it has one, how far it has parted, how far before and after it its neighbours on the fibre stand in
-the list, 0 at a block's end, and its thread."""
-WIDTH = ROWS + 8
+the list, 0 at a block's end, its thread, and whether that is warp (0) or weft (1)."""
+WIDTH = ROWS + 9
 """Numbers of a piece."""
 ARC = 220.0 / 180.0 * pi
 """How much of a fibre's circumference gets points: the side towards the camera, and a little more."""
@@ -131,6 +134,7 @@ def split(
                     pieces_out[q, BEFORE] = count if is_core and m % steps[b] > 0 else 0
                     pieces_out[q, AFTER] = count if is_core and m % steps[b] < steps[b] - 1 else 0
                     pieces_out[q, THREAD] = yarn
+                    pieces_out[q, FAMILY] = fabric.family[b]
                     q += 1
                 m += 1
 
@@ -206,7 +210,6 @@ def surface(
     grid: I32x2,
     view: View,
     skin: F32x2,
-    ends: Int,
     gain: F32x1,
     # out
     groups_out: F32x3,
@@ -215,8 +218,7 @@ def surface(
     unit vector from the axis, points a + r ρ e with normals e − ρ_θ/ρ e_θ − r ρ_s t.
 
     chosen: numbers of pieces. starts: where each one's particles stand in groups_out. grid: of `place`. skin: ρ, rows
-    along a period and columns around. gain: factors for the points' colour, of warp and of weft; threads from `ends` on
-    are weft.
+    along a period and columns around. gain: factors for the points' colour, of warp and of weft.
     """
     for step in range(chunks * 1024):
         if step % 1024 != 0:
@@ -250,7 +252,7 @@ def surface(
                 along, around = grid[p, 0], grid[p, 1]
                 period = pieces[p, PERIOD]
                 gap = 0.5 * (x2 - x0).norm() / along  # pyright: ignore[reportOptionalCall]
-                tint = gain[ti.cast(pieces[p, THREAD] >= ends, ti.i32)]
+                tint = gain[ti.cast(pieces[p, FAMILY], ti.i32)]
                 for a in range(along):
                     # The course between the middles of neighbours: the uniform quadratic B-spline.
                     t = (a + 0.5) / along - 0.5
@@ -276,7 +278,8 @@ def surface(
                         n = (e - by_angle / rho * f - by_length * d).normalized()
                         n = (n * (0.6 + 0.9 * shown) + outward * (1.0 - 0.55 * shown)).normalized()
                         x = middle + radius * rho * e
-                        group, lane = q // LANES, q % LANES
+                        to = q + k * along + a  # along the fibre, as whoever looks up light takes neighbours
+                        group, lane = to // LANES, to % LANES
                         for c in ti.static(range(3)):
                             groups_out[POSITION + c, group, lane] = x[c]
                             groups_out[COLOUR + c, group, lane] = pieces[p, COLOUR + c] * tint
@@ -286,4 +289,3 @@ def surface(
                         groups_out[RADIUS, group, lane] = 0.8 * width
                         groups_out[HALF_LENGTH, group, lane] = ti.max(1.5 * gap, 0.8 * width)
                         groups_out[OPENNESS, group, lane] = pieces[p, OPENNESS]
-                        q += 1

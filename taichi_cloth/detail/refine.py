@@ -129,7 +129,6 @@ class RefiningStream:
             survey.grid,
             survey.view,
             self.skin,
-            self.ends,
             self.surface_gain,
             batch,
         )

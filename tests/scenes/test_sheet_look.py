@@ -44,7 +44,7 @@ def source(finish: Finish, tmp_path_factory: pytest.TempPathFactory) -> CellStre
 def looks(source: CellStream, finish: Finish, tilt: float, side: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Coverage and light of fibres, of a sheet, and of a sheet at 4 × 4 samples a pixel."""
     elevation, out = degrees(asin(tilt)) * (1 - 2 * side), []
-    fibres, sheet = (sheet_look._piece(source.cloth, 0, n, source.pitch) for n, _ in (FIBRES, SHEETS))
+    fibres, sheet = (sheet_look.flat_piece(source.cloth, 0, n, source.pitch) for n, _ in (FIBRES, SHEETS))
     fibres.sheets, sheet.look = False, source.look
     for one, pixels, samples in ((fibres, FIBRES[1] * tilt**-0.33, 1), (sheet, SHEETS[1], 1), (sheet, SHEETS[1], 4)):
         one.target = TARGET * samples
