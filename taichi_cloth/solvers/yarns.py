@@ -50,10 +50,10 @@ MOST_SWEEPS, UNSOLVED = 6, 0.01
 """Sweeps at most of a frame that is taken again since ties and the body have made a thread longer than its yarn was
 solved for, by such a share of its length; those shorter than LONG of `whole_yarns.py` may be."""
 
-GAIN = 0.9
+GAIN = 0.95
 """Share of that which one sweep more has to come below, or it is not worth its time."""
 
-CALM = 0.2
+CALM, FUTILE = 0.05, 0.1
 """Time without such threads after which there is a sweep less, and after which sweeps that gained nothing are tried
 again [s]."""
 
@@ -185,16 +185,16 @@ class Yarns(SpringSolver):
         """Whether the last frame is to be taken again with a sweep more."""
         gained, wanted = self.unsolved < GAIN * self._before, self.unsolved > UNSOLVED
         if wanted and gained and self.sweeps < MOST_SWEEPS and self._futile == 0:
-            self._before = self.unsolved
+            self._before, self._calm = self.unsolved, 0
             self._take_sweeps(self.sweeps + 1)
             return True
-        often = ceil(CALM * self.frame_rate)
-        self._futile = often if wanted and not gained else max(self._futile - 1, 0)
+        given_up = wanted and not gained
+        self._futile = ceil(FUTILE * self.frame_rate) if given_up else max(self._futile - 1, 0)
         self._calm = 0 if wanted and gained else self._calm + 1
         self._before = inf
-        if self._futile == often:
+        if given_up:
             self._take_sweeps(self._fewest)
-        elif self._calm >= often:
+        elif self._calm >= CALM * self.frame_rate:
             self._calm = 0
             self._take_sweeps(max(self.sweeps - 1, self._fewest))
         return False

@@ -132,6 +132,7 @@ def test_light_told_from_near_by_has_the_mean_of_the_whole(near: NearCells) -> N
     assert alone[0].mean() < 0.8 * alone[1].mean()
 
 
+@pytest.mark.slow
 def test_a_sheet_is_zoomed_into_down_to_a_fibre(
     model: ClothModel, tmp_path: object, monkeypatch: pytest.MonkeyPatch
 ) -> None:
