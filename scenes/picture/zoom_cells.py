@@ -70,7 +70,7 @@ def zoom_cells(view: View, count: int, numbers: list[int]) -> Iterator[tuple[int
     source.target = TARGET
     looks = fit_look(source, finish), fit_look(source, finish, backed=True)
     near = NearCells(source, skin_in(scene))
-    near.gain = _skin_gain(near, finish)
+    near.skins.gain = _skin_gain(near, finish)
     mesh = join(panel.meshes) if panel.meshes else None
     aim = section.aim or (CHEST if scene.subject == "garment" else MIDDLE)
     end, normal = near.crown(*_cell_at(source.cloth, first, aim, mesh), first.eye)
@@ -165,13 +165,13 @@ def _skin_gain(near: NearCells, finish: Finish) -> NDArray[np.float32]:
     cloth = near.cells.cloth
     family = cloth.family_of_thread()
     own = np.stack([cloth.threads.colour[family == k].mean(axis=0) for k in (0, 1)]).astype(np.float64)
-    made_of = digest(VERSION, cloth.bank.particle, near.cells.pitch, near.skin, finish, own)
+    made_of = digest(VERSION, cloth.bank.particle, near.cells.pitch, near.skins.skin, finish, own)
 
     def make() -> dict[str, NDArray]:
         flat = flat_piece(cloth, 0, THREADS, near.cells.pitch)
         flat.sheets = False
         points = flat.cloth.node[:, :3].astype(np.float64)
-        splatter, skin = Splatter(*SIZE), NearCells(flat, near.skin)
+        splatter, skin = Splatter(*SIZE), NearCells(flat, near.skins.skin)
         base = frame(points, width=SIZE[0], height=SIZE[1], elevation=90.0, fov=4)
         away = flat.cloth.bank.radius[0] * base.focal / CLOSE
         first = replace(base, translation=-base.rotation @ (points.mean(axis=0) - base.forward * away))

@@ -5,7 +5,6 @@ piece of fibre, and a piece that is wide enough points on its skin. What is fart
 """
 
 from dataclasses import dataclass
-from math import prod
 
 import numpy as np
 import taichi as ti
@@ -41,8 +40,8 @@ from taichi_cloth.detail.pieces import (
     TURN,
     WIDTH,
     place,
-    surface,
 )
+from taichi_cloth.detail.skins import Skins
 from taichi_cloth.detail.view import Pinhole, View, view_of
 from taichi_cloth.fabric.cell_blocks import cell_shade, hashed
 from taichi_cloth.fabric.cells import CellPack
@@ -58,10 +57,8 @@ from taichi_cloth.ground.particles import (
     OPENNESS,
     POSITION,
     RADIUS,
-    ROWS,
     TANGENT,
     TILE,
-    fill_up,
 )
 
 __all__ = ["NearCells"]
@@ -160,21 +157,17 @@ class SeenNear:
 
 class NearCells:
     """A cloth on cells that streams as its `CellStream` does, and shows the skin of its fibres where a camera is near.
-
-    skin: the fibre's height map (see `relief.skin_of`). gain: factors for the colour of points on a skin, of warp and
-    of weft: they hide what is behind them better than what they replace.
-    """
+    skin, gain: as of `Skins`."""
 
     def __init__(self, cells: CellStream, skin: F32, *, gain: ArrayLike = (1.0, 1.0), chunks: int = 2) -> None:
         self.cells, self.chunks = cells, chunks
-        self.skin, self.gain = np.ascontiguousarray(skin, np.float32), np.asarray(gain, np.float32)
+        self.skins = Skins(skin, gain, chunks)
         layout = cells.cloth.repeats[0].layout
         self.steps = layout.detail.steps
         yarns = layout.warp.yarn, layout.weft.yarn
         fibres = [y.plies * min(layout.detail.fibres, y.fibres_in_section) for y in yarns]
         self._core = np.array(fibres, np.int32) * self.steps
         self._usual = PERIODS * float(np.mean([y.fibre_diameter for y in yarns]))
-        self._batch = np.zeros(0, np.float32)
 
     @property
     def pitch(self) -> tuple[float, float]:
@@ -297,19 +290,7 @@ class NearCells:
         mine = chosen[chosen >= first] - first
         if not len(mine):
             return out, total
-        starts = np.concatenate([[0], np.cumsum(survey.counts[first:][mine], dtype=np.int64)])
-        rows, more = out.shape[1], -(-int(starts[-1]) // LANES)
-        shape = ROWS, rows + more, LANES
-        if self._batch.size < prod(shape):
-            self._batch = np.zeros(prod(shape), np.float32)
-        batch = self._batch[: prod(shape)].reshape(shape)
-        batch[:, :rows] = out
-        surface(
-            self.chunks, mine.astype(np.int32), (starts + rows * LANES).astype(np.int32), survey.pieces, survey.grid,
-            survey.view, self.skin, self.gain, batch,
-        )  # fmt: skip
-        fill_up(batch, rows * LANES + int(starts[-1]))
-        return batch, (rows + more) * LANES
+        return self.skins.lay_after(out, survey, survey.counts[first:][mine], mine)
 
     def numbers(self, survey: SeenNear, chosen: I32) -> tuple[I32, I32]:
         """As of `CellStream`, of what `lay` makes of these; −1 for a place that stays empty."""

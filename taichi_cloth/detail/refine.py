@@ -7,18 +7,18 @@ the drawn one's axis and its surface rises from a round one as the camera comes 
 """
 
 from dataclasses import dataclass, replace
-from math import prod
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from taichi_cloth.detail.pieces import THREAD, WIDTH, place, split, surface
+from taichi_cloth.detail.pieces import THREAD, WIDTH, place, split
+from taichi_cloth.detail.skins import Skins
 from taichi_cloth.detail.streaming import FabricStream, Survey
 from taichi_cloth.detail.view import Pinhole, View, view_of
 from taichi_cloth.fabric.fabric import Fabric
 from taichi_cloth.fabric.layout import BODY, Blocks
 from taichi_cloth.fabric.templates import build_templates
-from taichi_cloth.ground.particles import LANES, ROWS, fill_up
+from taichi_cloth.ground.particles import LANES
 
 __all__ = ["RefiningStream"]
 
@@ -66,11 +66,10 @@ class RefiningStream:
         **options: object,
     ) -> None:
         self.base = FabricStream(fabric, points, chunks=chunks, **options)  # pyright: ignore[reportArgumentType]
-        self.skin, self.steps, self.chunks = np.ascontiguousarray(skin, np.float32), steps, chunks
-        self.parted_gain, self.surface_gain = (np.asarray(g, np.float32) for g in (parted_gain, surface_gain))
+        self.skins, self.steps, self.chunks = Skins(skin, surface_gain, chunks), steps, chunks
+        self.parted_gain = np.asarray(parted_gain, np.float32)
         self._known = np.zeros(0, np.int64)
         self._near: FabricStream | None = None
-        self._batch = np.zeros(0, np.float32)
         bank, base = fabric.bank, self.base
         beyond = np.maximum(np.abs(bank.u - 0.5) - 0.5, 0.0) * float(base.arrays.pitch.max())
         reach = beyond + np.linalg.norm(bank.offset, axis=1) + bank.half_length
@@ -114,26 +113,7 @@ class RefiningStream:
         mine = chosen[chosen >= first] - first
         if not len(mine):
             return out, total
-        starts = np.concatenate([[0], np.cumsum(survey.counts[first:][mine], dtype=np.int64)])
-        rows, more = out.shape[1], -(-int(starts[-1]) // LANES)
-        shape = ROWS, rows + more, LANES
-        if self._batch.size < prod(shape):
-            self._batch = np.zeros(prod(shape), np.float32)
-        batch = self._batch[: prod(shape)].reshape(shape)
-        batch[:, :rows] = out
-        surface(
-            self.chunks,
-            mine.astype(np.int32),
-            (starts + rows * LANES).astype(np.int32),
-            survey.pieces,
-            survey.grid,
-            survey.view,
-            self.skin,
-            self.surface_gain,
-            batch,
-        )
-        fill_up(batch, int(starts[-1]))
-        return batch, (rows + more) * LANES
+        return self.skins.lay_after(out, survey, survey.counts[first:][mine], mine)
 
     def numbers(self, survey: Refined, chosen: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
         """As `FabricStream.numbers`, of what `lay` makes of these; -1 for a place that stays empty."""
@@ -159,7 +139,7 @@ class RefiningStream:
     @property
     def allocated(self) -> int:
         """Bytes of the batches' arrays."""
-        return self.base.allocated + self._batch.nbytes
+        return self.base.allocated + self.skins.allocated
 
     def _in_view(self, blocks: NDArray[np.int64], camera: Pinhole) -> NDArray[np.bool_]:
         """Whether the spheres round the blocks' own fibres, without hairs, touch the frustum."""

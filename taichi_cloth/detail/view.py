@@ -13,14 +13,22 @@ __all__ = ["Pinhole", "View", "in_frustum", "seen_at", "tiles_of", "view_of"]
 class Pinhole(Protocol):
     """A camera in OpenCV's convention: world to camera rotation (3, 3) and translation (3,), lens and size [px]."""
 
-    rotation: Any
-    translation: Any
-    focal: float
-    cx: float
-    cy: float
-    width: int
-    height: int
-    near: float
+    @property
+    def rotation(self) -> Any: ...
+    @property
+    def translation(self) -> Any: ...
+    @property
+    def focal(self) -> float: ...
+    @property
+    def cx(self) -> float: ...
+    @property
+    def cy(self) -> float: ...
+    @property
+    def width(self) -> int: ...
+    @property
+    def height(self) -> int: ...
+    @property
+    def near(self) -> float: ...
 
 
 _VIEW: Any = ti.types.struct(

@@ -62,13 +62,14 @@ def test_far_away_it_is_the_cloth_on_cells(near: NearCells) -> None:
     assert (fine.counts == plain.counts).all()
 
 
+@pytest.mark.slow
 def test_skins_cover_as_much_and_are_as_bright_as_what_they_replace(
     near: NearCells, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     finish = replace(finish_for("cotton"), depth=0.5e-3)
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("TAICHI_CLOTH_CACHE", str(tmp_path_factory.mktemp("skin")))
-        near.gain = _skin_gain(near, finish)
+        near.skins.gain = _skin_gain(near, finish)
     splatter, middle = Splatter(160, 96), near.cells.cloth.node[:, :3].mean(axis=0)
     splatter.load(ParticleBlocks(near.around(middle, 6e-3, 400_000)))
     lighting = Lighting(key_follows_camera=False, shadows=True, occlusion=True)
