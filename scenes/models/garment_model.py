@@ -10,7 +10,7 @@ from taichi_cloth.fabric.fabric import build_fabric
 from taichi_cloth.fabric.follow import FibreFollower
 from taichi_cloth.garment.sewn.cell_weaving import CellWeaving
 from taichi_cloth.garment.sewn.limbs import spared
-from taichi_cloth.garment.sewn.sew import misfit
+from taichi_cloth.garment.sewn.misfit import misfit
 from taichi_cloth.garment.sewn.stitches import PIECES, STRANDS, Stitches
 from taichi_cloth.garment.sewn.surface import Surface
 from taichi_cloth.garment.sewn.weaving import Colours, Weaving

@@ -167,8 +167,8 @@ class Yarns(SpringSolver):
 
     def look(self, frame: YarnFrame) -> None:
         super().look(frame)
-        self.tight = frame.tightest() if frame.loops is None else frame.loops.tightest()
-        self.unsolved = frame.unsolved() if frame.loops is None else frame.loops.unsolved()
+        asked = frame if frame.loops is None else frame.loops
+        self.tight, self.unsolved = asked.tightest(), asked.unsolved()
 
     def shorten(self, state: SheetState, reached: SheetState | None) -> bool:
         if reached is state:

@@ -21,7 +21,7 @@ from taichi_cloth.constraints.constraints_for import constraints_for
 from taichi_cloth.constraints.ties import Ties
 from taichi_cloth.garment.pattern.curves import along, length
 from taichi_cloth.garment.pattern.cut import Atlas, turned
-from taichi_cloth.garment.pattern.pattern import Pattern, Seam, Side
+from taichi_cloth.garment.pattern.pattern import Pattern, Side
 from taichi_cloth.garment.sewn.limbs import spared
 from taichi_cloth.garment.sewn.own_outline import outline_of
 from taichi_cloth.ground.errors import InputError, Unstable
@@ -33,7 +33,7 @@ from taichi_cloth.sheet.sheet import Sheet
 from taichi_cloth.sheet.springs import calibrate
 from taichi_cloth.solvers.named import named_solver
 
-__all__ = ["DEEPEST", "OPEN", "RECOVERY", "TAUT", "Garment", "Worn", "misfit", "sew"]
+__all__ = ["OPEN", "RECOVERY", "Garment", "Worn", "sew"]
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -46,12 +46,6 @@ seams pull at is four times as light as the cloth beside it, and its threads set
 
 OPEN = 2e-3
 """A seam is closed when its gap is no wider than this [m]."""
-
-DEEPEST = 5e-3
-"""In the body, of any key point of a garment that fits [m]. Those where the seams of trousers meet at the crotch, half
-outside the cloth, come to 4.4 mm on some spacings."""
-TAUT = 0.08
-"""Largest strain at rest of a garment that fits, away from its seams."""
 
 CLOSING = 240  # frames at most
 SETTLING = 300
@@ -326,56 +320,6 @@ def _sew(
         frames=frames,
         pushes=seams[0].pushes(simulation.state) if seams else np.zeros((3, 0), np.float32),
     )
-
-
-def misfit(garment: Garment, worn: Worn) -> str | None:
-    """Why a garment does not fit the body it was sewn on, in one line with numbers and where; None: it fits."""
-    faults = []
-    if worn.gap > OPEN:
-        nodes, weights = garment.seams()
-        ends = np.einsum("nkc,nk->nc", worn.positions[nodes[..., 0], nodes[..., 1]], weights)
-        worst = int(np.argmax(np.linalg.norm(ends, axis=1)))
-        row, col = nodes[worst, 0]
-        name = garment.pattern.panels[garment.atlas.owner()[row, col]].name
-        why = _reason(garment, garment.pattern.seams[int(np.searchsorted(garment.last_ties(), worst))])
-        faults.append(f"a seam of {name} stays {1e3 * worn.gap:.1f} mm open (allowed {1e3 * OPEN:g}){why}")
-    if worn.depth > DEEPEST:
-        faults.append(f"cloth lies {1e3 * worn.depth:.1f} mm in the body (allowed {1e3 * DEEPEST:g})")
-    if worn.taut > TAUT:
-        strain = max(garment.strains(worn.positions), key=lambda s: s.max())
-        row, col = np.unravel_index(int(np.argmax(strain)), strain.shape)
-        name = garment.pattern.panels[garment.atlas.owner()[row, col]].name
-        x, y, z = worn.positions[row, col]
-        where = f"at ({x:.2f}, {y:.2f}, {z:.2f}) m"
-        faults.append(f"threads of {name} are {100 * worn.taut:.1f} % longer {where} (allowed {100 * TAUT:g})")
-    if faults and (darts := [width for seam in garment.pattern.seams if (width := _narrow(garment, seam))]):
-        cell = max(garment.atlas.spacing)
-        faults.append(
-            f"its darts, from {1e3 * min(darts):.0f} mm wide, want key points closer than {1e3 * cell:.0f} mm"
-        )
-    return "; ".join(faults) or None
-
-
-def _narrow(garment: Garment, seam: Seam) -> float:
-    """Width of a dart that is narrower than two cells [m]; 0 for any other seam."""
-    pattern, (first, second) = garment.pattern, (seam.first, seam.second)
-    if first.panel != second.panel:
-        return 0.0
-    ends = pattern.edge(first)[[0, -1]], pattern.edge(second)[[0, -1]]
-    apart = np.linalg.norm(ends[0][:, None] - ends[1][None], axis=2)
-    wide = float(np.linalg.norm(ends[0][::-1] - ends[1], axis=1).max())
-    return wide if apart.min() < 1e-4 and wide < 2 * max(garment.atlas.spacing) else 0.0
-
-
-def _reason(garment: Garment, seam: Seam) -> str:
-    """What of a seam itself keeps it open: a dart narrower than two cells, or edges of unequal length."""
-    if wide := _narrow(garment, seam):
-        return f": a dart {1e3 * wide:.0f} mm wide"
-    edges = [garment.pattern.edge(side) for side in (seam.first, seam.second)]
-    longer, shorter = sorted((length(edge) for edge in edges), reverse=True)
-    if longer > 1.05 * shorter:
-        return f": {100 * longer:.1f} cm of cloth gathered onto {100 * shorter:.1f} cm"
-    return ""
 
 
 def _gap(simulation: Simulation) -> float:
