@@ -2,8 +2,6 @@
 no EXR."""
 
 import importlib
-import os
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -12,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_cloth.ground.errors import InputError
-
-from .image import make_public
+from taichi_cloth.ground.files import in_one_step
 
 __all__ = ["require_exr", "write_exr"]
 
@@ -44,12 +41,5 @@ def write_exr(path: str | Path, channels: Mapping[str, NDArray[Any]]) -> None:
             raise InputError(f"{path}: channel {name} has {channel.min()}; allowed: 0 and above")
         planes[name] = np.ascontiguousarray(channel, np.uint32 if whole else np.float32)
     header = {"compression": library.ZIP_COMPRESSION, "type": library.scanlineimage}
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}.", suffix=".part.exr")
-    os.close(handle)
-    try:
-        library.File(header, planes).write(temporary)
-        make_public(temporary)
-        os.replace(temporary, path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
+    with in_one_step(path, ".exr") as part:
+        library.File(header, planes).write(str(part))

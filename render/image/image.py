@@ -3,7 +3,6 @@
 import contextlib
 import os
 import struct
-import tempfile
 import zlib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -14,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from taichi_cloth.ground.errors import InputError
-from taichi_cloth.ground.files import read_bytes, shown_path
+from taichi_cloth.ground.files import read_bytes, shown_path, write_bytes
 
 __all__ = [
     "LARGEST_GIVEN",
@@ -25,7 +24,6 @@ __all__ = [
     "quiet_stderr",
     "read_png",
     "srgb_to_linear",
-    "write_bytes",
     "write_png",
 ]
 
@@ -141,27 +139,6 @@ def quiet_stderr() -> Iterator[None]:
     finally:
         os.dup2(said, 2)
         os.close(said)
-
-
-def write_bytes(path: str | Path, data: bytes) -> None:
-    """Write a file in one step: a temporary one beside it, then a rename. Raises OSError."""
-    path = Path(path)
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(data)
-        make_public(temporary)
-        os.replace(temporary, path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
-
-
-def make_public(path: str | Path) -> None:
-    """Give a temporary file, which only its owner may read, the permissions of an ordinary new file."""
-    mask = os.umask(0)
-    os.umask(mask)
-    os.chmod(path, 0o666 & ~mask)
 
 
 def contact_sheet(

@@ -6,7 +6,6 @@ Otherwise OpenCV writes VP9, slower and larger: its own FFmpeg has no H.264.
 
 import importlib
 import os
-import tempfile
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
@@ -16,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_cloth.ground.errors import InputError
+from taichi_cloth.ground.files import in_one_step
 
-from .image import make_public, quiet_stderr, read_png
+from .image import quiet_stderr, read_png
 
 __all__ = ["Codec", "write_mp4"]
 
@@ -52,18 +52,11 @@ def write_mp4(
     first = next(images, None)
     if first is None:
         raise InputError(f"{path}: no frames; pass at least one")
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}.", suffix=".part.mp4")
-    os.close(handle)
-    try:
+    with in_one_step(path, ".mp4") as part:
         if encoder is not None:
-            _write_h264(encoder, temporary, first, images, fps)
+            _write_h264(encoder, str(part), first, images, fps)
         else:
-            _write_vp9(temporary, first, images, fps)
-        make_public(temporary)
-        os.replace(temporary, path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
+            _write_vp9(str(part), first, images, fps)
     return "vp9" if encoder is None else "h264"
 
 

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_cloth.ground.errors import InputError
+from taichi_cloth.ground.files import write_bytes
 
-from .image import read_png, write_bytes
+from .image import read_png
 
 __all__ = ["write_webp"]
 

@@ -17,8 +17,8 @@ from taichi_cloth.body.skin.skeleton import JOINTS
 from taichi_cloth.body.skin.skinning import Body
 from taichi_cloth.ground import runtime
 from taichi_cloth.ground.errors import InputError
+from taichi_cloth.ground.files import write_bytes
 
-from ...render.image.image import write_bytes
 from ...render.tiles.mesh import Mesh
 from .body_picture import HUES, KIND_COLOURS, Shown, draw_panels, part_mesh, primitive_meshes
 

@@ -11,8 +11,7 @@ from pathlib import Path
 from types import TracebackType
 
 from taichi_cloth.ground.errors import InputError
-
-from ...render.image.image import write_bytes
+from taichi_cloth.ground.files import write_bytes
 
 try:
     import fcntl

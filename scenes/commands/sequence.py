@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 import taichi_cloth
 from taichi_cloth.ground.errors import InputError
+from taichi_cloth.ground.files import write_bytes
 
-from ...render.image.image import png_is_whole, write_bytes, write_png
+from ...render.image.image import png_is_whole, write_png
 from ..scene.scene_files import file_hashes
 from ..scene.schema import Scene
 from .output_folder import OutputFolder

@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 
 from taichi_cloth.ground import runtime
 from taichi_cloth.ground.errors import InputError, did_you_mean
+from taichi_cloth.ground.files import write_bytes
 
 from ...render.data.camera import Camera
 from ...render.image.exr import require_exr, write_exr
-from ...render.image.image import linear_to_srgb, write_bytes, write_png
+from ...render.image.image import linear_to_srgb, write_png
 from ...render.image.tone import Tone, tone_curve
 from ...render.splat.passes import PASSES, Passes, render_passes
 from ...render.splat.stream import stream_passes

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from taichi_cloth.ground import runtime
 from taichi_cloth.ground.errors import InputError, Unstable
+from taichi_cloth.ground.files import write_bytes
 
-from ...render.image.image import write_bytes, write_png
+from ...render.image.image import write_png
 from .figures_cloth import drape, fibre, springs, textured, twist, weaves
 from .figures_garment import body_parts, dressed_twice, magnified, moving, primitives, skirt_and_shirt, stretched
 

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+from taichi_cloth.ground.files import write_bytes
+
 __all__ = ["PAPER", "Measured", "Paper", "Table", "tables_of", "write_tables"]
 
 
@@ -246,7 +248,5 @@ def write_tables(tables: list[Table], heading: list[str], folder: Path) -> list[
         **{f"{t.name}.csv": t.csv() for t in tables},
     }
     for name, text in files.items():
-        part = folder / f".{name}.part"
-        part.write_text(text, encoding="utf-8")
-        part.replace(folder / name)
+        write_bytes(folder / name, text.encode())
     return [folder / name for name in files]

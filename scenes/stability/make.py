@@ -6,8 +6,8 @@ from typing import Any
 
 from taichi_cloth.ground import runtime
 from taichi_cloth.ground.errors import InputError
+from taichi_cloth.ground.files import write_bytes
 
-from ...render.image.image import write_bytes
 from ..commands.progress import progress
 from ..measure.page import csv_text
 from .garments import garment_cases

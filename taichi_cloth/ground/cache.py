@@ -3,7 +3,6 @@
 A file that is damaged, or is not what its name says, is made again; where nothing can be written, nothing is kept.
 """
 
-import contextlib
 import hashlib
 import logging
 import os
@@ -15,6 +14,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from taichi_cloth.ground.files import in_one_step
 
 __all__ = ["can_keep", "digest", "folder", "kept"]
 
@@ -46,15 +47,11 @@ def kept(kind: str, made_of: str, make: Callable[[], Mapping[str, NDArray]]) -> 
     if found is not None:
         return found, True
     arrays = {name: np.asarray(value) for name, value in make().items()}
-    part = file.with_name(f".{file.name}.{os.getpid()}.part")
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
-        with part.open("wb") as handle:
+        with in_one_step(file) as part, part.open("wb") as handle:
             np.savez_compressed(handle, allow_pickle=False, **arrays, **{SEAL: np.array(_seal(arrays))})
-        part.replace(file)
     except OSError as error:  # a full or read-only disk costs the next run some time, and nothing else
-        with contextlib.suppress(OSError):
-            part.unlink()
         _not_kept(file.parent, error)
     return arrays, False
 

@@ -1,19 +1,22 @@
-"""A person's file: looked at before it is read, then read whole or refused in one line.
+"""Files: a person's is looked at before it is read, then read whole or refused in one line; ours appear whole.
 
 What a file is and how large is known before any of it is in memory: folders, devices and pipes, which may have no end,
 are refused, and so is more than a reader can want. What is in it is each reader's own business.
 """
 
+import contextlib
 import json
 import os
+import secrets
 import stat
+from collections.abc import Iterator
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
 from taichi_cloth.ground.errors import InputError
 
-__all__ = ["read_bytes", "read_json", "read_text", "shown_path"]
+__all__ = ["in_one_step", "read_bytes", "read_json", "read_text", "shown_path", "write_bytes"]
 
 LONGEST_INTEGER = 18
 """Digits of a whole number in JSON; longer ones are read as floats, which may be infinite."""
@@ -69,6 +72,30 @@ def shown_path(path: str | PathLike[str]) -> str:
     """A path for a message, its middle cut out where it is long."""
     name = str(path)
     return name if len(name) < 200 else f"{name[:80]}…{name[-80:]}"
+
+
+def write_bytes(path: str | PathLike[str], data: bytes) -> None:
+    """Write a file in one step, as `in_one_step` does. Raises OSError."""
+    with in_one_step(path) as part:
+        part.write_bytes(data)
+
+
+@contextlib.contextmanager
+def in_one_step(path: str | PathLike[str], suffix: str = "") -> Iterator[Path]:
+    """Where to write a file that appears whole or not at all: a part beside it, renamed at the end. Raises OSError.
+
+    suffix: how the part's name must end for the library that writes it; then it stands in for the ending of `path`.
+    Nothing is left of a write that fails or is interrupted: the part has its name before there is a file of it.
+    """
+    path = Path(path)
+    part = path.with_name(f".{path.stem if suffix else path.name}.{secrets.token_hex(4)}.part{suffix}")
+    try:
+        part.touch(exist_ok=False)
+        yield part
+        part.replace(path)
+    except BaseException:
+        part.unlink(missing_ok=True)
+        raise
 
 
 def _whole(digits: str) -> int | float:

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from taichi_cloth.ground.errors import InputError, Unstable
+from taichi_cloth.ground.files import in_one_step
 from taichi_cloth.motion.forces import Forces
 from taichi_cloth.motion.solver import Solver
 from taichi_cloth.sheet.pins import Pins
@@ -229,19 +230,13 @@ class Simulation:
     def save(self, path: Path | str, about: str = "") -> None:
         """The state to a file, replaced as a whole: whoever reads it finds this state or the one before. about: kept
         with it, for whoever makes the simulation."""
-        target = Path(path)
-        part = target.with_name(f".{target.name}.{os.getpid()}.part")
-        try:
-            with part.open("wb") as file:
-                found = np.array(self.solver.found)
-                np.savez(
-                    file, values=self.state.values, frame=self.frame, found=found, made_for=self._made_for, about=about
-                )
-                file.flush()
-                os.fsync(file.fileno())
-            part.replace(target)
-        finally:
-            part.unlink(missing_ok=True)
+        with in_one_step(path) as part, part.open("wb") as file:
+            found = np.array(self.solver.found)
+            np.savez(
+                file, values=self.state.values, frame=self.frame, found=found, made_for=self._made_for, about=about
+            )
+            file.flush()
+            os.fsync(file.fileno())
 
     def restore(self, path: Path | str) -> None:
         """Goes on from a state that was saved. Raises InputError where there is none, or one of another simulation."""

@@ -1,4 +1,4 @@
-"""A person's file: taken whole, or refused in a line before it costs anything."""
+"""A person's file: taken whole, or refused in a line before it costs anything. Ours: written whole or not at all."""
 
 import json
 import os
@@ -7,11 +7,14 @@ import subprocess
 import sys
 import zlib
 from pathlib import Path
+from types import FrameType
+from typing import Any
 
 import pytest
 
+from taichi_cloth.ground import files
 from taichi_cloth.ground.errors import LONGEST, InputError
-from taichi_cloth.ground.files import read_bytes, read_json, read_text
+from taichi_cloth.ground.files import read_bytes, read_json, read_text, write_bytes
 
 FUZZ = Path(__file__).with_name("fuzz.py")
 MOST_MB = 1000
@@ -175,3 +178,40 @@ def test_damaged_files_are_taken_or_refused() -> None:
 @pytest.mark.parametrize("seed", range(2, 6))
 def test_many_damaged_files_are_taken_or_refused(seed: int) -> None:
     fuzzed(1000, seed)
+
+
+def test_a_write_that_is_interrupted_at_any_line_leaves_the_old_file_or_the_new_one(tmp_path: Path) -> None:
+    path = tmp_path / "frame.png"
+
+    def interrupted(at: int) -> bool:
+        """Writes, with an exception before the line that is run as number `at`, as a signal's may come."""
+        lines = 0
+
+        def trace(frame: FrameType, event: str, _: Any) -> Any:
+            nonlocal lines
+            if frame.f_code.co_filename != files.__file__:
+                return None
+            if event == "line":
+                lines += 1
+                if lines == at:
+                    raise KeyboardInterrupt
+            return trace
+
+        path.write_bytes(b"old")
+        before = sys.gettrace()
+        sys.settrace(trace)
+        try:
+            write_bytes(path, b"new")
+        except KeyboardInterrupt:
+            return True
+        finally:
+            sys.settrace(before)
+        return False
+
+    at = 1
+    while interrupted(at):
+        assert [p.name for p in tmp_path.iterdir()] == ["frame.png"], at
+        assert path.read_bytes() in (b"old", b"new"), at
+        at += 1
+    assert at > 5
+    assert path.read_bytes() == b"new"
