@@ -22,6 +22,7 @@ from taichi.lang.impl import current_cfg, default_cfg
 
 from taichi_cloth.ground.cache import can_keep
 from taichi_cloth.ground.errors import InputError, did_you_mean
+from taichi_cloth.ground.whole_vectors import kept_as_vectors
 
 __all__ = ["Arch", "Runtime", "generation", "on_host", "plain_code", "start", "threads"]
 
@@ -98,22 +99,25 @@ def start(arch: Arch = "cpu", *, threads: int | None = None, cache: bool = True,
 
 
 @contextlib.contextmanager
-def plain_code(*, routines: bool = False, kept: bool = True) -> Iterator[None]:
+def plain_code(*, routines: bool = False, kept: bool = True, whole: bool = False) -> Iterator[None]:
     """Kernels first called within are compiled without Taichi's own analysis of which loads repeat.
 
     For long kernels with many stores it takes three quarters of the compile time and gains nothing; LLVM does it too.
     routines: they call some (`routine.py`). Then no element of a field is kept in a register for a loop either, which
     Taichi does even where the loop calls a routine that changes it. kept: between processes; not what holds an address
-    of this one.
+    of this one. whole: on a CPU vectors stay whole (`whole_vectors.py`, which says of which kernels).
     """
     config = current_cfg()
     before = config.cfg_optimization, config.cache_loop_invariant_global_vars, config.offline_cache
     config.cfg_optimization, config.cache_loop_invariant_global_vars = False, before[1] and not routines
     config.offline_cache = before[2] and kept
-    try:
-        yield
-    finally:
-        config.cfg_optimization, config.cache_loop_invariant_global_vars, config.offline_cache = before
+    with contextlib.ExitStack() as stack:
+        if whole and on_host():
+            stack.enter_context(kept_as_vectors())
+        try:
+            yield
+        finally:
+            config.cfg_optimization, config.cache_loop_invariant_global_vars, config.offline_cache = before
 
 
 def _line_of(context: Any, node: Any) -> str:

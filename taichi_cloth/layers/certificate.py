@@ -84,8 +84,8 @@ class Certificate:
         self.bad[None] = self.bad[None] + bad
         contacts.close(pairs, awake)
 
-    @ti.func
-    def push(self, points: Template, pairs: Template, kind, pair, apart):
+    @routine
+    def push(self, points: Template, pairs: Template, kind: Int, pair: Int, apart: Float):
         """To both sides of the middle between them, so far apart, and what approaches stops."""
         x, s, inverse = ti.static(points.position, points.step, points.inverse_mass)
         n = ti.Vector([pairs.normal[0][pair], pairs.normal[1][pair], pairs.normal[2][pair]])
@@ -113,8 +113,8 @@ class Certificate:
                 slower = ti.max(side * (pace - step), 0.0)
                 points.blends.move(points, p, side * depth * n, side * slower * n)
 
-    @ti.func
-    def put_back(self, points: Template, paths: Template, pairs: Template, pair):
+    @routine
+    def put_back(self, points: Template, paths: Template, pairs: Template, pair: Int):
         """To where the interval began, at rest."""
         for corner in ti.static(range(4)):
             points.blends.put_back(points, paths.was, pairs.point[corner][pair])

@@ -131,8 +131,8 @@ class Contacts:
                     made = self.add_any(points, pairs, pair, lane, made)
         self.count[None] = made
 
-    @ti.func
-    def add_any(self, points: Template, pairs: Template, pair, lane, at):
+    @routine
+    def add_any(self, points: Template, pairs: Template, pair: Int, lane: Int, at: Int) -> Int:
         """`add`, or as one of blends."""
         out, blends = at, 0
         for corner in ti.static(range(4)):

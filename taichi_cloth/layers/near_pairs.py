@@ -5,7 +5,7 @@ from typing import Any
 
 import taichi as ti
 
-from taichi_cloth.ground.arrays import Float, Template
+from taichi_cloth.ground.arrays import Float, Int, Template
 from taichi_cloth.ground.routine import routine
 from taichi_cloth.layers.distances import (
     EDGES,
@@ -230,9 +230,10 @@ class NearPairs:
         """Whether any of the vectors (lanes) is short enough: most are not, and directions take half of the time."""
         return (x * x + y * y + z * z - load(self.within, 0)).min() < 0.0  # pyright: ignore[reportOptionalCall]
 
-    @ti.func
-    def find_faces(self, points: Template, paths: Template, width, count, found):
+    @routine
+    def find_faces(self, points: Template, paths: Template, width: Int, count: Int, begin: Int) -> Int:
         """Of the pairs of cells at hand: the point of each against both faces of the other."""
+        found = begin
         for turn in range(4):
             first, second = load(self.one, 0), load(self.other, 0)
             p, q = ti.select(turn < 2, first, second), ti.select(turn < 2, second, first)
@@ -264,9 +265,10 @@ class NearPairs:
                             found = self.keep(self.faces, found, lane, kept, (a, c, d, e), a, b)
         return found
 
-    @ti.func
-    def find_edges(self, points: Template, paths: Template, width, count, found):
+    @routine
+    def find_edges(self, points: Template, paths: Template, width: Int, count: Int, begin: Int) -> Int:
         """Of the pairs of cells at hand: three edges of one against three of the other."""
+        found = begin
         bits = ti.Vector([EAST, NORTH, CELL])
         for turn in range(9):
             e, f = turn // 3, turn % 3

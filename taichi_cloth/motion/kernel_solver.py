@@ -2,7 +2,7 @@
 
 import contextlib
 from collections.abc import Callable, Iterator
-from functools import lru_cache
+from functools import lru_cache, partial
 from time import perf_counter
 from typing import Any
 
@@ -164,7 +164,8 @@ class KernelSolver(Solver):
         routines = bool(self.constraints) or not self.springs_are_threads
         done, pausing = 0, [one for one in self.constraints if one.stops]
         # Plain code: half the time to compile, and as fast a frame. With a clock it is of this process alone.
-        with runtime.plain_code(routines=routines, kept=self.clock is None):
+        plain = partial(runtime.plain_code, routines=routines, kept=self.clock is None)
+        with plain(whole=frame.loops is None):
             while done < self.substeps:
                 until = min([self.substeps, *(one.stop(state, done) for one in pausing)])
                 if frame.loops is not None:
@@ -175,6 +176,7 @@ class KernelSolver(Solver):
             for one in pausing:
                 one.stop(state, done)
             took = perf_counter() - begin
+        with plain():
             self.look(frame)
         self._pace.took(took)
         self.spent += took
