@@ -5,9 +5,9 @@ from typing import Any
 import taichi as ti
 
 from taichi_cloth.constraints.beside_ties import BesideFields
-from taichi_cloth.ground.arrays import F32x2, I32x2, Int, Template
+from taichi_cloth.ground.arrays import F32x1, F32x2, I32x1, I32x2, Int, Template
 from taichi_cloth.ground.routine import routine
-from taichi_cloth.motion.stencil import load, near, store
+from taichi_cloth.motion.stencil import load, nothing, store
 from taichi_cloth.sheet.sheet import LANES
 
 __all__ = ["ALLOWED", "NODES", "PATH", "USUAL", "TieFields"]
@@ -38,7 +38,12 @@ beyond 3 % in all, with 8 two."""
 
 @ti.data_oriented
 class TieFields:
-    """Room for so many ties, for what they are to do in a frame, and for so many threads beside them."""
+    """Room for so many ties, for what they are to do in a frame, and for so many threads beside them.
+
+    usual, apart, push: LANES numbers of each tie, of which the first three are [m] of places, the next three of steps.
+    point, point_begin: key points that ties move, and where those of each begin in `of`, with their shares in `share`.
+    answer: of the matrix row after row what is not negligible, `other` its columns, answer_begin where rows begin.
+    """
 
     wide: Any  # its number is the bound of a loop: type checkers would take it for a matrix
 
@@ -46,10 +51,13 @@ class TieFields:
         self.capacity, self.repeated, self.at_once = capacity, repeated, at_once
         self.row, self.path = ti.field(ti.f32, (capacity, ROW)), ti.field(ti.f32, (capacity + 1, PATH))
         self.node = ti.field(ti.i32, (capacity, NODES))
-        self.usual = ti.field(ti.f32, (3, capacity))
+        self.usual, self.apart, self.push = (ti.field(ti.f32, LANES * capacity) for _ in range(3))
+        self.points: Any = ti.field(ti.i32, ())
+        self.point, self.of, self.share = (ti.field(kind, NODES * capacity) for kind in (ti.i32, ti.i32, ti.f32))
+        self.point_begin: Any = _begins(NODES * capacity)
         if at_once:
-            self.answer, self.stride = ti.field(ti.f32, capacity * capacity), ti.field(ti.i32, ())
-            self.apart, self.push = ti.field(ti.f32, 6 * capacity), ti.field(ti.f32, 6 * capacity)
+            self.answer, self.other = (ti.field(kind, capacity * capacity) for kind in (ti.f32, ti.i32))
+            self.answer_begin: Any = _begins(capacity)
         self.holder: object = None
         self.wide, self.listed = ti.field(ti.i32, ()), ti.field(ti.i32, capacity)
         self.beside = BesideFields(threads)
@@ -63,32 +71,44 @@ class TieFields:
         ti.loop_config(serialize=True)
         for k in range(path.shape[0] - 1):
             for c in range(3):
-                self.usual[c, k] = path[k, USUAL + c]
+                self.usual[k * LANES + c] = path[k, USUAL + c]
+                self.usual[k * LANES + 3 + c] = path[k, USUAL + c]
 
     @ti.kernel
     def give(self, usual: F32x2):
         """What ties are usually pushed by, (3, ties) [m]."""
         ti.loop_config(serialize=True)
         for c, k in ti.ndrange(usual.shape[0], usual.shape[1]):
-            usual[c, k] = self.usual[c, k]
+            usual[c, k] = self.usual[k * LANES + c]
 
     @ti.kernel
-    def take_constant(self, node: I32x2, row: F32x2, answer: F32x2):
-        """answer: (ties, ties) in whole lanes with 0, where they are closed at once."""
+    def take_constant(
+        self, node: I32x2, row: F32x2, points: I32x2, of: I32x1, share: F32x1, begin: I32x1, other: I32x1, answer: F32x1
+    ):
+        """points: (key points, 2), element and where its ties begin in `of` and `share`. begin: (ties + 1,), where the
+        pushes that answer a tie's gap begin in `other` and `answer`, nothing where ties are not closed at once."""
         ti.loop_config(serialize=True)
         for k in range(node.shape[0]):
             for j in range(NODES):
                 self.node[k, j] = node[k, j]
             for j in range(ROW):
                 self.row[k, j] = row[k, j]
+            for c in range(LANES):
+                self.apart[k * LANES + c] = 0.0
+        ti.loop_config(serialize=True)
+        for m in range(points.shape[0]):
+            self.point[m], self.point_begin[m] = points[m, 0], points[m, 1]
+        ti.loop_config(serialize=True)
+        for e in range(of.shape[0]):
+            self.of[e], self.share[e] = of[e], share[e]
         if ti.static(self.at_once):
             ti.loop_config(serialize=True)
-            for k in range(answer.shape[0]):
-                for m in range(answer.shape[1]):
-                    self.answer[k * answer.shape[1] + m] = answer[k, m]
-                for c in ti.static(range(6)):
-                    self.apart[c * self.capacity + k] = 0.0
-            self.stride[None] = answer.shape[1]
+            for k in range(begin.shape[0]):
+                self.answer_begin[k] = begin[k]
+            ti.loop_config(serialize=True)
+            for e in range(other.shape[0]):
+                self.other[e], self.answer[e] = other[e], answer[e]
+        self.points[None], self.point_begin[points.shape[0]] = points.shape[0], of.shape[0]
 
     @routine
     def pull(self, points: Template, done: Int):
@@ -96,7 +116,7 @@ class TieFields:
         # How much of the frame is over.
         share = ti.cast(done + 1, ti.f32) * self.path[self.capacity, 1]
         if ti.static(points.sums and self.repeated) and self.wide[None] == FRESH:
-            self.push_as_usual(points)
+            self.move_all(points, self.usual)
             self.wide[None] = PUSHED
         elif ti.static(self.at_once):
             if self.wide[None] < 0 or ti.static(points.sums and not self.repeated):  # yarns pull again at what is held
@@ -138,15 +158,6 @@ class TieFields:
                     listed = 0
 
     @ti.func
-    def push_as_usual(self, points: Template):
-        """All ties by what they are usually pushed by in a substep."""
-        for k in range(ti.cast(self.path[self.capacity, 0], ti.i32)):  # pyright: ignore[reportArgumentType]
-            push = ti.Vector([0.0] * 6)
-            for c in ti.static(range(3)):
-                push[c] = push[3 + c] = self.usual[c, k]
-            self.move(points, k, push)
-
-    @ti.func
     def close_all(self, points: Template, share):
         """Closes all ties at once, and lists those that were wider than SLACK."""
         # d: how much each tie, and its steps, is to come together; six numbers.
@@ -154,39 +165,33 @@ class TieFields:
         for k in range(count):  # pyright: ignore[reportArgumentType]
             push, wide = self.wanted(points, k, share)
             for c in ti.static(range(6)):
-                self.apart[c * self.capacity + k] = push[c]
+                self.apart[k * LANES + c] = push[c]
             if wide:
                 self.listed[found] = k
                 found += 1
         self.wide[None] = found
-        # λ: d times the known matrix, by blocks of 8 × 8.
-        blocks = (count + LANES - 1) // LANES
-        for c in ti.static(range(6)):
-            for k in range(blocks * LANES):
-                self.push[c * self.capacity + k] = 0.0
-        for b in range(2 * blocks):  # three numbers at a time, which is what registers hold
-            q, at = points.lanes((b % blocks) * LANES), b // blocks * 3 * self.capacity
-            for m in range(blocks):
-                self.answer_to(q, points.lanes(m * LANES), at)
+        # λ: d times the known matrix, all six numbers of a tie at once.
         for k in range(count):  # pyright: ignore[reportArgumentType]
-            push = ti.Vector([self.push[c * self.capacity + k] for c in ti.static(range(6))])
-            self.move(points, k, push)
-            self.learn(points, k, push)
+            together = nothing()
+            for e in range(self.answer_begin[k], self.answer_begin[k + 1]):
+                together += self.answer[e] * load(self.apart, points.lanes(self.other[e] * LANES))
+            store(self.push, points.lanes(k * LANES), together)
+        self.move_all(points, self.push)
+        for k in range(count):  # pyright: ignore[reportArgumentType]
+            self.learn(points, k, ti.Vector([self.push[k * LANES + c] for c in ti.static(range(6))]))
 
     @ti.func
-    def answer_to(self, q, m, at):
-        """Adds the pushes of the ties at q that answer the gaps of those at m: three of their numbers, from `at` on."""
-        n = ti.static(self.capacity)
-        o = at + q
-        a, b, c = load(self.push, o), load(self.push, o + n), load(self.push, o + 2 * n)
-        for j in ti.static(range(LANES)):
-            row = load(self.answer, near((m + j) * self.stride[None] + q))
-            a = a + row * self.apart[at + m + j]
-            b = b + row * self.apart[at + n + m + j]
-            c = c + row * self.apart[at + 2 * n + m + j]
-        store(self.push, o, a)
-        store(self.push, o + n, b)
-        store(self.push, o + 2 * n, c)
+    def move_all(self, points: Template, push: Template):
+        """Brings all ties together by what `push` has for them, key point after key point: to change one as often as
+        ties name it would take each time as long as the last to be written."""
+        for m in range(self.points[None]):
+            moves = nothing()
+            for e in range(self.point_begin[m], self.point_begin[m + 1]):
+                moves += self.share[e] * load(push, points.lanes(self.of[e] * LANES))
+            p = self.point[m]
+            for c in ti.static(range(3)):
+                points.position[c][p] -= moves[c]
+                points.step[c][p] -= moves[3 + c]
 
     @ti.func
     def measure(self, points: Template, k, share):
@@ -243,11 +248,13 @@ class TieFields:
         """That tie k was pushed by so much more than usual, if that is not little, nor the tie still being drawn in.
         The slower it moves the less it learns."""
         if ti.static(points.sums and self.repeated) and self.path[k, ALLOWED] <= 0.0:
-            size = ti.sqrt(push[3] ** 2 + push[4] ** 2 + push[5] ** 2)
-            gain = self.path[self.capacity, 3] * ti.max(1.0 - self.path[self.capacity, 4] / ti.max(size, 1e-12), 0.0)
-            gain *= ti.min(ti.max(self.path[self.capacity, 6] * self.speed(points, k), LEAST), 1.0)
-            for c in ti.static(range(3)):
-                self.usual[c, k] += gain * push[3 + c]
+            size, least = ti.sqrt(push[3] ** 2 + push[4] ** 2 + push[5] ** 2), self.path[self.capacity, 4]
+            if size > least:
+                gain = self.path[self.capacity, 3] * (1.0 - least / size)
+                gain *= ti.min(ti.max(self.path[self.capacity, 6] * self.speed(points, k), LEAST), 1.0)
+                for c in ti.static(range(3)):
+                    self.usual[k * LANES + c] += gain * push[3 + c]
+                    self.usual[k * LANES + 3 + c] += gain * push[3 + c]
 
     @ti.func
     def speed(self, points: Template, k):
@@ -260,3 +267,8 @@ class TieFields:
             z += weight * points.step[2][p]
             weights += weight
         return ti.sqrt(x * x + y * y + z * z) / weights
+
+
+def _begins(count: int) -> Any:
+    """Where so many lists begin, and where the last one ends. Any: their numbers are bounds of loops."""
+    return ti.field(ti.i32, count + 1)

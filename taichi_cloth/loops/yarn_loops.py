@@ -14,7 +14,7 @@ from taichi_cloth.ground.arrays import Float, Template
 from taichi_cloth.loops.frame_loops import NOW, WIND, FrameLoops, Largest, Launch
 from taichi_cloth.loops.line_systems import LineSystems
 from taichi_cloth.motion.frame import Frame
-from taichi_cloth.motion.stencil import Features
+from taichi_cloth.motion.stencil import Features, taking
 from taichi_cloth.sheet.sheet import PAD
 
 __all__ = ["YarnLoops"]
@@ -178,7 +178,8 @@ class YarnLoops(FrameLoops):
 
     def unsolved(self) -> float:
         """As `YarnFrame.unsolved`."""
-        self._find_unsolved()
+        with taking(1):
+            self._find_unsolved()
         return self.missed.find()
 
     @ti.kernel

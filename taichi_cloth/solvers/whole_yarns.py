@@ -94,22 +94,19 @@ class WholeYarns(YarnFields):
 
     @ti.func
     def unsolved(self, points: Template, p, family):
-        """By how much the thread of a family that begins at p is longer than what it pulls says, as a share of its
-        length: what has moved its ends since its yarn was solved, most of all ties and the body. 0 of one that is not
-        LONG."""
-        s, n = p + family * self.size, self.numbers[family]
-        out = 0.0
-        if self.slack[s] > 0.0:
-            q = p + self.offset[family]
-            x = points.position[0][q] - points.position[0][p]
-            y = points.position[1][q] - points.position[1][p]
-            z = points.position[2][q] - points.position[2][p]
-            pull = -self.slack[s] * self.tension[s]
-            own = ti.select(n.soft * pull > n.crimp, n.offset + n.stiff * pull, n.soft * pull)
-            grown = ti.sqrt(x * x + y * y + z * z) - n.rest
-            if grown > LONG * n.rest:
-                out = (grown - ti.max(own, 0.0)) * n.slimmer
-        return out
+        """By how much the threads of a family that begin at the lanes at p are longer than what they pull says, as a
+        share of their length: what has moved their ends since their yarns were solved, most of all ties and the body. 0
+        of those that are not LONG."""
+        s, q, n = points.lanes(p + family * self.size), near(p + self.offset[family]), self.numbers[family]
+        x = load(points.position[0], q) - load(points.position[0], p)
+        y = load(points.position[1], q) - load(points.position[1], p)
+        z = load(points.position[2], q) - load(points.position[2], p)
+        slack = load(self.slack, s)
+        pull = -slack * load(self.tension, s)
+        own = ti.select(n.soft * pull > n.crimp, n.offset + n.stiff * pull, n.soft * pull)
+        grown = ti.sqrt(x * x + y * y + z * z) - n.rest
+        long = ti.select(grown > LONG * n.rest, present_at(slack), 0.0)
+        return long * (grown - ti.max(own, 0.0)) * n.slimmer
 
     @ti.func
     def solve(self, points: Template, family, group, sweep, pulls):

@@ -18,7 +18,7 @@ from taichi_cloth.motion.constraint import Constraint
 from taichi_cloth.motion.crew import PARTS
 from taichi_cloth.motion.frame import Frame
 from taichi_cloth.motion.stage_clock import StageClock
-from taichi_cloth.motion.stencil import load, nothing, rub_anew, store
+from taichi_cloth.motion.stencil import largest, load, nothing, rub_anew, store
 from taichi_cloth.sheet.sheet import LANES
 from taichi_cloth.solvers.whole_yarns import WholeYarns
 from taichi_cloth.solvers.yarn_order import GROUPS
@@ -209,9 +209,12 @@ class YarnFrame(Frame):
         """The largest of `WholeYarns.unsolved` after the last frame."""
         most = 0.0
         ti.loop_config(serialize=True)
-        for p in range(self.size):
-            for family in ti.static(range(2)):
-                most = ti.max(most, self.yarns.unsolved(self, p, family))
+        for _ in range(1):
+            found = nothing()
+            for e in range(self.cut[PARTS]):
+                for family in ti.static(range(2)):
+                    found = ti.max(found, self.yarns.unsolved(self, self.lanes(self.packet[e] * LANES), family))
+            most = largest(found)
         return most
 
 
