@@ -58,7 +58,7 @@ __all__ = [
     "woven_garment",
 ]
 
-VERSION = 24
+VERSION = 25
 """Of what is kept on disk: raised whenever the same scene would come to another rest."""
 
 Progress = Callable[[str, int, int], None]

@@ -53,9 +53,10 @@ solved for, by such a share of its length; those shorter than LONG of `whole_yar
 GAIN = 0.95
 """Share of that which one sweep more has to come below, or it is not worth its time."""
 
-CALM, FUTILE = 0.05, 0.1
-"""Time without such threads after which there is a sweep less, and after which sweeps that gained nothing are tried
-again [s]."""
+CALM, CALMEST, LONGER, FUTILE = 0.05, 10.0, 8, 0.1
+"""Time without such threads after which there is a sweep less, at least and at most; by how much longer it stays the
+next time where it is wanted back as soon as that; and after which sweeps that gained nothing are tried again [s]. Each
+change is a jolt: a skirt at rest that went to and fro between two sweeps and three moved at 3 mm/s."""
 
 WILD = 0.02
 """Strain of a thread, beyond its crimp, that makes a substep wild (`whole_yarns.py`)."""
@@ -97,7 +98,9 @@ class Yarns(SpringSolver):
         threads: int | None = None,
         constraints: tuple[Constraint, ...] = (),
     ) -> None:
-        self.sweeps, self._fewest, self._calm, self._futile = sweeps, sweeps, 0, 0
+        self.sweeps, self._fewest, self._futile = sweeps, sweeps, 0
+        self._patience = ceil(CALM * frame_rate)
+        self._calm = self._patience + 1
         self.tight, self.unsolved, self._before = 0.0, 0.0, inf
         choices: dict[Springs, StepChoice] = {}
 
@@ -185,6 +188,10 @@ class Yarns(SpringSolver):
         """Whether the last frame is to be taken again with a sweep more."""
         gained, wanted = self.unsolved < GAIN * self._before, self.unsolved > UNSOLVED
         if wanted and gained and self.sweeps < MOST_SWEEPS and self._futile == 0:
+            if self.sweeps == self._fewest:
+                soon = self._calm <= self._patience
+                most = ceil(CALMEST * self.frame_rate)
+                self._patience = min(LONGER * self._patience, most) if soon else ceil(CALM * self.frame_rate)
             self._before, self._calm = self.unsolved, 0
             self._take_sweeps(self.sweeps + 1)
             return True
@@ -193,10 +200,11 @@ class Yarns(SpringSolver):
         self._calm = 0 if wanted and gained else self._calm + 1
         self._before = inf
         if given_up:
+            self._patience = ceil(CALM * self.frame_rate)
             self._take_sweeps(self._fewest)
-        elif self._calm >= CALM * self.frame_rate:
+        elif self.sweeps > self._fewest and self._calm >= self._patience:
             self._calm = 0
-            self._take_sweeps(max(self.sweeps - 1, self._fewest))
+            self._take_sweeps(self.sweeps - 1)
         return False
 
     def _take_sweeps(self, sweeps: int) -> None:
@@ -239,9 +247,9 @@ class Yarns(SpringSolver):
 
     @property
     def found(self) -> tuple[float, ...]:
-        return self.substeps, self.sweeps, self._calm, self._futile
+        return self.substeps, self.sweeps, self._calm, self._futile, self._patience
 
     def go_on(self, found: tuple[float, ...]) -> None:
         found = (*found, *self.found[len(found) :])  # runs that were saved before told of less
-        substeps, self.sweeps, self._calm, self._futile = (int(one) for one in found)
+        substeps, self.sweeps, self._calm, self._futile, self._patience = (int(one) for one in found)
         self.take_steps(substeps)
