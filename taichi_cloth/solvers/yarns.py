@@ -53,10 +53,11 @@ solved for, by such a share of its length; those shorter than LONG of `whole_yar
 GAIN = 0.95
 """Share of that which one sweep more has to come below, or it is not worth its time."""
 
-CALM, CALMEST, LONGER, FUTILE = 0.05, 10.0, 8, 0.1
+CALM, CALMEST, LONGER, FUTILE = 0.05, 10.0, 40, 0.1
 """Time without such threads after which there is a sweep less, at least and at most; by how much longer it stays the
 next time where it is wanted back as soon as that; and after which sweeps that gained nothing are tried again [s]. Each
-change is a jolt: a skirt at rest that went to and fro between two sweeps and three moved at 3 mm/s."""
+change is a jolt: a skirt at rest that went to and fro between two sweeps and three moved at 3 mm/s. A walking T-shirt
+takes as long either way, as it has fewer frames taken again."""
 
 WILD = 0.02
 """Strain of a thread, beyond its crimp, that makes a substep wild (`whole_yarns.py`)."""
