@@ -190,8 +190,8 @@ class TieFields:
                 moves += self.share[e] * load(push, points.lanes(self.of[e] * LANES))
             p = self.point[m]
             for c in ti.static(range(3)):
-                points.position[c][p] -= moves[c]
-                points.step[c][p] -= moves[3 + c]
+                points.position[c][p] -= moves[c]  # pyright: ignore[reportIndexIssue]
+                points.step[c][p] -= moves[3 + c]  # pyright: ignore[reportIndexIssue]
 
     @ti.func
     def measure(self, points: Template, k, share):
