@@ -27,13 +27,14 @@ def print_ticket(
     if shadow is not None and (not draped or shadow.suffix.lower() != ".png" or not shadow.parent.is_dir()):
         raise InputError(f"--shadow: {shadow}; allowed with --drape: a .png in a folder that is there")
     ticket = ticket_of(load_scene(name, overrides), asked, None if measured is None else str(measured))
-    drape = _drape(ticket, shadow) if draped else None
     if as_json:
+        drape = _drape(ticket, shadow) if draped else None
         print(json.dumps(ticket.as_dict() | ({} if drape is None else {"drape": drape}), indent=2, ensure_ascii=False))
         return
     for line in ticket_lines(ticket):
-        print(line)
-    if drape is not None:
+        print(line, flush=True)
+    if draped:
+        drape = _drape(ticket, shadow)
         each = ", ".join(f"{one:.0f}" for one in drape["of_each_percent"])
         folds = "/".join(str(one) for one in drape["folds"])
         print(
@@ -47,10 +48,12 @@ def _drape(ticket: Ticket, shadow: Path | None) -> dict:
     from taichi_cloth.ground import runtime
 
     from ...render.image.image import write_png
+    from ..commands.progress import staged
     from .drapemeter import drape, picture_of
 
     runtime.start("cpu")
-    found = drape(ticket.material)
+    with staged() as (each, _):
+        found = drape(ticket.material, each=lambda done, most: each("drape", done, most))
     if shadow is not None:
         write_png(shadow, picture_of(found))
     return {

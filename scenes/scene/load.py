@@ -25,7 +25,7 @@ from .section import DRAFT_FILE, SPRITE_FILE, NamesFile
 __all__ = ["built_in_scenes", "load_scene", "make_scene"]
 
 WIF_BRINGS = {
-    "weave": ("ends", "picks", "warp_colours", "weft_colours"),
+    "weave": ("ends", "picks"),
     "fabric": ("ends_per_cm", "picks_per_cm", "balance"),
     "yarn": ("count_tex", "count_ne", "count"),
     "weft_yarn": ("count_tex", "count_ne", "count"),
@@ -64,8 +64,9 @@ def load_scene(name: str, overrides: list[str] | None = None) -> Scene:
     """A built-in scene by name or a TOML file by path, with `key=value` overrides as on the command line.
 
     A WIF file brings its own size, colours, spacing and thickness: when `weave.draft` is overridden with one, what
-    the scene says of these for its own draft is dropped; further overrides still hold. A cloth or garment with a sett
-    keeps it, and its yarns, where the file states none. Likewise a cloth or garment whose sett is overridden is woven,
+    the scene says of these for its own draft is dropped; further overrides still hold. Colours of a family for which
+    the file has none stay the scene's, and a cloth or garment with a sett keeps it, and its yarns, where the file
+    states none. Likewise a cloth or garment whose sett is overridden is woven,
     and no longer of the scene's material; one whose material is overridden is drawn of that material's construction.
     Raises InputError, one line: which file, key and value, what is allowed, and the nearest right spelling.
 
@@ -79,6 +80,7 @@ def load_scene(name: str, overrides: list[str] | None = None) -> Scene:
         for section, keys in WIF_BRINGS.items():
             if section not in kept:
                 _drop(data, section, keys)
+        _drop(data, "weave", _coloured(_text(given, "weave.draft")))
     for section in ("yarn", "weft_yarn"):  # a count given in one unit replaces the scene's in the other
         for keys in SAME:
             if any(f"{section}.{key}" in given for key in keys):
@@ -118,6 +120,16 @@ def _kept_beside(data: Mapping[str, Any], path: str) -> tuple[str, ...]:
         return ()
     thick = draft.warp_thickness_m is not None or draft.weft_thickness_m is not None
     return ("fabric",) if thick else ("fabric", "yarn", "weft_yarn")
+
+
+def _coloured(path: str) -> tuple[str, ...]:
+    """The thread orders that a WIF file has itself; both of a file that is not there, which is said where it is asked
+    for. Raises InputError on what is no such file."""
+    if not os.path.isfile(path):
+        return "warp_colours", "weft_colours"
+    draft = draft_file(path)
+    own = {"warp_colours": draft.warp_colour, "weft_colours": draft.weft_colour}
+    return tuple(key for key, order in own.items() if order is not None)
 
 
 def _said(given: Mapping[str, str], name: str) -> bool:

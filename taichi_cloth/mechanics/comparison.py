@@ -9,10 +9,12 @@ import csv
 import io
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import exp, isfinite, log, pi
 from pathlib import Path
 from typing import Literal
+
+from scipy.optimize import brentq
 
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.ground.files import read_text
@@ -20,23 +22,30 @@ from taichi_cloth.mechanics.construction import FLATTENING, Construction, usual_
 from taichi_cloth.mechanics.drape import drape_coefficient
 from taichi_cloth.mechanics.fibre_mechanics import FIBRE_MECHANICS, FibreMechanics, blend
 from taichi_cloth.mechanics.properties import light_thickness, woven_properties
+from taichi_cloth.sheet.materials import Material
 from taichi_cloth.weave.draft import Draft, named_weave
+from taichi_cloth.yarn.count import parse_count
 from taichi_cloth.yarn.yarn import Yarn
 
-__all__ = ["Compared", "compared", "error", "read_table", "row_construction"]
+__all__ = ["Compared", "compared", "error", "measured_material", "read_table", "row_construction"]
 
 COLUMNS = ("id", "name", "fibre", "weave")
 LARGEST_FILE = 1_000_000
 USUAL_CRIMP = 1.06
 """Length of threads over that of the cloth, where a construction is looked for that nobody states."""
 
-How = Literal["stated", "inferred", "none"]
+NAMED = {"cotton broad": ("poplin", "Ne 40", 133 / 72), "wool tropical": ("tropical", "2/60 Nm", 1.0)}
+"""Cloths of one construction in the trade, by the names that tables give them: what they are, of which yarn both ways,
+and how many ends to a pick. All are plain."""
+
+How = Literal["stated", "named", "inferred", "none"]
 
 
 @dataclass(frozen=True)
 class Compared:
-    """A row. how: whether its construction is stated, is that of a square cloth of its mass and thickness, or cannot be
-    known. values: what was measured, by name, as (predicted or None, measured)."""
+    """A row. how: whether its construction is stated, is that of the trade's cloth of its name and of its mass, is that
+    of a square cloth of its mass and thickness, or cannot be known. values: what was measured, by name, as (predicted
+    or None, measured)."""
 
     number: str
     name: str
@@ -62,8 +71,10 @@ def compared(row: Mapping[str, str]) -> Compared:
     if pair[0] is not None and pair[1] is not None:
         measured["bending"] = (pair[0] + pair[1]) / 2.0
     predicted = _predicted(made, measured["mass"]) if made is not None else {}
-    if how == "inferred":  # found from these two
-        del predicted["mass"], predicted["thickness"]
+    if how in ("named", "inferred"):  # found from its mass
+        del predicted["mass"]
+    if how == "inferred":  # and from this
+        del predicted["thickness"]
     found = {key: (predicted.get(key), value) for key, value in measured.items() if value is not None}
     return Compared(row["id"], row["name"], how, found)
 
@@ -77,6 +88,32 @@ MEASURED = {
     "drape": "DC_pct",
 }
 """Name of a value: its column."""
+
+
+def measured_material(row: Mapping[str, str], woven: Material) -> Material | None:
+    """The sheet of a row with what was measured of it in place of what is woven: mass, bending, its couple, shear. What
+    was not goes with bending: the couple and torsion. None of a row whose bending was not measured. Raises InputError
+    on values that are no numbers."""
+    mean = _number(row, "B_mean_uNm")
+    warp, weft = _number(row, "B_warp_uNm") or mean, _number(row, "B_weft_uNm") or mean
+    if warp is None or weft is None:
+        return None
+    stiffer = 1e-6 * warp / woven.bending_warp, 1e-6 * weft / woven.bending_weft
+    loop, mass = _number(row, "twoHB_mean_mN"), _number(row, "mass_gsm")
+    couple = [
+        own * more if loop is None else 0.5e-3 * loop
+        for own, more in zip((woven.couple_warp, woven.couple_weft), stiffer, strict=True)
+    ]
+    return replace(
+        woven,
+        bending_warp=1e-6 * warp,
+        bending_weft=1e-6 * weft,
+        couple_warp=couple[0],
+        couple_weft=couple[1],
+        torsion=woven.torsion * (stiffer[0] + stiffer[1]) / 2.0,
+        shear=_number(row, "G_N_per_m") or woven.shear,
+        density=woven.density if mass is None else 1e-3 * mass,
+    )
 
 
 def error(predicted: float, measured: float) -> float:
@@ -137,6 +174,8 @@ def row_construction(row: Mapping[str, str]) -> tuple[Construction | None, How]:
     if draft is not None and None not in counts and None not in sett:
         return _made(draft, fibre, counts, sett), "stated"
     mass, thickness = _number(row, "mass_gsm"), _number(row, "thickness_mm")
+    if mass is not None and row["name"] in NAMED:
+        return _of_the_trade(row["name"], fibre, mass), "named"
     if mass is None or thickness is None:
         return None, "none"
     draft = draft or named_weave("plain")
@@ -147,6 +186,21 @@ def row_construction(row: Mapping[str, str]) -> tuple[Construction | None, How]:
     tex = pi / 4.0 * diameter**2 * fibre.density * probe.warp.packing * 1e3
     per_cm = 10.0 * mass / (2.0 * USUAL_CRIMP * tex)
     return _made(draft, fibre, (tex, tex), (per_cm, per_cm)), "inferred"
+
+
+def _of_the_trade(name: str, fibre: FibreMechanics, mass: float) -> Construction:
+    """The cloth of one of NAMED, as dense as its mass asks for [g/m²]."""
+    _, count, ends_to_a_pick = NAMED[name]
+    tex = parse_count(count)
+    both = (tex.tex * tex.plies,) * 2
+
+    def woven(picks: float) -> Construction:
+        return _made(named_weave("plain"), fibre, both, (ends_to_a_pick * picks, picks))
+
+    straight = 0.1 * both[0] * (1.0 + ends_to_a_pick)  # g/m² of a pick a cm
+    most = mass / straight
+    picks = brentq(lambda picks: woven(picks).areal_density - mass, 0.5 * most, 1.2 * most, xtol=1e-3)
+    return woven(float(picks))  # pyright: ignore[reportArgumentType]
 
 
 def _made(draft: Draft, fibre: FibreMechanics, tex: tuple, sett: tuple) -> Construction:

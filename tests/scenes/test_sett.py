@@ -16,6 +16,7 @@ from taichi_cloth.scenes.picture.view import View
 from taichi_cloth.scenes.plan.plan import plan
 from taichi_cloth.scenes.prepare.cell_layout import prepare_sheet
 from taichi_cloth.scenes.prepare.sett import on_cells, sett_of, spacing_on, threads_to_a_cell
+from taichi_cloth.scenes.prepare.thread_colours import colour_repeats
 from taichi_cloth.scenes.prepare.yarns import draft_of
 from taichi_cloth.scenes.scene import draft_file as draft_files
 from taichi_cloth.scenes.scene.load import load_scene
@@ -24,6 +25,27 @@ from taichi_cloth.weave.draft import Draft
 from taichi_cloth.weave.wif import read_wif
 
 WIF = str(Path(__file__).parents[1] / "data" / "wif" / "two-color-liftplan.wif")
+BARE = """[WIF]
+Version=1.1
+[CONTENTS]
+WEAVING=true
+WARP=true
+WEFT=true
+THREADING=true
+LIFTPLAN=true
+[THREADING]
+1=1
+2=2
+[LIFTPLAN]
+1=1
+2=2
+[WEAVING]
+Shafts=2
+[WEFT]
+Threads=2
+[WARP]
+Threads=2
+"""
 SETT = ["fabric.ends_per_cm=24", "fabric.picks_per_cm=22"]
 SMALL = ["cloth.rows=9", "cloth.columns=9", "cloth.width_m=0.1", "cloth.length_m=0.1", "output.frames=2", *SETT]
 PLAIN = ["light.occlusion=false", "light.shadows=false", "stage.ground=false"]
@@ -89,6 +111,25 @@ def test_a_wif_file_without_spacing_leaves_a_garment_its_sett_and_its_yarn() -> 
     assert spaced.yarn is not None
     assert spaced.yarn.count is None
     assert sett_of(spaced).ends == pytest.approx(100 / 0.212)  # pyright: ignore[reportOptionalMemberAccess]
+
+
+def test_colours_of_a_family_for_which_a_wif_file_has_none_stay_the_scenes(tmp_path: Path) -> None:
+    (tmp_path / "bare.wif").write_text(BARE)
+    table = "[COLOR PALETTE]\nRange=0,255\nEntries=1\n[COLOR TABLE]\n1=255,0,0\n"
+    (tmp_path / "warp.wif").write_text(
+        f"{BARE}Color=1\n{table}".replace("LIFTPLAN=true", "LIFTPLAN=true\nCOLOR TABLE=true")
+    )
+    stated = load_scene("tshirt").weave
+    bare, warp = (load_scene("tshirt", [f"weave.draft={tmp_path / name}.wif"]) for name in ("bare", "warp"))
+    assert stated is not None
+    assert bare.weave is not None
+    assert warp.weave is not None
+    assert (bare.weave.warp_colours, bare.weave.weft_colours) == (stated.warp_colours, stated.weft_colours)
+    assert (warp.weave.warp_colours, warp.weave.weft_colours) == (None, stated.weft_colours)
+    np.testing.assert_allclose(colour_repeats(warp)[0], [[1.0, 0.0, 0.0]] * 2)
+    other = load_scene("tshirt", [f"weave.draft={tmp_path / 'bare.wif'}", "weave.weft_colours=navy"]).weave
+    assert other is not None
+    assert other.weft_colours == "navy"
 
 
 def test_a_wif_file_is_read_once_until_it_changes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
