@@ -3,6 +3,10 @@
 Where neighbours in a block follow one another along a fibre and overlap (`chained`), light hardly differs from one
 to the next. Where a fibre ends and another begins among the 16 of a block the distance says so: what lies between two
 samples takes theirs by 1 / distance^2.
+
+Pieces of a sheet, as wide as they are long, are near one another too, but lean to all sides in turn: what light gets
+to one says little of the next, and with every eighth one's the sheet has checks as wide as its cells. So they are no
+chains.
 """
 
 import numpy as np
@@ -19,10 +23,13 @@ __all__ = ["chained", "spread", "thin"]
 
 
 def chained(layout: Layout, blocks: NDArray[np.float32]) -> bool:
-    """Whether most neighbours of up to 64 blocks, spread evenly, are nearer than half their length, or a radius."""
+    """Whether most neighbours of up to 64 blocks, spread evenly, are nearer than half their length, or a radius, and
+    none is a piece of a sheet."""
     if not blocks.shape[1]:
         return False
     sample = blocks[:, :: max(1, blocks.shape[1] // 64)]
+    if layout.elliptic and ((sample[RADIUS] > 0) & (sample[RADIUS] == sample[layout.half_length_row])).any():
+        return False
     there = (sample[RADIUS, :, 1:] > 0) & (sample[RADIUS, :, :-1] > 0)
     apart = np.linalg.norm(np.diff(sample[POSITION : POSITION + 3], axis=2), axis=0)
     return bool(

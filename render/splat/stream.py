@@ -2,8 +2,9 @@
 
 A source says where its pieces are on the image and how many particles each has; windows are halved until what
 lies in one is a batch. A window is drawn whole, with its own depth order, so nothing shows where two meet: the
-picture is that of one batch. Pieces that reach into two windows are made twice, pieces out of view never. Where
-even a single tile has too much behind it, batches lie one behind the other, nearest first, until it is opaque.
+picture is that of one batch. Pieces that reach into two windows are made twice, pieces out of view or behind a mesh
+never. Where even a single tile has too much behind it, batches lie one behind the other, nearest first, until it is
+opaque.
 """
 
 from collections.abc import Callable, Iterator
@@ -20,6 +21,7 @@ from ..data.blocks import Layout
 from ..data.camera import Camera
 from ..data.light import Background
 from ..tiles.mesh import Mesh
+from .hidden import not_hidden
 from .passes import PASSES, Passes, PassTaker, check_passes
 from .splat import Splatter
 
@@ -56,7 +58,8 @@ the survey and the pieces."""
 
 @dataclass(frozen=True)
 class StreamStats:
-    """pieces: in view. particles: made, with those made twice. batches: drawn. largest: particles of a batch."""
+    """pieces: in view, and not behind a mesh. particles: made, with those made twice. batches: drawn. largest:
+    particles of a batch."""
 
     pieces: int
     particles: int
@@ -89,7 +92,7 @@ def stream(
     if splatter.light.held is None and "lighting" in options and options["lighting"] is not None:
         options["lighting"] = options["lighting"].without_maps()
     seen = source.survey(camera)
-    ids = np.flatnonzero(seen.counts).astype(np.int32)
+    ids = not_hidden(seen, np.flatnonzero(seen.counts).astype(np.int32), camera, backdrop)
     made = batches = largest = 0
     try:
         for x0, y0, x1, y1, inside in windows(seen, ids, -(-width // TILE), -(-height // TILE), most):

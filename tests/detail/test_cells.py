@@ -18,6 +18,8 @@ from taichi_cloth.fabric.surface import nodes_of, surface_points
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.ground.particles import COLOUR, HALF_LENGTH, NORMAL, POSITION, RADIUS, ROWS, TANGENT
 from taichi_cloth.render.data.camera import frame
+from taichi_cloth.render.light.thin import chained
+from taichi_cloth.render.splat.stream import STREAMED
 from taichi_cloth.weave.cloth_set import fit_set, set_sizes
 from taichi_cloth.weave.draft import Draft, named_weave, tile
 from taichi_cloth.yarn.yarn import Hairiness, Yarn
@@ -332,6 +334,21 @@ def test_surfels_lie_on_the_side_that_is_seen_in_the_colours_of_their_threads() 
         assert rows[COLOUR + 1][-rows[POSITION + 2] < 14.5 * PITCH].max() == 0.0
         red, green = rows[COLOUR][later].mean(), rows[COLOUR + 1][later].mean()
         assert (red > 2 * green) if up > 0 else (green > 2 * red)
+
+
+def test_light_gets_to_surfels_one_by_one_and_along_fibres() -> None:
+    """Surfels of a sheet lean to all sides in turn: none tells what light gets to the next. Fibres' pieces do."""
+    shape, per_cell = (5, 5), (8, 8)
+    grey = np.full((33, 3), 0.5, np.float32)
+    cells = sheet_of_cells(shape, per_cell, repeat_of(named_weave("plain")), (grey, grey), seed=SEED)
+    cells.move(flat(shape, per_cell))
+    stream = CellStream(cells)
+    camera: Any = frame(flat(shape, per_cell).reshape(-1, 3), width=40, height=40, elevation=70)
+    for source, want in ((stream, False), (CellStream(cells, target=0.0), True)):
+        seen = source.survey(replace(camera, focal=camera.focal / 3))
+        assert bool((seen.grid[:, 0] > 0).all()) is not want
+        blocks, _ = source.lay(seen, np.flatnonzero(seen.counts).astype(np.int32))
+        assert chained(STREAMED, blocks) is want
 
 
 def test_an_outline_cuts_surfels_too() -> None:

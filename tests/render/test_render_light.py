@@ -166,6 +166,15 @@ def test_a_thinned_thread_throws_the_shadow_of_the_whole() -> None:
         np.testing.assert_allclose(half, whole, atol=0.1)
 
 
+def test_pieces_of_a_sheet_are_no_chain() -> None:
+    """They lie as near to one another as those of a thread, but each leans to a side of its own."""
+    x = np.arange(0, 0.1, 0.0005)
+    place = np.stack([x, 0 * x, 0 * x], 1)
+    for half_length, want in ((0.0012, True), (0.001, False)):
+        layout, blocks, _ = pack(discs(place, 0.001, half_length=half_length), textured=False)
+        assert chained(layout, blocks) is want
+
+
 def test_sky_over_a_plane_and_in_a_slot() -> None:
     """A plane sees all of it; the middle of a slot's floor, w wide and h deep, sin(atan(w / 2h))."""
     floor = sheet(0.0, half=0.06)
