@@ -20,6 +20,7 @@ from taichi_cloth.scenes.commands.output_folder import OutputFolder
 from taichi_cloth.scenes.commands.sequence import Sequence, fingerprint
 from taichi_cloth.scenes.scene.load import load_scene
 
+WIF = Path(__file__).parents[1] / "data" / "wif" / "schort.wif"
 COUNT = 4
 TINY = ["plain", "--set", "weave.ends=6", "--set", "weave.picks=6", "--size", "64x48", "--views", "3"]
 IN_PLAIN_LIGHT = [
@@ -155,13 +156,13 @@ def test_the_manifest_is_replaced_whole(tmp_path: Path, monkeypatch: pytest.Monk
 
 
 def test_the_fingerprint_tells_commands_scenes_and_drafts_apart(tmp_path: Path) -> None:
-    draft = tmp_path / "my.wif"
-    draft.write_text("one")
+    draft, text = tmp_path / "my.wif", WIF.read_text()
+    draft.write_text(text)
     scenes = [load_scene("plain", o) for o in ([], ["output.views=3"], ["output.size=[64, 48]"], ["seed=1"])]
     marks = [fingerprint(scene, "turntable") for scene in scenes] + [fingerprint(scenes[0], "animate")]
     mine = load_scene("plain", [f"weave.draft={draft}"])
     marks.append(fingerprint(mine, "turntable"))
-    draft.write_text("another")
+    draft.write_text(f"{text}; another\n")
     marks.append(fingerprint(mine, "turntable"))
     assert len(set(marks)) == len(marks)
     assert fingerprint(load_scene("plain"), "turntable") == marks[0]
