@@ -58,7 +58,7 @@ __all__ = [
     "woven_garment",
 ]
 
-VERSION = 25
+VERSION = 26
 """Of what is kept on disk: raised whenever the same scene would come to another rest."""
 
 Progress = Callable[[str, int, int], None]
@@ -125,7 +125,7 @@ def dress(scene: Scene, each: Progress | None = None) -> Dressed:
         return {name: np.asarray(getattr(worn, name)) for name in Worn.__dataclass_fields__}
 
     arrays, found = kept("worn", made_of, make)
-    numbers = {name: arrays[name].item() for name in ("gap", "depth", "stretch", "taut", "speed", "frames")}
+    numbers = {name: arrays[name].item() for name in ("gap", "depth", "stretch", "taut", "speed", "frames", "sweeps")}
     worn = Worn(positions=arrays["positions"], pushes=arrays["pushes"], **numbers)
     return Dressed(**vars(parts), worn=worn, from_disk=found)
 
@@ -258,6 +258,7 @@ def garment_simulation(
         solver=garment_choice(scene, dressed).name,
         settled=settled,
         pushes=dressed.worn.pushes,
+        sweeps=dressed.worn.sweeps,
     )
 
 

@@ -53,11 +53,14 @@ solved for, by such a share of its length; those shorter than LONG of `whole_yar
 GAIN = 0.95
 """Share of that which one sweep more has to come below, or it is not worth its time."""
 
-CALM, CALMEST, LONGER, FUTILE = 0.05, 10.0, 40, 0.1
-"""Time without such threads after which there is a sweep less, at least and at most; by how much longer it stays the
-next time where it is wanted back as soon as that; and after which sweeps that gained nothing are tried again [s]. Each
-change is a jolt: a skirt at rest that went to and fro between two sweeps and three moved at 3 mm/s. A walking T-shirt
-takes as long either way, as it has fewer frames taken again."""
+CALM, FUTILE = 0.05, 0.1
+"""Time without such threads after which there is a sweep less, and after which sweeps that gained nothing are tried
+again [s]."""
+
+STILL, STAYS = 0.1, 10.0
+"""Speed in the mean (rms) up to which sweeps stay [m/s], and for how long [s]: each change is a jolt, and a skirt at
+rest that went to and fro between two and three moved at 3 mm/s. Of what moves they do not: the paper's T-shirt would
+walk with four in each frame where 2.1 do."""
 
 WILD = 0.02
 """Strain of a thread, beyond its crimp, that makes a substep wild (`whole_yarns.py`)."""
@@ -99,9 +102,7 @@ class Yarns(SpringSolver):
         threads: int | None = None,
         constraints: tuple[Constraint, ...] = (),
     ) -> None:
-        self.sweeps, self._fewest, self._futile = sweeps, sweeps, 0
-        self._patience = ceil(CALM * frame_rate)
-        self._calm = self._patience + 1
+        self.sweeps, self._fewest, self._calm, self._futile = sweeps, sweeps, 0, 0
         self.tight, self.unsolved, self._before = 0.0, 0.0, inf
         choices: dict[Springs, StepChoice] = {}
 
@@ -183,32 +184,34 @@ class Yarns(SpringSolver):
             return True
         if wanted < WORTH * self.substeps and reached is not None:
             self._go_over(reached, wanted)
-        return reached is not None and self._sweep_more()
+        return reached is not None and self._sweep_more(self._still(reached))
 
-    def _sweep_more(self) -> bool:
-        """Whether the last frame is to be taken again with a sweep more."""
+    def _still(self, state: SheetState) -> bool:
+        """Whether a sheet hardly moves."""
+        square = float(np.square(state.values[3:6]).sum()) / max(1, int(self.sheet.present.sum()))
+        return sqrt(square) < STILL * self.step
+
+    def _sweep_more(self, still: bool) -> bool:
+        """Whether the last frame is to be taken again with a sweep more. still: see `_still`."""
+        patience = ceil((STAYS if still else CALM) * self.frame_rate)
         gained, wanted = self.unsolved < GAIN * self._before, self.unsolved > UNSOLVED
         if wanted and gained and self.sweeps < MOST_SWEEPS and self._futile == 0:
-            if self.sweeps == self._fewest:
-                soon = self._calm <= self._patience
-                most = ceil(CALMEST * self.frame_rate)
-                self._patience = min(LONGER * self._patience, most) if soon else ceil(CALM * self.frame_rate)
             self._before, self._calm = self.unsolved, 0
-            self._take_sweeps(self.sweeps + 1)
+            self.take_sweeps(self.sweeps + 1)
             return True
         given_up = wanted and not gained
         self._futile = ceil(FUTILE * self.frame_rate) if given_up else max(self._futile - 1, 0)
         self._calm = 0 if wanted and gained else self._calm + 1
         self._before = inf
         if given_up:
-            self._patience = ceil(CALM * self.frame_rate)
-            self._take_sweeps(self._fewest)
-        elif self.sweeps > self._fewest and self._calm >= self._patience:
+            self.take_sweeps(self._fewest)
+        elif self.sweeps > self._fewest and self._calm >= patience:
             self._calm = 0
-            self._take_sweeps(self.sweeps - 1)
+            self.take_sweeps(self.sweeps - 1)
         return False
 
-    def _take_sweeps(self, sweeps: int) -> None:
+    def take_sweeps(self, sweeps: int) -> None:
+        """So many from the next frame on."""
         if sweeps != self.sweeps:
             self.sweeps = sweeps
             self.take_steps(self.substeps)
@@ -248,9 +251,9 @@ class Yarns(SpringSolver):
 
     @property
     def found(self) -> tuple[float, ...]:
-        return self.substeps, self.sweeps, self._calm, self._futile, self._patience
+        return self.substeps, self.sweeps, self._calm, self._futile
 
     def go_on(self, found: tuple[float, ...]) -> None:
         found = (*found, *self.found[len(found) :])  # runs that were saved before told of less
-        substeps, self.sweeps, self._calm, self._futile, self._patience = (int(one) for one in found)
+        substeps, self.sweeps, self._calm, self._futile = (int(one) for one in found)
         self.take_steps(substeps)

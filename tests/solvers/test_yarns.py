@@ -19,7 +19,7 @@ from taichi_cloth.sheet.pins import Pins
 from taichi_cloth.sheet.sheet import PAD, Sheet
 from taichi_cloth.sheet.springs import calibrate
 from taichi_cloth.solvers.verlet import Verlet
-from taichi_cloth.solvers.yarns import CALM, FUTILE, LONGER, MOST_SWEEPS, TIGHTEST, UNSOLVED, WILD, Yarns
+from taichi_cloth.solvers.yarns import CALM, FUTILE, MOST_SWEEPS, STAYS, TIGHTEST, UNSOLVED, WILD, Yarns
 
 SIDE = 21
 SPACING = 1 / (SIDE - 1)
@@ -520,10 +520,10 @@ def test_a_frame_gets_more_sweeps_while_they_gain() -> None:
     solver = simulation(sheet_of(), level(sheet_of())).solver
     assert isinstance(solver, Yarns)
 
-    def ask(*left: float) -> list[bool]:
+    def ask(*left: float, still: bool = False) -> list[bool]:
         out = []
         for solver.unsolved in left:
-            out.append(solver._sweep_more())
+            out.append(solver._sweep_more(still))
         return out
 
     assert ask(0.0, 0.5 * UNSOLVED) == [False, False]
@@ -531,11 +531,9 @@ def test_a_frame_gets_more_sweeps_while_they_gain() -> None:
     for sweeps in (3, 2, 2):
         ask(*[0.0] * ceil(CALM * solver.frame_rate))
         assert solver.sweeps == sweeps
-    calm = [0.0] * ceil(CALM * solver.frame_rate)
-    assert (ask(*calm, 0.05, 0.005), solver.sweeps) == ([False] * len(calm) + [True, False], 3)
-    assert (ask(*calm), solver.sweeps) == ([False] * len(calm), 2)
-    assert (ask(0.05, 0.005, *calm), solver.sweeps) == ([True, False] + [False] * len(calm), 3)  # wanted back: it stays
-    assert (ask(*calm * (LONGER - 1)), solver.sweeps) == ([False] * len(calm) * (LONGER - 1), 2)
+    calm, stays = [0.0] * ceil(CALM * solver.frame_rate), [0.0] * ceil(STAYS * solver.frame_rate)
+    assert (ask(0.05, 0.005, *calm, still=True), solver.sweeps) == ([True, False] + [False] * len(calm), 3)
+    assert (ask(*stays, still=True), solver.sweeps) == ([False] * len(stays), 2)  # of what lies still it stays
     assert (ask(0.05, 0.048), solver.sweeps) == ([True, False], 2)
     waiting = [False] * ceil(FUTILE * solver.frame_rate)
     assert ask(*[0.05] * len(waiting)) == waiting

@@ -32,6 +32,7 @@ from taichi_cloth.sheet.materials import Material
 from taichi_cloth.sheet.sheet import Sheet
 from taichi_cloth.sheet.springs import calibrate
 from taichi_cloth.solvers.named import named_solver
+from taichi_cloth.solvers.yarns import Yarns
 
 __all__ = ["OPEN", "RECOVERY", "Garment", "Worn", "sew"]
 
@@ -171,9 +172,10 @@ class Garment:
         solver: str = "verlet",
         settled: bool = False,
         pushes: F32 | None = None,
+        sweeps: int = 0,
     ) -> Simulation:
         """The garment in motion from `positions`, seams and holds tied. bones: that carry the holds, −1 for none; None:
-        none are carried. solver: see `named_solver`. settled: see `Simulation`. pushes: of `Worn`.
+        none are carried. solver: see `named_solver`. settled: see `Simulation`. pushes, sweeps: of `Worn`.
         """
         sheet = self.moving(air_damping)
         ties = self.ties(sheet, bones, speed)
@@ -185,6 +187,8 @@ class Garment:
         if pushes is not None and pushes.size:
             for seam in _seams(simulation):
                 seam.push(simulation.state, pushes)
+        if isinstance(made, Yarns) and sweeps:
+            made.take_sweeps(sweeps)
         return simulation
 
 
@@ -195,7 +199,8 @@ class Worn:
     positions: key points (rows, cols, 3) [m]. gap: of the widest seam [m]. depth: of the deepest key point in the body
     [m]. stretch, taut: largest strain of a thread, and of one that ends in no seam and at no hold. speed: root mean
     square from frame to frame at the end, see STILL [m/s]. frames: that sewing took. pushes: what keeps its seams
-    closed, see `Ties.pushes`; a simulation that has to find it anew begins with a jerk.
+    closed, see `Ties.pushes`, and sweeps: over whole yarns, 0 of another solver; a simulation that has to find these
+    anew begins with a jerk.
     """
 
     positions: F32
@@ -206,6 +211,7 @@ class Worn:
     speed: float
     frames: int
     pushes: F32 = field(default_factory=lambda: np.zeros((3, 0), np.float32))
+    sweeps: int = 0
 
 
 def sew(
@@ -319,6 +325,7 @@ def _sew(
         speed=speed,
         frames=frames,
         pushes=seams[0].pushes(simulation.state) if seams else np.zeros((3, 0), np.float32),
+        sweeps=simulation.solver.sweeps if isinstance(simulation.solver, Yarns) else 0,
     )
 
 
