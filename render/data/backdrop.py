@@ -37,6 +37,11 @@ class Backdrop:
     def kind(self) -> Behind:
         return "picture" if self.wall is None else "mesh"
 
+    @property
+    def tiles(self) -> NDArray[np.float32] | None:
+        """`wall` as rows and columns of tiles, (rows, columns, 16, 16)."""
+        return None if self.wall is None else self.wall.reshape(-1, self.colour.shape[1] // TILE, TILE, TILE)
+
 
 NO_WALL = np.zeros((1, 1, LANES), np.float32)
 

@@ -22,10 +22,10 @@ def not_hidden(seen: Any, ids: NDArray[np.int32], camera: Camera, backdrop: Back
     A splat has no effect where its centre lies behind that, so nothing of the picture hangs on the others. How far a
     piece reaches is known from its box of tiles, but for one at the picture's edge, where the box is cut off.
     """
-    if backdrop is None or backdrop.wall is None or not len(ids):
+    tiles = None if backdrop is None else backdrop.tiles
+    if tiles is None or not len(ids):
         return ids
-    wide = backdrop.colour.shape[1] // TILE
-    far = backdrop.wall.reshape(-1, wide, TILE * TILE).max(axis=2)
+    far = tiles.max(axis=(2, 3))
     left, right, top, bottom = seen.boxes[ids].astype(np.intp).T
     size = np.maximum(right - left, bottom - top) + 1
     inner = (left > 0) & (top > 0) & (right < far.shape[1] - 1) & (bottom < far.shape[0] - 1) & (size <= WIDEST)

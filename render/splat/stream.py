@@ -215,9 +215,9 @@ def _window(backdrop: Backdrop, x0: int, y0: int, x1: int, y1: int, height: int)
     """What a window of tiles, `height` [px] high, sees of a backdrop."""
     rows, columns = slice(y0 * TILE, y0 * TILE + height), slice(x0 * TILE, x1 * TILE)
     colour = np.ascontiguousarray(backdrop.colour[rows, columns])
-    if backdrop.wall is None:
+    tiles = backdrop.tiles
+    if tiles is None:
         return Backdrop(colour)
-    tiles = backdrop.wall.reshape(-1, backdrop.colour.shape[1] // TILE, TILE, TILE)
     wall = np.ascontiguousarray(tiles[y0:y1, x0:x1]).reshape(-1, TILE, TILE)
     if backdrop.face is None or backdrop.edges is None:
         return Backdrop(colour, wall)

@@ -66,8 +66,8 @@ def load_scene(name: str, overrides: list[str] | None = None) -> Scene:
     A WIF file brings its own size, colours, spacing and thickness: when `weave.draft` is overridden with one, what
     the scene says of these for its own draft is dropped; further overrides still hold. Colours of a family for which
     the file has none stay the scene's, and a cloth or garment with a sett keeps it, and its yarns, where the file
-    states none. Likewise a cloth or garment whose sett is overridden is woven,
-    and no longer of the scene's material; one whose material is overridden is drawn of that material's construction.
+    states none. Likewise a cloth or garment whose sett is overridden is woven, and no longer of the scene's material;
+    one whose material is overridden is drawn of that material's construction.
     Raises InputError, one line: which file, key and value, what is allowed, and the nearest right spelling.
 
     >>> load_scene("swatch", ["weave.draft=satin-5", "output.views=4"]).output.views

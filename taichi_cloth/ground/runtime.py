@@ -111,13 +111,11 @@ def plain_code(*, routines: bool = False, kept: bool = True, whole: bool = False
     before = config.cfg_optimization, config.cache_loop_invariant_global_vars, config.offline_cache
     config.cfg_optimization, config.cache_loop_invariant_global_vars = False, before[1] and not routines
     config.offline_cache = before[2] and kept
-    with contextlib.ExitStack() as stack:
-        if whole and on_host():
-            stack.enter_context(kept_as_vectors())
-        try:
+    try:
+        with kept_as_vectors() if whole and on_host() else contextlib.nullcontext():
             yield
-        finally:
-            config.cfg_optimization, config.cache_loop_invariant_global_vars, config.offline_cache = before
+    finally:
+        config.cfg_optimization, config.cache_loop_invariant_global_vars, config.offline_cache = before
 
 
 def _line_of(context: Any, node: Any) -> str:

@@ -34,9 +34,9 @@ LARGEST_FILE = 1_000_000
 USUAL_CRIMP = 1.06
 """Length of threads over that of the cloth, where a construction is looked for that nobody states."""
 
-NAMED = {"cotton broad": ("poplin", "Ne 40", 133 / 72), "wool tropical": ("tropical", "2/60 Nm", 1.0)}
-"""Cloths of one construction in the trade, by the names that tables give them: what they are, of which yarn both ways,
-and how many ends to a pick. All are plain."""
+NAMED = {"cotton broad": ("Ne 40", 133 / 72), "wool tropical": ("2/60 Nm", 1.0)}
+"""Cloths of one construction in the trade, by the names that tables give them: of which yarn both ways, and how many
+ends to a pick. Both are plain, a poplin and a tropical."""
 
 How = Literal["stated", "named", "inferred", "none"]
 
@@ -190,7 +190,7 @@ def row_construction(row: Mapping[str, str]) -> tuple[Construction | None, How]:
 
 def _of_the_trade(name: str, fibre: FibreMechanics, mass: float) -> Construction:
     """The cloth of one of NAMED, as dense as its mass asks for [g/m²]."""
-    _, count, ends_to_a_pick = NAMED[name]
+    count, ends_to_a_pick = NAMED[name]
     tex = parse_count(count)
     both = (tex.tex * tex.plies,) * 2
 

@@ -184,7 +184,9 @@ class Yarns(SpringSolver):
             return True
         if wanted < WORTH * self.substeps and reached is not None:
             self._go_over(reached, wanted)
-        return reached is not None and self._sweep_more(self._still(reached))
+        if reached is None:
+            return False
+        return self._sweep_more(self.sweeps > self._fewest and self._still(reached))
 
     def _still(self, state: SheetState) -> bool:
         """Whether a sheet hardly moves."""
