@@ -1,5 +1,5 @@
-"""The command line: `taichi-cloth scenes | plan | turntable | animate | zoom | still | fabric | profile | check |
-figures | report | stability | body`."""
+"""The command line: `taichi-cloth scenes | plan | turntable | animate | zoom | still | pattern | fabric | profile |
+check | figures | report | stability | body`."""
 
 import io
 import logging
@@ -154,6 +154,19 @@ def make_still(
         arch=arch,
         threads=threads,
     )
+
+
+@app.command("pattern")
+def pattern(
+    file: Annotated[Path, typer.Argument(help="A pattern as DXF (ASTM/AAMA).")],
+    unit: Annotated[str | None, typer.Option("--unit", help="mm, cm, m or in, where the file does not say.")] = None,
+    out: Annotated[Path | None, typer.Option("--out", help="Folder for both files; default: out/FILE.")] = None,
+) -> None:
+    """Draw the pieces of a DXF with the numbers of their edges, and write a TOML for beside it to begin with."""
+    from .commands.pattern_pieces import pattern_lines
+
+    for line in pattern_lines(file, out, unit):
+        typer.echo(line)
 
 
 @app.command("fabric")

@@ -16,6 +16,7 @@ from taichi_cloth.garment.fit.fitted import fitted
 from taichi_cloth.garment.fit.taped import landmarks_of
 from taichi_cloth.garment.pattern.cut import Atlas, cut, spacing_for
 from taichi_cloth.garment.pattern.drafts import DRAFTS, Cut, draft
+from taichi_cloth.garment.pattern.dxf_pattern import read_dxf
 from taichi_cloth.garment.pattern.garmentcode import read_garmentcode
 from taichi_cloth.garment.pattern.measure import figure_of
 from taichi_cloth.garment.pattern.pattern import Pattern
@@ -151,14 +152,15 @@ def garment_of(
     numbers of which are to fit between key points. Raises InputError."""
     pattern: Pattern
     if PATTERN_FILE.fits(section.pattern):
-        pattern = fitted(read_garmentcode(Path(section.pattern)), landmarks_of(body))
+        read = read_dxf if section.pattern.lower().endswith(".dxf") else read_garmentcode
+        pattern = fitted(read(Path(section.pattern)), landmarks_of(body))
     elif section.pattern in DRAFTS:
         metres = {name: None if cm is None else 0.01 * cm for name, cm in
                   (("length", section.length_cm), ("sleeve", section.sleeve_cm))}  # fmt: skip
         pattern = draft(section.pattern, figure_of(body), Cut(ease=section.ease, flare=section.flare, **metres))
     else:
         raise InputError(
-            f"garment.pattern: {section.pattern!r}; known: {', '.join(DRAFTS)}, or the path of a .json file"
+            f"garment.pattern: {section.pattern!r}; known: {', '.join(DRAFTS)}, or the path of a .json or .dxf file"
         )
     names = [panel.name for panel in pattern.panels]
     for key in ("colours", "weaves", "prints"):

@@ -32,7 +32,8 @@ class GarmentSection(Section):
     """A garment cut from [weave] and worn on [body]."""
 
     pattern: Annotated[str, PATTERN_FILE] = Field(
-        default="tshirt", description="tshirt, skirt, dress, trousers, or a GarmentCode .json file"
+        default="tshirt",
+        description="tshirt, skirt, dress, trousers, a GarmentCode .json file, or a .dxf with a .toml beside it",
     )
     key_points: int = Field(default=6245, ge=200, le=200_000, description="about how many the simulation moves")
     threads_per_key_point: int = Field(

@@ -8,6 +8,8 @@ from typing import Annotated, Any, get_args, get_origin
 
 from pydantic import BaseModel
 
+from taichi_cloth.garment.pattern.dxf_pattern import beside
+
 from .schema import Scene
 from .section import NamesFile
 
@@ -60,14 +62,17 @@ def files_named(data: Any) -> Iterator[tuple[str, Any, Any]]:
 
 
 def file_hashes(scene: Scene) -> dict[str, str]:
-    """Key to SHA-256 of the file that it names; of one that cannot be read, which is refused later, nothing."""
+    """Key to SHA-256 of the file that it names, and of the TOML that belongs to a DXF; of one that cannot be read,
+    which is refused later, nothing."""
     found = {}
     for name, table, place in files_named(scene.model_dump(mode="json")):
         path = Path(table[place])
-        try:
-            if path.is_file():
-                with path.open("rb") as file:
-                    found[name] = hashlib.file_digest(file, "sha256").hexdigest()
-        except (OSError, ValueError):  # a null byte in a path
-            continue
+        both = {name: path} | ({f"{name}, .toml": beside(path)} if path.suffix.lower() == ".dxf" else {})
+        for key, one in both.items():
+            try:
+                if one.is_file():
+                    with one.open("rb") as file:
+                        found[key] = hashlib.file_digest(file, "sha256").hexdigest()
+            except (OSError, ValueError):  # a null byte in a path
+                continue
     return found

@@ -43,7 +43,7 @@ class NamesFile:
 
 DRAFT_FILE = NamesFile((".wif",))
 SPRITE_FILE = NamesFile((".png",))
-PATTERN_FILE = NamesFile((".json",))
+PATTERN_FILE = NamesFile((".json", ".dxf"))
 PICTURE_FILE = NamesFile()
 MEASURED_FILE = NamesFile()
 BODY_FILE = NamesFile((".obj", ".ply", ".glb", ".stl"))

@@ -32,6 +32,7 @@ from taichi_cloth.body.primitives.primitive_file import load_primitives, primiti
 from taichi_cloth.body.primitives.primitives import Primitive
 from taichi_cloth.garment.fit.fitted import fitted
 from taichi_cloth.garment.pattern.cut import cut
+from taichi_cloth.garment.pattern.dxf_pieces import read_pieces
 from taichi_cloth.garment.pattern.garmentcode import read_garmentcode
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.render.data.sprites import sheet_from_png
@@ -199,6 +200,7 @@ def seeds() -> Iterator[tuple[str, Callable[[Path], object], list[bytes]]]:
     yield ".toml", lambda path: load_scene(str(path)), [path.read_bytes() for path in sorted(SCENES.glob("*.toml"))]
     yield ".wif", read_wif, [path.read_bytes() for path in sorted((DATA / "wif").glob("*.wif"))]
     yield ".json", _garment, [(DATA / "patterns" / f"{name}.json").read_bytes() for name in ("tee", "skirt_4_panels")]
+    yield ".dxf", read_pieces, [(DATA / "patterns" / "own_tee.dxf").read_bytes()]
     yield ".json", load_primitives, [_primitives()]
     yield ".bvh", lambda path: bvh_motion(path, skeleton).pose(1.03), [_bvh()]
     yield ".png", lambda path: sheet_from_png([path]), [_png(4, np.uint8), _png(4, np.uint16)]

@@ -7,6 +7,7 @@ import numpy as np
 from taichi_cloth.garment.fit.grade import even_out, find_rings, grade
 from taichi_cloth.garment.fit.holding import held
 from taichi_cloth.garment.fit.landmarks import SMPL_ORIGIN, Landmarks, drafting_body
+from taichi_cloth.garment.fit.lay_out import at_waist, drawn_for, lay_out
 from taichi_cloth.garment.fit.limbs import lay_sleeves, turn_legs
 from taichi_cloth.garment.fit.parts import assign, crotch_of, is_floor
 from taichi_cloth.garment.fit.piece import UP, Work, pieces_of
@@ -51,15 +52,21 @@ def fitted(pattern: Pattern, worn: Landmarks) -> Pattern:
 def placed(pattern: Pattern, worn: Landmarks) -> tuple[Work, Carried, list[str]]:
     """All pieces graded and stood round the body; what carries them; what was widened."""
     work = pieces_of(pattern)
-    floor = is_floor(work)
-    drafted = drafting_body(floor)
-    if not floor:
+    laid = pattern.drafted is None
+    floor = laid and is_floor(work)
+    drafted = drafting_body(floor) if pattern.drafted is None else drawn_for(worn, pattern.drafted)
+    if not laid:
+        lay_out(work, drafted)
+    elif not floor:
         for piece in work.pieces.values():
             piece.at = piece.at + SMPL_ORIGIN * UP
-    assign(work, drafted)
+    if laid:
+        assign(work, drafted)
     find_rings(work)
     stack(work)
     by = carried(work, drafted)
+    if not laid:
+        by = at_waist(work, by, drafted)
     if floor:
         tall = _stature(work, by, drafted)
         if abs(tall - 1) > 0.02:

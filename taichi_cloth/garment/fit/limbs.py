@@ -162,7 +162,7 @@ class _Sleeve:
         for piece in self.group:
             shaped = self._shaped(piece, hole, wide)
             front = piece.side == "front"
-            z = (1 if front else -1) * (worn.girth["upper_arm"] / (2 * np.pi) + CLEAR)
+            z = (1 if front else -1) * (worn.girth["upper_arm"] / (2 * np.pi) + CLEAR) * (not piece.tube)
             # The frame's (down, across) turns as the front's right side sees it; the back's sees its mirror image.
             piece.graded = shaped if front else [edge * [-1.0, 1.0] for edge in shaped]
             out = np.array([0.0, 0.0, 1.0])

@@ -23,7 +23,8 @@ FINE = 0.02
 class Piece:
     """edges: polylines (k, 2), the outline counter-clockwise, right side towards the reader. graded: the same, for the
     body. rotation, at: of the drawn edges; `lift` is added to heights. shift: of the graded ones. part: trunk, head,
-    skirt, arm_l, arm_r, leg_l, leg_r. side: front, back, left, right."""
+    skirt, arm_l, arm_r, leg_l, leg_r. side: front, back, left, right. tube: goes round its part alone,
+    sewn to itself."""
 
     panel: Panel
     edges: list[F64]
@@ -35,6 +36,7 @@ class Piece:
     graded: list[F64] = field(default_factory=list)
     shift: F64 = field(default_factory=lambda: np.zeros(3))
     ring: int | None = None
+    tube: bool = False
 
     @property
     def name(self) -> str:

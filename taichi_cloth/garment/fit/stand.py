@@ -8,7 +8,7 @@ from taichi_cloth.garment.fit.landmarks import Landmarks
 from taichi_cloth.garment.fit.piece import Piece, Work, circle
 from taichi_cloth.garment.fit.widen import widths
 from taichi_cloth.garment.pattern.curves import along, length
-from taichi_cloth.garment.pattern.pattern import Cone, Flat
+from taichi_cloth.garment.pattern.pattern import Cone, Flat, Wrap
 
 __all__ = ["CLEAR", "stand", "start_of"]
 
@@ -41,10 +41,12 @@ def stand(work: Work, worn: Landmarks) -> None:
             piece.shift[[0, 2]] += flat * (1.3 * radius + CLEAR) - there[[0, 2]]
 
 
-def start_of(work: Work, piece: Piece, worn: Landmarks) -> tuple[list[F64], Flat | Cone]:
-    """Edges and where they start: as they stand; sectors of a ring in skirts hang round the body as a cone does, with
-    the share of the turn that their arc has of the loop."""
+def start_of(work: Work, piece: Piece, worn: Landmarks) -> tuple[list[F64], Flat | Cone | Wrap]:
+    """Edges and where they start: as they stand; what is sewn to itself round its part of the body; sectors of a ring
+    in skirts hang round it as a cone does, with the share of the turn that their arc has of the loop."""
     flat = Flat(piece.rotation, piece.shift)
+    if piece.tube:
+        return _round_arm(piece, worn) if piece.part.startswith("arm") else _round_body(piece, worn)
     if piece.ring is None or piece.part != "skirt" or abs(piece.normal[2]) < 0.9:
         return piece.graded, flat
     arc = piece.graded[piece.ring]
@@ -64,6 +66,35 @@ def start_of(work: Work, piece: Piece, worn: Landmarks) -> tuple[list[F64], Flat
     outward = np.array([0.0, 0.0, float(np.sign(piece.normal[2]))])
     turn_of = own / radius
     return edges, Cone(np.array([0.0, top, at]), outward, axes, radius, turn_of, share=own / loop)
+
+
+def _round_arm(piece: Piece, worn: Landmarks) -> tuple[list[F64], Wrap]:
+    """A sleeve of one piece, the middle of its cap on top of the arm, its seam below. It was graded in lengths down the
+    arm and across it."""
+    edges = [np.stack([edge[:, 1], -edge[:, 0]], -1) for edge in piece.graded]
+    axis = -piece.rotation[:, 0]
+    outward = np.array([0.0, 1.0, 0.0]) - axis[1] * axis
+    outward /= np.linalg.norm(outward)
+    wide = float(np.ptp(np.concatenate(edges)[:, 0]))
+    radius = max(wide, worn.girth["upper_arm"] + 2 * np.pi * CLEAR) / (2 * np.pi)
+    return edges, Wrap(piece.shift, axis, outward, (radius, radius))
+
+
+def _round_body(piece: Piece, worn: Landmarks) -> tuple[list[F64], Wrap]:
+    """A band or a skirt of one piece, its middle in front, or behind where it is drawn for there."""
+    xy = np.concatenate(piece.graded)
+    middle, wide = float(xy[:, 0].min() + xy[:, 0].max()) / 2, float(np.ptp(xy[:, 0]))
+    y = float(piece.shift[1])
+    if piece.part == "head":
+        breadth = depth = worn.girth["neck"] / (2 * np.pi)
+        at = float(np.mean(worn.depth["neck"]))
+    else:
+        _, breadth, depth, at = worn.ring(y + float(xy[:, 1].max()))
+    breadth, depth = breadth + SNUG, depth + SNUG
+    scale = max(1.0, wide / (np.pi * (breadth + depth)))
+    outward = np.array([0.0, 0.0, float(np.sign(piece.normal[2]))])
+    place = Wrap(np.array([0.0, y, at]), np.array([0.0, 1.0, 0.0]), outward, (depth * scale, breadth * scale), middle)
+    return piece.graded, place
 
 
 def _by_the_head(piece: Piece, worn: Landmarks) -> None:

@@ -117,7 +117,7 @@ def _levels(work: Work, pieces: list[Piece], worn: Landmarks, low: float, high: 
     for _ in range(ROUNDS):
         each = np.array([widths(piece, heights) for piece in pieces])
         own = each.sum(axis=0)
-        before, behind = (np.array([piece.normal[2] * sign > 0 for piece in pieces]) for sign in (1, -1))
+        before, behind = (np.array([piece.tube or piece.normal[2] * sign > 0 for piece in pieces]) for sign in (1, -1))
         whole = (each[before] > 0).any(axis=0) & (each[behind] > 0).any(axis=0)
         tight = whole & (own > CLOSED * girth) & (own < need)
         if not tight.any():

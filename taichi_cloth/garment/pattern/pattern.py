@@ -202,7 +202,9 @@ class Hold:
 class Pattern:
     """Raises InputError on what is none: panels that are open, tiny or cross themselves, seams without an edge.
 
-    notes: what was changed of what a file says, one line each.
+    notes: what was changed of what a file says, one line each. drafted: None where panels stand as on a body; else
+    their places tell only which way they face and their labels the part of the body, and these are measures [m] of whom
+    they were drawn for, where they are known (`fit/lay_out.py`).
     """
 
     name: str
@@ -210,6 +212,7 @@ class Pattern:
     seams: tuple[Seam, ...]
     holds: tuple[Hold, ...] = ()
     notes: tuple[str, ...] = ()
+    drafted: dict[str, float] | None = None
 
     def __post_init__(self) -> None:
         if not self.panels:
