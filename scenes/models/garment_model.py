@@ -39,6 +39,7 @@ from ..prepare.weave_layout import Prepared, prepare_fabric
 from ..scene.body_section import BodySection
 from ..scene.schema import Scene
 from .facts import Fact
+from .following import camera_path
 from .model import Numbers
 from .moving_model import MovingModel
 
@@ -184,6 +185,17 @@ class GarmentModel(MovingModel):
         skin = body.posed(self.motion.pose(self.simulation.time))
         points, _ = self.surface.points(self.simulation.positions)
         return (skin_mesh(self.scene.body or BodySection(), body, skin, points, self._spared),)
+
+    def framed(self) -> F32:
+        """The bounds, gone with a body that walks away (`following.py`)."""
+        frame = min(self.simulation.frame, len(self._path) - 1)
+        return self.bounds + self._path[frame].astype(np.float32)
+
+    @cached_property
+    def _path(self) -> NDArray[np.float64]:
+        section = self.scene.camera
+        wanted = False if section.follow is None and section.box_m is not None else section.follow
+        return camera_path(self.motion, self.frames, self.scene.output.fps, wanted)
 
     def mesh(self) -> Mesh:
         """With smooth normals, cut along its outlines."""

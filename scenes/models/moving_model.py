@@ -77,6 +77,10 @@ class MovingModel(ABC):
     def cloth_facts(self) -> list[Fact]:
         """What can be said of it beside its yarns and its weave."""
 
+    def framed(self) -> F32:
+        """What a picture frames now, (n, 3) [m]."""
+        return self.bounds
+
     @property
     def follower(self) -> FibreFollower | None:
         """What moves the fibres, where all of them are held."""
@@ -88,11 +92,11 @@ class MovingModel(ABC):
         return getattr(self.fibres, "source", None)
 
     def panels(self) -> list[Panel]:
-        solids = self.solids()
+        solids, framed = self.solids(), self.framed()
         if self.fibres is None:
-            return [Panel(nothing(), self.bounds, meshes=(self.mesh(), *solids))]
+            return [Panel(nothing(), framed, meshes=(self.mesh(), *solids))]
         drawn = self.fibres.follow(self.simulation.positions)
-        return [Panel(drawn, self.bounds, numbers=self.numbers, meshes=solids, source=self.source)]
+        return [Panel(drawn, framed, numbers=self.numbers, meshes=solids, source=self.source)]
 
     def facts(self) -> list[Fact]:
         """The weight once: as it moves, and beside that as it is drawn."""

@@ -210,6 +210,11 @@ class Camera(Section):
         default=None,
         description="two corners of what a picture of cloth or a garment frames [m]; default: where it starts",
     )
+    follow: bool | None = Field(
+        default=None,
+        description="whether the camera of an animation goes with the body that wears a garment; default: where it walks "
+        "away and no box_m is stated",
+    )
     margin: float = Field(default=0.03, ge=0, le=0.45, description="empty share of the frame on each side")
     zoom: float = Field(
         default=1.0, gt=0, le=1e4, description="how much nearer than the framing distance; above 1 crops"

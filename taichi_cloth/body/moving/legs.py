@@ -8,9 +8,17 @@ from scipy.spatial.transform import Rotation
 
 from taichi_cloth.body.skin.skeleton import JOINTS, Pose, Skeleton
 
-__all__ = ["planted_legs", "sole_height"]
+__all__ = ["TOES", "planted_legs", "sole_height", "toes_lifted"]
 
 F64 = NDArray[np.float64]
+
+TOES = ((0.93, 0.0), (1.13, 0.012), (1.16, 0.025), (1.18, 0.032))
+"""Of the foot's lower outline before its ball: way ahead of the ankle, and height, in lengths of the foot's bone seen
+from above. Bones have no toes, which reach beyond their ends; those of the built-in body."""
+SUPPORT = ((-0.38, 0.0), (0.85, 0.0))
+"""Likewise, of heel and ball."""
+MOST_LIFT = np.radians(45)
+"""By which a foot is turned at most."""
 
 
 def planted_legs(skeleton: Skeleton, turns: Mapping[str, ArrayLike], shift: ArrayLike) -> Pose:
@@ -53,15 +61,36 @@ def _aligned(before: F64, after: F64) -> Rotation:
     return Rotation.from_matrix(frame(after) @ frame(before).T)
 
 
-def sole_height(skeleton: Skeleton, pose: Pose) -> float:
-    """Height of the lowest of the heels and toes in a pose [m]."""
+def toes_lifted(skeleton: Skeleton, pose: Pose, foot: str) -> float:
+    """By how much a foot has to be turned toes up, about its ankle, so that none of it before its ball is under the
+    floor [rad]. A shoe that bends would leave the toes where they are; a foot of one bone tips over them."""
+    j = JOINTS.index(foot)
+    moved = skeleton.transforms(pose)
+    shin = moved[skeleton.parents[j], :3, :3]
+    ankle = skeleton.joints[j]
+    ahead = (skeleton.tips[j] - ankle) * [1, 0, 1]
+    long = float(np.linalg.norm(ahead))
+    points = np.array([ahead * s + [0.0, y * long - ankle[1], 0.0] for s, y in TOES])
+    height = float((moved[j, :3, :3] @ ankle + moved[j, :3, 3])[1])
+    lift = np.linspace(0.0, MOST_LIFT, 91)
+    own = Rotation.from_rotvec(pose.rotations[j]) * Rotation.from_rotvec(np.outer(-lift, [1.0, 0, 0]))
+    low = height + np.einsum("b,nbc,pc->np", shin[1], own.as_matrix(), points).min(axis=1)
+    if low[0] >= 0:
+        return 0.0
+    above = np.nonzero(low >= 0)[0]
+    return float(lift[above[0]] if len(above) else lift[int(low.argmax())])
+
+
+def sole_height(skeleton: Skeleton, pose: Pose, *, toes: bool = True) -> float:
+    """Height of the lowest of the heels, balls and toes in a pose [m]. toes: whether those count."""
     moved = skeleton.transforms(pose)
     low = []
     for foot in ("foot_l", "foot_r"):
         j = JOINTS.index(foot)
-        ankle, toes = skeleton.joints[j], skeleton.tips[j]
-        ahead = (toes - ankle) * [1, 0, 1]
-        for share in (-0.38, 0.85):
-            sole = ankle * [1, 0, 1] + share * ahead
+        ankle, end = skeleton.joints[j], skeleton.tips[j]
+        ahead = (end - ankle) * [1, 0, 1]
+        long = float(np.linalg.norm(ahead))
+        for share, over in (*SUPPORT, *(TOES if toes else ())):
+            sole = ankle * [1, 0, 1] + share * ahead + [0.0, over * long, 0.0]
             low.append((moved[j, :3, :3] @ sole + moved[j, :3, 3])[1])
     return float(min(low))

@@ -13,9 +13,10 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline
+from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 from scipy.spatial.transform import Rotation
 
-from taichi_cloth.body.moving.legs import planted_legs, sole_height
+from taichi_cloth.body.moving.legs import planted_legs, sole_height, toes_lifted
 from taichi_cloth.body.skin.skeleton import JOINTS, Pose, Skeleton
 from taichi_cloth.ground.errors import InputError, did_you_mean
 
@@ -192,7 +193,7 @@ def _walk(skeleton: Skeleton) -> Callable[[float], Pose]:
     curve = {k: _periodic(rows) for k, rows in GAIT.items()}
     tall = float(skeleton.tips[JOINTS.index("head"), 1])
 
-    def turns(phase: float) -> dict[str, F64]:
+    def turns(phase: float, lift: Callable[[float], float] = lambda share: 0.0) -> dict[str, F64]:
         a = 2 * np.pi * phase  # the left heel strikes at 0, the right at a half
         out = {
             "pelvis": _turns(("z", 3.0 * np.cos(a - 1.7)), ("y", -5.0 * np.cos(a)), ("x", 1.5)),
@@ -207,24 +208,39 @@ def _walk(skeleton: Skeleton) -> Callable[[float], Pose]:
             hip, knee, ankle = (float(curve[k](share)) for k in ("hip", "knee", "ankle"))
             out[f"thigh_{name}"] = _turns(("x", -0.85 * hip), ("z", -side * 1.5), ("z", -3.0 * np.cos(a - 1.7)))
             out[f"shin_{name}"] = _turns(("x", 0.9 * knee))
-            out[f"foot_{name}"] = _turns(("x", -0.9 * ankle))
+            out[f"foot_{name}"] = _turns(("x", -0.9 * ankle - lift(share)))
             swing = -np.cos(2 * np.pi * share - 0.25)
             out |= _arm(side, lowered=33, forward=4 + 19 * swing, bent=14 + 9 * swing, twist=7)
         return out
 
-    heights = [-sole_height(skeleton, Pose.of(turns(p))) for p in np.arange(96) / 96]
-    rise = np.fft.rfft(heights) / 96
-    rise[9:] = 0
-    rise[1::2] = 0  # both steps are alike
+    phases = np.arange(96) / 96
+    up = _even([-sole_height(skeleton, Pose.of(turns(p)), toes=False) for p in phases])
+    # The rear foot tips over its toes as its heel leaves the floor: they are lifted, and the body comes down by what
+    # that leaves, until both feet carry it.
+    tips = [toes_lifted(skeleton, Pose.of(turns(p), (0.0, up(p), 0.0)), "foot_l") for p in phases]
+    wide = gaussian_filter1d(maximum_filter1d(np.degrees(tips), 5, mode="wrap"), 1.5, mode="wrap")
+    lift = _periodic([*zip(phases.tolist(), wide.tolist(), strict=True)])
+    up = _even([-sole_height(skeleton, Pose.of(turns(p, lift))) for p in phases])
 
     def cycle(time: float) -> Pose:
         phase = time / WALK_PERIOD
-        a = 2 * np.pi * phase
-        up = float(rise[0].real + 2 * np.sum((rise[1:9] * np.exp(1j * a * np.arange(1, 9))).real))
-        sway = 0.011 * tall * np.sin(a - 0.25)
-        return Pose.of(alike(turns(phase)), (sway, up, 0.0))
+        sway = 0.011 * tall * np.sin(2 * np.pi * phase - 0.25)
+        return Pose.of(alike(turns(phase, lift)), (sway, up(phase), 0.0))
 
     return cycle
+
+
+def _even(heights: list[float]) -> Callable[[float], float]:
+    """A smooth curve of period 1 through about these heights, alike in both steps."""
+    rise = np.fft.rfft(heights) / len(heights)
+    rise[9:] = 0
+    rise[1::2] = 0
+
+    def up(phase: float) -> float:
+        a = 2 * np.pi * phase * np.arange(1, 9)
+        return float(rise[0].real + 2 * np.sum((rise[1:9] * np.exp(1j * a)).real))
+
+    return up
 
 
 def _arms_raised(skeleton: Skeleton) -> Callable[[float], Pose]:
