@@ -16,8 +16,8 @@ F64 = NDArray[np.float64]
 AWAY = 0.6
 """How far from its start the pelvis goes in a motion that is followed [m]: those who sit down stay below it."""
 SMOOTH = 0.3
-"""Standard deviation of the weights over time that smooth its path [s]: of a stride's sway a quarter is left, which of a
-metre is a few millimetres. Longer, and the camera is before the body as that sets off."""
+"""Standard deviation of the weights over time that smooth its path [s]: of a stride's sway a quarter is left, a
+few millimetres. Longer, and the camera is before the body as that sets off."""
 REACH = 3.0
 """Of them, to each side."""
 

@@ -212,8 +212,8 @@ class Camera(Section):
     )
     follow: bool | None = Field(
         default=None,
-        description="whether the camera of an animation goes with the body that wears a garment; default: where it walks "
-        "away and no box_m is stated",
+        description="whether the camera of an animation goes with the body that wears a garment; default: where it "
+        "walks away and no box_m is stated",
     )
     margin: float = Field(default=0.03, ge=0, le=0.45, description="empty share of the frame on each side")
     zoom: float = Field(
