@@ -13,6 +13,7 @@ from ...render.image.video import write_mp4
 from ...render.image.webp import write_webp
 from ..models.build import build, shown_frame
 from ..models.model import Model
+from ..models.motion_facts import FACTS
 from ..models.moving_model import STATE, MovingModel
 from ..picture.view import View
 from ..picture.zoom import require_threads, zoom
@@ -57,6 +58,7 @@ def run(
     folder = out or Path("out") / (Path(name).stem + ("-zoom" if command == "zoom" else ""))
     video, sheet, moving = f"{command}.mp4", "sheet.png", command == "animate" and scene.subject != "twist"
     products = [video, sheet, *([f"{command}.webp"] if scene.output.webp else []), *([STATE] if moving else [])]
+    products += [FACTS] if moving and scene.subject == "garment" else []
     mark = fingerprint(scene, command)
     with OutputFolder(folder) as held:
         sequence = Sequence.open(held, mark, count, products, resume=resume)
@@ -91,6 +93,8 @@ def run(
             bar.advance(closing)
             if scene.output.webp:
                 write_webp(folder / f"{command}.webp", sequence.paths, fps=scene.output.fps)
+    for line in fact_lines(model.motion_facts() if isinstance(model, MovingModel) else []):
+        print(line)
     print(f"{count} frames, {video} ({codec}) and {sheet} in {folder}")
     require_fit(model)
 

@@ -24,7 +24,12 @@ from .output_folder import OutputFolder
 __all__ = ["Sequence", "fingerprint"]
 
 MANIFEST = "sequence.json"
-PRODUCTS = (*(f"{c}.{e}" for c in ("turntable", "animate", "zoom") for e in ("mp4", "webp")), "sheet.png", "state.npz")
+PRODUCTS = (
+    *(f"{c}.{e}" for c in ("turntable", "animate", "zoom") for e in ("mp4", "webp")),
+    "sheet.png",
+    "state.npz",
+    "facts.json",
+)
 LARGEST_COUNT = 100_000
 Image = NDArray[np.uint8]
 

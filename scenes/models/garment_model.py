@@ -1,6 +1,7 @@
 """A garment worn by a body (paper 4): sewn once, then moved with it."""
 
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +10,7 @@ from taichi_cloth.detail.cell_stream import CellStream
 from taichi_cloth.fabric.fabric import build_fabric
 from taichi_cloth.fabric.follow import FibreFollower
 from taichi_cloth.garment.sewn.cell_weaving import CellWeaving
+from taichi_cloth.garment.sewn.in_motion import Watch
 from taichi_cloth.garment.sewn.limbs import spared
 from taichi_cloth.garment.sewn.misfit import misfit
 from taichi_cloth.garment.sewn.stitches import PIECES, STRANDS, Stitches
@@ -41,6 +43,7 @@ from ..scene.schema import Scene
 from .facts import Fact
 from .following import camera_path
 from .model import Numbers
+from .motion_facts import MotionFacts
 from .moving_model import MovingModel
 
 __all__ = ["GarmentFibres", "GarmentModel", "box_round"]
@@ -146,6 +149,8 @@ class GarmentCells:
 class GarmentModel(MovingModel):
     """A garment in motion on its body. Make it with `GarmentModel.of`."""
 
+    _moments: MotionFacts | None = None
+
     def __init__(self, scene: Scene, dressed: Dressed) -> None:
         self.scene, self.dressed, self.fibres, self.frames = scene, dressed, None, scene.output.frames
         self.motion, self.misfit = motion_of(scene, dressed.body), misfit(dressed.garment, dressed.worn)
@@ -226,6 +231,35 @@ class GarmentModel(MovingModel):
         names = [p.panel.name for p in self.dressed.garment.atlas.panels]
         yarns: dict[int, dict[str, str | int]] = {k: {"panel": names[p]} for k, p in enumerate(panel.tolist())}
         return Numbers(yarn, part, yarns, dict(enumerate(names)))
+
+    def keep(self, folder: Path, first: int) -> None:
+        """As any model; also of every frame how deep it lies in the body and how long its threads are."""
+        self._moments = MotionFacts(folder)
+        super().keep(folder, first)
+        self._moments.read(self.simulation.frame)
+        self._look()
+
+    def motion_facts(self) -> list[Fact]:
+        return [] if self._moments is None else self._moments.facts()
+
+    def _save(self) -> None:
+        super()._save()
+        self._look()
+
+    def _look(self) -> None:
+        if self._moments is None or self.simulation.frame in self._moments.moments:
+            return
+        bones = self.dressed.body.bone_transforms(self.motion.pose(self.simulation.time))
+        self._moments.moments[self.simulation.frame] = self._watch.at(self.simulation.positions, bones)
+        self._moments.write(self._said)
+
+    @cached_property
+    def _watch(self) -> Watch:
+        return Watch(self.dressed.garment, self.dressed.grids or self.dressed.primitives)
+
+    @cached_property
+    def _said(self) -> list[Fact]:
+        return self.facts()
 
     def cloth_facts(self) -> list[Fact]:
         worn, garment = self.dressed.worn, self.dressed.garment

@@ -143,6 +143,10 @@ class MovingModel(ABC):
                 self.simulation = self.at_start()
         self._save()
 
+    def motion_facts(self) -> list[Fact]:
+        """What can be said of the motion itself, once it has been kept."""
+        return []
+
     def step(self, frame: int) -> None:
         """On to a frame of the video; frame 0 is the start. Raises Unstable."""
         if frame < self.simulation.frame:

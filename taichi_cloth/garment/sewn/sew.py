@@ -109,11 +109,16 @@ class Garment:
     def strains(self, positions: F32) -> tuple[NDArray, NDArray]:
         """`Sheet.stretch` of the threads that end in no seam and at no hold, 0 for others: at the ends of seams those
         ask of threads that lie half outside the cloth what no cloth is asked."""
+        both = zip(self.sheet().stretch(positions), self.free_threads(), strict=True)
+        weft, warp = (strain * free for strain, free in both)
+        return weft, warp
+
+    def free_threads(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Pieces of the weft (rows, cols − 1) and of the warp (rows − 1, cols) that end in no seam and at no hold."""
         nodes, weights = self.holds()[:2]
         free = ~self.sewn()
         free[tuple(nodes[weights != 0].T)] = False
-        weft, warp = self.sheet().stretch(positions)
-        return weft * (free[:, :-1] & free[:, 1:]), warp * (free[:-1] & free[1:])
+        return free[:, :-1] & free[:, 1:], free[:-1] & free[1:]
 
     def tie_counts(self) -> list[int]:
         """Ties of each seam."""
