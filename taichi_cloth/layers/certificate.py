@@ -53,10 +53,10 @@ class Certificate:
     ):
         """All pairs of a kind. remedy: what is done with those that are not parted. ahead: how long the next interval
         may be over how long this was: pairs that may touch in it are awake."""
-        runs, awake, bad = pairs.packets(), 0, 0
+        runs, begin, awake, bad = pairs.packets(kind), pairs.first(kind), pairs.first_awake(kind), 0
         part = ti.select(remedy == BACK, STILL_PARTED, 1.0)
         for run in range(runs):
-            at = ti.Vector([k * runs + run for k in ti.static(range(LANES))])
+            at = ti.Vector([begin + k * runs + run for k in ti.static(range(LANES))])
             x, y, z = gather(pairs.normal[0], at), gather(pairs.normal[1], at), gather(pairs.normal[2], at)
             low, high = ti.Vector([1e9] * LANES), ti.Vector([-1e9] * LANES)
             for corner in ti.static(range(4)):
@@ -69,7 +69,7 @@ class Certificate:
             store(self.found[0], 0, apart)
             store(self.found[1], 0, apart - GROWTH * ahead * ti.max(gather(pairs.apart, at) - apart, 0.0) - kept)
             for k in range(LANES):
-                pair = k * runs + run
+                pair = begin + k * runs + run
                 pairs.apart[pair] = self.found[0][k]
                 if self.found[1][k] < contacts.margin[None]:
                     pairs.awake[awake] = pair
@@ -82,7 +82,7 @@ class Certificate:
                         elif remedy == BACK:
                             self.put_back(points, paths, pairs, pair)
         self.bad[None] = self.bad[None] + bad
-        contacts.close(pairs, awake)
+        contacts.close(pairs, kind, awake)
 
     @routine
     def push(self, points: Template, pairs: Template, kind: Int, pair: Int, apart: Float):
@@ -127,8 +127,8 @@ class Certificate:
         while bad > 0 and rounds < ROUNDS:
             remedy = ti.select(rounds < PUSHES, PUSH, BACK)
             self.bad[None] = 0
-            self.sweep(points, paths, contacts, near.faces, FACES, remedy, ahead)
-            self.sweep(points, paths, contacts, near.edges, EDGES, remedy, ahead)
+            for kind in range(FACES, EDGES + 1):
+                self.sweep(points, paths, contacts, near.pairs, kind, remedy, ahead)
             bad = self.bad[None]
             if bad > 0:
                 points.blends.refresh(points)

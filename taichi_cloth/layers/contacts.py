@@ -14,7 +14,7 @@ import taichi as ti
 from taichi_cloth.ground.arrays import Float, Int, Template
 from taichi_cloth.ground.routine import routine
 from taichi_cloth.layers.blended import Blended
-from taichi_cloth.layers.distances import FACES, apart_along, gather, nearest_of_edges, nearest_on_face
+from taichi_cloth.layers.distances import FACES, gather
 from taichi_cloth.motion.stencil import load, store
 from taichi_cloth.sheet.sheet import LANES
 
@@ -55,9 +55,9 @@ class Contacts:
     def wake(self, points: Template, pairs: Template, kind: Int, ahead: Float):
         """Lists the pairs that may touch within `ahead` substeps, by the speeds of their points. Pairs are gone through
         in eight runs side by side, so that those of one packet rarely share a point."""
-        runs, awake = pairs.packets(), 0
+        runs, begin, awake = pairs.packets(kind), pairs.first(kind), pairs.first_awake(kind)
         for run in range(runs):
-            at = ti.Vector([k * runs + run for k in ti.static(range(LANES))])
+            at = ti.Vector([begin + k * runs + run for k in ti.static(range(LANES))])
             x, y, z = gather(pairs.normal[0], at), gather(pairs.normal[1], at), gather(pairs.normal[2], at)
             low, high = ti.Vector([1e9] * LANES), ti.Vector([-1e9] * LANES)
             slow, fast = ti.Vector([1e9] * LANES), ti.Vector([-1e9] * LANES)
@@ -73,47 +73,46 @@ class Contacts:
             store(self.found[0], 0, low - high)
             store(self.found[1], 0, room)
             for k in range(LANES):
-                pairs.apart[k * runs + run] = self.found[0][k]
+                pairs.apart[begin + k * runs + run] = self.found[0][k]
                 if self.found[1][k] < self.margin[None]:
-                    pairs.awake[awake] = k * runs + run
+                    pairs.awake[awake] = begin + k * runs + run
                     awake += 1
-        self.close(pairs, awake)
+        self.close(pairs, kind, awake)
 
     @ti.func
-    def close(self, pairs: Template, awake):
-        """So many are awake; whole lanes of pairs that never touch behind them."""
-        pairs.woken[None] = awake
+    def close(self, pairs: Template, kind, awake):
+        """Those up to place `awake` are; whole lanes of pairs that never touch behind them."""
+        pairs.woken[kind] = awake - pairs.first_awake(kind)
         for k in range(LANES):
-            pairs.awake[awake + k] = pairs.count[None] + k
+            pairs.awake[awake + k] = pairs.first(kind) + pairs.count[kind] + k
 
     @routine
-    def meet(self, points: Template, pairs: Template, kind: Template, ahead: Float):
+    def meet(self, points: Template, near: Template, kind: Int, ahead: Float):
         """New directions of the pairs that are awake, and those that may touch within `ahead` substeps as contacts."""
-        made = self.count[None]
-        for group in range((pairs.woken[None] + LANES - 1) // LANES):
-            at = load(pairs.awake, group * LANES)
+        pairs, nearest = near.pairs, near.nearest
+        made, begin, one = self.count[None], pairs.first_awake(kind), ti.Vector([1.0] * LANES)
+        for group in range((pairs.woken[kind] + LANES - 1) // LANES):
+            at = load(pairs.awake, begin + group * LANES)
             i, j = gather(pairs.point[0], at), gather(pairs.point[1], at)
             k, m = gather(pairs.point[2], at), gather(pairs.point[3], at)
-            none, one = ti.Vector([0.0] * LANES), ti.Vector([1.0] * LANES)
-            x, y, z, w0, w1, w2, w3, within = none, none, none, one, none, none, none, ti.Vector([1] * LANES)
-            if ti.static(kind == FACES):
-                s, t, x_, y_, z_, inside = nearest_on_face(points.position, i, j, k, m)
-                x, y, z, w1, w2, w3 = x_, y_, z_, s + t - 1.0, -s, -t
-                within = ti.select(inside, 1, 0)
-            else:
-                s, t, x_, y_, z_ = nearest_of_edges(points.position, i, j, k, m)
-                x, y, z, w0, w1, w2, w3 = x_, y_, z_, 1.0 - s, s, t - 1.0, -t
-            distance = ti.sqrt(x * x + y * y + z * z + 1e-20)
-            x, y, z = x / distance, y / distance, z / distance
+            nearest.take(i, j, k, m)
+            nearest.find(points, kind)
+            nearest.part(points, kind)
+            s, t = load(nearest.share[0], 0), load(nearest.share[1], 0)
+            on_face = kind == FACES
+            w0 = ti.select(on_face, one, 1.0 - s)
+            w1 = ti.select(on_face, s + t - 1.0, s)
+            w2 = ti.select(on_face, -s, t - 1.0)
+            distance = ti.sqrt(load(nearest.square, 0) + 1e-20)
             # Of slivers it may be a way that does not part them: then the one that does stays, and they do not answer.
-            parts = apart_along(points.position, kind, i, j, k, m, (x, y, z)) > 0.5 * distance
-            within = ti.select(parts, within, 0)
+            parts = load(nearest.beyond, 0) > 0.5 * distance
+            within = ti.select(parts, load(nearest.inside, 0), 0)
+            x = ti.select(parts, load(nearest.way[0], 0) / distance, gather(pairs.normal[0], at))
+            y = ti.select(parts, load(nearest.way[1], 0) / distance, gather(pairs.normal[1], at))
+            z = ti.select(parts, load(nearest.way[2], 0) / distance, gather(pairs.normal[2], at))
             distance = ti.select(parts, distance, gather(pairs.apart, at))
-            x = ti.select(parts, x, gather(pairs.normal[0], at))
-            y = ti.select(parts, y, gather(pairs.normal[1], at))
-            z = ti.select(parts, z, gather(pairs.normal[2], at))
-            rate = none
-            for corner, p, w in ti.static(((0, i, w0), (1, j, w1), (2, k, w2), (3, m, w3))):
+            rate = ti.Vector([0.0] * LANES)
+            for corner, p, w in ti.static(((0, i, w0), (1, j, w1), (2, k, w2), (3, m, -t))):
                 step = x * gather(points.step[0], p) + y * gather(points.step[1], p) + z * gather(points.step[2], p)
                 rate += w * step
                 store(self.found[5 + corner], 0, w)
@@ -123,7 +122,7 @@ class Contacts:
                 store(self.found[axis], 0, v)
             store(self.inside, 0, within)
             for lane in range(LANES):
-                pair = pairs.awake[group * LANES + lane]
+                pair = pairs.awake[begin + group * LANES + lane]
                 for axis in ti.static(range(3)):
                     pairs.normal[axis][pair] = self.found[2 + axis][lane]
                 pairs.apart[pair] = self.found[0][lane]

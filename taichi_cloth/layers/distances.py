@@ -8,13 +8,11 @@ from taichi_cloth.sheet.sheet import LANES
 __all__ = [
     "EDGES",
     "FACES",
-    "apart_along",
     "cross",
     "dot",
     "gather",
     "nearest_of_edges",
     "nearest_on_face",
-    "parting",
     "vectors",
 ]
 
@@ -49,34 +47,6 @@ def cross(one: Template, other: Template):
         one[1] * other[2] - one[2] * other[1],
         one[2] * other[0] - one[0] * other[2],
         one[0] * other[1] - one[1] * other[0],
-    )
-
-
-@ti.func
-def apart_along(x: Template, kind: Template, i, j, k, m, way: Template):
-    """How far the first `kind` of points i, j, k, m (lanes) are beyond the others along a way."""
-    origin = ti.static((0.0, 0.0, 0.0))
-    a = vectors(x, i, origin)
-    b, c, d = dot(vectors(x, j, a), way), dot(vectors(x, k, a), way), dot(vectors(x, m, a), way)
-    out = -ti.max(b, ti.max(c, d))
-    if ti.static(kind == EDGES):
-        out = ti.min(b, 0.0) - ti.max(c, d)
-    return out
-
-
-@ti.func
-def parting(x: Template, kind: Template, i, j, k, m, u: Template, v: Template, side: Template, way: Template):
-    """A unit vector that parts a point i and a face, or edges i–j and k–m (lanes): `way`, or what is across u and v,
-    two edges of theirs, where that parts them more: the nearest places of slivers, and of what all but touches, are not
-    known so well. side: from the second to the first."""
-    n = cross(u, v)
-    scale = ti.select(dot(side, n) < 0.0, -1.0, 1.0) / ti.sqrt(dot(n, n) + 1e-30)
-    across = (n[0] * scale, n[1] * scale, n[2] * scale)
-    better = apart_along(x, kind, i, j, k, m, across) > apart_along(x, kind, i, j, k, m, way)
-    return (
-        ti.select(better, across[0], way[0]),
-        ti.select(better, across[1], way[1]),
-        ti.select(better, across[2], way[2]),
     )
 
 

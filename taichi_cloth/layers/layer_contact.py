@@ -55,8 +55,9 @@ USE = 0.7
 """Share of its room that a search is used for."""
 MEND_SUMMED, MEND = 0.06, 0.1
 """Share of the depth that is mended in each turn of a substep among whole yarns, and in every other one of Verlet's."""
-FEWEST = 1024
-"""Blends that there is room for at least: sheets that have none share the kernel of garments that have few."""
+LEAST, FEWEST = 16_384, 4_096
+"""Elements, and blends of them, that there is room for at least, some 70 MB: all sheets and garments up to that share
+the kernel between substeps, which takes long to compile."""
 TURNS, MOST_SPENT = 2, 0.2
 """Searches of what has used up its room, one after the other, as others have less by the last; and of which share of
 all at most. If that is not enough all is searched."""
@@ -208,7 +209,7 @@ class LayerFields:
     @ti.func
     def alone(self):
         """Whether nothing is near anything."""
-        return self.near.faces.count[None] + self.near.edges.count[None] == 0
+        return self.near.pairs.count[FACES] + self.near.pairs.count[EDGES] == 0
 
     @routine
     def search_all(self, points: Template, span: Float, left: Int):
@@ -263,11 +264,11 @@ class LayerFields:
         """An interval. woken: whether those that may touch have to be found first, as after a search."""
         ahead = ti.cast(length, ti.f32)
         if ti.static(woken):
-            self.contacts.wake(points, self.near.faces, FACES, ahead)
-            self.contacts.wake(points, self.near.edges, EDGES, ahead)
+            for kind in range(FACES, EDGES + 1):
+                self.contacts.wake(points, self.near.pairs, kind, ahead)
         self.contacts.clear()
-        self.contacts.meet(points, self.near.faces, FACES, ahead)
-        self.contacts.meet(points, self.near.edges, EDGES, ahead)
+        for kind in range(FACES, EDGES + 1):
+            self.contacts.meet(points, self.near, kind, ahead)
         self.contacts.fill_up()
         self.stamp("contacts")
         self.began[None], self.ends[None] = done, done + length
@@ -342,7 +343,7 @@ class LayerContact(SharedConstraint):
                 f"self_contact.thickness: {options.thickness:g} m; allowed: up to 4 times the spacing "
                 f"({4 * spacing:g} m)"
             )
-        self._size, self._levels = capacity_of(sheet.padded_shape), levels_of(*sheet.padded_shape)
+        self._size, self._levels = capacity_of(sheet.padded_shape, LEAST), levels_of(*sheet.padded_shape)
         self._width, self._substeps, self._longest, self._free, self._halved = sheet.width, 1, 1, 1, 0
         named = {
             "thickness": options.thickness,

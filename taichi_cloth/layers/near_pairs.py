@@ -7,20 +7,13 @@ import taichi as ti
 
 from taichi_cloth.ground.arrays import Float, Int, Template
 from taichi_cloth.ground.routine import routine
-from taichi_cloth.layers.distances import (
-    EDGES,
-    FACES,
-    dot,
-    nearest_of_edges,
-    nearest_on_face,
-    parting,
-    vectors,
-)
+from taichi_cloth.layers.distances import EDGES, FACES
+from taichi_cloth.layers.nearest import Nearest
 from taichi_cloth.layers.outline import MEETS
 from taichi_cloth.layers.paths import CELL, EAST, NORTH, POINT
 from taichi_cloth.layers.search import ROOM as CELL_ROOM
 from taichi_cloth.layers.search import element
-from taichi_cloth.motion.stencil import load, store
+from taichi_cloth.motion.stencil import load
 from taichi_cloth.sheet.sheet import LANES
 
 __all__ = ["NEAR_SEAMS", "NearPairs", "Pairs"]
@@ -37,27 +30,43 @@ SHALLOW = 0.35
 
 @ti.data_oriented
 class Pairs:
-    """Of one kind. point: [corner], elements of the padded grid: a point and a face, or the ends of two edges. normal:
-    [axis], from the second side to the first. kept: how far apart they are kept [m]. apart: along the normal, when last
-    looked at [m]. cell: [side], elements of the cells that they are of. awake: numbers of those that may touch in the
-    next interval."""
+    """Of both kinds, one behind the other, so that one piece of code goes through either. rooms: for pairs of each.
+    point: [corner], elements of the padded grid: a point and a face, or the ends of two edges. normal: [axis], from the
+    second side to the first. kept: how far apart they are kept [m]. apart: along the normal, when last looked at [m].
+    cell: [side], elements of the cells that they are of. awake: numbers of those that may touch in the next interval.
+    count, woken: [kind], how many there are, and are awake."""
 
     count: Any
     woken: Any
 
-    def __init__(self, room: int) -> None:
-        self.room = room
-        self.point = [ti.field(ti.i32, room + LANES) for _ in range(4)]
-        self.normal = [ti.field(ti.f32, room + LANES) for _ in range(3)]
-        self.kept, self.apart = (ti.field(ti.f32, room + LANES) for _ in range(2))
+    def __init__(self, faces: int, edges: int) -> None:
+        self.rooms = faces, edges
+        room = faces + edges + 2 * LANES
+        self.point = [ti.field(ti.i32, room) for _ in range(4)]
+        self.normal = [ti.field(ti.f32, room) for _ in range(3)]
+        self.kept, self.apart = (ti.field(ti.f32, room) for _ in range(2))
         self.cell = [ti.field(ti.i32, room) for _ in range(2)]
         self._all = [*self.point, *self.normal, self.kept, self.apart, *self.cell]
         self.awake = ti.field(ti.i32, room + 2 * LANES)
-        self.count, self.woken = ti.field(ti.i32, ()), ti.field(ti.i32, ())
+        self.count, self.woken = ti.field(ti.i32, 3), ti.field(ti.i32, 3)
 
     @ti.func
-    def packets(self):
-        return (self.count[None] + LANES - 1) // LANES
+    def first(self, kind):
+        """Number of the first pair of a kind."""
+        return ti.select(kind == FACES, 0, self.rooms[0] + LANES)
+
+    @ti.func
+    def first_awake(self, kind):
+        """Place in `awake` of the first of a kind."""
+        return ti.select(kind == FACES, 0, self.rooms[0] + 2 * LANES)
+
+    @ti.func
+    def room(self, kind):
+        return ti.select(kind == FACES, self.rooms[0], self.rooms[1])
+
+    @ti.func
+    def packets(self, kind):
+        return (self.count[kind] + LANES - 1) // LANES
 
     @ti.func
     def move(self, source, target):
@@ -66,24 +75,25 @@ class Pairs:
             field[target] = field[source]
 
     @ti.func
-    def close(self, found, apart: Template):
-        """`found` pairs are in; whole lanes of ones that never touch behind them, of points `apart`."""
-        self.count[None] = ti.min(found, self.room)
+    def close(self, kind, found, apart):
+        """`found` pairs of a kind are in; whole lanes of ones that never touch behind them, of points `apart`."""
+        self.count[kind] = ti.min(found, self.room(kind))
+        begin = self.first(kind) + self.count[kind]
         for k in range(LANES):
             for corner in ti.static(range(4)):
-                self.point[corner][self.count[None] + k] = apart[corner]
+                self.point[corner][begin + k] = apart[corner]
             for axis in ti.static(range(3)):
-                self.normal[axis][self.count[None] + k] = 0.0
-            self.kept[self.count[None] + k] = -1.0
+                self.normal[axis][begin + k] = 0.0
+            self.kept[begin + k] = -1.0
 
 
 @ti.data_oriented
 class NearPairs:
-    """faces, edges: the pairs. thickness [m]. panel: of each element, 0 where there is none: only within a panel are
-    neighbours let nearer than the thickness. overflow: pairs without room."""
+    """pairs: all of them. nearest: looks at eight. thickness [m]. panel: of each element, 0 where there is none: only
+    within a panel are neighbours let nearer than the thickness. overflow: pairs without room."""
 
     def __init__(self, size: int) -> None:
-        self.faces, self.edges = Pairs(FACE_ROOM * size), Pairs(EDGE_ROOM * size)
+        self.pairs, self.nearest = Pairs(FACE_ROOM * size, EDGE_ROOM * size), Nearest()
         self.thickness, self.edge_share = ti.field(ti.f32, ()), ti.field(ti.f32, ())
         self.spacing = ti.field(ti.f32, 2)
         self.panel = ti.field(ti.i32, size)
@@ -91,7 +101,6 @@ class NearPairs:
         self.face_offset, self.edge_offset = ti.field(ti.i32, (2, 3)), ti.field(ti.i32, (3, 2))
         self.one, self.other = (ti.field(ti.i32, LANES) for _ in range(2))
         self.within = ti.field(ti.f32, LANES)
-        self.found = [ti.field(ti.f32, LANES) for _ in range(4)]
         self.overflow = ti.field(ti.i32, ())
         # Of each cell the first of the pairs of cells at hand that begin with it, from 1; of each of these the next.
         self.first, self.next = ti.field(ti.i32, size), ti.field(ti.i32, CELL_ROOM * size)
@@ -128,49 +137,27 @@ class NearPairs:
         return points.pieces.label[p] != points.pieces.label[q]
 
     @ti.func
-    def keep(self, pairs: Template, at, k, kept, points: Template, p, q):
+    def keep(self, kind, at, k, kept, points: Template, p, q):
         """One more pair, from lane k of what was found, of cells p and q. Returns how many there are."""
-        if at < pairs.room:
-            pairs.cell[0][at], pairs.cell[1][at] = p, q
+        pairs = self.pairs
+        room = pairs.room(kind)
+        if at < room:
+            pair = pairs.first(kind) + at
+            pairs.cell[0][pair], pairs.cell[1][pair] = p, q
             for corner in ti.static(range(4)):
-                pairs.point[corner][at] = points[corner]
+                pairs.point[corner][pair] = points[corner]
             for axis in ti.static(range(3)):
-                pairs.normal[axis][at] = self.found[1 + axis][k]
-            pairs.kept[at] = kept
+                pairs.normal[axis][pair] = self.nearest.normal[axis][k]
+            pairs.kept[pair] = kept
         else:
             self.overflow[None] = self.overflow[None] + 1
-        return ti.min(at + 1, pairs.room)
-
-    @ti.func
-    def note_faces(self, x: Template, i, j, k, m, way: Template):
-        """Of points i and faces j, k, m (lanes): the squared length of the way between their nearest places, and what
-        parts them."""
-        a = vectors(x, j, ti.static((0.0, 0.0, 0.0)))
-        self.note(x, FACES, i, j, k, m, vectors(x, k, a), vectors(x, m, a), vectors(x, i, a), way)
-
-    @ti.func
-    def note_edges(self, x: Template, i, j, k, m, way: Template):
-        """The same of edges i–j and k–m."""
-        origin = ti.static((0.0, 0.0, 0.0))
-        a, b = vectors(x, i, origin), vectors(x, k, origin)
-        self.note(x, EDGES, i, j, k, m, vectors(x, j, a), vectors(x, m, b), vectors(x, i, b), way)
-
-    @ti.func
-    def note(self, x: Template, kind: Template, i, j, k, m, u: Template, v: Template, side: Template, way: Template):
-        square = dot(way, way)
-        scale = 1.0 / ti.sqrt(square + 1e-20)
-        unit = (way[0] * scale, way[1] * scale, way[2] * scale)
-        n = parting(x, kind, i, j, k, m, u, v, side, unit)
-        store(self.found[0], 0, square)
-        store(self.found[1], 0, n[0])
-        store(self.found[2], 0, n[1])
-        store(self.found[3], 0, n[2])
+        return ti.min(at + 1, room)
 
     @ti.func
     def none(self):
         """Known."""
-        self.faces.count[None] = 0
-        self.edges.count[None] = 0
+        self.pairs.count[FACES] = 0
+        self.pairs.count[EDGES] = 0
 
     @routine
     def thin(self, points: Template, tree: Template, search: Template):
@@ -179,9 +166,11 @@ class NearPairs:
         for pair in range(search.count[0]):
             p = element(search.one[0, pair], width)
             self.next[pair], self.first[p] = self.first[p], pair + 1
-        for pairs in ti.static((self.faces, self.edges)):
-            left = 0
-            for pair in range(pairs.count[None]):
+        pairs = self.pairs
+        for kind in range(FACES, EDGES + 1):
+            begin = pairs.first(kind)
+            left = begin
+            for pair in range(begin, begin + pairs.count[kind]):
                 p, q = pairs.cell[0][pair], pairs.cell[1][pair]
                 gone = tree.stale[p] | tree.stale[q]
                 if gone == 0:
@@ -189,7 +178,7 @@ class NearPairs:
                 if gone == 0:
                     pairs.move(pair, left)
                     left += 1
-            pairs.count[None] = left
+            pairs.count[kind] = left - begin
         for pair in range(search.count[0]):
             self.first[element(search.one[0, pair], width)] = 0
 
@@ -206,7 +195,7 @@ class NearPairs:
         """Pairs of the cells at hand that are nearer than `reach` [m] and what they may approach each other until the
         horizon, behind those that are known."""
         width = points.row[None]
-        faces, edges, total = self.faces.count[None], self.edges.count[None], search.count[0]
+        faces, edges, total = self.pairs.count[FACES], self.pairs.count[EDGES], search.count[0]
         for group in range((total + LANES - 1) // LANES):
             count = ti.min(total - group * LANES, LANES)
             for k in range(LANES):
@@ -222,13 +211,19 @@ class NearPairs:
                 tree.clear[q] = ti.min(tree.clear[q], 0.5 * reach)
             faces = self.find_faces(points, paths, width, count, faces)
             edges = self.find_edges(points, paths, width, count, edges)
-        self.faces.close(faces, (0, 1, width, width + 1))
-        self.edges.close(edges, (0, 1, width, width + 1))
+        self.end(FACES, faces, width)
+        self.end(EDGES, edges, width)
+
+    @routine
+    def end(self, kind: Int, found: Int, width: Int):
+        """Of the pairs of a kind."""
+        self.pairs.close(kind, found, ti.Vector([0, 1, width, width + 1]))
 
     @ti.func
-    def any_within(self, x, y, z):
-        """Whether any of the vectors (lanes) is short enough: most are not, and directions take half of the time."""
-        return (x * x + y * y + z * z - load(self.within, 0)).min() < 0.0  # pyright: ignore[reportOptionalCall]
+    def any_within(self):
+        """Whether any of what is looked at is near enough: most are not, and directions take half of the time."""
+        apart = load(self.nearest.square, 0) - load(self.within, 0)
+        return apart.min() < 0.0  # pyright: ignore[reportOptionalCall]
 
     @routine
     def find_faces(self, points: Template, paths: Template, width: Int, count: Int, begin: Int) -> Int:
@@ -243,13 +238,14 @@ class NearPairs:
                 q + self.face_offset[half, 1],
                 q + self.face_offset[half, 2],
             )
-            _s, _t, x, y, z, _inside = nearest_on_face(points.position, p, i, j, k)
+            self.nearest.take(p, i, j, k)
+            self.nearest.of_faces(points)
             some = 0
-            if self.any_within(x, y, z):
-                self.note_faces(points.position, p, i, j, k, (x, y, z))
+            if self.any_within():
+                self.nearest.part(points, FACES)
                 some = count
             for lane in range(some):
-                if self.found[0][lane] < self.within[lane]:
+                if self.nearest.square[lane] < self.within[lane]:
                     a, b = self.one[lane], self.other[lane]
                     if turn >= 2:
                         a, b = b, a
@@ -262,7 +258,7 @@ class NearPairs:
                         apart = self.differ(points, a, c) & self.differ(points, a, d)
                         if apart & self.differ(points, a, e):
                             kept = self.kept_apart(points, width, a, b)
-                            found = self.keep(self.faces, found, lane, kept, (a, c, d, e), a, b)
+                            found = self.keep(FACES, found, lane, kept, (a, c, d, e), a, b)
         return found
 
     @routine
@@ -275,13 +271,14 @@ class NearPairs:
             p, q = load(self.one, 0), load(self.other, 0)
             i, j = p + self.edge_offset[e, 0], p + self.edge_offset[e, 1]
             k, m = q + self.edge_offset[f, 0], q + self.edge_offset[f, 1]
-            _s, _t, x, y, z = nearest_of_edges(points.position, i, j, k, m)
+            self.nearest.take(i, j, k, m)
+            self.nearest.of_edges(points)
             some = 0
-            if self.any_within(x, y, z):
-                self.note_edges(points.position, i, j, k, m, (x, y, z))
+            if self.any_within():
+                self.nearest.part(points, EDGES)
                 some = count
             for lane in range(some):
-                if self.found[0][lane] < self.within[lane]:
+                if self.nearest.square[lane] < self.within[lane]:
                     a, b = self.one[lane], self.other[lane]
                     if self.owns(paths, a, bits[e]) and self.owns(paths, b, bits[f]):
                         c, d = a + self.edge_offset[e, 0], a + self.edge_offset[e, 1]
@@ -289,5 +286,5 @@ class NearPairs:
                         apart = self.differ(points, c, g) & self.differ(points, c, h)
                         if apart & self.differ(points, d, g) & self.differ(points, d, h):
                             kept = self.edge_share[None] * self.kept_apart(points, width, a, b)
-                            found = self.keep(self.edges, found, lane, kept, (c, d, g, h), a, b)
+                            found = self.keep(EDGES, found, lane, kept, (c, d, g, h), a, b)
         return found

@@ -84,7 +84,6 @@ class Paths:
     @routine
     def predict(self, points: Template, span: Float):
         """New paths of those that are to get one. span: substeps since `was`; 0: at the speed of the last step."""
-        row = points.row[None]
         scale, time = 1.0 / ti.max(span, 1.0), ti.cast(self.since[None], ti.f32)
         for e in range(self.count[None]):
             p = self.packet(e)
@@ -93,34 +92,41 @@ class Paths:
                 mean = scale * (load(points.position[axis], p) - load(self.was[axis], p))
                 own = ti.select(span > 0.0, mean, load(points.step[axis], p))
                 store(self._own[axis], p, there * own)
-        total, count = ti.Vector([0.0] * LANES), ti.Vector([0.0] * LANES)
+        total, count = 0.0, ti.Vector([0.0] * LANES)
+        for axis in ti.static(range(3)):
+            total += self.renew(points, axis)
+        for e in range(self.count[None]):
+            p = self.packet(e)
+            store(self.renewed, p, ti.select(load(self.spent, p) != 0, time, load(self.renewed, p)))
+            count += load(self.there, p)
+        self.rough[None] = ti.sqrt(total / ti.max(count.sum(), 1.0))  # pyright: ignore[reportOptionalCall]
+
+    @routine
+    def renew(self, points: Template, axis: Template) -> Float:
+        """One axis of new paths: at the mean pace of those round each. Returns the sum of the squares of what the own
+        differ from that by."""
+        row, time = points.row[None], ti.cast(self.since[None], ti.f32)
+        total = ti.Vector([0.0] * LANES)
         for e in range(self.count[None]):
             p = self.packet(e)
             # By twos across from each other: a slope of the pace changes nothing, at an edge neither.
-            u, v, w = load(self._own[0], p), load(self._own[1], p), load(self._own[2], p)
-            x, y, z, weight = 4.0 * u, 4.0 * v, 4.0 * w, ti.Vector([4.0] * LANES)
+            own = load(self._own[axis], p)
+            mean, weight = 4.0 * own, ti.Vector([4.0] * LANES)
             for o, share in ti.static(((1, 2.0), (row, 2.0), (row + 1, 1.0), (row - 1, 1.0))):
                 a, b = near(p + o), near(p - o)
                 both = share * load(self.there, a) * load(self.there, b)
                 weight += 2.0 * both
-                x += both * (load(self._own[0], a) + load(self._own[0], b))
-                y += both * (load(self._own[1], a) + load(self._own[1], b))
-                z += both * (load(self._own[2], a) + load(self._own[2], b))
-            x, y, z = x / weight, y / weight, z / weight
-            spent = load(self.spent, p) != 0
-            for axis, mean in ti.static(((0, x), (1, y), (2, z))):
-                here = load(points.position[axis], p)
-                pace = ti.select(spent, mean, load(self.pace[axis], p))
-                begin = ti.select(spent, here - time * mean, load(self.begin[axis], p))
-                store(self.pace[axis], p, pace)
-                store(self.begin[axis], p, begin)
-                store(self.now[axis], p, begin + time * pace)
-                store(self.off[axis], p, ti.select(spent, 0.0, load(self.off[axis], p)))
-            store(self.renewed, p, ti.select(spent, time, load(self.renewed, p)))
-            apart = (x - u) ** 2 + (y - v) ** 2 + (z - w) ** 2
-            total += apart * load(self.there, p)
-            count += load(self.there, p)
-        self.rough[None] = ti.sqrt(total.sum() / ti.max(count.sum(), 1.0))  # pyright: ignore[reportOptionalCall]
+                mean += both * (load(self._own[axis], a) + load(self._own[axis], b))
+            mean = mean / weight
+            here, spent = load(points.position[axis], p), load(self.spent, p) != 0
+            pace = ti.select(spent, mean, load(self.pace[axis], p))
+            begin = ti.select(spent, here - time * mean, load(self.begin[axis], p))
+            store(self.pace[axis], p, pace)
+            store(self.begin[axis], p, begin)
+            store(self.now[axis], p, begin + time * pace)
+            store(self.off[axis], p, ti.select(spent, 0.0, load(self.off[axis], p)))
+            total += load(self.there, p) * (mean - own) ** 2
+        return total.sum()  # pyright: ignore[reportOptionalCall]
 
     @ti.func
     def strayed(self, p, width):

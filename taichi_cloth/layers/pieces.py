@@ -6,7 +6,7 @@ import taichi as ti
 
 from taichi_cloth.ground.arrays import F32x2, Float, I32x2, Int, Template
 from taichi_cloth.ground.routine import routine
-from taichi_cloth.layers.distances import EDGES, FACES, gather, nearest_of_edges, nearest_on_face
+from taichi_cloth.layers.distances import EDGES, FACES, gather
 from taichi_cloth.layers.near_pairs import NEAR_SEAMS
 from taichi_cloth.layers.outline import MEETS, PIECES
 from taichi_cloth.layers.paths import CELL, EAST, NORTH, POINT
@@ -84,10 +84,7 @@ class Pieces:
                     else:
                         self.ask_edges(paths, near, p, q, within)
                 if self.waiting[None] > QUEUE - ROOM or pair == total - 1:
-                    if kind == FACES:
-                        self.answer_faces(points, near)
-                    else:
-                        self.answer_edges(points, near)
+                    self.answer(points, near, kind)
 
     @ti.func
     def ask(self, near: Template, i, j, k, m, p, q, within):
@@ -170,50 +167,35 @@ class Pieces:
         return (count + LANES - 1) // LANES
 
     @routine
-    def answer_faces(self, points: Template, near: Template):
+    def answer(self, points: Template, near: Template, kind: Int):
         """Those that wait and are near enough, as pairs."""
-        found = near.faces.count[None]
-        for group in range(self.waiting_lanes()):
-            at = ti.Vector([group * LANES + k for k in ti.static(range(LANES))])
-            v, i = gather(self.queue[0], at), gather(self.queue[1], at)
-            j, m = gather(self.queue[2], at), gather(self.queue[3], at)
-            _s, _t, x, y, z, _inside = nearest_on_face(points.position, v, i, j, m)
-            near.note_faces(points.position, v, i, j, m, (x, y, z))
-            for k in range(LANES):
-                w = group * LANES + k
-                if near.found[0][k] < self.within[w]:
-                    a, b, c, d = self.queue[0][w], self.queue[1][w], self.queue[2][w], self.queue[3][w]
-                    flat = ti.min(self.beside(a, b, c), ti.min(self.beside(a, c, d), self.beside(a, d, b)))
-                    sewn = self.seam[a] + ti.min(self.seam[b], ti.min(self.seam[c], self.seam[d]))
-                    kept = self.kept_apart(near, a, b, flat, sewn)
-                    found = near.keep(near.faces, found, k, kept, (a, b, c, d), self.cell[0][w], self.cell[1][w])
-        near.faces.close(found, (0, 1, points.row[None], points.row[None] + 1))
-        self.waiting[None] = 0
-
-    @routine
-    def answer_edges(self, points: Template, near: Template):
-        found = near.edges.count[None]
+        found = near.pairs.count[kind]
         for group in range(self.waiting_lanes()):
             at = ti.Vector([group * LANES + k for k in ti.static(range(LANES))])
             i, j = gather(self.queue[0], at), gather(self.queue[1], at)
-            m, o = gather(self.queue[2], at), gather(self.queue[3], at)
-            _s, _t, x, y, z = nearest_of_edges(points.position, i, j, m, o)
-            near.note_edges(points.position, i, j, m, o, (x, y, z))
+            near.nearest.take(i, j, gather(self.queue[2], at), gather(self.queue[3], at))
+            near.nearest.find(points, kind)
+            near.nearest.part(points, kind)
             for k in range(LANES):
                 w = group * LANES + k
-                if near.found[0][k] < self.within[w]:
+                if near.nearest.square[k] < self.within[w]:
                     a, b, c, d = self.queue[0][w], self.queue[1][w], self.queue[2][w], self.queue[3][w]
-                    one, other = ti.min(self.beside(a, c, d), self.beside(b, c, d)), self.beside(c, a, b)
-                    flat = ti.min(one, ti.min(other, self.beside(d, a, b)))
-                    sewn = ti.min(self.seam[a], self.seam[b]) + ti.min(self.seam[c], self.seam[d])
-                    kept = self.kept_apart(near, a, c, flat, sewn)
-                    kept *= near.edge_share[None]
-                    found = near.keep(near.edges, found, k, kept, (a, b, c, d), self.cell[0][w], self.cell[1][w])
-        near.edges.close(found, (0, 1, points.row[None], points.row[None] + 1))
+                    kept = 0.0
+                    if kind == FACES:
+                        flat = ti.min(self.beside(a, b, c), ti.min(self.beside(a, c, d), self.beside(a, d, b)))
+                        sewn = self.seam[a] + ti.min(self.seam[b], ti.min(self.seam[c], self.seam[d]))
+                        kept = self.kept_apart(near, a, b, flat, sewn)
+                    else:
+                        one, other = ti.min(self.beside(a, c, d), self.beside(b, c, d)), self.beside(c, a, b)
+                        flat = ti.min(one, ti.min(other, self.beside(d, a, b)))
+                        sewn = ti.min(self.seam[a], self.seam[b]) + ti.min(self.seam[c], self.seam[d])
+                        kept = self.kept_apart(near, a, c, flat, sewn) * near.edge_share[None]
+                    found = near.keep(kind, found, k, kept, (a, b, c, d), self.cell[0][w], self.cell[1][w])
+        near.end(kind, found, points.row[None])
         self.waiting[None] = 0
 
-    @ti.func
-    def beside(self, p, i, j):
+    @routine
+    def beside(self, p: Int, i: Int, j: Int) -> Float:
         """How far point p is from the thread from i to j in the flat sheet [m]."""
         a = ti.Vector([self.flat[0][i], self.flat[1][i]])
         b = ti.Vector([self.flat[0][j], self.flat[1][j]]) - a

@@ -6,9 +6,9 @@ other by their boxes alone.
 
 import taichi as ti
 
-from taichi_cloth.ground.arrays import Float, Template
+from taichi_cloth.ground.arrays import Float, Int, Template
 from taichi_cloth.ground.routine import routine
-from taichi_cloth.layers.distances import dot, gather
+from taichi_cloth.layers.distances import gather
 from taichi_cloth.layers.paths import CELL, EAST, NORTH
 from taichi_cloth.layers.search import element
 from taichi_cloth.motion.stencil import load, store
@@ -17,12 +17,18 @@ from taichi_cloth.sheet.sheet import LANES
 __all__ = ["Sieve"]
 
 
+CORNERS = 4
+"""Of a cell."""
+
+
 @ti.data_oriented
 class Sieve:
-    """one, other: elements of the cells at hand. gap: [lane] [m]."""
+    """one, other: elements of the cells at hand. corner: of their corners, of one and then of the other, by lanes. gap:
+    [lane] [m]."""
 
     def __init__(self) -> None:
         self.one, self.other = (ti.field(ti.i32, LANES) for _ in range(2))
+        self.corner = ti.field(ti.i32, 2 * CORNERS * LANES)
         self.gap = ti.field(ti.f32, LANES)
 
     @routine
@@ -46,45 +52,35 @@ class Sieve:
                     left += 1
         search.count[0] = left
 
-    @ti.func
-    def measure(self, paths: Template, width, horizon):
+    @routine
+    def measure(self, paths: Template, width: Int, horizon: Float):
         """How far the cells at hand are apart at least, until the horizon."""
-        a, b, c, d = self.corners(paths, width, load(self.one, 0))
-        e, f, g, h = self.corners(paths, width, load(self.other, 0))
-        x, y, z = self.middle(paths, a, b, c, d)
-        u, v, w = self.middle(paths, e, f, g, h)
-        x, y, z = x - u, y - v, z - w
+        self.corners(paths, width, load(self.one, 0), 0)
+        self.corners(paths, width, load(self.other, 0), CORNERS)
+        none = ti.Vector([0.0] * LANES)
+        x, y, z = none, none, none
+        for k in range(2 * CORNERS):
+            p, sign = load(self.corner, k * LANES), ti.select(k < CORNERS, 1.0, -1.0)
+            x += sign * gather(paths.now[0], p)
+            y += sign * gather(paths.now[1], p)
+            z += sign * gather(paths.now[2], p)
         scale = 1.0 / ti.sqrt(x * x + y * y + z * z + 1e-20)
-        way = (x * scale, y * scale, z * scale)
+        x, y, z = scale * x, scale * y, scale * z
         low, slow = ti.Vector([1e9] * LANES), ti.Vector([1e9] * LANES)
         high, fast = ti.Vector([-1e9] * LANES), ti.Vector([-1e9] * LANES)
-        for p in ti.static((a, b, c, d)):
-            low, slow = ti.min(low, self.along(paths.now, p, way)), ti.min(slow, self.along(paths.pace, p, way))
-        for p in ti.static((e, f, g, h)):
-            high, fast = ti.max(high, self.along(paths.now, p, way)), ti.max(fast, self.along(paths.pace, p, way))
+        for k in range(2 * CORNERS):
+            p, first = load(self.corner, k * LANES), k < CORNERS
+            here = x * gather(paths.now[0], p) + y * gather(paths.now[1], p) + z * gather(paths.now[2], p)
+            pace = x * gather(paths.pace[0], p) + y * gather(paths.pace[1], p) + z * gather(paths.pace[2], p)
+            low, slow = ti.select(first, ti.min(low, here), low), ti.select(first, ti.min(slow, pace), slow)
+            high, fast = ti.select(first, high, ti.max(high, here)), ti.select(first, fast, ti.max(fast, pace))
         store(self.gap, 0, low - high - horizon * ti.max(fast - slow, 0.0))
 
     @ti.func
-    def corners(self, paths: Template, width, p):
+    def corners(self, paths: Template, width, p, begin: Template):
         """Of cells p (lanes); what of them there is no cloth at is the first."""
         has = gather(paths.has, p)
-        return (
-            p,
-            ti.select((has & EAST) != 0, p + 1, p),
-            ti.select((has & NORTH) != 0, p + width, p),
-            ti.select((has & CELL) != 0, p + width + 1, p),
-        )
-
-    @ti.func
-    def middle(self, paths: Template, a, b, c, d):
-        """Four times that of four corners."""
-        x, y, z = (
-            gather(paths.now[0], a) + gather(paths.now[0], b) + gather(paths.now[0], c) + gather(paths.now[0], d),
-            gather(paths.now[1], a) + gather(paths.now[1], b) + gather(paths.now[1], c) + gather(paths.now[1], d),
-            gather(paths.now[2], a) + gather(paths.now[2], b) + gather(paths.now[2], c) + gather(paths.now[2], d),
-        )
-        return x, y, z
-
-    @ti.func
-    def along(self, field: Template, p, way: Template):
-        return dot((gather(field[0], p), gather(field[1], p), gather(field[2], p)), way)
+        store(self.corner, begin * LANES, p)
+        store(self.corner, (begin + 1) * LANES, ti.select((has & EAST) != 0, p + 1, p))
+        store(self.corner, (begin + 2) * LANES, ti.select((has & NORTH) != 0, p + width, p))
+        store(self.corner, (begin + 3) * LANES, ti.select((has & CELL) != 0, p + width + 1, p))

@@ -80,44 +80,46 @@ class Tree:
     @routine
     def cells(self, points: Template, paths: Template, horizon: Float, whole: Int):
         """The lowest level. horizon: substeps ahead. whole: whether nothing is known from before."""
+        for axis in ti.static(range(3)):
+            self.bounds(points, paths, horizon, axis)
         row = points.row[None]
         for e in range(paths.count[None]):
             p = paths.packet(e)
-            has = load(paths.has, p)
-            here, east, north, cell = (has & POINT) != 0, (has & EAST) != 0, (has & NORTH) != 0, (has & CELL) != 0
-            hole = (has & HOLE) != 0
-            for axis in ti.static(range(3)):
-                a, b = load(paths.now[axis], p), load(paths.now[axis], near(p + 1))
-                c, d = load(paths.now[axis], near(p + row)), load(paths.now[axis], near(p + row + 1))
-                x, y, z = ti.select(east, b, a), ti.select(north, c, a), ti.select(cell, d, a)
-                self.bound(axis, p, here, ti.min(ti.min(a, x), ti.min(y, z)), ti.max(ti.max(a, x), ti.max(y, z)))
-                u, v = horizon * load(paths.pace[axis], p), horizon * load(paths.pace[axis], near(p + 1))
-                w = horizon * load(paths.pace[axis], near(p + row))
-                t = horizon * load(paths.pace[axis], near(p + row + 1))
-                x, y, z = ti.select(east, v, u), ti.select(north, w, u), ti.select(cell, t, u)
-                self.bound(axis + 3, p, here, ti.min(ti.min(u, x), ti.min(y, z)), ti.max(ti.max(u, x), ti.max(y, z)))
-                # Threads along the row and the column, now and at the horizon.
-                for first, one, other, ahead, beyond, scale in ti.static(
-                    (
-                        (WEFT, b - a, d - c, v - u, t - w, self.inverse[0]),
-                        (WARP, c - a, d - b, w - u, t - v, self.inverse[1]),
-                    )
-                ):
-                    low = ti.min(one, other) + ti.min(ti.min(ahead, beyond), 0.0)
-                    high = ti.max(one, other) + ti.max(ti.max(ahead, beyond), 0.0)
-                    self.bound(
-                        first + axis,
-                        p,
-                        cell | hole,
-                        ti.select(hole, -9.0, scale * low),
-                        ti.select(hole, 9.0, scale * high),
-                    )
             stale = load(paths.spent, p) | load(paths.spent, near(p + 1))
             stale |= load(paths.spent, near(p + row)) | load(paths.spent, near(p + row + 1))
             store(self.stale, p, stale)
             store(self.clear, p, ti.select(stale != 0, NONE, load(self.clear, p)))
             store(self.slack, p, ti.select(stale != 0, NONE, load(self.slack, p)))
             store(self.flat, p, ti.select(whole != 0, 0, load(self.flat, p)))
+
+    @routine
+    def bounds(self, points: Template, paths: Template, horizon: Float, axis: Template):
+        """Of all cells along one axis: of places, of ways, and of their threads."""
+        row = points.row[None]
+        for e in range(paths.count[None]):
+            p = paths.packet(e)
+            has = load(paths.has, p)
+            here, east, north, cell = (has & POINT) != 0, (has & EAST) != 0, (has & NORTH) != 0, (has & CELL) != 0
+            hole = (has & HOLE) != 0
+            a, b = load(paths.now[axis], p), load(paths.now[axis], near(p + 1))
+            c, d = load(paths.now[axis], near(p + row)), load(paths.now[axis], near(p + row + 1))
+            x, y, z = ti.select(east, b, a), ti.select(north, c, a), ti.select(cell, d, a)
+            self.bound(axis, p, here, ti.min(ti.min(a, x), ti.min(y, z)), ti.max(ti.max(a, x), ti.max(y, z)))
+            u, v = horizon * load(paths.pace[axis], p), horizon * load(paths.pace[axis], near(p + 1))
+            w, t = horizon * load(paths.pace[axis], near(p + row)), horizon * load(paths.pace[axis], near(p + row + 1))
+            x, y, z = ti.select(east, v, u), ti.select(north, w, u), ti.select(cell, t, u)
+            self.bound(axis + 3, p, here, ti.min(ti.min(u, x), ti.min(y, z)), ti.max(ti.max(u, x), ti.max(y, z)))
+            # Threads along the row and the column, now and at the horizon.
+            for first, one, other, ahead, beyond, scale in ti.static(
+                (
+                    (WEFT, b - a, d - c, v - u, t - w, self.inverse[0]),
+                    (WARP, c - a, d - b, w - u, t - v, self.inverse[1]),
+                )
+            ):
+                low = ti.min(one, other) + ti.min(ti.min(ahead, beyond), 0.0)
+                high = ti.max(one, other) + ti.max(ti.max(ahead, beyond), 0.0)
+                low, high = ti.select(hole, -9.0, scale * low), ti.select(hole, 9.0, scale * high)
+                self.bound(first + axis, p, cell | hole, low, high)
 
     @routine
     def rise(self, whole: Int):

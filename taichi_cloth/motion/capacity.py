@@ -22,11 +22,11 @@ def class_of(count: int, smallest: int) -> int:
     return smallest << max(0, -(-count // smallest) - 1).bit_length()
 
 
-def capacity_of(padded_shape: tuple[int, int]) -> int:
+def capacity_of(padded_shape: tuple[int, int], smallest: int = SMALLEST) -> int:
     """Elements of the fields for a sheet of that shape, whole lanes: whole tiles of lanes fit in, and two rows more, as
-    `WholeYarns` has them when its yarns are turned."""
+    `WholeYarns` has them when its yarns are turned. smallest: class."""
     rows, width = padded_shape
     needed = -(-rows // LANES) * LANES * (width + 2)
     if needed > DOUBLED:
         return -(-needed // DOUBLED) * DOUBLED + STAGGER
-    return class_of(needed, SMALLEST) + STAGGER
+    return class_of(needed, smallest) + STAGGER

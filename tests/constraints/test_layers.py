@@ -15,6 +15,7 @@ from taichi_cloth.constraints.constraints_for import constraints_for
 from taichi_cloth.crossings.crossings import find_crossings
 from taichi_cloth.ground.arrays import F32x2
 from taichi_cloth.ground.errors import InputError
+from taichi_cloth.layers.distances import FACES
 from taichi_cloth.layers.layer_contact import HALVINGS, LayerContact, LayerFields
 from taichi_cloth.layers.patches import slack_of
 from taichi_cloth.layers.tree import TOP, levels_of
@@ -156,8 +157,8 @@ def from_faces(points: NDArray, faces: NDArray) -> NDArray:
 
 def listed(fields: LayerFields, sheet: Sheet) -> set[tuple[int, ...]]:
     """The point and the corners of the face of each near pair, key points numbered row by row."""
-    pairs, width = fields.near.faces, sheet.width
-    at = np.stack([corner.to_numpy()[: pairs.count[None]] for corner in pairs.point], axis=1)
+    pairs, width = fields.near.pairs, sheet.width
+    at = np.stack([corner.to_numpy()[: pairs.count[FACES]] for corner in pairs.point], axis=1)
     number = (at // width - PAD) * sheet.shape[1] + at % width
     return {tuple(int(n) for n in row) for row in number}
 
