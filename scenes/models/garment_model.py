@@ -153,7 +153,8 @@ class GarmentModel(MovingModel):
 
     def __init__(self, scene: Scene, dressed: Dressed) -> None:
         self.scene, self.dressed, self.fibres, self.frames = scene, dressed, None, scene.output.frames
-        self.motion, self.misfit = motion_of(scene, dressed.body), misfit(dressed.garment, dressed.worn)
+        self.motion = motion_of(scene, dressed.body)
+        self.misfit = misfit(dressed.garment, dressed.worn, dressed.primitives)
         self.simulation = self.at_start()
         self.simulation.solver.make_ready(self.simulation.state)  # before what is drawn, as where it was sewn just now
         self.surface = Surface(dressed.garment.atlas)

@@ -76,14 +76,17 @@ def _off_the_leg(piece: Piece, sign: float, worn: Landmarks) -> float:
 
 def _hanging(work: Work, piece: Piece) -> list[Piece]:
     """Cuffs of one half of a leg: what is sewn on below it on the same side, and on below that."""
-    out: list[Piece] = []
-    for upper in (piece, *out):
+    out, left = list[Piece](), [piece]
+    while left:
+        upper = left.pop()
         for _, other in work.pairs(upper.name):
             below = work.pieces[other.panel]
             lower = below.worn()[:, 1].mean() < upper.worn()[:, 1].min() + 0.05
-            if below.part == piece.part and below.side == piece.side and lower and below not in out:
+            # Short ones may each seem to hang on the other.
+            if below.part == piece.part and below.side == piece.side and lower and below not in (piece, *out):
                 out.append(below)
-    return [*out, *(b for one in out for b in _hanging(work, one) if b not in out)]
+                left.append(below)
+    return out
 
 
 class _Sleeve:

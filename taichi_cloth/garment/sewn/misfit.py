@@ -1,9 +1,13 @@
 """Whether a garment fits the body that it was sewn on, and what of it does not."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
+from taichi_cloth.body.primitives.primitives import Primitive
 from taichi_cloth.garment.pattern.curves import length
 from taichi_cloth.garment.pattern.pattern import Seam
+from taichi_cloth.garment.sewn.lies import lying_faults
 from taichi_cloth.garment.sewn.sew import OPEN, Garment, Worn
 
 __all__ = ["DEEPEST", "TAUT", "misfit"]
@@ -15,9 +19,10 @@ TAUT = 0.08
 """Largest strain at rest of a garment that fits, away from its seams."""
 
 
-def misfit(garment: Garment, worn: Worn) -> str | None:
-    """Why a garment does not fit the body it was sewn on, in one line with numbers and where; None: it fits."""
-    faults = []
+def misfit(garment: Garment, worn: Worn, primitives: Sequence[Primitive] = ()) -> str | None:
+    """Why a garment does not fit the body it was sewn on, in one line with numbers and where; None: it fits.
+    primitives: what stands for the body; without them it is not asked how the garment lies on it (`lies.py`)."""
+    faults = lying_faults(garment, worn.positions, primitives) if len(primitives) else []
     if worn.gap > OPEN:
         nodes, weights = garment.seams()
         ends = np.einsum("nkc,nk->nc", worn.positions[nodes[..., 0], nodes[..., 1]], weights)

@@ -1,0 +1,233 @@
+"""How a sewn garment lies on its body, panel by panel, whatever placed it there: slipped, astray, turned, folded.
+
+Told by positions alone. A panel has slipped where the middle of its area is far from the height at which it was
+placed, by landmarks; it is astray where it lies on another limb than its own; turned where its right side faces the
+body; folded where neighbouring triangles face each other. Free edges, necks, hems and cuffs, make loops: each goes
+round its part of the body as often as it did where the panels were placed round it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_cloth.body.primitives.distance import nearest_distance
+from taichi_cloth.body.primitives.primitives import Primitive
+from taichi_cloth.body.skin.names import JOINTS
+from taichi_cloth.garment.pattern.curves import along, length
+from taichi_cloth.garment.pattern.cut import turned
+from taichi_cloth.garment.pattern.pattern import Side
+from taichi_cloth.garment.sewn.limbs import LIMBS
+from taichi_cloth.garment.sewn.sew import Garment
+from taichi_cloth.layers.outline import crossings_of
+
+__all__ = ["Lie", "Loop", "crossed", "free_loops", "lies", "lying_faults"]
+
+F64 = NDArray[np.float64]
+
+OWN = {
+    "trunk": ("trunk",),
+    "head": ("trunk",),
+    "skirt": ("trunk", "leg_l", "leg_r"),
+    "arm_l": ("arm_l", "clavicle_l"),
+    "arm_r": ("arm_r", "clavicle_r"),
+    "leg_l": ("leg_l", "trunk"),
+    "leg_r": ("leg_r", "trunk"),
+}
+"""By a panel's label, the limbs that it may lie on, and bones of others: caps lie on the collar bones."""
+NEAR = 0.08
+"""From the body within which it is asked which side of the cloth faces it [m]."""
+BOTH = 0.2
+"""Share of a loop's points at each leg from which on it goes round both."""
+FOLD = np.cos(np.radians(150.0))
+"""Of the angle between the normals of two neighbouring triangles that are a fold."""
+
+SLIPPED, ASTRAY, TURNED, FOLDED, CROSSED = 0.10, 0.25, 0.25, 1.5, 0.05
+"""What is allowed of a garment that fits: of `Lie.rise` either way [m], `astray`, `turned`, `folded`, and of `crossed`.
+docs/garments.md has what good and bad ones come to."""
+
+
+@dataclass(frozen=True)
+class Lie:
+    """Of one panel. rise: of the middle of its area over where it was placed [m]. astray: share of its area that lies
+    nearest to another limb than its own, 0 of one without a label. turned: share whose right side faces the body.
+    folded: length of its folds over the root of its area; one across it has about 1."""
+
+    panel: str
+    rise: float
+    astray: float
+    turned: float
+    folded: float
+
+
+@dataclass(frozen=True)
+class Loop:
+    """A closed loop of free edges. sides: in their order. placed, worn: how often it goes round its part of the body,
+    where panels were placed and as it is worn."""
+
+    sides: tuple[Side, ...]
+    placed: int
+    worn: int
+
+
+def lies(garment: Garment, positions: NDArray, primitives: Sequence[Primitive]) -> list[Lie]:
+    """Of each panel. positions: key points (rows, cols, 3) [m] on the body at rest that primitives stand for."""
+    outline = garment.outline
+    at, start = outline.places(positions), outline.places(garment.atlas.start())
+    faces, owner = outline.faces, outline.panel[outline.faces[:, 0]]
+    a, b, c = (outline.flat[faces[:, k]] for k in range(3))
+    area = np.abs(_cross(b - a, c - a)) / 2
+    corner = at[faces]
+    middle, normal = corner.mean(axis=1), np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
+    normal *= np.sign(_cross(b - a, c - a))[:, None]  # faces may run either way in the flat
+    distance, away, whose = nearest_distance(primitives, middle)
+    bone = np.array([JOINTS[p.bone] for p in primitives])[whose]
+    inward = (np.einsum("na,na->n", normal, away) < 0) & (distance < NEAR)
+    fold, long, of = _folds(faces, normal, at, owner)
+    out = []
+    for number, piece in enumerate(garment.atlas.panels):
+        mine, own = owner == number, OWN.get(piece.panel.label)
+        share = area[mine] / max(float(area[mine].sum()), 1e-12)
+        rise = share @ (middle[mine, 1] - start[faces[mine], 1].mean(axis=1))
+        bones = [one for name in own or () for one in LIMBS.get(name, (name,))]
+        astray = 0.0 if own is None else float(share @ ~np.isin(bone[mine], bones))
+        edges = of == number
+        folded = float((long * fold)[edges].sum() / np.sqrt(max(float(area[mine].sum()), 1e-12)))
+        out.append(Lie(piece.panel.name, float(rise), astray, float(share @ inward[mine]), folded))
+    return out
+
+
+def lying_faults(garment: Garment, positions: NDArray, primitives: Sequence[Primitive]) -> list[str]:
+    """What of it does not lie as it should, a line for each kind, the worst panel of each."""
+    found = lies(garment, positions, primitives)
+    out = []
+    far = max(found, key=lambda lie: abs(lie.rise))
+    if abs(far.rise) > SLIPPED:
+        way = "over" if far.rise > 0 else "under"
+        out.append(
+            f"{far.panel} lies {100 * abs(far.rise):.0f} cm {way} where it belongs (allowed {100 * SLIPPED:.0f})"
+        )
+    for name, allowed, what in (
+        ("astray", ASTRAY, "lies nearest to another limb than its own"),
+        ("turned", TURNED, "has its right side to the body"),
+    ):
+        worst = max(found, key=lambda lie: getattr(lie, name))
+        share = getattr(worst, name)
+        if share > allowed:
+            out.append(f"{100 * share:.0f} % of {worst.panel} {what} (allowed {100 * allowed:.0f})")
+    creased = max(found, key=lambda lie: lie.folded)
+    if creased.folded > FOLDED:
+        out.append(f"{creased.panel} has folds {creased.folded:.1f} times as long as it is wide (allowed {FOLDED:g})")
+    for loop in free_loops(garment, positions, primitives):
+        if loop.worn != loop.placed:
+            panels = ", ".join(dict.fromkeys(side.panel for side in loop.sides))
+            out.append(f"the free edge of {panels} goes {loop.worn} times round its limb, not {loop.placed}")
+    through = crossed(garment, positions)
+    if through > CROSSED:
+        out.append(
+            f"it passes through itself: {100 * through:.0f} pairs of each 100 triangles (allowed {100 * CROSSED:.0f})"
+        )
+    return out
+
+
+def crossed(garment: Garment, positions: NDArray) -> float:
+    """Pairs of triangles that pass through each other, over all triangles."""
+    return crossings_of(garment.outline, positions).count / max(len(garment.outline.faces), 1)
+
+
+def free_loops(garment: Garment, positions: NDArray, primitives: Sequence[Primitive]) -> list[Loop]:
+    """All loops of free edges that are closed by seams, with how often each goes round."""
+    start = garment.atlas.start()
+    out = []
+    for loop in _loops(garment):
+        placed, worn = (np.concatenate([_edge(garment, s, x)[::way] for s, way in loop]) for x in (start, positions))
+        axis = _axis(placed, primitives)
+        out.append(Loop(tuple(side for side, _ in loop), _turns(placed, *axis), _turns(worn, *axis)))
+    return out
+
+
+def _cross(u: F64, v: F64) -> F64:
+    return u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
+
+
+def _folds(faces: NDArray, normal: F64, at: F64, owner: NDArray) -> tuple[NDArray[np.bool_], F64, NDArray]:
+    """For each pair of triangles of a panel with a side in common: whether it is a fold, how long the side is [m], and
+    which panel it is of."""
+    ends = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
+    of = np.tile(np.arange(len(faces)), 3)
+    order = np.lexsort(ends.T)
+    ends, of = ends[order], of[order]
+    two = np.flatnonzero((ends[1:] == ends[:-1]).all(axis=1))
+    one, other = of[two], of[two + 1]
+    cosine = np.einsum("na,na->n", normal[one], normal[other])
+    long = np.linalg.norm(at[ends[two, 0]] - at[ends[two, 1]], axis=1)
+    return cosine < FOLD, long, owner[one]
+
+
+def _loops(garment: Garment) -> list[list[tuple[Side, int]]]:
+    """Free edges in the order in which they follow each other, over the ends of seams, each with 1 where it is gone
+    along its outline, −1 against it."""
+    pattern = garment.pattern
+    count = {panel.name: len(panel.edges) for panel in pattern.panels}
+    partner: dict[Side, tuple[Side, bool]] = {}
+    for seam in pattern.seams:
+        alike = pattern.is_alike(seam)
+        partner[seam.first], partner[seam.second] = (seam.second, alike), (seam.first, alike)
+    free = [Side(name, k) for name, n in count.items() for k in range(n) if Side(name, k) not in partner]
+    out, seen = [], set[Side]()
+    for first in free:
+        if first in seen:
+            continue
+        loop, side, way = [], first, 1
+        while side not in seen:
+            seen.add(side)
+            loop.append((side, way))
+            for _ in range(sum(count.values())):
+                side = Side(side.panel, (side.edge + way) % count[side.panel])
+                if side not in partner:
+                    break
+                side, alike = partner[side]  # its end next to ours is where we go on, away from the seam
+                way = -way if alike else way
+        if side == first:
+            out.append(loop)
+    return out
+
+
+def _edge(garment: Garment, side: Side, positions: NDArray) -> F64:
+    """(k, 3) along an edge of the cloth [m]."""
+    piece, edge = garment.atlas.panel(side.panel), garment.pattern.edge(side)
+    count = max(2, int(np.ceil(length(edge) / min(garment.atlas.spacing))) + 1)
+    nodes, weights = piece.embed(turned(along(edge, np.linspace(0.0, 1.0, count)), piece.panel.grain))
+    return np.einsum("nkc,nk->nc", np.asarray(positions, np.float64)[nodes[..., 0], nodes[..., 1]], weights)
+
+
+def _axis(line: F64, primitives: Sequence[Primitive]) -> tuple[F64, F64]:
+    """A point (3,) and the way (3,) of the limb that a loop (k, 3) lies round: that of most of its points; of both legs
+    the trunk's, upright."""
+    limb_of = {JOINTS.index(name): limb for limb, names in LIMBS.items() for name in names}
+    limbs = [limb_of[p.bone] for p in primitives]
+    nearest = [limbs[k] for k in nearest_distance(primitives, line)[2]]
+    share = {limb: nearest.count(limb) / len(nearest) for limb in LIMBS}
+    limb = max(share, key=lambda name: share[name])
+    if min(share["leg_l"], share["leg_r"]) > BOTH or limb == "trunk":
+        own = [p for p, name in zip(primitives, limbs, strict=True) if name == "trunk"]
+        ends = np.array([(p.start, p.end) for p in own]).reshape(-1, 3)
+        height = float(line[:, 1].mean())
+        near = np.exp(-(((ends[:, 1] - height) / 0.15) ** 2)) + 1e-9
+        return (near / near.sum()) @ ends, np.array([0.0, 1.0, 0.0])
+    own = [p for p, name in zip(primitives, limbs, strict=True) if name == limb]
+    ends = np.array([(p.start, p.end) for p in own]).reshape(-1, 3)
+    far = ends[np.linalg.norm(ends - ends.mean(axis=0), axis=1).argsort()[-2:]]
+    way = np.linalg.svd(ends - ends.mean(axis=0))[2][0] if len(ends) > 2 else far[1] - far[0]
+    return ends.mean(axis=0), way / max(float(np.linalg.norm(way)), 1e-9)
+
+
+def _turns(line: F64, point: F64, way: F64) -> int:
+    """How often a closed polyline (k, 3) goes round a line."""
+    across = np.linalg.svd(way[None])[2][1:]
+    p = (line - point) @ across.T
+    turn = np.diff(np.unwrap(np.arctan2(p[:, 1], p[:, 0]), axis=0))
+    last = np.arctan2(_cross(p[-1:], p[:1])[0], float(p[-1] @ p[0]))
+    return abs(round((float(turn.sum()) + float(last)) / (2 * np.pi)))

@@ -1,0 +1,132 @@
+"""Checks after sewing: each finds its own failure on a garment that was put there, and none on one that lies right.
+
+Positions are those at which panels are placed round the body, and what is made of them; nothing is sewn here. What
+sewn garments come to stands in docs/garments.md; the tests of sewing ask it of each of them.
+"""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("ezdxf")
+
+from taichi_cloth.garment.sewn.lies import crossed, free_loops, lies, lying_faults
+from taichi_cloth.garment.sewn.misfit import misfit
+from taichi_cloth.garment.sewn.sew import Worn
+from taichi_cloth.scenes.prepare.garment_setup import Parts, dressed_parts
+from taichi_cloth.scenes.scene.load import load_scene
+
+SAMPLE = Path(__file__).parents[1] / "data" / "patterns" / "own_tee.dxf"
+
+
+def parts(name: str, pattern: Path | None = None) -> Parts:
+    more = [] if pattern is None else [f"garment.pattern={pattern}"]
+    return dressed_parts(load_scene(name, ["body.gender=female", "garment.key_points=800", *more]))
+
+
+def of_panel(made: Parts, name: str) -> np.ndarray:
+    """Mask (rows, cols) of a panel's key points."""
+    names = [piece.panel.name for piece in made.garment.atlas.panels]
+    return made.garment.atlas.owner() == names.index(name)
+
+
+def faults(made: Parts, positions: np.ndarray) -> str:
+    return "; ".join(lying_faults(made.garment, positions, made.primitives))
+
+
+@pytest.mark.parametrize("name", ["tshirt", "skirt", "dress"])
+def test_what_lies_right_has_no_fault(name):
+    made = parts(name)
+    assert faults(made, made.garment.atlas.start()) == ""
+    assert all(
+        loop.placed == loop.worn for loop in free_loops(made.garment, made.garment.atlas.start(), made.primitives)
+    )
+
+
+def test_loops_are_neck_hem_and_cuffs():
+    made = parts("tshirt")
+    loops = free_loops(made.garment, made.garment.atlas.start(), made.primitives)
+    assert sorted(sorted({side.panel for side in loop.sides}) for loop in loops) == [
+        ["back", "front"], ["back", "front"], ["left_sleeve"], ["right_sleeve"],
+    ]  # fmt: skip
+    assert [loop.worn for loop in loops] == [1, 1, 1, 1]
+
+
+@pytest.mark.parametrize(("name", "way", "said"), [("skirt", -0.12, "12 cm under"), ("trousers", 0.4, "40 cm over")])
+def test_what_slid_down_or_hangs_round_the_neck_has_slipped(name, way, said):
+    made = parts(name)
+    moved = made.garment.atlas.start() + np.array([0.0, way, 0.0])
+    assert f"lies {said} where it belongs (allowed 10)" in faults(made, moved)
+    assert "where it belongs" not in faults(made, made.garment.atlas.start() + np.array([0.0, way / 6, 0.0]))
+
+
+def test_a_sleeve_on_the_other_arm_is_astray():
+    made = parts("tshirt", SAMPLE)
+    moved = made.garment.atlas.start()
+    sleeve = of_panel(made, "left_sleeve")
+    found = {lie.panel: lie for lie in lies(made.garment, moved, made.primitives)}
+    assert found["left_sleeve"].astray < 0.25
+    assert faults(made, moved) == ""
+    moved[sleeve] = moved[sleeve] * [-1, 1, 1]
+    found = {lie.panel: lie for lie in lies(made.garment, moved, made.primitives)}
+    assert found["left_sleeve"].astray > 0.9
+    assert "% of left_sleeve lies nearest to another limb than its own" in faults(made, moved)
+
+
+def test_what_is_inside_out_is_turned():
+    made = parts("skirt")
+    moved = made.garment.atlas.start() * [1, 1, -1]  # the front behind, its right side to the body
+    assert "has its right side to the body" in faults(made, moved)
+    half = lies(made.garment, made.garment.atlas.start() * [-1, 1, -1], made.primitives)  # turned round: it may be
+    assert max(lie.turned for lie in half) < 0.1
+
+
+def test_what_is_laid_in_folds_is_folded():
+    """Once to and fro; then twice, which is more than bunching at a waist makes."""
+    made = parts("tshirt")
+    moved, front = made.garment.atlas.start(), of_panel(made, "front")
+    rows = np.unique(moved[front][:, 1].round(6))
+    for k, (share, folds) in enumerate(((2, 1), (4, 2))):
+        low = float(rows[len(rows) // share])  # along a row of key points
+        below = front & (made.garment.atlas.start()[..., 1] < low)
+        crease = moved[front & (np.abs(made.garment.atlas.start()[..., 1] - low) < 1e-5)][0, 1]
+        moved[below, 1] = 2 * crease - moved[below, 1]
+        moved[below, 2] += 0.002
+        found = {lie.panel: lie for lie in lies(made.garment, moved, made.primitives)}
+        assert found["front"].folded == pytest.approx(folds, abs=0.3 * folds)
+        assert found["back"].folded == 0
+        assert ("front has folds" in faults(made, moved)) == (k == 1)
+
+
+def test_what_lies_before_the_body_goes_not_round_it():
+    """As a hood that is worn as a cape, or a waistband that did not close round the waist."""
+    made = parts("skirt")
+    start = made.garment.atlas.start()
+    moved = start.copy()
+    back = of_panel(made, "back")
+    moved[back, 2] = 0.45 + 0.2 * np.abs(start[back, 2])
+    assert "goes 0 times round its limb, not 1" in faults(made, moved)
+
+
+def test_legs_through_each_other_are_counted():
+    made = parts("tshirt")
+    start = made.garment.atlas.start()
+    assert crossed(made.garment, start) == 0
+    moved = start.copy()
+    back = of_panel(made, "back")
+    moved[back, 2] = start[of_panel(made, "front"), 2].mean() + 0.05 * np.sin(40 * start[back, 0])  # to and fro
+    assert "passes through itself" in faults(made, moved)
+
+
+def test_the_line_of_what_does_not_fit_says_it():
+    made = parts("skirt")
+    start = made.garment.atlas.start().astype(np.float32)
+    good = Worn(positions=start, gap=0.0, depth=0.0, stretch=0.0, taut=0.0, speed=0.0, frames=0)
+    assert misfit(made.garment, good, made.primitives) is None
+    slid = replace(good, positions=start - np.array([0, 0.2, 0], np.float32))
+    line = misfit(made.garment, slid, made.primitives)
+    assert line is not None
+    assert "20 cm under" in line
+    assert "\n" not in line
