@@ -165,7 +165,7 @@ WALKS = [
 def test_every_pattern_sews(name, gender):
     """No seam wider than 2 mm, no key point deeper than 5 mm, no thread longer by more than 8 %."""
     garment, worn = sewn(name, gender, FINER.get(name, KEY_POINTS))
-    assert misfit(garment, worn) is None
+    assert misfit(garment, worn, figure(gender)[1]) is None
     assert worn.gap < 2e-3
     assert worn.depth < 5e-3
     assert worn.stretch < 0.08
@@ -179,7 +179,7 @@ def test_trousers_of_denim_close_whole():
     parts = dressed_parts(load_scene("trousers", ["garment.key_points=1600"]))
     body = Colliders(primitives=parts.primitives, friction=0.3, gap=0.004)
     worn = sew(parts.garment, body, solver="yarns", settling=12)
-    assert misfit(parts.garment, worn) is None
+    assert misfit(parts.garment, worn, parts.primitives) is None
     assert worn.frames < 120
     assert worn.gap < 1e-3
     assert worn.depth < 1e-3
@@ -236,7 +236,7 @@ def test_the_sleeves_of_the_tshirt_lie_smooth():
 def test_patterns_of_others_fit_in_a_built_in_scene(name):
     """As a person gives them, with the cloth of the T-shirt."""
     worn = dress(load_scene("tshirt", [f"garment.pattern={SAMPLES[name]}", "body.gender=female"]))
-    assert misfit(worn.garment, worn.worn) is None
+    assert misfit(worn.garment, worn.worn, worn.primitives) is None
 
 
 @pytest.mark.slow
