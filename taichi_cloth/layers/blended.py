@@ -62,7 +62,9 @@ class Blended:
             if yields > FIRM * most:
                 for axis in ti.static(range(3)):
                     self.normal[axis][c] = normal[axis]
-                self.kept[c], self.share[c] = pairs.kept[pair], 1.0 / yields
+                self.kept[c], self.share[c], self.pushed[c] = pairs.kept[pair], 1.0 / yields, 0.0
+                for axis in ti.static(range(3)):
+                    self.rubbed[axis][c] = 0.0
                 self.start[c + 1] = used
                 self.count[None] = c + 1
         else:
@@ -83,11 +85,20 @@ class Blended:
         return out
 
     @routine
-    def forget(self):
+    def warm(self, points: Template, part: Float):
+        """See `Contacts.warm`."""
+        x, s, inverse = ti.static(points.position, points.step, points.inverse_mass)
         for c in range(self.count[None]):
-            self.pushed[c] = 0.0
-            for axis in ti.static(range(3)):
-                self.rubbed[axis][c] = 0.0
+            if self.pushed[c] > 0.0:
+                self.pushed[c] = part * self.pushed[c]
+                for axis in ti.static(range(3)):
+                    self.rubbed[axis][c] = part * self.rubbed[axis][c]
+                    change = self.share[c] * (self.pushed[c] * self.normal[axis][c] + self.rubbed[axis][c])
+                    for m in range(self.start[c], self.start[c + 1]):
+                        p = self.node[m]
+                        move = inverse[p] * self.weight[m] * change
+                        s[axis][p] = s[axis][p] + move
+                        x[axis][p] = x[axis][p] + move
 
     @routine
     def respond(self, points: Template, friction: Float, mended: Float):

@@ -26,6 +26,9 @@ ROOM = 12
 AWAKE = 0.2
 """Share of the thickness beyond it up to which pairs are looked at for the next interval."""
 
+WARM = 1.0
+"""Share of what a contact pushed and rubbed in a substep that it begins the next with."""
+
 GROWTH = 1.5
 """By which pairs may approach each other faster than they did."""
 
@@ -33,7 +36,8 @@ GROWTH = 1.5
 @ti.data_oriented
 class Contacts:
     """point, weight: [corner]. normal: [axis]. kept: distance [m]. share: 1/Σ w²/m [kg]. pushed, rubbed: in this
-    substep [m]. blended: those of points that are blends. overflow: contacts without room. most: of the frame."""
+    substep [m]. blended: those of points that are blends. overflow: contacts without room. most: of the frame.
+    turns: whether any was in this substep."""
 
     count: Any
 
@@ -46,7 +50,7 @@ class Contacts:
         self.point = [ti.field(ti.i32, self.room + LANES) for _ in range(4)]
         self.weight, self.normal, self.rubbed = fields(4), fields(3), fields(3)
         self.kept, self.share, self.pushed = fields(3)
-        self.count, self.overflow, self.most = (ti.field(ti.i32, ()) for _ in range(3))
+        self.count, self.overflow, self.most, self.turns = (ti.field(ti.i32, ()) for _ in range(4))
         self.friction, self.mend, self.margin = (ti.field(ti.f32, ()) for _ in range(3))
         self.found = [ti.field(ti.f32, LANES) for _ in range(9)]
         self.inside = ti.field(ti.i32, LANES)
@@ -158,7 +162,9 @@ class Contacts:
                     self.weight[corner][at] = self.found[5 + corner][lane]
                 for axis in ti.static(range(3)):
                     self.normal[axis][at] = self.found[2 + axis][lane]
-                self.kept[at], self.share[at] = pairs.kept[pair], 1.0 / yields
+                self.kept[at], self.share[at], self.pushed[at] = pairs.kept[pair], 1.0 / yields, 0.0
+                for axis in ti.static(range(3)):
+                    self.rubbed[axis][at] = 0.0
                 out = at + 1
             else:
                 self.overflow[None] = self.overflow[None] + 1
@@ -174,7 +180,7 @@ class Contacts:
                 self.weight[corner][at] = 0.0
             for axis in ti.static(range(3)):
                 self.normal[axis][at] = 0.0
-            self.kept[at], self.share[at] = -1.0, 0.0
+            self.kept[at], self.share[at], self.pushed[at] = -1.0, 0.0, 0.0
         self.most[None] = ti.max(self.most[None], self.count[None])
 
     @ti.func
@@ -185,14 +191,22 @@ class Contacts:
         self.blended.start[0] = 0
 
     @routine
-    def forget(self):
-        """What was pushed and rubbed in the last substep."""
-        none = ti.Vector([0.0] * LANES)
-        for group in range((self.count[None] + LANES - 1) // LANES):
-            store(self.pushed, group * LANES, none)
-            for axis in ti.static(range(3)):
-                store(self.rubbed[axis], group * LANES, none)
-        self.blended.forget()
+    def warm(self, points: Template):
+        """At the first turn of a substep: what was pushed and rubbed in the last one acts again, to be corrected. A
+        stack would need as many turns as it has layers to find that, and walks apart for want of it."""
+        x, s, inverse = ti.static(points.position, points.step, points.inverse_mass)
+        for c in range(self.count[None]):
+            if self.pushed[c] > 0.0:
+                self.pushed[c] = WARM * self.pushed[c]
+                for axis in ti.static(range(3)):
+                    self.rubbed[axis][c] = WARM * self.rubbed[axis][c]
+                    change = self.share[c] * (self.pushed[c] * self.normal[axis][c] + self.rubbed[axis][c])
+                    for corner in ti.static(range(4)):
+                        p = self.point[corner][c]
+                        move = inverse[p] * self.weight[corner][c] * change
+                        s[axis][p] = s[axis][p] + move
+                        x[axis][p] = x[axis][p] + move
+        self.blended.warm(points, WARM)
 
     @routine
     def respond(self, points: Template, mended: Float):

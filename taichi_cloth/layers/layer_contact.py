@@ -422,11 +422,13 @@ class LayerContact(SharedConstraint):
 
     @ti.func
     def before(self, points: Template, done, n: Template):
-        self.fields.contacts.forget()
+        self.fields.contacts.turns[None] = 0
 
     @ti.func
     def correct_whole(self, points: Template, done, n: Template):
-        if ti.static(points.sums):
-            self.fields.contacts.respond(points, MEND_SUMMED)
-        elif done % 2 == 1:
-            self.fields.contacts.respond(points, MEND)
+        contacts = self.fields.contacts
+        if points.sums or done % 2 == 1:
+            if contacts.turns[None] == 0:
+                contacts.warm(points)
+            contacts.turns[None] = 1
+            contacts.respond(points, MEND_SUMMED if ti.static(points.sums) else MEND)

@@ -9,7 +9,7 @@ from taichi_cloth.ground.arrays import Float, Int, Template
 from taichi_cloth.ground.routine import routine
 from taichi_cloth.layers.distances import EDGES, FACES
 from taichi_cloth.layers.nearest import Nearest
-from taichi_cloth.layers.outline import MEETS
+from taichi_cloth.layers.outline import MEETS, RIM_EAST, RIM_NORTH
 from taichi_cloth.layers.paths import CELL, EAST, NORTH, POINT
 from taichi_cloth.layers.search import ROOM as CELL_ROOM
 from taichi_cloth.layers.search import element
@@ -265,7 +265,7 @@ class NearPairs:
     def find_edges(self, points: Template, paths: Template, width: Int, count: Int, begin: Int) -> Int:
         """Of the pairs of cells at hand: three edges of one against three of the other."""
         found = begin
-        bits = ti.Vector([EAST, NORTH, CELL])
+        bits, rims = ti.Vector([EAST, NORTH, CELL]), ti.Vector([RIM_EAST, RIM_NORTH, 0])
         for turn in range(9):
             e, f = turn // 3, turn % 3
             p, q = load(self.one, 0), load(self.other, 0)
@@ -285,6 +285,9 @@ class NearPairs:
                         g, h = b + self.edge_offset[f, 0], b + self.edge_offset[f, 1]
                         apart = self.differ(points, c, g) & self.differ(points, c, h)
                         if apart & self.differ(points, d, g) & self.differ(points, d, h):
-                            kept = self.edge_share[None] * self.kept_apart(points, width, a, b)
+                            kept = self.kept_apart(points, width, a, b)
+                            # A rim bears what hangs over it: no point of that is above a face.
+                            if (paths.has[a] & rims[e]) | (paths.has[b] & rims[f]) == 0:
+                                kept *= self.edge_share[None]
                             found = self.keep(EDGES, found, lane, kept, (c, d, g, h), a, b)
         return found

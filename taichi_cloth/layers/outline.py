@@ -16,7 +16,7 @@ from taichi_cloth.layers.paths import CELL, EAST, NORTH, POINT
 from taichi_cloth.layers.tree import HOLE
 from taichi_cloth.sheet.sheet import PAD, Sheet
 
-__all__ = ["MEETS", "PIECES", "Outline", "Tables", "crossings_of"]
+__all__ = ["MEETS", "PIECES", "RIM_EAST", "RIM_NORTH", "Outline", "Tables", "crossings_of"]
 
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
@@ -27,6 +27,8 @@ MEETS = 5
 across them, the two threads, the key point."""
 PIECES = 1 << 9
 """Bit of an element whose cell has pieces of triangles."""
+RIM_EAST, RIM_NORTH = 1 << 10, 1 << 11
+"""Bits of an element whose thread along the row, or the column, has cloth on one side only."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,6 +98,9 @@ class Tables:
         if count == 1 and len(rows) == (np.ptp(rows) + 1) * (np.ptp(columns) + 1):
             self.has &= ~HOLE  # beside a rectangle is nothing, but what is no rectangle has holes
         self.has |= (self.has & POINT) << MEETS
+        below, left = np.roll(there, 1, axis=0), np.roll(there, 1, axis=1)
+        rim = RIM_EAST * (there != below) + RIM_NORTH * (there != left)
+        self.has |= sheet.padded(rim).astype(np.int32).ravel()
         self.at, self.nodes = (np.zeros(0, np.int32) for _ in range(2))
         self.weights, self.starts = np.zeros(0, np.float32), np.zeros(1, np.int32)
         self.elements = np.zeros((6, size), np.float32)
