@@ -12,16 +12,18 @@ from taichi_cloth.body.skin.skeleton import Pose, Skeleton
 from taichi_cloth.body.skin.skinning import Body
 from taichi_cloth.garment.fit.fitted import OVER_SHOULDERS, fitted, placed
 from taichi_cloth.garment.fit.landmarks import Landmarks
-from taichi_cloth.garment.fit.piece import Piece, Work
+from taichi_cloth.garment.fit.limbs import _hanging
+from taichi_cloth.garment.fit.piece import Piece, Work, pieces_of
 from taichi_cloth.garment.fit.taped import landmarks_of
 from taichi_cloth.garment.pattern.curves import length
 from taichi_cloth.garment.pattern.garmentcode import read_garmentcode
-from taichi_cloth.garment.pattern.pattern import Course
+from taichi_cloth.garment.pattern.pattern import Course, Flat, Panel, Pattern, Seam, Side
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.scenes.scene.body_section import BodySection, prepare_body
 
 RANDOM = sorted((Path(__file__).parents[1] / "data" / "patterns" / "random").glob("*.json"))
 TEN = RANDOM[3::11]
+SLEEVELESS = RANDOM[0].parents[1] / "dress_sleeveless.json"
 ARM, LOW, COLLAR = 0.14, 0.12, 0.16
 """How far a sleeve may start from the arm, a waist from the landmark, a collar from the neck [m]."""
 
@@ -223,3 +225,37 @@ def test_a_piece_on_a_ring_is_level_where_it_is_worn():
     top, hem = piece.level(0), piece.level(2)
     assert np.ptp(top) < 1e-9
     assert top.mean() - hem.mean() == pytest.approx(0.5, abs=1e-9)
+
+
+def test_widening_a_waist_leaves_the_shoulders():
+    """A bodice that is far too tight under the arms: its straps and neckline stay as wide as the shoulders, where they
+    grew with the waist by a third and slid off."""
+    drawn = read_garmentcode(SLEEVELESS)
+    pattern = fitted(drawn, plain_landmarks())
+    assert any("waist" in note and "widened" in note for note in pattern.notes)
+    old, new = drawn.panel("top_front").edges, pattern.panel("top_front").edges
+    for shoulder in (3, 6):
+        assert length(new[shoulder]) < 1.1 * length(old[shoulder])
+    assert length(new[0]) > 1.05 * length(old[0])  # the waist itself
+
+
+def test_short_cuffs_do_not_hang_on_each_other_without_end():
+    corner = np.array([[0.0, 0], [0.2, 0], [0.2, 0.03], [0, 0.03], [0, 0.0]])
+    edges = tuple(corner[k : k + 2] for k in range(4))
+    panels = tuple(Panel(name, edges, Flat(np.eye(3), np.array([0.0, y, 0.0]))) for name, y in (("a", 0.2), ("b", 0.2)))
+    work = pieces_of(Pattern("cuffs", panels, (Seam(Side("a", 0), Side("b", 2), alike=False),)))
+    for piece in work.pieces.values():
+        piece.part, piece.side, piece.graded, piece.shift = "leg_l", "front", list(piece.edges), piece.at
+    a, b = work.pieces.values()
+    assert _hanging(work, a) == [b]
+    assert _hanging(work, b) == [a]
+
+
+def test_straps_over_a_bare_back_are_no_loop(tmp_path):
+    """What goes round the body is widened; a back of a hand's breadth is none of it, and would turn over itself."""
+    document = band(60.0, 104.0)
+    strap = document["pattern"]["panels"]["wb_back"]
+    strap["vertices"] = [[0, 0], [8, 0], [8, 5], [0, 5]]
+    strap["translation"] = [4, 104, -15]
+    notes = fitted(own_pattern(tmp_path, document), plain_landmarks()).notes
+    assert not any("widened" in note for note in notes)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from taichi_cloth.garment.fit.landmarks import Landmarks
 from taichi_cloth.garment.fit.maps import Map, across, heights
-from taichi_cloth.garment.fit.piece import Piece, Work, circle, turned_towards
+from taichi_cloth.garment.fit.piece import Piece, Work, circle, crosses, turned_towards
 from taichi_cloth.garment.pattern.curves import length
 
 __all__ = ["BELOW", "SLEEVED", "even_out", "find_rings", "grade", "top_edge"]
@@ -162,4 +162,6 @@ def even_out(work: Work, rounds: int = 4) -> None:
             rows[n] = 1.0 / n
             right = np.vstack([(keeps * factor)[:, None] * chord, start.mean(axis=0)])
             corner = np.linalg.lstsq(rows, right, rcond=None)[0]
-            piece.graded = [turned_towards(edge, corner[k], corner[(k + 1) % n]) for k, edge in enumerate(piece.graded)]
+            evened = [turned_towards(edge, corner[k], corner[(k + 1) % n]) for k, edge in enumerate(piece.graded)]
+            if not crosses(evened) or crosses(piece.graded):  # a narrow strap may turn over itself
+                piece.graded = evened

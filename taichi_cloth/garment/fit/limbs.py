@@ -17,6 +17,9 @@ CLEAR = 0.03
 """From the arm to a sleeve's half where it starts [m]."""
 APART = np.radians(8)
 """Of a leg's panel from the vertical, beyond which it was drawn for legs apart [rad]."""
+LEANING = np.radians(6)
+"""By which half a leg is turned at most so that its lower end lies over the leg: wide backs, whose lower end is far
+out, would be turned over to the other leg [rad]."""
 DOWN = np.array([0.857, -0.514, 0.0])
 """About the way of an arm, left."""
 EASE, MORE = 1.06, 0.015
@@ -48,8 +51,11 @@ def turn_legs(work: Work, worn: Landmarks) -> None:
             _turn(piece, float(tilt - np.arctan2(-way[0], -way[1])), sign, worn)
         main = [piece for piece in work.of(part) if piece.worn()[:, 1].max() > worn.height["crotch"]]
         for piece in main:
+            turned = 0.0
             for _ in range(3):
                 turn = _off_the_leg(piece, sign, worn)
+                turn = float(np.clip(turned + turn, -LEANING, LEANING)) - turned
+                turned += turn
                 for other in [piece, *_hanging(work, piece)]:
                     _turn(other, turn, sign, worn)
 

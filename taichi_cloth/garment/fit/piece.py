@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_cloth.garment.pattern.curves import length
-from taichi_cloth.garment.pattern.pattern import Flat, Panel, Pattern, Seam, Side, area
+from taichi_cloth.garment.pattern.pattern import Flat, Panel, Pattern, Seam, Side, area, crossing
 
-__all__ = ["UP", "Piece", "Work", "circle", "pieces_of", "turned_towards"]
+__all__ = ["UP", "Piece", "Work", "circle", "crosses", "pieces_of", "turned_towards"]
 
 F64 = NDArray[np.float64]
 
@@ -142,6 +142,11 @@ def _dense(edge: F64) -> F64:
         n = max(1, int(np.ceil(np.linalg.norm(b - a) / FINE)))
         out.append(a + np.linspace(0, 1, n + 1)[1:, None] * (b - a))
     return np.concatenate(out)
+
+
+def crosses(edges: list[F64]) -> bool:
+    """Whether an outline crosses itself."""
+    return crossing(np.concatenate([edge[:-1] for edge in edges])) is not None
 
 
 def turned_towards(edge: F64, start: F64, end: F64) -> F64:

@@ -9,7 +9,7 @@ from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
 from taichi_cloth.garment.fit.grade import BELOW, SLEEVED, even_out
 from taichi_cloth.garment.fit.landmarks import Landmarks
-from taichi_cloth.garment.fit.piece import UP, Piece, Work, circle
+from taichi_cloth.garment.fit.piece import UP, Piece, Work, circle, crosses
 from taichi_cloth.garment.pattern.curves import length
 from taichi_cloth.garment.pattern.cut import intervals
 
@@ -23,6 +23,8 @@ TIGHT = 1.0
 """Girth of a top over the body's under which it is rather raised than widened."""
 CLOSED = 0.4
 """Share of the body's girth under which the cloth of a level is no loop: the garment ends above or below."""
+HALF = 0.25
+"""The same of what lies before it or behind: straps over a bare back make no loop."""
 STEP = 0.01
 SPREAD = 3
 """Steps up and down over which a level's widening is spread."""
@@ -30,6 +32,11 @@ BEYOND = 0.10
 """Of a piece's top and bottom within which it still counts as there: its neighbours may be drawn as much higher [m]."""
 MARGIN = 0.015
 """From a piece's top and bottom within which its width is that beyond: those edges may lean or curve [m]."""
+UNDER = 0.005
+"""Armholes of the highest level at which a top is a loop [m]."""
+KEPT, FADE = 0.01, 0.06
+"""Over the highest of the levels that are looked at, to where it is widened like that, of a top up to its armholes; and
+then until it is not [m]."""
 MOST = 1.5
 """Of a level at a time."""
 ROUNDS = 3
@@ -39,9 +46,10 @@ def widen(work: Work, worn: Landmarks) -> list[str]:
     """Widens graded pieces of trunk, skirt and legs, and collars; gives a line for each stretch of levels that was
     too tight."""
     notes = []
-    crotch, underarm = worn.height["crotch"], worn.height["underarm"]
+    crotch = worn.height["crotch"]
+    armholes = worn.height["underarm"] - (SLEEVED if work.of("arm_l", "arm_r") else BELOW)
     for tier in _tiers(work, work.of("trunk", "skirt", "leg_l", "leg_r")):
-        notes += _levels(work, tier, worn, crotch + 0.01, underarm - SLEEVED - 0.02, "trunk")
+        notes += _levels(work, tier, worn, crotch + 0.01, armholes - UNDER, "trunk")
     low = crotch - 0.02
     for part in ("leg_l", "leg_r"):
         notes += _levels(work, work.of(part), worn, 0.12 * worn.height["top"], low, part)
@@ -118,7 +126,8 @@ def _levels(work: Work, pieces: list[Piece], worn: Landmarks, low: float, high: 
         each = np.array([widths(piece, heights) for piece in pieces])
         own = each.sum(axis=0)
         before, behind = (np.array([piece.tube or piece.normal[2] * sign > 0 for piece in pieces]) for sign in (1, -1))
-        whole = (each[before] > 0).any(axis=0) & (each[behind] > 0).any(axis=0)
+        halves = np.minimum(each[before].sum(axis=0), each[behind].sum(axis=0))
+        whole = halves > HALF * girth
         tight = whole & (own > CLOSED * girth) & (own < need)
         if not tight.any():
             break
@@ -127,8 +136,14 @@ def _levels(work: Work, pieces: list[Piece], worn: Landmarks, low: float, high: 
         factor = np.where(tight, (need + MORE) / np.maximum(own, 1e-6), 1.0)
         factor = np.minimum(factor, MOST)
         factor = gaussian_filter1d(maximum_filter1d(factor, 2 * SPREAD + 1), 1.0, mode="nearest")
+        # Over the levels that are looked at, what lies on shoulders, or a waist on the legs' hips, keeps its width.
+        levels = np.append(heights, heights[-1] + np.array([KEPT, KEPT + FADE]))
+        by = np.append(np.maximum(factor, 1.0), [max(factor[-1], 1.0), 1.0])
         for piece in pieces:
-            _widened(piece, heights, np.maximum(factor, 1.0))
+            drawn = piece.graded
+            _widened(piece, levels, by)
+            if crosses(piece.graded) and not crosses(drawn):
+                piece.graded = drawn
         even_out(work, rounds=2)
     if first is None:
         return []

@@ -14,7 +14,20 @@ from numpy.typing import NDArray
 from taichi_cloth.garment.pattern.curves import along, length
 from taichi_cloth.ground.errors import InputError, did_you_mean
 
-__all__ = ["LARGEST_PANEL", "Cone", "Course", "Flat", "Hold", "Panel", "Pattern", "Seam", "Side", "Wrap", "area"]
+__all__ = [
+    "LARGEST_PANEL",
+    "Cone",
+    "Course",
+    "Flat",
+    "Hold",
+    "Panel",
+    "Pattern",
+    "Seam",
+    "Side",
+    "Wrap",
+    "area",
+    "crossing",
+]
 
 F64 = NDArray[np.float64]
 
@@ -301,13 +314,13 @@ def _check_panel(pattern: str, panel: Panel) -> None:
             raise InputError(f"{where}: edge {k} does not end where the next one starts; allowed: one closed loop")
     if panel.area < 1e-6:
         raise InputError(f"{where}: an area of {1e6 * panel.area:.3g} mm²; allowed: 1 mm² or more")
-    crossing = _crossing(panel.outline)
-    if crossing is not None:
-        x, y = crossing
+    crossed = crossing(panel.outline)
+    if crossed is not None:
+        x, y = crossed
         raise InputError(f"{where}: the outline crosses itself at ({x:.4g}, {y:.4g}) m; allowed: a simple loop")
 
 
-def _crossing(p: F64) -> Any:
+def crossing(p: F64) -> Any:
     """A point where two edges of a closed polygon (n, 2) cross, or None. All pairs, some rows of them at a time."""
     q = np.roll(p, -1, axis=0)
     d = q - p
