@@ -160,11 +160,13 @@ class FrameLoops(ABC):
 
     @ti.func
     def slip(self):
-        """A loop: what rubs within the sheet."""
+        """Loops: what rubs within the sheet, and what cells pull the hinges around them by."""
         if ti.static(self.features.slips):
             for t in range(self.count):
                 p = self.place(t)
                 self.frame.slipping.find(self.frame, self.features.hinges, t, p, p)
+            for t in range(self.count):
+                self.frame.slipping.spread(self.frame, self.place(t))
 
     @ti.kernel
     def read(self, values: F32x3):
@@ -185,6 +187,7 @@ class FrameLoops(ABC):
         if ti.static(self.features.slips):
             for t in range(self.count):
                 self.frame.slipping.begin(t, 0)
+                self.frame.slipping.inner(self.frame, self.place(t))
 
     @ti.func  # noqa: B027  # nothing, where a solver has nothing of its own
     def begin(self, p):

@@ -143,6 +143,7 @@ class Frame(Stencil):
                 self.ends(thread, "ahead")
             if ti.static(features.slips):
                 stage, ended = self.in_parts(self.slip, thread, stage, ended, done, at, wind, values, n, features)
+                stage, ended = self.in_parts(self.spread, thread, stage, ended, done, at, wind, values, n, features)
                 self.ends(thread, "friction within")
             air = wind + done * change
             stage, ended = self.move(thread, stage, ended, done, at, air, values, n, features)
@@ -218,6 +219,7 @@ class Frame(Stencil):
                 one.open(values, p, i, j)
             if ti.static(features.slips):
                 self.slipping.open(values, self.plane, p, i, j)
+                self.slipping.inner(self, p)
         if ti.static(features.leads):
             self.lead_part(part, n)
 
@@ -251,6 +253,12 @@ class Frame(Stencil):
         for e in range(self.cut[part], self.cut[part + 1]):
             p = self.lanes(self.packet[e] * LANES)
             self.slipping.find(self, features.hinges, part, self.lanes(p + at), p)
+
+    @ti.func
+    def spread(self, part, done, at, wind, values: Template, n: Template, features: Template):
+        """What cells pull the hinges around them by, of a part."""
+        for e in range(self.cut[part], self.cut[part + 1]):
+            self.slipping.spread(self, self.lanes(self.packet[e] * LANES))
 
     @ti.func
     def lead_part(self, part, n: Template):

@@ -7,6 +7,9 @@ key point a second difference along the normal, of the cell that begins there a 
 It is found for 8 key points before the springs of each substep, at what is ahead: how much each hinge and each cell
 pulls, of which key points then take their parts (`Stencil.elastic`). With hinges come those that only bend, with cells
 those that only shear, so that their code is not there twice.
+
+Cells shear by their threads' arcs and not by their chords (`sheet/springs.py`), so they pull at the hinges around them
+too; hinges get that when all cells are known (`spread`).
 """
 
 from typing import Any
@@ -34,6 +37,7 @@ SLIP_NUMBERS = (
     *SPRINGS,
     *("give_x", "give_y", "give_shear"),  # 1/r over h², 0 where nothing rubs [1/kg]
     *("lock_from", "lock_over"),  # [m]
+    "arc",  # 1/(12 l) [1/m]
 )
 
 SlipNumbers: Any = ti.types.struct(**dict.fromkeys(SLIP_NUMBERS, ti.f32))
@@ -45,7 +49,8 @@ def slip_numbers(springs: Springs, squared: float) -> dict[str, float]:
     for way in ("x", "y", "shear"):
         rub = out[f"rub_{way}"]
         out[f"give_{way}"] = 1 / rub if rub > 0 else 0.0
-    return out | {"lock_from": springs.lock_from, "lock_over": max(springs.lock_over, 1e-9)}
+    out |= {"lock_from": springs.lock_from, "lock_over": max(springs.lock_over, 1e-9)}
+    return out | {"arc": 1 / (12 * springs.diagonal_length)}
 
 
 @ti.func
@@ -60,8 +65,11 @@ class Slipping:
     """Fields for a padded grid of up to `size` elements.
 
     anchor: see above. bent: [along x, along y][axis], what a hinge pulls by [kg m]. sheared: what the two diagonals of
-    a cell are pulled by over their lengths [kg]. locked: of each part of the sheet and each lane, the largest share of
-    the stiffness `lock` that a cell had in this frame. parts: how many there are, each `line` elements from the next.
+    a cell are pulled by over their lengths [kg]. arc: the number of that name, of cells all of whose corners have
+    hinges both ways, else 0. leant: [axis], what a cell's arcs pull its corners by; turned: the hinges there; pushed:
+    what all four cells lean on a key point [kg m]. locked: of each part of the sheet and each lane, the largest share
+    of the stiffness `lock` that a cell had in this frame. parts: how many there are, each `line` elements from the
+    next.
     """
 
     def __init__(self, size: int, parts: int = PARTS, line: int = LINE) -> None:
@@ -71,10 +79,12 @@ class Slipping:
         self.size, self.parts, self.line = size, parts, line
         self.anchor, self.sheared = fields(ANCHORS), fields(2)
         self.bent = [fields(3), fields(3)]
+        self.arc, self.leant, self.turned, self.pushed = ti.field(ti.f32, size), fields(3), fields(3), fields(3)
         self.locked = ti.field(ti.f32, parts * line)
         self.numbers = SlipNumbers.field(shape=())
         self._number = [self.numbers.get_member_field(name) for name in SLIP_NUMBERS]
-        self._all = (*self.anchor, *self.sheared, *self.bent[0], *self.bent[1])
+        told = *self.sheared, *self.leant, *self.turned, *self.pushed, *self.bent[0], *self.bent[1]
+        self._all = (*self.anchor, self.arc, *told)
 
     @ti.kernel
     def take(self, named: F32x1):
@@ -106,7 +116,10 @@ class Slipping:
         u, v, w = y[0] - x[0], y[1] - x[1], y[2] - x[2]
         first = ti.sqrt(ti.max(to[0] * to[0] + to[1] * to[1] + to[2] * to[2], 1e-20))
         second = ti.sqrt(ti.max(u * u + v * v + w * w, 1e-20))
-        apart = first - second
+        arc = load(self.arc, p)
+        curl = self.curl(work, around, to, a)
+        turn = to[0] - x[0] - y[0], to[1] - x[1] - y[1], to[2] - x[2] - y[2]
+        apart = first - second + arc * (turn[0] * curl[0] + turn[1] * curl[1] + turn[2] * curl[2])
         pull, anchor = slider(apart, load(self.anchor[SHEAR], p), n.rub_shear, n.give_shear, n.slip_shear)
         store(self.anchor[SHEAR], p, anchor)
         beyond = ti.max(ti.abs(apart) - n.lock_from, 0.0)
@@ -115,9 +128,47 @@ class Slipping:
         pull = load(work.cell, p) * (n.shear * apart + pull + ti.select(apart > 0.0, lock, -lock))
         store(self.sheared[0], p, pull / first)
         store(self.sheared[1], p, -pull / second)
+        for axis in ti.static(range(3)):
+            store(self.leant[axis], p, pull * arc * curl[axis])
+            store(self.turned[axis], p, pull * arc * turn[axis])
         there = ti.min(load(work.cell, p) * 1e30, 1.0) * begun / n.lock_over
         o = part * self.line
         store(self.locked, o, ti.max(load(self.locked, o), there))
+
+    @ti.func
+    def curl(self, work: Template, around: Template, to: Template, a):
+        """The sum of both second differences at all corners of the cells that begin in the lanes at a. around: see
+        `Stencil`. to: vectors to the last corner."""
+        row = work.row[None]
+        cx = around[2][0] + around[4][0] - 2.0 * (around[1][0] + around[3][0] + to[0])
+        cy = around[2][1] + around[4][1] - 2.0 * (around[1][1] + around[3][1] + to[1])
+        cz = around[2][2] + around[4][2] - 2.0 * (around[1][2] + around[3][2] + to[2])
+        for offset in ti.static((1 - row, 2, row - 1, row + 2, 2 * row, 2 * row + 1)):
+            u, v, w = work.away(work.ahead, around[0], a, offset)
+            cx, cy, cz = cx + u, cy + v, cz + w
+        return cx, cy, cz
+
+    @ti.func
+    def spread(self, work: Template, p):
+        """What arcs pull the hinges of the lanes at p by, of the four cells around; after `find` of all."""
+        row = work.row[None]
+        for axis in ti.static(range(3)):
+            pull = load(self.turned[axis], p) + load(self.turned[axis], near(p - 1))
+            pull += load(self.turned[axis], near(p - row)) + load(self.turned[axis], near(p - row - 1))
+            for way in ti.static(range(2)):
+                store(self.bent[way][axis], p, load(self.bent[way][axis], p) + pull)
+            push = load(self.leant[axis], near(p - 1)) - load(self.leant[axis], p)
+            push += load(self.leant[axis], near(p - row)) - load(self.leant[axis], near(p - row - 1))
+            store(self.pushed[axis], p, push)
+
+    @ti.func
+    def inner(self, work: Template, p):
+        """`arc` of the cells that begin in the lanes at p: as much of it as the lightest thread has that it reaches."""
+        row, least = work.row[None], nothing() + 1.0
+        for k in ti.static((-1, 0, 1)):
+            least = ti.min(least, load(work.east, near(p + k)), load(work.east, near(p + row + k)))
+            least = ti.min(least, load(work.north, near(p + k * row)), load(work.north, near(p + k * row + 1)))
+        store(self.arc, p, least * self.numbers[None].arc)
 
     @ti.func
     def bend(self, way: Template, p, to: Template, back: Template, offset, weight, normal, numbers, hinges: Template):
@@ -136,8 +187,9 @@ class Slipping:
 
     @ti.func
     def bending(self, axis: Template, p, row):
-        """What all hinges pull the lanes at p by, along an axis."""
-        return self.taken(self.bent[ALONG_X][axis], p, 1) + self.taken(self.bent[ALONG_Y][axis], p, row)
+        """What all hinges, and cells along their arcs, pull the lanes at p by, along an axis."""
+        hinges = self.taken(self.bent[ALONG_X][axis], p, 1) + self.taken(self.bent[ALONG_Y][axis], p, row)
+        return hinges + load(self.pushed[axis], p)
 
     @ti.func
     def taken(self, bent: Template, p, offset):

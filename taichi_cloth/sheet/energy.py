@@ -1,7 +1,10 @@
 """Energy and forces of a sheet in float64 on the host: the reference that kernels and tests are held against.
 
 W = Σ k/2 (|d| − L)² over structural, diagonal and second-neighbour springs + Σ β/2 |x₋ − 2x + x₊|² over hinges
-  + Σ τ/2 |x₀₀ − x₁₀ − x₀₁ + x₁₁|² + Σ k/2 (|x₁₁ − x₀₀| − |x₀₁ − x₁₀|)² over cells
+  + Σ τ/2 |x₀₀ − x₁₀ − x₀₁ + x₁₁|² + Σ k/2 (|x₁₁ − x₀₀| − |x₀₁ − x₁₀| + T·C/12l)² over cells
+
+(T is the sum under τ, C that of all eight second differences at a cell's corners; T·C counts by the lightest of the
+threads that it reaches, of those inside 1, and not at all where one is missing.)
 
 Friction within the sheet follows from what went before and is not in it, nor is locking.
 """
@@ -93,20 +96,44 @@ def twists(sheet: Sheet) -> tuple[tuple[Window, Window, Window, Window], F64] | 
     return ((low, left), (high, left), (low, right), (high, right)), sheet.springs.twist * sheet.cells
 
 
-def sheared(sheet: Sheet, x: F64) -> Iterator[tuple[Window, Window, F64, F64]]:
-    """Both diagonals of all cells that shear: windows of their ends, vectors between them (rows − 1, cols − 1, 3) [m],
-    and how much each is pulled along itself (rows − 1, cols − 1) [N]; nothing where diagonals are springs. x: positions
-    (rows, cols, 3) [m]."""
+@dataclass(frozen=True)
+class Cells:
+    """All cells of a sheet that shear, (rows − 1, cols − 1, …). corners: windows of 00, 10, 01, 11. diagonals: vectors
+    11 − 00 and 01 − 10 [m]. turn, curl: T and C [m]. arc: 1/12l, and less near edges [1/m]. apart: d₁ − d₂ + T·C/12l
+    [m]. pull: ∂W/∂ of that [N]."""
+
+    corners: tuple[Window, Window, Window, Window]
+    diagonals: tuple[F64, F64]
+    turn: F64
+    curl: F64
+    arc: F64
+    apart: F64
+    pull: F64
+
+
+def sheared(sheet: Sheet, x: F64) -> Cells | None:
+    """None where diagonals are springs. x: positions (rows, cols, 3) [m]."""
     if sheet.springs.shear == 0:
-        return
+        return None
     rows, cols = sheet.shape
     low, left, high, right = slice(0, rows - 1), slice(0, cols - 1), slice(1, rows), slice(1, cols)
-    ends = ((low, left), (high, right)), ((low, right), (high, left))
-    vectors = [x[two] - x[one] for one, two in ends]
-    lengths = [np.linalg.norm(d, axis=-1) for d in vectors]
-    pull = sheet.springs.shear * sheet.cells * (lengths[0] - lengths[1])
-    for (one, two), d, sign in zip(ends, vectors, (1, -1), strict=True):
-        yield one, two, d, sign * pull
+    corners = (low, left), (high, left), (low, right), (high, right)
+    one, two, three, four = (x[corner] for corner in corners)
+    first, second = np.linalg.norm(four - one, axis=-1), np.linalg.norm(three - two, axis=-1)
+    turn, bent, whole = one - two - three + four, np.zeros_like(x), np.zeros((2, rows, cols))
+    for way, between in enumerate(sheet.weights[1::-1]):  # along columns, along rows
+        before, at, after = (
+            tuple(slice(k, n - 2 + k) if way == axis else slice(n) for axis, n in enumerate((rows, cols)))
+            for k in range(3)
+        )
+        if sheet.shape[way] > 2:
+            bent[at] += x[before] - 2 * x[at] + x[after]
+            whole[way][at] = np.minimum(between[before], between[at])
+    least = np.minimum(1.0, np.min([one[corner] for one in whole for corner in corners], axis=0))
+    curl = np.sum([bent[corner] for corner in corners], axis=0)
+    arc = least / (12 * sheet.springs.diagonal_length)
+    apart = first - second + arc * np.sum(turn * curl, axis=-1)
+    return Cells(corners, (four - one, three - two), turn, curl, arc, apart, sheet.springs.shear * sheet.cells * apart)
 
 
 def elastic_energy(sheet: Sheet, positions: ArrayLike) -> float:
@@ -123,8 +150,8 @@ def elastic_energy(sheet: Sheet, positions: ArrayLike) -> float:
         (one, two, three, four), constant = found
         turn = x[one] - x[two] - x[three] + x[four]
         total += 0.5 * float(np.sum(constant[..., None] * turn**2))
-    for _, _, d, pull in sheared(sheet, x):  # k (d₁ − d₂) d₁/2 and −k (d₁ − d₂) d₂/2
-        total += 0.5 * float(np.sum(pull * np.linalg.norm(d, axis=-1)))
+    if (cells := sheared(sheet, x)) is not None:
+        total += 0.5 * float(np.sum(cells.pull * cells.apart))
     return total
 
 
@@ -148,11 +175,29 @@ def elastic_forces(sheet: Sheet, positions: ArrayLike) -> F64:
         turn = constant[..., None] * (x[one] - x[two] - x[three] + x[four])
         for window, sign in ((one, -1), (two, 1), (three, 1), (four, -1)):
             out[window] += sign * turn
-    for one, two, d, along in sheared(sheet, x):
-        pull = (along / np.maximum(np.linalg.norm(d, axis=-1), 1e-30))[..., None] * d
-        out[one] += pull
-        out[two] -= pull
+    if (cells := sheared(sheet, x)) is not None:
+        _add_shear(cells, out)
     return out
+
+
+def _add_shear(cells: Cells, out: F64) -> None:
+    """The forces of cells on all key points (rows, cols, 3) [N]."""
+    one, two, three, four = cells.corners
+    for start, end, d, sign in ((one, four, cells.diagonals[0], 1), (two, three, cells.diagonals[1], -1)):
+        along = (sign * cells.pull / np.maximum(np.linalg.norm(d, axis=-1), 1e-30))[..., None] * d
+        out[start] += along
+        out[end] -= along
+    arc = (cells.pull * cells.arc)[..., None]
+    hinge = np.zeros_like(out)
+    for corner, sign in zip(cells.corners, (-1, 1, 1, -1), strict=True):
+        out[corner] += sign * arc * cells.curl
+        hinge[corner] += arc * cells.turn
+    out[:, 1:-1] += 2 * hinge[:, 1:-1]
+    out[:, :-2] -= hinge[:, 1:-1]
+    out[:, 2:] -= hinge[:, 1:-1]
+    out[1:-1] += 2 * hinge[1:-1]
+    out[:-2] -= hinge[1:-1]
+    out[2:] -= hinge[1:-1]
 
 
 def accelerations(sheet: Sheet, positions: ArrayLike, gravity: ArrayLike) -> F64:

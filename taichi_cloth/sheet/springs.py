@@ -22,6 +22,12 @@ by G a⁴ κ_xy⁴/32 an area, which on wide grids is more than bending. So a fa
 whose cells each is looked at anyway (`motion/slipping.py`), has cells in their place. They measure shear by the
 difference of their diagonals' lengths: k_c/2 (d₁ − d₂)², k_c = k_d/2. Then C_x = E_x, C_y = E_y and nothing couples.
 
+Threads of bent cloth are arcs, and their chords feign a shear: on a cylinder at an angle to them each thread is a
+helix, whose chords lean towards the other family's, so that the product of a cell's mean edges is less by κ_xy a b
+(a² κ_xx + b² κ_yy)/6. That is added again, as T·C/(12 l) to d₁ − d₂: T = x₀₀ − x₁₀ − x₀₁ + x₁₁ is a b κ_xy, C the sum
+of all second differences at the cell's corners, 4 (a² κ_xx + b² κ_yy). It is part of the energy, whose forces act on
+all twelve key points; what is left falls with a⁴. Where a corner has no hinge cells keep to their chords.
+
 Bending laws:
 - "hinge" (default): energy B/2 ∫ κ² with κ ≈ |x₋ − 2x + x₊| / a², the quadratic bending of Bergou et al. 2006 on a
   grid; linear in the positions, right near the flat state. Energy of a hinge: β/2 |x₋ − 2x + x₊|², β = B b/a³.

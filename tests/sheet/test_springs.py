@@ -7,7 +7,7 @@ import pytest
 from strips import PLAIN, strip
 
 from taichi_cloth.ground.errors import InputError
-from taichi_cloth.sheet.energy import elastic_energy, elastic_forces
+from taichi_cloth.sheet.energy import elastic_energy, elastic_forces, sheared
 from taichi_cloth.sheet.materials import MATERIALS, Material, named_material
 from taichi_cloth.sheet.sheet import Sheet
 from taichi_cloth.sheet.springs import BendingLaw, calibrate
@@ -71,6 +71,45 @@ def test_diagonals_of_a_twisted_cell_lock_by_g_a4_kappa4_over_32() -> None:
     rubbing = sheet_of(replace(material, shear_friction=0.1), a, a, rows=2, cols=2)
     assert (rubbing.springs.diagonal, rubbing.springs.shear) == (0.0, pytest.approx(sheet.springs.diagonal / 2))
     assert elastic_energy(rubbing, x) < 1e-6 * elastic_energy(sheet, x)
+
+
+@pytest.mark.parametrize("degrees", [30, 45])
+def test_cells_of_a_cylinder_are_not_sheared_at_any_angle(degrees: int) -> None:
+    """Threads that lie as helices are not sheared, but the diagonals of their chords differ, by κ_xy a² (κ_xx + κ_yy)/6
+    of an angle, 1/23 at 100 a metre and 7.5 mm: of arcs a tenth of that is left, which falls with a⁴. And what is
+    sheared by 0.1 before it is rolled up is so after, where chords tell half of it."""
+    angle, kappa = np.radians(degrees), 100.0
+    left = []
+    for a, side, close in ((7.5e-3, 9, 0.04), (3.75e-3, 17, 0.004)):
+        sheet = sheet_of(replace(PLAIN, shear_friction=1.0), a, a, rows=side, cols=side)
+        flat = sheet.flat()[..., :2] - a * (side - 1) / 2
+
+        def rolled(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+            u = x * np.cos(angle) + y * np.sin(angle)
+            v = y * np.cos(angle) - x * np.sin(angle)
+            return np.stack([np.sin(kappa * u), kappa * v, 1 - np.cos(kappa * u)], axis=-1) / kappa
+
+        length = sheet.springs.diagonal_length
+        for sine in (0.0, 0.1):
+            half = np.arcsin(sine) / 2
+            x, y = (np.cos(half) * flat[..., k] + np.sin(half) * flat[..., 1 - k] for k in (0, 1))
+            cells = sheared(sheet, rolled(x, y))
+            assert cells is not None
+            inner = cells.arc > 0
+            assert inner[1:-1, 1:-1].all()
+            assert not inner[0].any()
+            one, two = (np.linalg.norm(d, axis=-1) for d in cells.diagonals)
+            chords, arcs = (one - two)[inner] / length, cells.apart[inner] / length
+            if sine == 0.0:
+                twist = kappa * np.sin(2 * angle) / 2
+                np.testing.assert_allclose(chords, -twist * a * a * kappa / 6, rtol=0.07)
+                assert np.abs(arcs).max() < 0.12 * np.abs(chords).min()
+                left.append(np.abs(arcs).max())
+            else:
+                flatly = 2 * np.sin(half)  # √2 (cos(π/4 − γ/2) − cos(π/4 + γ/2))
+                np.testing.assert_allclose(arcs, flatly, rtol=close)
+                assert chords.max() < 0.9 * flatly
+    assert left[1] < left[0] / 14
 
 
 @pytest.mark.parametrize(("a", "b"), [(0.01, 0.01), (0.01, 0.007)])
