@@ -29,10 +29,9 @@ the same sheet in turn, frame by frame: `flag`, `drape`, `hanging`, `stretch`, `
 and 37 to 59, ratio 3.6 to 4.1), `tshirt` at rest (ratio 3.3). Times are of one machine; only their ratio decides.
 `docs/solver_costs.py` measures them again."""
 
-WITHIN = {"verlet": 1.6, "yarns": 1.15}
-"""How many times as long that takes of cloth with friction within: the middle of what docs/solvers.md has of three
-scenes and two sheets (whole yarns 1.08 to 1.2, a part of it more substeps; Verlet 1.61 and 1.66).
-`docs/solver_costs.py --within` measures it again."""
+WITHIN = {"verlet": 1.7, "yarns": 1.15}
+"""How many times as long that takes of cloth with friction within, whose cells shear by arcs: the middle of `drape` and
+`drape-body` (Verlet 1.65 and 1.70, whole yarns 1.18 and 1.13). `docs/solver_costs.py --within` measures it again."""
 
 SECOND_CORE = 1.7
 """By how much a second core makes Verlet faster; whole yarns, and cloth with seams, keep to one."""
