@@ -59,7 +59,7 @@ __all__ = [
     "woven_garment",
 ]
 
-VERSION = 26
+VERSION = 27
 """Of what is kept on disk: raised whenever the same scene would come to another rest."""
 
 Progress = Callable[[str, int, int], None]

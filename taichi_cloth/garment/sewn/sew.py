@@ -234,14 +234,15 @@ def sew(
     told the stage, the frame and the most there may be, after each frame. solver: see `named_solver`.
 
     Few garments pass through themselves while they are sewn: contact is taken up only for those that come to rest so,
-    which are sewn again.
+    which are sewn again: with contact from where their seams are closed, and if that is not enough from the start.
 
     Raises InputError when the cloth does not hold together, with what to change.
     """
-    worn = _sew(garment, body, limit, None, solver, each, closing, settling)
-    if layers and not _clear(garment, worn.positions):
-        with contextlib.suppress(InputError):  # what cannot be sewn so stays as it is, and contact says where
-            worn = _sew(garment, body, limit, layers, solver, each, closing, settling)
+    worn = _sew(garment, body, limit, (None, None), solver, each, closing, settling)
+    for apart in ((None, layers), (layers, layers)):
+        if layers and not _clear(garment, worn.positions):
+            with contextlib.suppress(InputError):  # what cannot be sewn so stays as it is, and contact says where
+                worn = _sew(garment, body, limit, apart, solver, each, closing, settling)
     return worn
 
 
@@ -254,20 +255,21 @@ def _sew(
     garment: Garment,
     body: Colliders,
     limit: StrainLimit | None,
-    layers: SelfContact | None,
+    layers: tuple[SelfContact | None, SelfContact | None],
     solver: str,
     each: Callable[[str, int, int], None] | None,
     closing: int,
     settling: int,
 ) -> Worn:
-    """`sew`, with contact of layers from where on none passes through another: panels may start within each other."""
+    """`sew`, with contact of layers while seams close and while cloth settles, from where on none passes through
+    another: panels may start within each other."""
     start = garment.atlas.start()
     still = replace(body, motion=None, recovery=RECOVERY)
     smooth = replace(still, friction=0.05)
     frames = 0
     try:
         weight = Forces().gravity if garment.pattern.holds else (0.0, 0.0, 0.0)
-        apart = layers if layers and _clear(garment, start) else None
+        apart = layers[0] if layers[0] and _clear(garment, start) else None
         simulation = garment.simulation(
             Forces(gravity=weight, body=smooth, strain_limit=limit, self_contact=apart),
             start,
@@ -285,7 +287,7 @@ def _sew(
         speed = 0.0
         if body.primitives:  # in whose folds both keep out; of grids, which are one skin at rest, there are none
             still = replace(still, spared=spared(garment.atlas, simulation.positions, body.primitives, moving=False))
-        apart = layers if layers and _clear(garment, simulation.positions) else None
+        apart = layers[1] if layers[1] and _clear(garment, simulation.positions) else None
         simulation = garment.simulation(
             Forces(body=still, strain_limit=limit, self_contact=apart),
             simulation.positions,
