@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_cloth.detail.pieces import SURFACE
-from taichi_cloth.detail.refine import RefiningStream
+from taichi_cloth.detail.refine import PARTING, RefiningStream
 from taichi_cloth.detail.streaming import FabricStream
 from taichi_cloth.detail.thinning import UNCHANGED, Gains, thinned_to
 from taichi_cloth.fabric.fabric import Fabric
@@ -40,8 +40,6 @@ gains and with the fourth."""
 LARGEST_STEP = 0.3
 OPENED = -0.5, 0.9
 CROSSINGS = 6
-PARTED = 12.0
-"""Radius of a drawn fibre [px] at which real ones have parted and show no surface yet."""
 MOST = 4_000_000
 PATCH, MEASURED_SIDE = 24, 16
 """Of a fabric of more than so many particles, gains are measured on patches of so many threads each way, in the middle
@@ -234,8 +232,9 @@ def fit_near(
         )
         return matched(before, after, own)
 
-    fine.parted_gain = factor(PARTED)
-    return fine.parted_gain, factor(with_surface)
+    parted = np.stack([np.ones(2, np.float32), *(factor(pixels) for pixels in PARTING[1:])])
+    fine.parted_gain = parted
+    return parted, factor(with_surface)
 
 
 def matched(before: F64, after: F64, own: F64) -> NDArray[np.float32]:

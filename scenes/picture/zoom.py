@@ -31,7 +31,7 @@ __all__ = ["path", "require_threads", "source_of", "target_of", "zoom"]
 
 Image = NDArray[np.uint8]
 F64 = NDArray[np.float64]
-FITTED = 6
+FITTED = 7
 """Version of how gains are fitted, which takes long: they are kept."""
 
 
@@ -86,12 +86,12 @@ def source_of(
     def fit() -> dict[str, NDArray]:
         far = fit_gains(fabric, points, views=views, **options)
         near = fit_near(fabric, points, skin, **options)
-        return {"tilt": far.tilt, "factor": far.factor, "near": np.array(near)}
+        return {"tilt": far.tilt, "factor": far.factor, "parted": near[0], "surface": near[1]}
 
     made_of = digest(FITTED, fabric.bank, fabric.layout.blocks, points, skin, lighting, finish, views)
     fitted, _ = kept("gains", made_of, fit)
-    parted, surface = fitted["near"]
     gains = Gains(fitted["tilt"], fitted["factor"])
+    parted, surface = fitted["parted"], fitted["surface"]
     return RefiningStream(fabric, points, skin, gains=gains, parted_gain=parted, surface_gain=surface)
 
 

@@ -35,6 +35,9 @@ SPACING = 2.0
 """Distance between points on a fibre's surface [px]."""
 GROWN = 30.0
 """The real fibres beside the first have their full radius when they have parted this many times less than wholly."""
+LONG = 1.6
+"""Half length of a piece whose fibres have not parted, in its radii, at least: a chain of pieces that are shorter than
+wide lets light past that one of longer ones does not, as each is fainter (`render.splat.project`)."""
 PLACE, PERIOD, TURN, SKINNED, PARTED, BEFORE, AFTER, THREAD, FAMILY = range(ROWS, ROWS + 9)
 """Numbers of a piece after those of a particle's record: its place along its skin's period, the period [m], the skin's
 turn [rad], whether it has one, how far it has parted, how far before and after it its neighbours on the fibre stand in
@@ -71,10 +74,9 @@ def split(
 ):
     """Lay chosen blocks, each drawn fibre as `each` real ones: an even spiral in its section (Vogel).
 
-    starts: (chosen + 1,) where each one's pieces stand. parted: how far its fibres have parted, 0 to 1. gain: factors
-    for the colour of those that have, of warp and of weft. Of each block of the fabric, core: particles of its template
-    that are fibres, not hairs; steps: those of one fibre; each: real fibres for a drawn one. usual: a skin's period is
-    near this [m].
+    starts: (chosen + 1,) where each one's pieces stand. parted: how far its fibres have parted, 0 to 1. gain: factor
+    for the colour of those that part. Of each block of the fabric, core: particles of its template that are fibres, not
+    hairs; steps: those of one fibre; each: real fibres for a drawn one. usual: a skin's period is near this [m].
     """
     for step in range(chunks * 1024):
         if step % 1024 != 0:
@@ -115,7 +117,7 @@ def split(
                         if j > 0:  # where all still lie on one another, one is enough
                             r *= ti.min(GROWN * parted[i], 1.0)
                         outward = (up + parted[i] * 0.6 * (y * up + z * side) / radius).normalized()
-                        tone *= 1.0 + parted[i] * (gain[fabric.family[b]] - 1.0)
+                        tone *= gain[i]
                         tone *= 1.0 + parted[i] * 0.12 * (_hash(line * 64 + j, yarn + 31) - 0.5)
                         far = parted[i]
                     for c in ti.static(range(3)):
@@ -124,7 +126,8 @@ def split(
                         pieces_out[q, TANGENT + c] = d[c]
                         pieces_out[q, NORMAL + c] = outward[c]
                     pieces_out[q, RADIUS] = r
-                    pieces_out[q, HALF_LENGTH] = fabric.particle[t, COLUMN.half_length]
+                    least = LONG * (1.0 - parted[i]) * r
+                    pieces_out[q, HALF_LENGTH] = ti.max(fabric.particle[t, COLUMN.half_length], least)
                     pieces_out[q, OPENNESS] = fabric.particle[t, COLUMN.openness]
                     pieces_out[q, PLACE] = u * periods + _hash(line * 64 + j, yarn + 101)
                     pieces_out[q, PERIOD] = length / periods

@@ -20,11 +20,13 @@ from taichi_cloth.fabric.layout import BODY, Blocks
 from taichi_cloth.fabric.templates import build_templates
 from taichi_cloth.ground.particles import LANES
 
-__all__ = ["RefiningStream"]
+__all__ = ["PARTING", "RefiningStream"]
 
 F32 = NDArray[np.float32]
 PART = (3.5, 9.0)
 """Radius of a drawn fibre [px] at which it begins to part into real ones, and at which they have their places."""
+PARTING = 3.5, 3.7, 4.0, 4.5, 5.0, 6.0, 7.5, 9.0
+"""Radii of a drawn fibre [px] between which the brightness of real ones is led from one to the next."""
 MOST_BLOCKS = 700
 """Blocks parted at a time; the nearest go first."""
 STEPS = 32
@@ -48,9 +50,9 @@ class RefiningStream:
     """A fabric that streams as `FabricStream` does and is refined where the camera is near.
 
     skin: the fibre's height map (see `skin.skin_of`). steps: pieces of a real fibre in a block.
-    parted_gain, surface_gain: factors for the colour of real fibres of warp and of weft, and of points on their surface
-    besides. They hide what is behind them better than what they replace, so that more of the picture is fibres that
-    lie open.
+    parted_gain, surface_gain: factors for the colour of real fibres of warp and of weft, (2,) or at each of `PARTING`
+    (radii, 2), and of points on their surface besides (2,). They hide what is behind them better than what they
+    replace, so that more of the picture is fibres that lie open.
     """
 
     def __init__(
@@ -67,7 +69,7 @@ class RefiningStream:
     ) -> None:
         self.base = FabricStream(fabric, points, chunks=chunks, **options)  # pyright: ignore[reportArgumentType]
         self.skins, self.steps, self.chunks = Skins(skin, surface_gain, chunks), steps, chunks
-        self.parted_gain = np.asarray(parted_gain, np.float32)
+        self.parted_gain = np.broadcast_to(np.asarray(parted_gain, np.float32), (len(PARTING), 2))
         self._known = np.zeros(0, np.int64)
         self._near: FabricStream | None = None
         bank, base = fabric.bank, self.base
@@ -185,12 +187,14 @@ class RefiningStream:
         usual = float(np.mean([y.fibre_diameter for y in yarns])) * 20.0  # a skin's period is near this [m]
         parted = np.clip((pixels - PART[0]) / (PART[1] - PART[0]), 0, 1)
         parted = (parted * parted * (3 - 2 * parted)).astype(np.float32)
+        of_radius = np.stack([np.interp(pixels, PARTING, gain) for gain in self.parted_gain.T])
+        gain = of_radius[family[where], np.arange(len(near))].astype(np.float32)
         split(
             self.chunks,
             where,
             starts.astype(np.int32),
             parted,
-            self.parted_gain,
+            gain,
             arrays.pack(),
             core,
             length.astype(np.int32),
