@@ -122,14 +122,18 @@ def _solved(got: Callable[[F64], F64], want: F64, start: F64) -> F64:
     return now
 
 
-def flat_piece(cloth: CellCloth, number: int, threads: int, pitch: tuple[float, float]) -> CellStream:
-    """A flat piece of so many threads each way, woven as a repeat says."""
+def flat_piece(
+    cloth: CellCloth, number: int, threads: int, pitch: tuple[float, float], colours: NDArray | None = None
+) -> CellStream:
+    """A flat piece of so many threads each way, woven as a repeat says. colours: of its warp ends and then of its weft
+    picks, `CELL` for each cell and one more of both, (n, 3); None: red and green, by which they are told apart."""
     cells = -(-threads // CELL)
     shape = cells + 1, cells + 1
     count = cells * CELL + 1
-    probe = np.repeat(np.eye(3, dtype=np.float32)[:2], count, axis=0)
+    probe = np.repeat(np.eye(3)[:2], count, axis=0) if colours is None else colours
     panel = CellPanel(0, 0, *shape, number)
-    piece = CellCloth(shape, (CELL, CELL), cloth.repeats, (panel,), CellThreads.whole(probe), bank=cloth.bank)
+    dyed = CellThreads.whole(np.asarray(probe, np.float32))
+    piece = CellCloth(shape, (CELL, CELL), cloth.repeats, (panel,), dyed, bank=cloth.bank)
     points = np.zeros((*shape, 3))
     points[..., 0] = np.arange(shape[1]) * CELL * pitch[0]
     points[..., 2] = -np.arange(shape[0])[:, None] * CELL * pitch[1]

@@ -1,4 +1,5 @@
-"""A cloth far away, drawn as a sheet: it covers as much and is as bright as its fibres, at any samples a pixel."""
+"""A cloth far away, drawn as a sheet: it covers as much and is as bright as its fibres, at any samples a pixel, and
+each stripe has its colour from far and near."""
 
 from dataclasses import replace
 from math import asin, degrees
@@ -7,8 +8,10 @@ import numpy as np
 import pytest
 
 from taichi_cloth.detail.cell_stream import TARGET, CellStream
+from taichi_cloth.render.data.camera import frame
 from taichi_cloth.render.data.finish import Finish, finish_for
 from taichi_cloth.render.splat.splat import Splatter
+from taichi_cloth.render.splat.stream import stream
 from taichi_cloth.scenes.models.cell_fibres import sheet_fibres
 from taichi_cloth.scenes.picture import sheet_look
 from taichi_cloth.scenes.picture.sheet_look import FIBRES, SHEETS, SIZE, SKY, fit_look, seen_light
@@ -78,3 +81,35 @@ def test_the_warp_shows_where_it_floats(source: CellStream) -> None:
     right, wrong = source.look.factor[0, :, -1]
     assert 1.5 < right[WARP] / right[WEFT] < 3.5
     assert 1.5 < wrong[WEFT] / wrong[WARP] < 3.5
+
+
+STRIPE = 20
+DYED = np.array([[0.62, 0.05, 0.04], [0.85, 0.83, 0.78], [0.03, 0.07, 0.40]])
+
+
+def test_each_stripe_has_its_colour_from_far_and_near(source: CellStream, finish: Finish) -> None:
+    """Stripes of red, white and blue ends, white picks: seen as a sheet, as thick fibres and as all of them, each has
+    the same colour, in one light for all of them."""
+    dyed = np.repeat(DYED, STRIPE, axis=0)
+    colours = np.concatenate([dyed, DYED[-1:], np.repeat(DYED[1:2], 3 * STRIPE + 1, axis=0)])
+    piece = sheet_look.flat_piece(source.cloth, 0, 3 * STRIPE, source.pitch, colours)
+    piece.look = source.look
+    points = piece.cloth.node[:, :3].astype(np.float64)
+    low, high = points.min(axis=0), points.max(axis=0)
+    base = frame(points, width=160, height=96, elevation=90.0, fov=4)
+    splatter, lighting, seen = Splatter(160, 96), sheet_look._keys(0), []
+    for pixels in (0.7, 4.0, 12.0):
+        away = float(np.sqrt(source.pitch[0] * source.pitch[1])) * base.focal / pixels
+        wide, high_up = (round(min(pixels * 0.3 * STRIPE, half)) for half in (80, 48))
+        window = np.s_[48 - high_up : 48 + high_up, 80 - wide : 80 + wide]
+        stripes = []
+        for k in range(3):
+            at = (low + high) / 2
+            at[0] = low[0] + (k + 0.5) * STRIPE * source.pitch[0]
+            camera = replace(base, translation=-base.rotation @ (at - base.forward * away), near=1e-4)
+            stream(splatter, camera, piece, most=10**9, lighting=lighting, finish=finish)
+            picture = splatter.linear()[window].sum(axis=(0, 1), dtype=np.float64)
+            stripes.append(picture[:3] / picture[3])
+        seen.append(np.array(stripes))
+    for one in seen[1:]:
+        assert one / one[1].mean() == pytest.approx(seen[0] / seen[0][1].mean(), rel=0.08, abs=0.004)
