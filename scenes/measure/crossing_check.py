@@ -15,7 +15,6 @@ from pydantic import ValidationError
 from taichi_cloth.body.files.mesh_reading import FORMATS, read_mesh
 from taichi_cloth.crossings.crossings import Crossings, find_crossings
 from taichi_cloth.garment.sewn.joined import joined_points
-from taichi_cloth.garment.sewn.surface import Surface
 from taichi_cloth.ground import runtime
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.motion.simulation import Simulation
@@ -59,7 +58,7 @@ def skin_of(scene: Scene) -> tuple[Skin, Simulation]:
         skin = Skin(lambda x: x.reshape(-1, 3), faces, None, np.zeros(len(faces), int), ["the sheet"])
         return skin, simulation
     dressed = dress(scene)
-    surface = Surface(dressed.garment.atlas)
+    surface = dressed.garment.surface
     names = [piece.panel.name for piece in dressed.garment.atlas.panels]
     same = joined_points(dressed.garment, surface)
     skin = Skin(lambda x: surface.points(x)[0], surface.faces, same, surface.panel[surface.faces[:, 0]], names)

@@ -14,7 +14,6 @@ from taichi_cloth.garment.sewn.in_motion import Watch
 from taichi_cloth.garment.sewn.limbs import spared
 from taichi_cloth.garment.sewn.misfit import misfit
 from taichi_cloth.garment.sewn.stitches import PIECES, STRANDS, Stitches
-from taichi_cloth.garment.sewn.surface import Surface
 from taichi_cloth.garment.sewn.weaving import Colours, Weaving
 from taichi_cloth.ground.particles import LANES, ROWS
 from taichi_cloth.motion.simulation import Simulation
@@ -157,7 +156,7 @@ class GarmentModel(MovingModel):
         self.misfit = misfit(dressed.garment, dressed.worn, dressed.primitives)
         self.simulation = self.at_start()
         self.simulation.solver.make_ready(self.simulation.state)  # before what is drawn, as where it was sewn just now
-        self.surface = Surface(dressed.garment.atlas)
+        self.surface = dressed.garment.surface
         box = scene.camera.box_m
         at_rest = self.simulation.positions[self.simulation.sheet.present]
         self.bounds = box_round(at_rest) if box is None else box_corners(*box).astype(np.float32)

@@ -59,7 +59,7 @@ __all__ = [
     "woven_garment",
 ]
 
-VERSION = 27
+VERSION = 28
 """Of what is kept on disk: raised whenever the same scene would come to another rest."""
 
 Progress = Callable[[str, int, int], None]
@@ -127,7 +127,7 @@ def dress(scene: Scene, each: Progress | None = None) -> Dressed:
 
     arrays, found = kept("worn", made_of, make)
     numbers = {name: arrays[name].item() for name in ("gap", "depth", "stretch", "taut", "speed", "frames", "sweeps")}
-    worn = Worn(positions=arrays["positions"], pushes=arrays["pushes"], **numbers)
+    worn = Worn(**{name: arrays[name] for name in ("positions", "pushes", "anchors", "spared")}, **numbers)
     return Dressed(**vars(parts), worn=worn, from_disk=found)
 
 
@@ -241,26 +241,27 @@ def garment_simulation(
             return dressed.body.bone_transforms(moves.pose(time))
 
         colliders = replace(colliders, motion=bones_at, name=name)
-    garment = dressed.garment
-    met = spared(garment.atlas, dressed.worn.positions, dressed.primitives, moving=not still)
-    colliders = replace(colliders, spared=met)
-    if still:  # let out as fast as it was when it came to rest, or waistbands begin with a jerk of 10 mm/s
-        colliders = replace(colliders, recovery=RECOVERY)
+    garment, worn = dressed.garment, dressed.worn
+    if still:  # meets what it met when it came to rest, and is let out as fast, or it begins with a jerk of 10 mm/s
+        colliders = replace(colliders, spared=worn.spared if worn.spared.size else None, recovery=RECOVERY)
+    else:
+        colliders = replace(colliders, spared=spared(garment.atlas, worn.positions, dressed.primitives, moving=True))
     forces = replace(garment_forces(scene, dressed), body=colliders)
     places = garment.holds()[2]
     solver = scene.solver or SolverSection()
     bones = np.full(len(places), bearer(places, dressed.primitives) if len(places) else -1)
     return garment.simulation(
         forces,
-        dressed.worn.positions,
+        worn.positions,
         bones=bones,
         frame_rate=float(scene.output.fps),
         step=None if solver.step_ms is None else 1e-3 * solver.step_ms,
         safety=solver.safety,
         solver=garment_choice(scene, dressed).name,
         settled=settled,
-        pushes=dressed.worn.pushes,
-        sweeps=dressed.worn.sweeps,
+        pushes=worn.pushes,
+        sweeps=worn.sweeps,
+        anchors=worn.anchors,
     )
 
 

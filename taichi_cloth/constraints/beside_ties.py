@@ -91,11 +91,13 @@ def _longest(m: Material) -> list[float]:
 
 @ti.data_oriented
 class BesideFields:
-    """Room for so many threads. nearly: numbers of those that are nearly too long, or more. drawn: of those that were
+    """Room for so many threads. nearly: numbers of those that are nearly too long, or more, and listed: how
+    many. drawn: of those that were
     drawn together in this turn."""
 
     def __init__(self, threads: int) -> None:
         self.count: Any = ti.field(ti.i32, ())
+        self.listed: Any = ti.field(ti.i32, ())
         self.ends, self.number = ti.field(ti.i32, (threads, 2)), ti.field(ti.f32, (threads, 4))
         self.begin, self.tie = (_numbers(n) for n in (threads + 1, LINKS * threads))
         self.nearly, self.drawn = ti.field(ti.i32, threads), ti.field(ti.i32, threads)

@@ -31,6 +31,10 @@ SLACK = 1e-4
 LEAST = 0.1
 """Share of MOVING of `ties.py` that a tie which lies learns as if it had: a curtain that is hung still must learn."""
 
+LOOKS = 4
+"""Substeps from one look at all threads beside ties to the next, and in the last of a frame; those that are nearly too
+long then are looked at in each."""
+
 TURNS = 8
 """At most, of threads beside ties and these. Walking, 45 frames: with 4 of them 24 threads of a pair of trousers were
 beyond 3 % in all, with 8 two."""
@@ -122,12 +126,12 @@ class TieFields:
             if self.wide[None] < 0 or ti.static(points.sums and not self.repeated):  # yarns pull again at what is held
                 self.close_all(points, share)
                 if ti.static(points.sums and not self.repeated):
-                    self.draw_beside(points, share)
+                    self.draw_beside(points, share, done)
             elif ti.static(self.repeated):
                 for m in range(self.wide[None]):
                     self.close(points, self.listed[m], share)
                 if ti.static(points.sums):
-                    self.draw_beside(points, share)
+                    self.draw_beside(points, share, done)
         else:
             first = self.wide[None] < 0
             count, found = ti.cast(self.path[self.capacity, 0], ti.i32) if first else self.wide[None], 0
@@ -140,12 +144,14 @@ class TieFields:
                 self.wide[None] = found
 
     @ti.func
-    def draw_beside(self, points: Template, share):
+    def draw_beside(self, points: Template, share, done):
         """Threads beside ties that are too long, in turn with the ties at their ends. Seams have the last word, and
         threads where cloth is held: it may be held a hair off, and no thread is so long for it."""
         listed = 0
         if self.path[self.capacity, 5] > 0.0:
-            listed = self.beside.look(points)
+            if done % LOOKS == 0 or share > 1.0 - 0.5 * self.path[self.capacity, 1]:
+                self.beside.listed[None] = self.beside.look(points)
+            listed = self.beside.listed[None]
         for turn in range(TURNS):
             if listed > 0:
                 drawn = self.beside.draw(points, listed)

@@ -7,6 +7,7 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from taichi_cloth.ground import runtime
 from taichi_cloth.ground.device_memory import require_device_memory
@@ -128,6 +129,10 @@ class KernelSolver(Solver):
     @property
     def remembered(self) -> int:
         return super().remembered + (ANCHORS if self.sheet.springs.slips else 0)
+
+    def anchors(self, state: SheetState) -> NDArray[np.float32]:
+        first = 6 + sum(one.remembers for one in self.constraints)
+        return state.values[first : first + (ANCHORS if self.features.slips else 0)]
 
     def take_steps(self, substeps: int) -> None:
         """From now on so many a frame."""

@@ -71,7 +71,7 @@ class Simulation:
             raise InputError("pins: their masks and the key points the sheet was made with as pinned differ")
         self.sheet, self.solver, self.forces, self.pins = sheet, solver, forces, pins
         self.frame = 0
-        self.state = sheet.state(positions, solver.remembered)
+        self.state = self._before = sheet.state(positions, solver.remembered)
         for group in pins:
             start = np.asarray(positions, np.float64)[group.mask]
             if group.path is not None and np.abs(group.at(0.0) - start).max(initial=0.0) > 1e-6:
@@ -79,6 +79,7 @@ class Simulation:
         self._made_for = self._fingerprint()
         solver.shorten(self.state, self.state)
         self._velocities = velocities
+        self._settled = settled
         self._strained, self._longest = not settled and solver.overstrained(self.state), LARGEST_STRETCH
         if not self._strained:
             self._longest = max(self._longest, *(1.01 * float(part.max()) for part in sheet.stretch(self.positions)))
@@ -121,7 +122,8 @@ class Simulation:
         """x(0) − x(−h) = v h − a h²/2, which makes the start of second order, as the rest."""
         sheet, h = self.sheet, self.solver.step
         steps = h * np.where(sheet.inverse_mass[..., None] > 0, np.broadcast_to(velocities, positions.shape), 0.0)
-        steps -= self.solver.accelerations(sheet, positions, self.forces.gravity) * h**2 / 2
+        if not self._settled:
+            steps -= self.solver.accelerations(sheet, positions, self.forces.gravity) * h**2 / 2
         sheet.set_steps(self.state, steps)
 
     def halt(self) -> None:
@@ -131,8 +133,12 @@ class Simulation:
         self.slow(0.0)
 
     def slow(self, share: float) -> None:
-        """Leaves key points this share of their speed."""
-        self.sheet.set_steps(self.state, share * self.sheet.steps(self.state))
+        """Leaves key points this share of the speed that they had in the last frame. Of their last step it would be
+        another: what ties and skin mend in each substep in positions alone is in steps, and with a tenth of that taken
+        away a skirt came to rest elsewhere, and left it at 4 mm/s."""
+        sheet = self.sheet
+        moved = sheet.positions(self.state) - sheet.positions(self._before)
+        sheet.set_steps(self.state, sheet.steps(self.state) - (1.0 - share) / self.solver.substeps * moved)
 
     def step(self) -> None:
         """One frame. Raises Unstable, with the state as it was before the frame; InputError where it is the first, and
@@ -152,7 +158,7 @@ class Simulation:
                 if not self.solver.shorten(self.state, moved):
                     self._check_solver()
                     break
-        self.state = moved
+        self._before, self.state = self.state, moved
         self.frame += 1
 
     def _check_solver(self) -> None:
@@ -250,7 +256,7 @@ class Simulation:
             raise InputError(f"{path}: a damaged state ({error}); allowed: a file that `save` wrote") from None
         if made_for != self._made_for or values.shape != self.state.values.shape or values.dtype != np.float32:
             raise InputError(f"{path}: saved by a simulation of another sheet, forces or step; start it anew")
-        self.state = SheetState(values)
+        self.state = self._before = SheetState(values)
         self.frame, self._strained = frame, self._strained and frame == 0
         self.solver.go_on(found)
 

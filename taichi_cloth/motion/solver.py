@@ -2,6 +2,7 @@
 
 from abc import ABC, abstractmethod
 
+import numpy as np
 from numpy.typing import NDArray
 
 from taichi_cloth.motion.constraint import Constraint
@@ -42,6 +43,11 @@ class Solver(ABC):
         """Numbers of a key point that a state keeps beside its place and step: first what constraints remember, then
         the solver's own, last what constraints keep."""
         return sum(one.remembers + one.keeps for one in self.constraints)
+
+    def anchors(self, state: SheetState) -> NDArray[np.float32]:
+        """A view of where what rubs within the sheet pulls nothing, (ANCHORS, *padded shape) [m], see `slipping.py`;
+        (0, …) where nothing rubs."""
+        return state.values[:0]
 
     @property
     def explicit(self) -> Sheet:

@@ -130,7 +130,14 @@ class Springs:
     @property
     def slips(self) -> bool:
         """Whether anything rubs within the sheet, or locks: what is not a spring."""
-        return max(self.rub_x, self.rub_y, self.rub_shear, self.lock) > 0
+        return max(self.rub_x, self.rub_y, self.rub_shear, self.lock, self.shear) > 0
+
+    @property
+    def relaxed(self) -> "Springs":
+        """Without the friction within, whose sliders go along and pull nothing: what has been moved about for long
+        comes to rest so (its anhysteretic state)."""
+        names = ("rub_x", "rub_y", "couple_x", "couple_y", "rub_shear", "slip_shear")
+        return replace(self, **dict.fromkeys(names, 0.0))
 
     @property
     def held(self) -> "Springs":

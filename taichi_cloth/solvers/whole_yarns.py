@@ -47,7 +47,7 @@ HELD = 0.9
 AVERAGED = 8.0
 """Substeps over which the pull of a thread is averaged. It is looked at in every other one."""
 
-LONG = 0.029
+LONG = 0.0295
 """Strain up to which it does not matter what a thread pulls (`WholeYarns.unsolved`)."""
 
 OVERSHOOT = 0.5

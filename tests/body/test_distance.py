@@ -7,7 +7,7 @@ import pytest
 import taichi as ti
 from scipy.spatial import KDTree
 
-from taichi_cloth.body.colliders.colliders import Colliders
+from taichi_cloth.body.colliders.colliders import Colliders, solid_distance
 from taichi_cloth.body.primitives.distance import nearest_distance, signed_distance
 from taichi_cloth.body.primitives.primitives import Primitive
 from taichi_cloth.body.primitives.shapes import EVERYWHERE
@@ -168,6 +168,24 @@ def test_the_nearest_of_several_is_the_least() -> None:
     assert (d == each.min(axis=0)).all()
     assert (whose == each.argmin(axis=0)).all()
     assert np.abs(np.linalg.norm(n, axis=1) - 1).max() < 1e-12
+
+
+def test_points_within_the_gap_are_let_out_of_it_and_deeper_ones_are_not() -> None:
+    """Of two balls: beyond both of them afterwards, and along the normal where only one is near."""
+    middles = [np.array([x, 0.0, 0.0]) for x in (-0.08, 0.08)]
+    balls = [Primitive(kind="sphere", start=at, end=at, radii=(0.1, 0.1)) for at in middles]
+    body = Colliders(primitives=tuple(balls), gap=0.01)
+    turn = RNG.normal(size=(500, 3))
+    points = balls[0].start + turn / np.linalg.norm(turn, axis=1, keepdims=True) * RNG.uniform(0.05, 0.13, (500, 1))
+    before, out = solid_distance(balls, points), body.let_out(points)
+    near = np.abs(before) < 0.01
+    after = solid_distance(balls, out)
+    assert (after >= before).all()
+    assert (after[near] > 0.0097).mean() > 0.98  # a point between the two may stay
+    assert (out[~near] == points[~near]).all()
+    one = near & (signed_distance(balls[1], points)[0] > 0.03)
+    assert one.sum() > 20
+    assert np.abs(np.linalg.norm(out[one] - points[one], axis=1) - (0.01 - before[one])).max() < 1e-12
 
 
 @ti.data_oriented

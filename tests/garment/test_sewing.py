@@ -25,7 +25,7 @@ from taichi_cloth.garment.sewn.sew import Garment, Worn, sew
 from taichi_cloth.motion.forces import Forces, StrainLimit
 from taichi_cloth.scenes.__main__ import _status
 from taichi_cloth.scenes.prepare.body_setup import grids_of, primitives_of
-from taichi_cloth.scenes.prepare.garment_setup import dress, dressed_parts
+from taichi_cloth.scenes.prepare.garment_setup import dress, dressed_parts, garment_simulation
 from taichi_cloth.scenes.scene.body_section import BodySection, prepare_body, prepare_motion
 from taichi_cloth.scenes.scene.load import load_scene
 from taichi_cloth.sheet.materials import MATERIALS
@@ -126,7 +126,7 @@ def test_darts_too_narrow_for_their_key_points_are_named(spacing, why, wish):
     worn = Worn(flat, gap=0.02, depth=0.0, stretch=0.0, taut=0.0, speed=0.0, frames=0)
     assert misfit(garment, worn) == f"a seam of front stays 20.0 mm open (allowed 2){why}{wish}"
     deep = replace(worn, gap=0.0, depth=0.01)
-    assert misfit(garment, deep) == f"cloth lies 10.0 mm in the body (allowed 5){wish}"
+    assert misfit(garment, deep) == f"cloth lies 10.0 mm in the body (allowed 3){wish}"
     assert misfit(garment, replace(worn, gap=0.0)) is None
     assert garment.last_ties().tolist() == [len(garment.seams()[0]) - 1]
 
@@ -163,11 +163,11 @@ WALKS = [
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "gender"), [*((n, "female") for n in (*DRAFTS, *SAMPLES)), ("trousers", "male")])
 def test_every_pattern_sews(name, gender):
-    """No seam wider than 2 mm, no key point deeper than 5 mm, no thread longer by more than 8 %."""
+    """No seam wider than 2 mm, no cloth deeper than 3 mm, no thread longer by more than 8 %."""
     garment, worn = sewn(name, gender, FINER.get(name, KEY_POINTS))
     assert misfit(garment, worn, figure(gender)[1]) is None
     assert worn.gap < 2e-3
-    assert worn.depth < 5e-3
+    assert worn.depth < 3e-3
     assert worn.stretch < 0.08
     assert worn.speed < 0.01
 
@@ -184,6 +184,23 @@ def test_trousers_of_denim_close_whole():
     assert worn.gap < 1e-3
     assert worn.depth < 1e-3
     assert worn.taut < 0.03
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["tshirt", "skirt", "dress", "trousers"])
+def test_built_in_garments_stand_still_from_their_first_frame(name):
+    """Root mean square from frame to frame: under 1 mm/s in the first second, under 0.5 in the next. A run goes on
+    where sewing left off: it does not begin with a jerk, and no fold creeps until it gives way."""
+    scene = load_scene(name, ["body.motion=rest", "garment.representation=mesh"])
+    simulation = garment_simulation(scene, dress(scene))
+    speeds = []
+    for _ in range(2 * scene.output.fps):
+        before = simulation.positions
+        simulation.step()
+        moved = (simulation.positions - before)[simulation.sheet.present]
+        speeds.append(scene.output.fps * np.sqrt((moved**2).sum(axis=-1).mean()))
+    assert max(speeds) < 1e-3
+    assert np.sqrt(np.mean(np.square(speeds[scene.output.fps :]))) < 0.5e-3
 
 
 def crossed(points, faces):

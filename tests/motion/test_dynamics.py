@@ -57,6 +57,18 @@ def test_halted_when_it_is_fastest_a_wave_is_gone() -> None:
     assert np.abs(tip).max() < 5e-5
 
 
+def test_slowed_it_keeps_a_share_of_what_it_moved_by() -> None:
+    """A strip that flies at 1 m/s; before its first frame nothing has moved, whatever its steps are."""
+    sheet = strip(length=0.4, air_damping=0.0)
+    simulation = simulate(sheet, positions=sheet.flat(), velocities=(0.0, 0.0, 1.0))
+    simulation.slow(0.0)
+    x = run(simulation, 1)
+    assert np.ptp(x[..., 2], axis=0) == pytest.approx(simulation.frame_time, rel=1e-3)
+    simulation.slow(0.25)
+    x = run(simulation, 1)
+    assert np.ptp(x[..., 2], axis=0) == pytest.approx(0.25 * simulation.frame_time, rel=1e-2)
+
+
 def test_a_slack_strip_hangs_in_a_catenary() -> None:
     """Length 0.4 m over a span of 0.3 m: the sag is a (cosh(D/2a) − 1) with L = 2a sinh(D/2a). Tolerance 0.5 %."""
     span, length = 0.3, 0.4

@@ -99,6 +99,29 @@ def test_pure_bending_is_a_loop_of_width_2hb_round_b(solver: type, way: int, rig
 
 
 @pytest.mark.parametrize("solver", [Verlet, Yarns])
+@pytest.mark.parametrize("shape", [rolled(60.0, 0), sheared(0.2)])
+def test_what_rubs_goes_along_in_a_relaxed_sheet_and_pulls_nothing_where_that_left_it(
+    solver: type, shape: np.ndarray
+) -> None:
+    """Pulls of a sheet with friction, in the shape and with the anchors of one that was relaxed, are those without
+    friction; those of a sheet that was brought there at once are not."""
+    rubbing = sheet_of()
+    relaxed = replace(rubbing, springs=rubbing.springs.relaxed)
+    free = solver(relaxed, STILL, frame_rate=1e6, threads=1)
+    state = relaxed.state(shape, free.remembered)
+    free.advance(state, STILL.during(0.0, 0.0))
+    expected, anchors = relaxed.steps(state), free.anchors(state)
+    rough = solver(rubbing, STILL, frame_rate=1e6, threads=1)
+    kept, at_once = (rubbing.state(shape, rough.remembered) for _ in range(2))
+    rough.anchors(kept)[:] = anchors
+    for one in (kept, at_once):
+        rough.advance(one, STILL.during(0.0, 0.0))
+    most = np.abs(expected).max()
+    assert np.abs(rubbing.steps(kept) - expected).max() < 1e-3 * most
+    assert np.abs(rubbing.steps(at_once) - expected).max() > 0.05 * most
+
+
+@pytest.mark.parametrize("solver", [Verlet, Yarns])
 def test_a_picture_frame_shears_in_a_loop_of_2hg_and_locks(solver: type) -> None:
     """T(γ) beyond that of the elastic cells: ± HG, and from half of LOCKS_OVER round the locking angle LOCKED × G."""
     end = CLOTH.locking + 3 * LOCKS_OVER

@@ -20,13 +20,23 @@ Motion = Callable[[float], F64]
 Solid = Primitive | DistanceGrid
 """What a part of a body may be to the cloth that touches it."""
 
+LETTING_OUT = 3
+"""How often points are moved out of the gap: what one solid lets out may come near another."""
+
 
 def solid_distance(solids: Sequence[Solid], points: NDArray) -> F64:
     """Signed distance (n,) [m] of points (n, 3) from what one or more solids at rest stand for together."""
-    at = np.asarray(points, np.float64)
+    return _nearest(solids, np.asarray(points, np.float64))[0]
+
+
+def _nearest(solids: Sequence[Solid], points: F64) -> tuple[F64, F64]:
+    """The same, and its gradient (n, 3)."""
     primitives = [s for s in solids if isinstance(s, Primitive)]
-    found = [nearest_distance(primitives, at)[0]] if primitives else []
-    return np.min(found + [s.at(at)[0] for s in solids if isinstance(s, DistanceGrid)], axis=0)
+    found = [nearest_distance(primitives, points)[:2]] if primitives else []
+    found += [s.at(points)[:2] for s in solids if isinstance(s, DistanceGrid)]
+    nearest = np.argmin([distance for distance, _ in found], axis=0)
+    at = np.arange(len(points))
+    return np.stack([d for d, _ in found])[nearest, at], np.stack([n for _, n in found])[nearest, at]
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +82,19 @@ class Colliders:
     def solids(self) -> tuple[Solid, ...]:
         """Primitives, then grids."""
         return (*self.primitives, *self.grids)
+
+    def let_out(self, points: F64) -> F64:
+        """Points (n, 3) [m] at rest, those within the gap moved out of it, but for those deeper in than it is wide, and
+        for those that one solid would let out into another."""
+        start = np.asarray(points, np.float64)
+        before = solid_distance(self.solids, start)
+        out, near = start.copy(), np.abs(before) < self.gap
+        for _ in range(LETTING_OUT):
+            distance, normal = _nearest(self.solids, out)
+            inside = near & (distance < self.gap)
+            out[inside] += (self.gap - distance[inside])[:, None] * normal[inside]
+        worse = solid_distance(self.solids, out) < before
+        return np.where(worse[:, None], start, out)
 
     def made_of(self) -> str:
         """A hash of what cloth meets. Of a motion that has no name, where it leads in the first seconds."""

@@ -24,7 +24,7 @@ F64 = NDArray[np.float64]
 UP = np.array([0.0, 1.0, 0.0])
 FRONT = np.array([0.0, 0.0, 1.0])
 CLEAR = 0.012  # between the body and a panel where it starts [m]
-SNUG = 0.006  # between the body and a waistband [m]
+SNUG = 0.007  # between the body and a waistband [m]
 
 
 @dataclass(frozen=True, kw_only=True)

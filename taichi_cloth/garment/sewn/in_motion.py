@@ -16,7 +16,7 @@ F64 = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Moment:
-    """depth: of the deepest key point in the body [m], 0 outside. part: of the body that it lies in, or "".
+    """depth: of the deepest cloth in the body [m], 0 outside. part: of the body that it lies in, or "".
     stretch: largest strain of a thread. taut: of those that end in no seam and at no hold, and panel: whose that is."""
 
     depth: float
@@ -39,7 +39,7 @@ class Watch:
 
     def at(self, positions: NDArray, bones: F64 | None = None) -> Moment:
         """positions: key points (rows, cols, 3) [m]. bones: (bones, 4, 4) from rest to now; None: at rest."""
-        points = np.asarray(positions, np.float64)[self._sheet.present]
+        points = self._garment.surface.places(positions)
         deepest, where = 0.0, ""
         for (bone, part), of in self._solids.items():
             own = points

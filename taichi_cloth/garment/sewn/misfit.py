@@ -12,9 +12,8 @@ from taichi_cloth.garment.sewn.sew import OPEN, Garment, Worn
 
 __all__ = ["DEEPEST", "TAUT", "misfit"]
 
-DEEPEST = 5e-3
-"""In the body, of any key point of a garment that fits [m]. Those where the seams of trousers meet at the crotch, half
-outside the cloth, come to 4.4 mm on some spacings."""
+DEEPEST = 3e-3
+"""In the body, of the cloth of a garment that fits [m]."""
 TAUT = 0.08
 """Largest strain at rest of a garment that fits, away from its seams."""
 

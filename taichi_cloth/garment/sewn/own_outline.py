@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taichi_cloth.garment.sewn.joined import joined_points, seam_distance
-from taichi_cloth.garment.sewn.surface import Surface
 from taichi_cloth.layers.outline import Outline
 
 if TYPE_CHECKING:
@@ -16,7 +15,7 @@ __all__ = ["outline_of"]
 
 def outline_of(garment: "Garment") -> Outline:
     """Of all panels, sewn."""
-    surface = Surface(garment.atlas)
+    surface = garment.surface
     return Outline(
         blend=surface.blend,
         corner=surface.corner,

@@ -12,6 +12,7 @@ import contextlib
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,7 @@ from taichi_cloth.garment.pattern.cut import Atlas, turned
 from taichi_cloth.garment.pattern.pattern import Pattern, Side
 from taichi_cloth.garment.sewn.limbs import spared
 from taichi_cloth.garment.sewn.own_outline import outline_of
+from taichi_cloth.garment.sewn.surface import Surface
 from taichi_cloth.ground.errors import InputError, Unstable
 from taichi_cloth.layers.outline import Outline, crossings_of
 from taichi_cloth.motion.forces import Forces, SelfContact, StrainLimit
@@ -81,6 +83,11 @@ class Garment:
         own = self.material
         air = own.air_damping if air_damping is None else air_damping
         return self.sheet(replace(own, air_damping=air, fibre_damping=max(own.fibre_damping, LAG)))
+
+    @cached_property
+    def surface(self) -> Surface:
+        """What is drawn of it."""
+        return Surface(self.atlas)
 
     @cached_property
     def outline(self) -> Outline:
@@ -148,9 +155,15 @@ class Garment:
         piece = self.atlas.panel(side.panel)
         return piece.embed(turned(points, piece.panel.grain))
 
-    def ties(self, sheet: Sheet, bones: NDArray | None, speed: float) -> tuple[Ties, ...]:
+    def ties(
+        self, sheet: Sheet, bones: NDArray | None, speed: float, body: Colliders | None = None
+    ) -> tuple[Ties, ...]:
         """Holds, carried by `bones` (n,) or none, and seams, where there are any, but for ties of two points that are
-        held. A garment without holds has one that holds nothing, so that its kernel is that of all garments."""
+        held. A garment without holds has one that holds nothing, so that its kernel is that of all garments.
+
+        What is held keeps the gap to the body at rest: held within, it would be drawn in and pushed out in every
+        substep, and key points beside it flip to and fro by a millimetre.
+        """
         seams, seam_weights = self.seams()
         nodes, weights, places = self.holds()
         asked = ~_both_in(seams, seam_weights, _named(nodes, weights))
@@ -158,6 +171,8 @@ class Garment:
         if not len(nodes):
             nodes, weights, places = np.zeros((1, 4, 2), np.int64), np.zeros((1, 4)), np.zeros((1, 3))
             bones = None
+        elif body is not None:
+            places = body.let_out(places)
         out = [Ties(sheet, nodes, weights, speed=speed, places=places, bones=bones, repeated=False)]
         if len(seams):
             out.append(Ties(sheet, seams, seam_weights, speed=speed))
@@ -178,12 +193,17 @@ class Garment:
         settled: bool = False,
         pushes: F32 | None = None,
         sweeps: int = 0,
+        anchors: F32 | None = None,
+        relaxed: bool = False,
     ) -> Simulation:
         """The garment in motion from `positions`, seams and holds tied. bones: that carry the holds, −1 for none; None:
-        none are carried. solver: see `named_solver`. settled: see `Simulation`. pushes, sweeps: of `Worn`.
+        none are carried. solver: see `named_solver`. settled: see `Simulation`. pushes, sweeps, anchors: of `Worn`.
+        relaxed: nothing rubs within the cloth, see `Springs.relaxed`.
         """
         sheet = self.moving(air_damping)
-        ties = self.ties(sheet, bones, speed)
+        if relaxed:
+            sheet = replace(sheet, springs=sheet.springs.relaxed)
+        ties = self.ties(sheet, bones, speed, forces.body)
         kind = named_solver(solver)
         outline = self.outline if forces.self_contact else None
         constraints = constraints_for(sheet, forces, ties=ties, outline=outline, answered=kind.answers)
@@ -194,6 +214,8 @@ class Garment:
                 seam.push(simulation.state, pushes)
         if isinstance(made, Yarns) and sweeps:
             made.take_sweeps(sweeps)
+        if anchors is not None and anchors.size:
+            made.anchors(simulation.state)[:] = anchors
         return simulation
 
 
@@ -201,11 +223,14 @@ class Garment:
 class Worn:
     """A garment at rest on a body.
 
-    positions: key points (rows, cols, 3) [m]. gap: of the widest seam [m]. depth: of the deepest key point in the body
-    [m]. stretch, taut: largest strain of a thread, and of one that ends in no seam and at no hold. speed: root mean
-    square from frame to frame at the end, see STILL [m/s]. frames: that sewing took. pushes: what keeps its seams
-    closed, see `Ties.pushes`, and sweeps: over whole yarns, 0 of another solver; a simulation that has to find these
-    anew begins with a jerk.
+    positions: key points (rows, cols, 3) [m]. gap: of the widest seam [m]. depth: of the deepest cloth in the body [m];
+    of cloth, not of key points, which stand outside it at an outline. stretch, taut: largest strain of a thread, and of
+    one that ends in no seam and at no hold. speed: root mean square from frame to frame at the end, see STILL [m/s].
+    frames: that sewing took.
+
+    What a simulation that goes on from there needs, or it begins with a jerk: pushes, what keeps its seams closed, see
+    `Ties.pushes`; sweeps, over whole yarns, 0 of another solver; anchors, see `KernelSolver.anchors`; spared, of the
+    body as it was, see `Colliders`, empty where nothing is.
     """
 
     positions: F32
@@ -217,6 +242,8 @@ class Worn:
     frames: int
     pushes: F32 = field(default_factory=lambda: np.zeros((3, 0), np.float32))
     sweeps: int = 0
+    anchors: F32 = field(default_factory=lambda: np.zeros((0, 0, 0), np.float32))
+    spared: NDArray[np.int32] = field(default_factory=lambda: np.zeros((0, 0), np.int32))
 
 
 def sew(
@@ -276,6 +303,7 @@ def _sew(
             air_damping=THICK,
             solver=solver,
             settled=True,
+            relaxed=True,
         )
         for frame in range(closing):
             simulation.step()
@@ -284,45 +312,25 @@ def _sew(
                 each("sewing", frame + 1, closing)
             if _gap(simulation) < OPEN:
                 break
-        speed = 0.0
         if body.primitives:  # in whose folds both keep out; of grids, which are one skin at rest, there are none
             still = replace(still, spared=spared(garment.atlas, simulation.positions, body.primitives, moving=False))
         apart = layers[1] if layers[1] and _clear(garment, simulation.positions) else None
-        simulation = garment.simulation(
-            Forces(body=still, strain_limit=limit, self_contact=apart),
-            simulation.positions,
-            air_damping=THIN,
-            solver=solver,
-            settled=True,
-        )
-        moving, speeds = 0.0, []
-        for frame in range(settling):
-            before = simulation.positions
-            simulation.step()
-            frames += 1
+        forces = Forces(body=still, strain_limit=limit, self_contact=apart)
+
+        def told(frame: int) -> None:
             if each:
-                each("settling", frame + 1, settling)
-            moving, faster = _speed(simulation, before), moving
-            if frame < SWUNG:
-                if moving < faster:
-                    simulation.halt()
-                    moving = 0.0
-            else:
-                simulation.slow(SLOWED)
-                speeds.append(moving)
-                speed = max(speeds[-STEADY:])
-                if len(speeds) >= STEADY and speed < STILL:
-                    break
+                each("settling", frame, settling)
+
+        simulation, speed, settled = _settled(garment, forces, simulation.positions, solver, settling, told)
+        frames += settled
     except Unstable as error:
         raise InputError(
             f"garment {garment.pattern.name}: torn while it was sewn ({error}); it does not fit this body: "
             "allowed: a pattern whose panels start clear of the body and whose seams can close round it"
         ) from None
     positions = simulation.positions
-    present = simulation.sheet.present
-    distance = solid_distance(body.solids, positions[present])
+    distance = solid_distance(body.solids, garment.surface.places(positions))
     depth = float(max(0.0, -distance.min()))
-    seams = _seams(simulation)
     return Worn(
         positions=positions,
         gap=_gap(simulation),
@@ -331,9 +339,55 @@ def _sew(
         taut=float(max(s.max() for s in garment.strains(positions))),
         speed=speed,
         frames=frames,
-        pushes=seams[0].pushes(simulation.state) if seams else np.zeros((3, 0), np.float32),
-        sweeps=simulation.solver.sweeps if isinstance(simulation.solver, Yarns) else 0,
+        **_known(simulation),
+        spared=np.zeros((0, 0), np.int32) if still.spared is None else still.spared,
     )
+
+
+def _settled(
+    garment: Garment, forces: Forces, positions: F32, solver: str, most: int, told: Callable[[int], None]
+) -> tuple[Simulation, float, int]:
+    """Stage 2 from `positions`: the garment at rest, its speed (STILL), and the frames that it took, `most` at most.
+    told: of each frame.
+
+    What rubs within the cloth goes along as long as it is halted, and holds from then on: it comes to rest as what has
+    been moved about does, and then stays. Held all the way it would keep the folds that sewing made; never held, folds
+    creep for seconds until one gives way.
+    """
+
+    def simulation_of(positions: F32, **known: Any) -> Simulation:
+        return garment.simulation(forces, positions, air_damping=THIN, solver=solver, settled=True, **known)
+
+    simulation = simulation_of(positions, relaxed=True)
+    moving, speed, speeds = 0.0, 0.0, []
+    for frame in range(most):
+        if frame == SWUNG and simulation.sheet.springs.slips:
+            simulation = simulation_of(simulation.positions, **_known(simulation))
+        before = simulation.positions
+        simulation.step()
+        told(frame + 1)
+        moving, faster = _speed(simulation, before), moving
+        if frame < SWUNG:
+            if moving < faster:
+                simulation.halt()
+                moving = 0.0
+        else:
+            simulation.slow(SLOWED)
+            speeds.append(moving)
+            speed = max(speeds[-STEADY:])
+            if len(speeds) >= STEADY and speed < STILL:
+                return simulation, speed, frame + 1
+    return simulation, speed, most
+
+
+def _known(simulation: Simulation) -> dict[str, Any]:
+    """What a simulation has found out that the next one needs: `pushes`, `sweeps` and `anchors` of `Worn`."""
+    seams, solver = _seams(simulation), simulation.solver
+    return {
+        "pushes": seams[0].pushes(simulation.state) if seams else np.zeros((3, 0), np.float32),
+        "sweeps": solver.sweeps if isinstance(solver, Yarns) else 0,
+        "anchors": solver.anchors(simulation.state).copy(),
+    }
 
 
 def _gap(simulation: Simulation) -> float:
