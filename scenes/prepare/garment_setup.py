@@ -20,8 +20,9 @@ from taichi_cloth.garment.pattern.dxf_pattern import read_dxf
 from taichi_cloth.garment.pattern.garmentcode import read_garmentcode
 from taichi_cloth.garment.pattern.measure import figure_of
 from taichi_cloth.garment.pattern.pattern import Pattern
+from taichi_cloth.garment.sewn.garment import Garment
 from taichi_cloth.garment.sewn.limbs import bearer, spared
-from taichi_cloth.garment.sewn.sew import RECOVERY, Garment, Worn, sew
+from taichi_cloth.garment.sewn.sew import RECOVERY, Worn, sew
 from taichi_cloth.garment.sewn.weaving import crossings_shape
 from taichi_cloth.ground.cache import digest, kept
 from taichi_cloth.ground.errors import InputError

@@ -14,7 +14,7 @@ from taichi_cloth.fabric.fabric import build_fabric
 from taichi_cloth.fabric.pose import pose_points
 from taichi_cloth.garment.pattern.cut import cut
 from taichi_cloth.garment.pattern.pattern import Flat, Panel, Pattern, Seam, Side
-from taichi_cloth.garment.sewn.sew import Garment
+from taichi_cloth.garment.sewn.garment import Garment
 from taichi_cloth.motion.forces import Forces
 from taichi_cloth.motion.simulation import Simulation
 from taichi_cloth.sheet.materials import named_material

@@ -91,9 +91,8 @@ def _longest(m: Material) -> list[float]:
 
 @ti.data_oriented
 class BesideFields:
-    """Room for so many threads. nearly: numbers of those that are nearly too long, or more, and listed: how
-    many. drawn: of those that were
-    drawn together in this turn."""
+    """Room for so many threads. nearly: numbers of those that were nearly too long, or more, at the last look, and
+    listed: how many. drawn: of those that were drawn together in this turn."""
 
     def __init__(self, threads: int) -> None:
         self.count: Any = ti.field(ti.i32, ())

@@ -10,7 +10,7 @@ from taichi_cloth.constraints.ties import Ties
 from taichi_cloth.garment.pattern.cut import cut, intervals, spacing_for, turned
 from taichi_cloth.garment.pattern.drafts import DRAFTS, draft
 from taichi_cloth.garment.pattern.pattern import Flat, Panel, Pattern
-from taichi_cloth.garment.sewn.sew import Garment
+from taichi_cloth.garment.sewn.garment import Garment
 from taichi_cloth.garment.sewn.skin import beneath
 from taichi_cloth.garment.sewn.surface import Surface
 from taichi_cloth.garment.sewn.weaving import Colours, Weaving, crossings_shape

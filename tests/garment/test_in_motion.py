@@ -8,8 +8,8 @@ import pytest
 from taichi_cloth.body.primitives.primitives import Primitive
 from taichi_cloth.garment.pattern.cut import cut
 from taichi_cloth.garment.pattern.pattern import Flat, Panel, Pattern, Seam, Side
+from taichi_cloth.garment.sewn.garment import Garment
 from taichi_cloth.garment.sewn.in_motion import Moment, Watch
-from taichi_cloth.garment.sewn.sew import Garment
 from taichi_cloth.scenes.models.facts import Fact
 from taichi_cloth.scenes.models.motion_facts import FACTS, MotionFacts
 from taichi_cloth.sheet.materials import MATERIALS

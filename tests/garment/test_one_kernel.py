@@ -8,7 +8,8 @@ from taichi_cloth.body.figure.anthropometry import Gender
 from taichi_cloth.garment.pattern.cut import cut, spacing_for
 from taichi_cloth.garment.pattern.drafts import draft
 from taichi_cloth.garment.pattern.measure import figure_of
-from taichi_cloth.garment.sewn.sew import Garment, sew
+from taichi_cloth.garment.sewn.garment import Garment
+from taichi_cloth.garment.sewn.sew import sew
 from taichi_cloth.motion.forces import Forces, StrainLimit
 from taichi_cloth.scenes.prepare.body_setup import primitives_of
 from taichi_cloth.scenes.scene.body_section import BodySection, prepare_body

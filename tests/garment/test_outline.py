@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from taichi_cloth.constraints.constraints_for import constraints_for
 from taichi_cloth.garment.pattern.cut import cut
 from taichi_cloth.garment.pattern.pattern import Flat, Panel, Pattern, Seam, Side
+from taichi_cloth.garment.sewn.garment import Garment
 from taichi_cloth.garment.sewn.joined import joined_points
-from taichi_cloth.garment.sewn.sew import Garment
 from taichi_cloth.garment.sewn.surface import Surface
 from taichi_cloth.layers.outline import MEETS, PIECES, Tables, crossings_of
 from taichi_cloth.layers.paths import CELL, EAST, NORTH, POINT

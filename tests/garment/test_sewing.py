@@ -19,9 +19,10 @@ from taichi_cloth.garment.pattern.drafts import DRAFTS, draft
 from taichi_cloth.garment.pattern.garmentcode import read_garmentcode
 from taichi_cloth.garment.pattern.measure import figure_of
 from taichi_cloth.garment.pattern.pattern import Cone, Flat, Panel, Pattern, Seam, Side
+from taichi_cloth.garment.sewn.garment import Garment
 from taichi_cloth.garment.sewn.limbs import bearer, spared
 from taichi_cloth.garment.sewn.misfit import misfit
-from taichi_cloth.garment.sewn.sew import Garment, Worn, sew
+from taichi_cloth.garment.sewn.sew import Worn, sew
 from taichi_cloth.motion.forces import Forces, StrainLimit
 from taichi_cloth.scenes.__main__ import _status
 from taichi_cloth.scenes.prepare.body_setup import grids_of, primitives_of

@@ -60,7 +60,7 @@ def test_halted_when_it_is_fastest_a_wave_is_gone() -> None:
 def test_slowed_it_keeps_a_share_of_what_it_moved_by() -> None:
     """A strip that flies at 1 m/s; before its first frame nothing has moved, whatever its steps are."""
     sheet = strip(length=0.4, air_damping=0.0)
-    simulation = simulate(sheet, positions=sheet.flat(), velocities=(0.0, 0.0, 1.0))
+    simulation = simulate(sheet, positions=sheet.flat(), velocities=np.array([0.0, 0.0, 1.0]))
     simulation.slow(0.0)
     x = run(simulation, 1)
     assert np.ptp(x[..., 2], axis=0) == pytest.approx(simulation.frame_time, rel=1e-3)

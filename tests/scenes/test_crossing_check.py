@@ -7,8 +7,8 @@ import pytest
 
 from taichi_cloth.garment.pattern.cut import cut
 from taichi_cloth.garment.pattern.pattern import Flat, Panel, Pattern, Seam, Side
+from taichi_cloth.garment.sewn.garment import Garment
 from taichi_cloth.garment.sewn.joined import joined_points
-from taichi_cloth.garment.sewn.sew import Garment
 from taichi_cloth.garment.sewn.surface import Surface
 from taichi_cloth.motion.simulation import Simulation
 from taichi_cloth.scenes.__main__ import main

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_cloth.body.colliders.colliders import Solid, solid_distance
-from taichi_cloth.garment.sewn.sew import Garment
+from taichi_cloth.garment.sewn.garment import Garment
 
 __all__ = ["Moment", "Watch"]
 

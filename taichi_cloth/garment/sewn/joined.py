@@ -18,7 +18,7 @@ from taichi_cloth.garment.pattern.cut import turned
 from taichi_cloth.garment.sewn.surface import Surface
 
 if TYPE_CHECKING:
-    from taichi_cloth.garment.sewn.sew import Garment
+    from taichi_cloth.garment.sewn.garment import Garment
 
 __all__ = ["joined_points", "seam_distance"]
 

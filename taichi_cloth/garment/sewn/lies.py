@@ -18,8 +18,8 @@ from taichi_cloth.body.skin.names import JOINTS
 from taichi_cloth.garment.pattern.curves import along, length
 from taichi_cloth.garment.pattern.cut import turned
 from taichi_cloth.garment.pattern.pattern import Side
+from taichi_cloth.garment.sewn.garment import Garment
 from taichi_cloth.garment.sewn.limbs import LIMBS
-from taichi_cloth.garment.sewn.sew import Garment
 from taichi_cloth.layers.outline import crossings_of
 
 __all__ = ["Lie", "Loop", "crossed", "free_loops", "lies", "lying_faults"]

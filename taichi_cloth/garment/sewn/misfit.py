@@ -7,8 +7,9 @@ import numpy as np
 from taichi_cloth.body.primitives.primitives import Primitive
 from taichi_cloth.garment.pattern.curves import length
 from taichi_cloth.garment.pattern.pattern import Seam
+from taichi_cloth.garment.sewn.garment import Garment
 from taichi_cloth.garment.sewn.lies import lying_faults
-from taichi_cloth.garment.sewn.sew import OPEN, Garment, Worn
+from taichi_cloth.garment.sewn.sew import OPEN, Worn
 
 __all__ = ["DEEPEST", "TAUT", "misfit"]
 

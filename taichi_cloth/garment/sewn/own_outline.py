@@ -8,7 +8,7 @@ from taichi_cloth.garment.sewn.joined import joined_points, seam_distance
 from taichi_cloth.layers.outline import Outline
 
 if TYPE_CHECKING:
-    from taichi_cloth.garment.sewn.sew import Garment
+    from taichi_cloth.garment.sewn.garment import Garment
 
 __all__ = ["outline_of"]
 
