@@ -22,6 +22,7 @@ from taichi.lang.impl import current_cfg, default_cfg
 
 from taichi_cloth.ground.cache import can_keep
 from taichi_cloth.ground.errors import InputError, did_you_mean
+from taichi_cloth.ground.source_text import read_once
 from taichi_cloth.ground.whole_vectors import kept_as_vectors
 
 __all__ = ["Arch", "Runtime", "generation", "on_host", "plain_code", "start", "threads"]
@@ -74,6 +75,7 @@ def start(arch: Arch = "cpu", *, threads: int | None = None, cache: bool = True,
     workers = threads or processors
     before = _thread_ids()
     ASTTransformerContext.get_pos_info = _line_of  # pyright: ignore[reportAttributeAccessIssue]
+    read_once()
     options: dict[str, Any] = {
         "arch": getattr(ti, arch),
         "cpu_max_num_threads": workers,
