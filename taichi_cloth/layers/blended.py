@@ -21,8 +21,8 @@ at least. That the others do not pass through each other is proven all the same.
 
 @ti.data_oriented
 class Blended:
-    """start, node, weight: of each contact. normal, rubbed: [axis]. kept, share, pushed: as of `Contacts`. overflow:
-    contacts without room."""
+    """start, node, weight: of each contact. point: [corner], as in its pair. normal, rubbed: [axis]. kept, share,
+    pushed: as of `Contacts`. overflow: contacts without room."""
 
     count: Any
     start: Any
@@ -33,15 +33,15 @@ class Blended:
         def fields(count: int) -> list[ti.Field]:
             return [ti.field(ti.f32, self.room) for _ in range(count)]
 
-        self.start = ti.field(ti.i32, self.room + 1)
+        self.start, self.point = ti.field(ti.i32, self.room + 1), [ti.field(ti.i32, self.room) for _ in range(4)]
         self.node, self.weight = ti.field(ti.i32, NODES * self.room), ti.field(ti.f32, NODES * self.room)
         self.normal, self.rubbed = fields(3), fields(3)
         self.kept, self.share, self.pushed = fields(3)
         self.count, self.overflow = ti.field(ti.i32, ()), ti.field(ti.i32, ())
 
     @ti.func
-    def add(self, points: Template, pairs: Template, pair, weights, normal):
-        """A near pair as a contact. weights: of its four points."""
+    def add(self, points: Template, pairs: Template, before: Template, pair, weights, normal):
+        """A near pair as a contact. weights: of its four points. before: what those of the last interval pushed."""
         c = self.count[None]
         begin = self.start[c]
         used = begin
@@ -62,9 +62,8 @@ class Blended:
             if yields > FIRM * most:
                 for axis in ti.static(range(3)):
                     self.normal[axis][c] = normal[axis]
-                self.kept[c], self.share[c], self.pushed[c] = pairs.kept[pair], 1.0 / yields, 0.0
-                for axis in ti.static(range(3)):
-                    self.rubbed[axis][c] = 0.0
+                self.kept[c], self.share[c] = pairs.kept[pair], 1.0 / yields
+                before.recall(self, pairs, pair, c)
                 self.start[c + 1] = used
                 self.count[None] = c + 1
         else:

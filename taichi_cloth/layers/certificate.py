@@ -13,7 +13,7 @@ from taichi_cloth.ground.arrays import Float, Int, Template
 from taichi_cloth.ground.routine import routine
 from taichi_cloth.layers.contacts import GROWTH
 from taichi_cloth.layers.distances import EDGES, FACES, gather
-from taichi_cloth.motion.stencil import store
+from taichi_cloth.motion.stencil import listed, load, store
 from taichi_cloth.sheet.sheet import LANES
 
 __all__ = ["Certificate"]
@@ -38,7 +38,7 @@ class Certificate:
 
     def __init__(self) -> None:
         self.bad, self.pushed, self.returned = (ti.field(ti.i32, ()) for _ in range(3))
-        self.found = [ti.field(ti.f32, LANES) for _ in range(2)]
+        self.room = ti.field(ti.f32, LANES)
 
     @routine
     def sweep(
@@ -53,29 +53,30 @@ class Certificate:
     ):
         """All pairs of a kind. remedy: what is done with those that are not parted. ahead: how long the next interval
         may be over how long this was: pairs that may touch in it are awake."""
-        runs, begin, awake, bad = pairs.packets(kind), pairs.first(kind), pairs.first_awake(kind), 0
+        begin, awake, bad = pairs.first(kind), pairs.first_awake(kind), 0
         part = ti.select(remedy == BACK, STILL_PARTED, 1.0)
-        for run in range(runs):
-            at = ti.Vector([begin + k * runs + run for k in ti.static(range(LANES))])
-            x, y, z = gather(pairs.normal[0], at), gather(pairs.normal[1], at), gather(pairs.normal[2], at)
+        for packet in range(pairs.packets(kind)):
+            at = listed(begin + packet * LANES)
+            x, y, z = load(pairs.normal[0], at), load(pairs.normal[1], at), load(pairs.normal[2], at)
             low, high = ti.Vector([1e9] * LANES), ti.Vector([-1e9] * LANES)
             for corner in ti.static(range(4)):
-                p = gather(pairs.point[corner], at)
+                p = load(pairs.point[corner], at)
                 here = x * gather(points.position[0], p)
                 here += y * gather(points.position[1], p) + z * gather(points.position[2], p)
                 low = ti.select(corner < kind, ti.min(low, here), low)
                 high = ti.select(corner < kind, high, ti.max(high, here))
-            apart, kept = low - high, gather(pairs.kept, at)
-            store(self.found[0], 0, apart)
-            store(self.found[1], 0, apart - GROWTH * ahead * ti.max(gather(pairs.apart, at) - apart, 0.0) - kept)
-            for k in range(LANES):
-                pair = begin + k * runs + run
-                pairs.apart[pair] = self.found[0][k]
-                if self.found[1][k] < contacts.margin[None]:
+            apart = low - high
+            room = apart - GROWTH * ahead * ti.max(load(pairs.apart, at) - apart, 0.0) - load(pairs.kept, at)
+            store(pairs.apart, at, apart)
+            store(self.room, 0, room)
+            some = ti.select(room.min() < contacts.margin[None], LANES, 0)  # pyright: ignore[reportOptionalCall]
+            for k in range(some):
+                if self.room[k] < contacts.margin[None]:
+                    pair = at + k
                     pairs.awake[awake] = pair
                     awake += 1
                     least = ti.min(PARTED, SHARE * pairs.kept[pair])
-                    if self.found[0][k] < part * least and pairs.kept[pair] > 0.0:
+                    if pairs.apart[pair] < part * least and pairs.kept[pair] > 0.0:
                         bad += 1
                         if remedy == PUSH:
                             self.push(points, pairs, kind, pair, PUSHED * least)

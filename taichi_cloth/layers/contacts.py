@@ -14,8 +14,9 @@ import taichi as ti
 from taichi_cloth.ground.arrays import Float, Int, Template
 from taichi_cloth.ground.routine import routine
 from taichi_cloth.layers.blended import Blended
-from taichi_cloth.layers.distances import FACES, gather
-from taichi_cloth.motion.stencil import load, store
+from taichi_cloth.layers.distances import EDGES, FACES, gather
+from taichi_cloth.layers.pushes import Pushes
+from taichi_cloth.motion.stencil import listed, load, store
 from taichi_cloth.sheet.sheet import LANES
 
 __all__ = ["AWAKE", "Contacts"]
@@ -36,13 +37,14 @@ GROWTH = 1.5
 @ti.data_oriented
 class Contacts:
     """point, weight: [corner]. normal: [axis]. kept: distance [m]. share: 1/Σ w²/m [kg]. pushed, rubbed: in this
-    substep [m]. blended: those of points that are blends. overflow: contacts without room. most: of the frame.
-    turns: whether any was in this substep."""
+    substep [m]. blended: those of points that are blends. before: what those of the last interval pushed. overflow:
+    contacts without room. most: of the frame. turns: whether any was in this substep."""
 
     count: Any
 
     def __init__(self, size: int, blends: int) -> None:
         self.room, self.blended = ROOM * size, Blended(blends)
+        self.before = Pushes(self.room + self.blended.room, size + blends)
 
         def fields(count: int) -> list[ti.Field]:
             return [ti.field(ti.f32, self.room + LANES) for _ in range(count)]
@@ -57,30 +59,29 @@ class Contacts:
 
     @routine
     def wake(self, points: Template, pairs: Template, kind: Int, ahead: Float):
-        """Lists the pairs that may touch within `ahead` substeps, by the speeds of their points. Pairs are gone through
-        in eight runs side by side, so that those of one packet rarely share a point."""
-        runs, begin, awake = pairs.packets(kind), pairs.first(kind), pairs.first_awake(kind)
-        for run in range(runs):
-            at = ti.Vector([begin + k * runs + run for k in ti.static(range(LANES))])
-            x, y, z = gather(pairs.normal[0], at), gather(pairs.normal[1], at), gather(pairs.normal[2], at)
+        """Lists the pairs that may touch within `ahead` substeps, by the speeds of their points."""
+        begin, awake = pairs.first(kind), pairs.first_awake(kind)
+        for packet in range(pairs.packets(kind)):
+            at = listed(begin + packet * LANES)
+            x, y, z = load(pairs.normal[0], at), load(pairs.normal[1], at), load(pairs.normal[2], at)
             low, high = ti.Vector([1e9] * LANES), ti.Vector([-1e9] * LANES)
             slow, fast = ti.Vector([1e9] * LANES), ti.Vector([-1e9] * LANES)
             for corner in ti.static(range(4)):
-                p = gather(pairs.point[corner], at)
+                p = load(pairs.point[corner], at)
                 here = x * gather(points.position[0], p)
                 here += y * gather(points.position[1], p) + z * gather(points.position[2], p)
                 step = x * gather(points.step[0], p) + y * gather(points.step[1], p) + z * gather(points.step[2], p)
                 first = corner < kind
                 low, slow = ti.select(first, ti.min(low, here), low), ti.select(first, ti.min(slow, step), slow)
                 high, fast = ti.select(first, high, ti.max(high, here)), ti.select(first, fast, ti.max(fast, step))
-            room = low - high - GROWTH * ahead * ti.max(fast - slow, 0.0) - gather(pairs.kept, at)
-            store(self.found[0], 0, low - high)
+            room = low - high - GROWTH * ahead * ti.max(fast - slow, 0.0) - load(pairs.kept, at)
+            store(pairs.apart, at, low - high)
             store(self.found[1], 0, room)
-            for k in range(LANES):
-                pairs.apart[begin + k * runs + run] = self.found[0][k]
-                if self.found[1][k] < self.margin[None]:
-                    pairs.awake[awake] = begin + k * runs + run
-                    awake += 1
+            if room.min() < self.margin[None]:  # pyright: ignore[reportOptionalCall]
+                for k in range(LANES):
+                    if self.found[1][k] < self.margin[None]:
+                        pairs.awake[awake] = at + k
+                        awake += 1
         self.close(pairs, kind, awake)
 
     @ti.func
@@ -91,17 +92,19 @@ class Contacts:
             pairs.awake[awake + k] = pairs.first(kind) + pairs.count[kind] + k
 
     @routine
-    def meet(self, points: Template, near: Template, kind: Int, ahead: Float):
-        """New directions of the pairs that are awake, and those that may touch within `ahead` substeps as contacts."""
-        pairs, nearest = near.pairs, near.nearest
+    def meet(self, points: Template, beside: Template, kind: Int, ahead: Float):
+        """New directions of the pairs that are awake, and those that may touch within `ahead` substeps as contacts.
+        They are gone through in eight runs side by side, so that contacts of one packet rarely share a point."""
+        pairs, nearest = beside.pairs, beside.nearest
         made, begin, one = self.count[None], pairs.first_awake(kind), ti.Vector([1.0] * LANES)
-        for group in range((pairs.woken[kind] + LANES - 1) // LANES):
-            at = load(pairs.awake, begin + group * LANES)
+        runs = (pairs.woken[kind] + LANES - 1) // LANES
+        for run in range(runs):
+            at = ti.Vector([pairs.awake[begin + k * runs + run] for k in ti.static(range(LANES))])
             i, j = gather(pairs.point[0], at), gather(pairs.point[1], at)
             k, m = gather(pairs.point[2], at), gather(pairs.point[3], at)
-            nearest.take(i, j, k, m)
-            nearest.find(points, kind)
-            nearest.part(points, kind)
+            nearest.take(points, i, j, k, m)
+            nearest.find(kind)
+            nearest.part(kind)
             s, t = load(nearest.share[0], 0), load(nearest.share[1], 0)
             on_face = kind == FACES
             w0 = ti.select(on_face, one, 1.0 - s)
@@ -126,7 +129,7 @@ class Contacts:
                 store(self.found[axis], 0, v)
             store(self.inside, 0, within)
             for lane in range(LANES):
-                pair = pairs.awake[begin + group * LANES + lane]
+                pair = pairs.awake[begin + lane * runs + run]
                 for axis in ti.static(range(3)):
                     pairs.normal[axis][pair] = self.found[2 + axis][lane]
                 pairs.apart[pair] = self.found[0][lane]
@@ -146,7 +149,7 @@ class Contacts:
         else:
             weights = ti.Vector([self.found[5 + corner][lane] for corner in ti.static(range(4))])
             normal = ti.Vector([self.found[2 + axis][lane] for axis in ti.static(range(3))])
-            self.blended.add(points, pairs, pair, weights, normal)
+            self.blended.add(points, pairs, self.before, pair, weights, normal)
         return out
 
     @ti.func
@@ -158,13 +161,11 @@ class Contacts:
         if yields > 0.0:
             if at < self.room:
                 for corner in ti.static(range(4)):
-                    self.point[corner][at] = pairs.point[corner][pair]
                     self.weight[corner][at] = self.found[5 + corner][lane]
                 for axis in ti.static(range(3)):
                     self.normal[axis][at] = self.found[2 + axis][lane]
-                self.kept[at], self.share[at], self.pushed[at] = pairs.kept[pair], 1.0 / yields, 0.0
-                for axis in ti.static(range(3)):
-                    self.rubbed[axis][at] = 0.0
+                self.kept[at], self.share[at] = pairs.kept[pair], 1.0 / yields
+                self.before.recall(self, pairs, pair, at)
                 out = at + 1
             else:
                 self.overflow[None] = self.overflow[None] + 1
@@ -182,6 +183,18 @@ class Contacts:
                 self.normal[axis][at] = 0.0
             self.kept[at], self.share[at], self.pushed[at] = -1.0, 0.0, 0.0
         self.most[None] = ti.max(self.most[None], self.count[None])
+
+    @routine
+    def next(self, points: Template, beside: Template, ahead: Float):
+        """Those of the next interval, `ahead` substeps long: of what is awake. They begin with what the same pairs
+        pushed at the end of the last one."""
+        self.before.take(self)
+        self.before.take(self.blended)
+        self.clear()
+        for kind in range(FACES, EDGES + 1):
+            self.meet(points, beside, kind, ahead)
+        self.before.clear()
+        self.fill_up()
 
     @ti.func
     def clear(self):

@@ -13,7 +13,6 @@ __all__ = [
     "gather",
     "nearest_of_edges",
     "nearest_on_face",
-    "vectors",
 ]
 
 FACES, EDGES = 1, 2
@@ -24,16 +23,6 @@ FACES, EDGES = 1, 2
 def gather(field: Template, at):
     """Of elements `at`, one a lane."""
     return ti.Vector([field[at[k]] for k in ti.static(range(LANES))])
-
-
-@ti.func
-def vectors(place: Template, to, origin: Template):
-    """Of elements `to`, less x, y, z."""
-    return (
-        gather(place[0], to) - origin[0],
-        gather(place[1], to) - origin[1],
-        gather(place[2], to) - origin[2],
-    )
 
 
 @ti.func
@@ -51,29 +40,21 @@ def cross(one: Template, other: Template):
 
 
 @ti.func
-def nearest_of_edges(x: Template, i, j, k, m):
-    """Where on edges i–j and k–m (lanes) they are nearest, 0 to 1 each, and the vector from the second to the first
-    (Ericson 2004, Real-Time Collision Detection, 5.1.9, without branches)."""
-    origin = ti.static((0.0, 0.0, 0.0))
-    a, b = vectors(x, i, origin), vectors(x, k, origin)
-    u, v = vectors(x, j, a), vectors(x, m, b)
-    rx, ry, rz = a[0] - b[0], a[1] - b[1], a[2] - b[2]
-    r = (rx, ry, rz)
+def nearest_of_edges(r: Template, u: Template, v: Template):
+    """Where on edges a + s u and b + t v (lanes) they are nearest, 0 to 1 each, and the vector from the second to the
+    first. r: a − b (Ericson 2004, Real-Time Collision Detection, 5.1.9, without branches)."""
     uu, vv, uv = dot(u, u) + 1e-20, dot(v, v) + 1e-20, dot(u, v)
     ur, vr = dot(u, r), dot(v, r)
     s = ti.min(ti.max((uv * vr - ur * vv) / ti.max(uu * vv - uv * uv, 1e-6 * uu * vv), 0.0), 1.0)
     t = ti.min(ti.max((uv * s + vr) / vv, 0.0), 1.0)
     s = ti.min(ti.max((uv * t - ur) / uu, 0.0), 1.0)
-    return s, t, rx + s * u[0] - t * v[0], ry + s * u[1] - t * v[1], rz + s * u[2] - t * v[2]
+    return s, t, r[0] + s * u[0] - t * v[0], r[1] + s * u[1] - t * v[1], r[2] + s * u[2] - t * v[2]
 
 
 @ti.func
-def nearest_on_face(x: Template, p, i, j, k):
-    """Where on triangle i, j, k (lanes) point p is nearest, as shares of j and k, the vector from there to p, and
+def nearest_on_face(w: Template, u: Template, v: Template):
+    """Where on triangle 0, u, v (lanes) point w is nearest, as shares of u and v, the vector from there to w, and
     whether that is inside."""
-    origin = ti.static((0.0, 0.0, 0.0))
-    a = vectors(x, i, origin)
-    w, u, v = vectors(x, p, a), vectors(x, j, a), vectors(x, k, a)
     uu, uv, vv, uw, vw = dot(u, u) + 1e-20, dot(u, v), dot(v, v) + 1e-20, dot(u, w), dot(v, w)
     # By areas, not by uu vv − uv²: pieces of cells may be slivers.
     n, one, other = cross(u, v), cross(w, v), cross(u, w)

@@ -38,6 +38,7 @@ from taichi_cloth.motion.capacity import capacity_of, class_of
 from taichi_cloth.motion.constraint import SharedConstraint
 from taichi_cloth.motion.forces import FrameForces, SelfContact
 from taichi_cloth.motion.stage_clock import StageClock
+from taichi_cloth.motion.stencil import load, store
 from taichi_cloth.sheet.sheet import LANES, Sheet, SheetState
 
 __all__ = ["LayerContact"]
@@ -85,6 +86,7 @@ class LayerFields:
         self.timed = clock is not None
         elements = size + blends
         self.position, self.step = ([ti.field(ti.f32, elements) for _ in range(3)] for _ in range(2))
+        self._moved = [*self.position, *self.step]
         self.inverse_mass, self.row = ti.field(ti.f32, elements), ti.field(ti.i32, ())
         self.blends, self.pieces = Blends(elements, blends), Pieces(size, blends)
         self.paths, self.tree, self.search, self.sieve = Paths(size), Tree(size), Search(size), Sieve()
@@ -187,16 +189,18 @@ class LayerFields:
     @ti.func
     def copy(self, values: Template, here: Template):
         """Positions and steps from what the host holds, or back."""
-        for i in range(values.shape[1]):
-            for j in range(values.shape[2]):
-                p = i * values.shape[2] + j
-                for axis in ti.static(range(3)):
-                    if ti.static(here):
-                        self.position[axis][p] = values[axis, i, j]
-                        self.step[axis][p] = values[3 + axis, i, j]
-                    elif self.blends.of[p] < 0:
-                        values[axis, i, j] = self.position[axis][p]
-                        values[3 + axis, i, j] = self.step[axis][p]
+        row = self.row[None]
+        for e in range(self.paths.count[None]):
+            p = self.paths.packet(e)
+            i, j = p // row, p % row
+            for plane, field in ti.static(enumerate(self._moved)):
+                host = ti.Vector([values[plane, i, j + k] for k in ti.static(range(LANES))])
+                if ti.static(here):
+                    store(field, p, host)
+                else:
+                    moved = ti.select(load(self.blends.of, p) < 0, load(field, p), host)
+                    for k in ti.static(range(LANES)):
+                        values[plane, i, j + k] = moved[k]
 
     @routine
     def open(self, points: Template):
@@ -238,6 +242,7 @@ class LayerFields:
         self.stamp("paths")
         self.tree.cells(points, self.paths, ahead, whole)
         self.tree.rise(whole)
+        self.tree.fit(whole)
         self.stamp("boxes")
         self.search.begin(self.tree, reach + coarse)
         top = self.tree.top[None]
@@ -266,10 +271,7 @@ class LayerFields:
         if ti.static(woken):
             for kind in range(FACES, EDGES + 1):
                 self.contacts.wake(points, self.near.pairs, kind, ahead)
-        self.contacts.clear()
-        for kind in range(FACES, EDGES + 1):
-            self.contacts.meet(points, self.near, kind, ahead)
-        self.contacts.fill_up()
+        self.contacts.next(points, self.near, ahead)
         self.stamp("contacts")
         self.began[None], self.ends[None] = done, done + length
         self.intervals[None] = self.intervals[None] + 1

@@ -8,7 +8,7 @@ import taichi as ti
 from taichi_cloth.ground.arrays import Float, Int, Template
 from taichi_cloth.ground.routine import routine
 from taichi_cloth.layers.distances import EDGES, FACES
-from taichi_cloth.layers.nearest import Nearest
+from taichi_cloth.layers.nearest import CORNERS, Nearest
 from taichi_cloth.layers.outline import MEETS, RIM_EAST, RIM_NORTH
 from taichi_cloth.layers.paths import CELL, EAST, NORTH, POINT
 from taichi_cloth.layers.search import ROOM as CELL_ROOM
@@ -209,6 +209,7 @@ class NearPairs:
                 self.one[k], self.other[k], self.within[k] = p, q, (reach + off + ti.sqrt(approach)) ** 2
                 tree.clear[p] = ti.min(tree.clear[p], 0.5 * reach)
                 tree.clear[q] = ti.min(tree.clear[q], 0.5 * reach)
+            self.nearest.take_cells(points, self.one, self.other, width)
             faces = self.find_faces(points, paths, width, count, faces)
             edges = self.find_edges(points, paths, width, count, edges)
         self.end(FACES, faces, width)
@@ -230,19 +231,13 @@ class NearPairs:
         """Of the pairs of cells at hand: the point of each against both faces of the other."""
         found = begin
         for turn in range(4):
-            first, second = load(self.one, 0), load(self.other, 0)
-            p, q = ti.select(turn < 2, first, second), ti.select(turn < 2, second, first)
             half = turn % 2
-            i, j, k = (
-                q + self.face_offset[half, 0],
-                q + self.face_offset[half, 1],
-                q + self.face_offset[half, 2],
-            )
-            self.nearest.take(p, i, j, k)
-            self.nearest.of_faces(points)
+            p, q = ti.select(turn < 2, 0, CORNERS), ti.select(turn < 2, CORNERS, 0)
+            self.nearest.take_corners(p, q, q + ti.select(half == 0, 1, 3), q + ti.select(half == 0, 3, 2))
+            self.nearest.of_faces()
             some = 0
             if self.any_within():
-                self.nearest.part(points, FACES)
+                self.nearest.part(FACES)
                 some = count
             for lane in range(some):
                 if self.nearest.square[lane] < self.within[lane]:
@@ -268,14 +263,11 @@ class NearPairs:
         bits, rims = ti.Vector([EAST, NORTH, CELL]), ti.Vector([RIM_EAST, RIM_NORTH, 0])
         for turn in range(9):
             e, f = turn // 3, turn % 3
-            p, q = load(self.one, 0), load(self.other, 0)
-            i, j = p + self.edge_offset[e, 0], p + self.edge_offset[e, 1]
-            k, m = q + self.edge_offset[f, 0], q + self.edge_offset[f, 1]
-            self.nearest.take(i, j, k, m)
-            self.nearest.of_edges(points)
+            self.nearest.take_corners(0, e + 1, CORNERS, CORNERS + f + 1)
+            self.nearest.of_edges()
             some = 0
             if self.any_within():
-                self.nearest.part(points, EDGES)
+                self.nearest.part(EDGES)
                 some = count
             for lane in range(some):
                 if self.nearest.square[lane] < self.within[lane]:

@@ -1,70 +1,84 @@
 """Points and faces, and edges and edges, eight pairs at a time: where they are nearest, and what parts them.
 
-One piece of code for all who ask, as it takes long to compile: they leave elements in `corner` and find answers beside.
+One piece of code for all who ask, as it takes long to compile: they leave places beside it and find answers there.
 """
 
 import taichi as ti
 
 from taichi_cloth.ground.arrays import Int, Template
 from taichi_cloth.ground.routine import routine
-from taichi_cloth.layers.distances import FACES, cross, dot, nearest_of_edges, nearest_on_face, vectors
-from taichi_cloth.motion.stencil import load, store
+from taichi_cloth.layers.distances import FACES, cross, dot, gather, nearest_of_edges, nearest_on_face
+from taichi_cloth.motion.stencil import load, load_xyz, near, relative, store
 from taichi_cloth.sheet.sheet import LANES
 
-__all__ = ["Nearest"]
+__all__ = ["CORNERS", "Nearest"]
+
+CORNERS = 4
+"""Of a cell."""
 
 
 @ti.data_oriented
 class Nearest:
-    """All by lanes. corner: [corner], elements: a point and a face, or the ends of two edges. way: [axis], from the
-    nearest place of the second to that of the first [m]; square: of it. share: of k and m on the face, or along both
-    edges. inside: 1 where the nearest place is inside the face, and of all edges. normal: [axis], unit vector that
-    parts them. beyond: how far the first are beyond the second along `way` [m]."""
+    """All by lanes. place: [corner][axis], of a point and a face, or of the ends of two edges [m]. cell: [axis], of the
+    corners of two cells, one behind the other [m]. way: [axis], from the nearest place of the second to that of the
+    first [m]; square: of it. share: of the last two corners on the face, or along both edges. inside: 1 where the
+    nearest place is inside the face, and of all edges. normal: [axis], unit vector that parts them. beyond: how far the
+    first are beyond the second along `way` [m]."""
 
     def __init__(self) -> None:
         def fields(count: int) -> list[ti.Field]:
             return [ti.field(ti.f32, LANES) for _ in range(count)]
 
-        self.corner = [ti.field(ti.i32, LANES) for _ in range(4)]
+        self.place = [fields(3) for _ in range(4)]
+        self.cell = [ti.field(ti.f32, 2 * CORNERS * LANES) for _ in range(3)]
         self.way, self.normal, self.share = fields(3), fields(3), fields(2)
         self.square, self.beyond = fields(2)
         self.inside = ti.field(ti.i32, LANES)
 
     @ti.func
-    def take(self, i, j, k, m):
+    def take(self, points: Template, i, j, k, m):
         """Elements (lanes) to look at."""
         for corner, p in ti.static(((0, i), (1, j), (2, k), (3, m))):
-            store(self.corner[corner], 0, p)
-
-    @ti.func
-    def find(self, points: Template, kind):
-        """Where they are nearest: all but `normal` and `beyond`."""
-        if kind == FACES:
-            self.of_faces(points)
-        else:
-            self.of_edges(points)
+            for axis in ti.static(range(3)):
+                store(self.place[corner][axis], 0, gather(points.position[axis], p))
 
     @routine
-    def of_faces(self, points: Template):
-        i, j, k, m = (
-            load(self.corner[0], 0),
-            load(self.corner[1], 0),
-            load(self.corner[2], 0),
-            load(self.corner[3], 0),
-        )
-        s, t, x, y, z, inside = nearest_on_face(points.position, i, j, k, m)
+    def take_cells(self, points: Template, one: Template, other: Template, width: Int):
+        """Cells by their elements: of the corners of two go all that is then looked at."""
+        for k in range(2 * CORNERS):
+            first = ti.select(k < CORNERS, load(one, 0), load(other, 0))
+            p = first + (k & 1) + ((k >> 1) & 1) * width
+            for axis in ti.static(range(3)):
+                store(self.cell[axis], near(k * LANES), gather(points.position[axis], p))
+
+    @ti.func
+    def take_corners(self, i, j, k, m):
+        """Corners to look at, of one cell from 0, of the other from CORNERS."""
+        for corner, at in ti.static(((0, i), (1, j), (2, k), (3, m))):
+            for axis in ti.static(range(3)):
+                store(self.place[corner][axis], 0, load(self.cell[axis], near(at * LANES)))
+
+    @ti.func
+    def find(self, kind):
+        """Where they are nearest: all but `normal` and `beyond`."""
+        if kind == FACES:
+            self.of_faces()
+        else:
+            self.of_edges()
+
+    @routine
+    def of_faces(self):
+        a = load_xyz(self.place[1], 0)
+        w, u, v = relative(self.place[0], 0, a), relative(self.place[2], 0, a), relative(self.place[3], 0, a)
+        s, t, x, y, z, inside = nearest_on_face(w, u, v)
         store(self.inside, 0, ti.select(inside, 1, 0))
         self.keep(s, t, x, y, z)
 
     @routine
-    def of_edges(self, points: Template):
-        i, j, k, m = (
-            load(self.corner[0], 0),
-            load(self.corner[1], 0),
-            load(self.corner[2], 0),
-            load(self.corner[3], 0),
-        )
-        s, t, x, y, z = nearest_of_edges(points.position, i, j, k, m)
+    def of_edges(self):
+        a, b = load_xyz(self.place[0], 0), load_xyz(self.place[2], 0)
+        u, v = relative(self.place[1], 0, a), relative(self.place[3], 0, b)
+        s, t, x, y, z = nearest_of_edges((a[0] - b[0], a[1] - b[1], a[2] - b[2]), u, v)
         store(self.inside, 0, ti.Vector([1] * LANES))
         self.keep(s, t, x, y, z)
 
@@ -77,14 +91,11 @@ class Nearest:
         store(self.square, 0, x * x + y * y + z * z)
 
     @routine
-    def part(self, points: Template, kind: Int):
+    def part(self, kind: Int):
         """`normal`: the way, or what is across two edges of theirs, where that parts them more: the nearest places of
         slivers, and of what all but touches, are not known so well. And `beyond`."""
-        origin = ti.static((0.0, 0.0, 0.0))
-        i = vectors(points.position, load(self.corner[0], 0), origin)
-        j = vectors(points.position, load(self.corner[1], 0), i)
-        k = vectors(points.position, load(self.corner[2], 0), i)
-        m = vectors(points.position, load(self.corner[3], 0), i)
+        i = load_xyz(self.place[0], 0)
+        j, k, m = relative(self.place[1], 0, i), relative(self.place[2], 0, i), relative(self.place[3], 0, i)
         x, y, z = load(self.way[0], 0), load(self.way[1], 0), load(self.way[2], 0)
         scale = 1.0 / ti.sqrt(x * x + y * y + z * z + 1e-20)
         unit = (x * scale, y * scale, z * scale)

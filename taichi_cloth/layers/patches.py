@@ -13,6 +13,7 @@ All x_s of a patch lie in a box, and all x_t. What they may turn by before the c
 import taichi as ti
 
 from taichi_cloth.ground.arrays import Template
+from taichi_cloth.layers.distances import dot
 
 __all__ = ["slack_of"]
 
@@ -20,16 +21,37 @@ __all__ = ["slack_of"]
 @ti.func
 def slack_of(s_low: Template, s_high: Template, t_low: Template, t_high: Template):
     """By how much each thread of a patch may differ, as a share of its length; at most 0 where it may meet itself.
-    s_low to t_high: boxes of its threads along rows and columns, over their lengths at rest."""
-    s, t = 0.5 * (s_low + s_high), 0.5 * (t_low + t_high)
-    u, v = 0.5 * (s_high - s_low), 0.5 * (t_high - t_low)
+    s_low to t_high: boxes of its threads along rows and columns, over their lengths at rest, by axis; of one patch, or
+    of lanes of them."""
+    s, u = halves(s_low, s_high)
+    t, v = halves(t_low, t_high)
     # a along s and b along t, each turned from the other by half of what they lean on each other.
-    lean = 0.5 * s.dot(t)
-    a, b = s - lean * t, t - lean * s
-    a, b = a / (a.norm() + 1e-9), b / (b.norm() + 1e-9)
-    size_a, size_b = ti.abs(a), ti.abs(b)
-    least = ti.min(a.dot(s) - size_a.dot(u), b.dot(t) - size_b.dot(v))  # pyright: ignore[reportOptionalCall]
-    leaning = size_a.dot(v) + size_b.dot(u)  # pyright: ignore[reportOptionalCall]
-    across = 0.5 * (ti.abs(a.dot(t) + b.dot(s)) + leaning)
-    slack = 0.5 * (least - across)
-    return ti.select((u.min() < 0.0) | (v.min() < 0.0), -1.0, slack)
+    lean = 0.5 * dot(s, t)
+    a, b = turned(s, t, lean), turned(t, s, lean)
+    size_a, size_b = sizes(a), sizes(b)
+    least = ti.min(dot(a, s) - dot(size_a, u), dot(b, t) - dot(size_b, v))
+    across = dot(a, t) + dot(b, s)
+    slack = 0.5 * (least - 0.5 * (ti.max(across, -across) + dot(size_a, v) + dot(size_b, u)))
+    thin = ti.min(ti.min(ti.min(u[0], u[1]), u[2]), ti.min(ti.min(v[0], v[1]), v[2]))
+    return ti.select(thin < 0.0, -1.0, slack)
+
+
+@ti.func
+def halves(low: Template, high: Template):
+    """Middle and half width of boxes."""
+    middle = (0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), 0.5 * (low[2] + high[2]))
+    return middle, (0.5 * (high[0] - low[0]), 0.5 * (high[1] - low[1]), 0.5 * (high[2] - low[2]))
+
+
+@ti.func
+def turned(one: Template, other: Template, lean):
+    """Unit vector along the first, less so much of the other."""
+    x, y, z = one[0] - lean * other[0], one[1] - lean * other[1], one[2] - lean * other[2]
+    scale = 1.0 / (ti.sqrt(x * x + y * y + z * z) + 1e-9)
+    return x * scale, y * scale, z * scale
+
+
+@ti.func
+def sizes(v: Template):
+    """Of the parts of a vector."""
+    return ti.max(v[0], -v[0]), ti.max(v[1], -v[1]), ti.max(v[2], -v[2])

@@ -11,6 +11,7 @@ from taichi_cloth.layers.near_pairs import NEAR_SEAMS
 from taichi_cloth.layers.outline import MEETS, PIECES
 from taichi_cloth.layers.paths import CELL, EAST, NORTH, POINT
 from taichi_cloth.layers.search import element
+from taichi_cloth.motion.stencil import load
 from taichi_cloth.sheet.sheet import LANES
 
 __all__ = ["Pieces"]
@@ -173,10 +174,13 @@ class Pieces:
         for group in range(self.waiting_lanes()):
             at = ti.Vector([group * LANES + k for k in ti.static(range(LANES))])
             i, j = gather(self.queue[0], at), gather(self.queue[1], at)
-            near.nearest.take(i, j, gather(self.queue[2], at), gather(self.queue[3], at))
-            near.nearest.find(points, kind)
-            near.nearest.part(points, kind)
-            for k in range(LANES):
+            near.nearest.take(points, i, j, gather(self.queue[2], at), gather(self.queue[3], at))
+            near.nearest.find(kind)
+            some, apart = 0, load(near.nearest.square, 0) - gather(self.within, at)
+            if apart.min() < 0.0:  # pyright: ignore[reportOptionalCall]
+                near.nearest.part(kind)
+                some = LANES
+            for k in range(some):
                 w = group * LANES + k
                 if near.nearest.square[k] < self.within[w]:
                     a, b, c, d = self.queue[0][w], self.queue[1][w], self.queue[2][w], self.queue[3][w]

@@ -16,8 +16,7 @@ import taichi as ti
 
 from taichi_cloth.ground.arrays import Float, Int, Template
 from taichi_cloth.ground.routine import routine
-from taichi_cloth.layers.patches import slack_of
-from taichi_cloth.layers.tree import LEVELS, WARP, WEFT
+from taichi_cloth.layers.tree import LEVELS
 from taichi_cloth.motion.stencil import store
 from taichi_cloth.sheet.sheet import LANES
 
@@ -96,16 +95,11 @@ class Search:
     @ti.func
     def flat(self, tree: Template, level, i, j, k, m):
         """Whether nodes (i, j) and (k, m) of a level, which touch, are part of a patch that cannot meet itself."""
-        p, q, r, t = tree.node(level, i, j), tree.node(level, i, m), tree.node(level, k, j), tree.node(level, k, m)
-        bounds = ti.Matrix.zero(ti.f32, 4, 3)
-        for family, first in ti.static(((0, WEFT), (1, WARP))):
-            for axis in ti.static(range(3)):
-                low, high = ti.static(tree.low[first + axis], tree.high[first + axis])
-                bounds[2 * family, axis] = ti.min(ti.min(low[p], low[q]), ti.min(low[r], low[t]))
-                bounds[2 * family + 1, axis] = ti.max(ti.max(high[p], high[q]), ti.max(high[r], high[t]))
-        slack = slack_of(bounds[0, :], bounds[1, :], bounds[2, :], bounds[3, :])
+        first = tree.node(level, ti.min(i, k), ti.min(j, m))
+        slack = tree.fits[first + tree.nodes * (2 * ti.abs(k - i) + ti.abs(m - j))]
         if slack > self.least[level]:
-            for node in ti.static((p, q, r, t)):
+            for row, column in ti.static(((i, j), (i, m), (k, j), (k, m))):
+                node = tree.node(level, row, column)
                 tree.slack[node] = ti.min(tree.slack[node], slack)
         return slack > self.least[level]
 

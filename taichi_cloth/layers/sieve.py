@@ -9,16 +9,13 @@ import taichi as ti
 from taichi_cloth.ground.arrays import Float, Int, Template
 from taichi_cloth.ground.routine import routine
 from taichi_cloth.layers.distances import gather
+from taichi_cloth.layers.nearest import CORNERS
 from taichi_cloth.layers.paths import CELL, EAST, NORTH
 from taichi_cloth.layers.search import element
 from taichi_cloth.motion.stencil import load, store
 from taichi_cloth.sheet.sheet import LANES
 
 __all__ = ["Sieve"]
-
-
-CORNERS = 4
-"""Of a cell."""
 
 
 @ti.data_oriented

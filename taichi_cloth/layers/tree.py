@@ -9,8 +9,10 @@ from numpy.typing import NDArray
 
 from taichi_cloth.ground.arrays import Float, I32x2, Int, Template
 from taichi_cloth.ground.routine import routine
+from taichi_cloth.layers.patches import slack_of
 from taichi_cloth.layers.paths import CELL, EAST, NORTH, POINT
-from taichi_cloth.motion.stencil import load, near, store
+from taichi_cloth.motion.stencil import listed, load, load_xyz, near, store
+from taichi_cloth.sheet.sheet import LANES
 
 __all__ = ["HOLE", "LEVELS", "NONE", "Tree", "levels_of"]
 
@@ -28,23 +30,38 @@ WEFT, WARP = 6, 9
 
 def levels_of(rows: int, width: int) -> NDArray[np.int32]:
     """(LEVELS, 3) first node, rows and columns of each level; rows 0 beyond the last. rows, width: of the padded grid.
-    Nodes of level 0 are the grid's elements."""
+    Nodes of level 0 are the grid's elements. Each level begins with whole lanes."""
     out = np.zeros((LEVELS, 3), np.int32)
     out[0] = 0, rows, width
-    at, level = rows * width, 0
+    at, level = _whole(rows * width), 0
     while rows * width > TOP or level < 2:
         rows, width, level = -(-rows // 2), -(-width // 2), level + 1
         out[level] = at, rows, width
-        at += rows * width
+        at += _whole(rows * width)
     return out
+
+
+def _whole(nodes: int) -> int:
+    return -(-nodes // LANES) * LANES
+
+
+@ti.func
+def lower(one: Template, other: Template):
+    return ti.min(one[0], other[0]), ti.min(one[1], other[1]), ti.min(one[2], other[2])
+
+
+@ti.func
+def higher(one: Template, other: Template):
+    return ti.max(one[0], other[0]), ti.max(one[1], other[1]), ti.max(one[2], other[2])
 
 
 @ti.data_oriented
 class Tree:
     """low, high: [bound], see `WEFT`; of nothing NONE and −NONE. clear: how far all in a node may be off its path [m].
     slack: by how much its threads may turn, as a share of their length. stale: 1 where anything in it gets a new path.
-    flat: a bit for each of the nodes beside it, and itself, that it makes a patch with that cannot meet itself, see
-    `Search.beside`. at: see `levels_of`. top: level."""
+    fits: slack of the patches that a node makes, of each of four kinds in turn: by itself, with the next of its row, of
+    its column, with all three beyond it. flat: a bit for each of the nodes beside it, and itself, that it makes a patch
+    with that is taken for one that cannot meet itself, see `Search.beside`. at: see `levels_of`. top: level."""
 
     at: Any
     top: Any
@@ -54,6 +71,7 @@ class Tree:
         self.low, self.high = ([ti.field(ti.f32, nodes) for _ in range(12)] for _ in range(2))
         self.clear, self.slack = (ti.field(ti.f32, nodes) for _ in range(2))
         self.stale, self.flat = (ti.field(ti.i32, nodes) for _ in range(2))
+        self.nodes, self.fits = nodes, ti.field(ti.f32, 4 * nodes)
         self.at, self.top = ti.field(ti.i32, (LEVELS, 3)), ti.field(ti.i32, ())
         self.inverse = ti.field(ti.f32, 2)
 
@@ -141,6 +159,45 @@ class Tree:
                         self.slack[q] = NONE
                     if whole != 0:
                         self.flat[q] = 0
+
+    @routine
+    def fit(self, whole: Int):
+        """Patches of one to four nodes, of all levels; where not all is searched, those with anything stale."""
+        for level in range(self.top[None] + 1):
+            wide = self.at[level, 2]
+            for group in range((self.at[level, 1] * wide + LANES - 1) // LANES):
+                p = near(self.at[level, 0] + group * LANES)
+                stale = load(self.stale, p) | load(self.stale, near(p + 1))
+                stale |= load(self.stale, near(p + wide)) | load(self.stale, near(p + wide + 1))
+                if whole != 0 or stale.max() != 0:  # pyright: ignore[reportOptionalCall]
+                    self.fit_lanes(p, wide)
+
+    @ti.func
+    def fit_lanes(self, p, wide):
+        """Of nodes p on. Beyond the end of a row or column is what nobody asks for."""
+        own, north = self.threads(p), self.threads(near(p + wide))
+        east, beyond = self.both(own, self.threads(near(p + 1))), self.threads(near(p + wide + 1))
+        store(self.fits, p, slack_of(own[0], own[1], own[2], own[3]))
+        store(self.fits, listed(p + self.nodes), slack_of(east[0], east[1], east[2], east[3]))
+        column, block = self.both(own, north), self.both(east, self.both(north, beyond))
+        store(self.fits, listed(p + 2 * self.nodes), slack_of(column[0], column[1], column[2], column[3]))
+        store(self.fits, listed(p + 3 * self.nodes), slack_of(block[0], block[1], block[2], block[3]))
+
+    @ti.func
+    def threads(self, p):
+        """Boxes of the threads of nodes p on along rows and columns, low and high."""
+        a, b, c, d = ti.static(self.low[WEFT:WARP], self.high[WEFT:WARP], self.low[WARP:], self.high[WARP:])
+        return load_xyz(a, p), load_xyz(b, p), load_xyz(c, p), load_xyz(d, p)
+
+    @ti.func
+    def both(self, one: Template, other: Template):
+        """Boxes round two of them."""
+        return (
+            lower(one[0], other[0]),
+            higher(one[1], other[1]),
+            lower(one[2], other[2]),
+            higher(one[3], other[3]),
+        )
 
     @routine
     def settle(self, points: Template, paths: Template):

@@ -165,6 +165,12 @@ def near(p):
     return ti.min(ti.max(p, 0), 1 << 24)
 
 
+@ti.func
+def listed(p):
+    """The same of a list, which may be longer than any grid."""
+    return ti.min(ti.max(p, 0), 1 << 30)
+
+
 @ti.data_oriented
 class Stencil:
     """Work memory for substeps, and the weights. `size` elements, of which a sheet has its padded grid in the first.
