@@ -23,7 +23,7 @@ from taichi_cloth.ground.arrays import F32x2, I32x1, I32x2, Template
 from taichi_cloth.sheet.materials import Material
 from taichi_cloth.sheet.sheet import Sheet
 
-__all__ = ["LINKS", "LONGEST", "PULL", "Beside", "BesideFields", "beside"]
+__all__ = ["LINKS", "LONGEST", "PULL", "Beside", "BesideFields", "beside", "longest_beside"]
 
 LONGEST, PULL = 0.018, 50.0
 """Strain up to which such a thread is left to its law, or what that gives it at a pull [N/m], whichever is more: a soft
@@ -57,7 +57,8 @@ def beside(sheet: Sheet, index: NDArray[np.int32], weight: NDArray[np.float32]) 
     east, north, _ = (sheet.padded(one).ravel() for one in sheet.weights)
     ends, squares = [], []
     rest = sheet.springs.spacing_x, sheet.springs.spacing_y
-    for there, far, length, strain in zip((east, north), (1, sheet.width), rest, _longest(sheet.material), strict=True):
+    may = longest_beside(sheet.material)
+    for there, far, length, strain in zip((east, north), (1, sheet.width), rest, may, strict=True):
         p = np.flatnonzero(there > 0)
         p = p[(touched[p] | touched[p + far]) & (inverse[p] + inverse[p + far] > 0)]
         ends.append(np.stack([p, p + far], axis=1))
@@ -75,7 +76,7 @@ def beside(sheet: Sheet, index: NDArray[np.int32], weight: NDArray[np.float32]) 
     )
 
 
-def _longest(m: Material) -> list[float]:
+def longest_beside(m: Material) -> list[float]:
     """Strain that threads beside ties may have, of weft and warp."""
     out = []
     for soft, stiff, crimp in (

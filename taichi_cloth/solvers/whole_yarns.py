@@ -47,9 +47,6 @@ HELD = 0.9
 AVERAGED = 8.0
 """Substeps over which the pull of a thread is averaged. It is looked at in every other one."""
 
-LONG = 0.0295
-"""Strain up to which it does not matter what a thread pulls (`WholeYarns.unsolved`)."""
-
 OVERSHOOT = 0.5
 """Share of a row's diagonal by which α may have changed since its matrix was factorised: the old one is used again."""
 
@@ -96,7 +93,7 @@ class WholeYarns(YarnFields):
     def unsolved(self, points: Template, p, family):
         """By how much the threads of a family that begin at the lanes at p are longer than what they pull says, as a
         share of their length: what has moved their ends since their yarns were solved, most of all ties and the body. 0
-        of those that are not LONG."""
+        of those that are not `long` for their kind."""
         s, q, n = points.lanes(p + family * self.size), near(p + self.offset[family]), self.numbers[family]
         x = load(points.position[0], q) - load(points.position[0], p)
         y = load(points.position[1], q) - load(points.position[1], p)
@@ -105,7 +102,7 @@ class WholeYarns(YarnFields):
         pull = -slack * load(self.tension, s)
         own = ti.select(n.soft * pull > n.crimp, n.offset + n.stiff * pull, n.soft * pull)
         grown = ti.sqrt(x * x + y * y + z * z) - n.rest
-        long = ti.select(grown > LONG * n.rest, present_at(slack), 0.0)
+        long = ti.select(grown > n.long, present_at(slack), 0.0)
         return long * (grown - ti.max(own, 0.0)) * n.slimmer
 
     @ti.func

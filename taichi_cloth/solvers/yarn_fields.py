@@ -22,6 +22,7 @@ THREAD_NUMBERS = (
     "crimp",  # [m] of C at which its pull has drawn it out
     "offset",  # [m] by which C seems less from then on: crimp (1 − stiff/soft)
     "bound",  # [m] of C that a strain limit leaves it, NEVER without one
+    "long",  # [m] by which it may be longer, whatever it pulls (`WholeYarns.unsolved`)
     "calm",  # 1/[m], of the C, either way, beyond which the next substep is wild
     "mass",  # m₀ [kg]
     "damped",  # τ/h

@@ -17,6 +17,7 @@ from math import ceil, inf, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_cloth.constraints.beside_ties import longest_beside
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.loops.yarn_loops import YarnLoops
 from taichi_cloth.motion.constraint import Constraint
@@ -48,7 +49,11 @@ WORTH = 0.9
 
 MOST_SWEEPS, UNSOLVED = 6, 0.01
 """Sweeps at most of a frame that is taken again since ties and the body have made a thread longer than its yarn was
-solved for, by such a share of its length; those shorter than LONG of `whole_yarns.py` may be."""
+solved for, by such a share of its length; those that are not LONG may be."""
+
+LONG, SLACK = 0.0295, 1.01
+"""Strain up to which it does not matter what a thread pulls, and that which a crimped one is left beside ties
+(`longest_beside`) times a hair, if that is more: of crimp that gives 3 % by itself no sweep takes it back."""
 
 GAIN = 0.95
 """Share of that which one sweep more has to come below, or it is not worth its time."""
@@ -141,10 +146,10 @@ class Yarns(SpringSolver):
         mass = m.density * s.spacing_x * s.spacing_y
         squared = self.numbers["structural_x"] / s.structural_x  # h², less what the air takes meanwhile
         shared = {"mass": mass, "damped": m.fibre_damping / self.step}
-        straight, out = s.drawn(m), []
-        for step, weight, constant, drawn, rest, stiff, crimp in (
-            ((0, 1), east, s.structural_x, straight.structural_x, s.spacing_x, m.drawn_weft, m.crimp_weft),
-            ((1, 0), north, s.structural_y, straight.structural_y, s.spacing_y, m.drawn_warp, m.crimp_warp),
+        straight, left, out = s.drawn(m), longest_beside(m), []
+        for step, weight, constant, drawn, rest, stiff, crimp, most in (
+            ((0, 1), east, s.structural_x, straight.structural_x, s.spacing_x, m.drawn_weft, m.crimp_weft, left[0]),
+            ((1, 0), north, s.structural_y, straight.structural_y, s.spacing_y, m.drawn_warp, m.crimp_warp, left[1]),
         ):
             at = crimp * rest if stiff > 0 else NEVER
             numbers = {
@@ -155,13 +160,15 @@ class Yarns(SpringSolver):
                 "crimp": at,
                 "offset": at * (1 - constant / drawn),
                 "bound": rest * limit.strain if limit else NEVER,
+                "long": rest * max(LONG, SLACK * most if stiff > 0 else 0.0),
                 "calm": 1 / (rest * WILD + (at if stiff > 0 else 0.0)),
             }
             out.append(Family(step, weight, numbers | shared))
         if self.chains:
             rest, compliance = s.diagonal_length, mass / (s.diagonal * squared)
             numbers = {"rest": rest, "slimmer": 1 / rest, "soft": compliance, "stiff": compliance, "offset": 0.0}
-            numbers |= {"crimp": NEVER, "bound": NEVER, "calm": 1 / NEVER}  # no shear of cloth is too much
+            numbers |= {"crimp": NEVER, "bound": NEVER, "long": NEVER}  # no shear of cloth is too much
+            numbers["calm"] = 1 / NEVER
             out.append(Family((1, 1), cell, numbers | shared))
             out.append(Family((1, -1), np.roll(cell, 1, axis=1), numbers | shared))
         return out

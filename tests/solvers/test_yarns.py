@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from taichi_cloth.constraints.beside_ties import LONGEST
+from taichi_cloth.constraints.beside_ties import LONGEST, longest_beside
 from taichi_cloth.constraints.ties import LEARNT, MOVING, Ties
 from taichi_cloth.ground.errors import InputError, Unstable
 from taichi_cloth.motion.crew import Pace
@@ -19,7 +19,7 @@ from taichi_cloth.sheet.pins import Pins
 from taichi_cloth.sheet.sheet import PAD, Sheet
 from taichi_cloth.sheet.springs import calibrate
 from taichi_cloth.solvers.verlet import Verlet
-from taichi_cloth.solvers.yarns import CALM, FUTILE, MOST_SWEEPS, STAYS, TIGHTEST, UNSOLVED, WILD, Yarns
+from taichi_cloth.solvers.yarns import CALM, FUTILE, LONG, MOST_SWEEPS, SLACK, STAYS, TIGHTEST, UNSOLVED, WILD, Yarns
 
 SIDE = 21
 SPACING = 1 / (SIDE - 1)
@@ -350,6 +350,15 @@ def test_what_a_seam_asks_at_once_is_shared_among_a_few_threads_of_a_yarn() -> N
     sewn.step()
     assert 0.9 * LONGEST < largest(panels, sewn.positions) < 1.1 * LONGEST
     assert seam.gaps(sewn.state).max() < 1e-4
+
+
+def test_a_thread_is_too_long_beyond_what_its_crimp_leaves_it_beside_ties() -> None:
+    """From 2.95 % on; of crimp that gives 3 % by itself a hair later, as ties leave it that."""
+    for crimp, most in ((0.02, LONG), (0.03, SLACK * (0.03 + 20.0 / 1e5))):
+        sheet = sheet_of(replace(CLOTH, drawn_warp=1e5, crimp_warp=crimp))
+        assert longest_beside(sheet.material)[1] == pytest.approx(crimp + (50.0 - 1000.0 * crimp) / 1e5)
+        weft, warp = (family.numbers["long"] for family in Yarns(sheet, FAR).families())
+        assert (weft, warp) == pytest.approx((SPACING * LONG, SPACING * most))
 
 
 def test_it_falls_as_all_falls() -> None:
