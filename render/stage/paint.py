@@ -2,7 +2,7 @@
 
 Meshes are shaded like cloth without fibres: Lambert's law for every distant light and a fill that goes from the
 ground's colour to the sky's as the normal turns upward (see `Lighting.ambient`), on smooth normals turned towards the
-viewer.
+viewer. What is skin of them has its own way with light, see `light.skin`.
 """
 
 from dataclasses import replace
@@ -19,6 +19,7 @@ from ..data.camera import Camera
 from ..data.light import Background, Lighting
 from ..light.particle_light import LightMaps
 from ..light.shade import rise
+from ..light.skin import BLEED, blurred, shine, sky_shine
 from ..light.view import DOME, EYE, GROUND, LENS, SKY, new_view, set_view
 from ..tiles.mesh import Mesh, from_behind, normals_at, visible
 from ..tiles.sort import usual_chunks
@@ -92,9 +93,10 @@ def paint(
         for side, normals in enumerate((np.asarray(mesh.normals), -np.asarray(mesh.normals))):
             seen = maps.sky.seen_from(mesh.vertices + LIFT * maps.sky.texel * normals, normals)
             open_sky[:, side] = spread(seen, mesh.faces, SPREAD)
+    skin = np.asarray(mesh.skin)
     _shade(
-        any(lights), view, lamps, mesh.faces, behind, mesh.colour, mesh.normals, open_sky, edges, face, passing,
-        colour,
+        any(lights), bool(skin.any()), view, lamps, mesh.faces, behind, mesh.colour, skin, mesh.normals, open_sky,
+        edges, face, passing, colour,
     )  # fmt: skip
     return Backdrop(colour, tiled(depth), face, edges)
 
@@ -177,15 +179,33 @@ def smooth_normal(faces: I32x2, normals: F32x2, f, b):
     return n / ti.max(n.norm(), 1e-12)
 
 
+@ti.func
+def fill(view: F32x2, up):
+    """What comes from all round on a surface whose normal has the height `up`."""
+    ground = ti.Vector([view[GROUND, k] for k in ti.static(range(3))])
+    sky = ti.Vector([view[SKY, k] for k in ti.static(range(3))])
+    dome = ti.Vector([view[DOME, k] for k in ti.static(range(3))])
+    return ground + (sky - ground) * (0.5 + 0.5 * up) + dome * rise(up)
+
+
+@ti.func
+def to_eye(view: F32x2, x, y):
+    """Unit direction, world, from what is seen at a place of the image [px] to the camera."""
+    u, v = (x - view[LENS, 1]) / view[LENS, 0], (y - view[LENS, 2]) / view[LENS, 0]
+    return -ti.Vector([u * view[0, k] + v * view[1, k] + view[2, k] for k in ti.static(range(3))]).normalized()
+
+
 @ti.kernel
 def _shade(
     shadowed: Template,
+    skinned: Template,
     view: F32x2,
     lamps: F32x3,  # direction towards each, then its radiance
     # mesh:
     faces: I32x2,
     behind: I32x1,
     albedo: F32x2,
+    skin: F32x1,
     normals: F32x2,
     open_sky: F32x2,
     edges: F32x2,
@@ -207,22 +227,35 @@ def _shade(
             n = smooth_normal(faces, normals, f, b)
             side = behind[f]
             n *= 1.0 - 2.0 * side
-            upward = 0.5 + 0.5 * n[1]
-            seen = 0.0
+            seen, soft = 0.0, 0.0
+            own = ti.Vector([0.0, 0.0, 0.0])
             for j in ti.static(range(3)):
-                seen += b[j] * open_sky[faces[f, j], side]  # pyright: ignore[reportIndexIssue]
-            lit = ti.Vector([view[GROUND, k] + (view[SKY, k] - view[GROUND, k]) * upward for k in ti.static(range(3))])
-            above = rise(n[1])
-            for k in ti.static(range(3)):
-                lit[k] = (lit[k] + view[DOME, k] * above) * seen
-            for j in range(lamps.shape[0]):
-                share = ti.max(n[0] * lamps[j, 0, 0] + n[1] * lamps[j, 0, 1] + n[2] * lamps[j, 0, 2], 0.0)
-                if ti.static(shadowed):
-                    share *= passing[j, y, x]
+                corner = faces[f, j]  # pyright: ignore[reportIndexIssue]
+                seen += b[j] * open_sky[corner, side]  # pyright: ignore[reportIndexIssue]
+                soft += b[j] * skin[corner]  # pyright: ignore[reportIndexIssue]
                 for k in ti.static(range(3)):
-                    lit[k] += share * lamps[j, 1, k]
+                    own[k] += b[j] * albedo[corner, k]  # pyright: ignore[reportIndexIssue]
+            lit = fill(view, n[1]) * seen
+            gloss = ti.Vector([0.0, 0.0, 0.0])
+            eye = ti.Vector([0.0, 0.0, 0.0])
+            if ti.static(skinned):
+                eye = to_eye(view, x + 0.5, y + 0.5)
+                mirrored = 2.0 * n.dot(eye) * n[1] - eye[1]
+                back = soft * sky_shine(n, eye)
+                gloss = back * seen * fill(view, mirrored)
+                lit *= 1.0 - back
+            for j in range(lamps.shape[0]):
+                towards = ti.Vector([lamps[j, 0, k] for k in ti.static(range(3))])
+                cosine, passed, shining = n.dot(towards), 1.0, 0.0
+                if ti.static(shadowed):
+                    passed = passing[j, y, x]
+                if ti.static(skinned):
+                    shining = soft * shine(n, towards, eye)
+                for k in ti.static(range(3)):
+                    share = ti.max(cosine, 0.0)
+                    if ti.static(skinned):
+                        share = blurred(cosine, soft * ti.static(BLEED[k]))
+                    lit[k] += passed * share * lamps[j, 1, k]
+                    gloss[k] += passed * shining * lamps[j, 1, k]
             for k in ti.static(range(3)):
-                own = 0.0
-                for j in ti.static(range(3)):
-                    own += b[j] * albedo[faces[f, j], k]  # pyright: ignore[reportIndexIssue]
-                colour_out[y, x, k] = own * lit[k]
+                colour_out[y, x, k] = own[k] * lit[k] + gloss[k]

@@ -52,6 +52,8 @@ class Mesh:
     """Unit normals of the vertices, shape (v, 3); None takes the mean of the triangles round each, by area."""
     part: NDArray[np.int32] | int = 0
     """Which part each triangle belongs to, for the id pass, 0 and up, shape (f,); a number is repeated."""
+    skin: NDArray[np.float32] | float = 0.0
+    """How far each vertex is of skin (see `light.skin`), 0 to 1, shape (v,); a number is repeated."""
 
     if TYPE_CHECKING:
 
@@ -62,6 +64,7 @@ class Mesh:
             colour: ArrayLike,
             normals: ArrayLike | None = None,
             part: ArrayLike = 0,
+            skin: ArrayLike = 0.0,
         ) -> None: ...
 
     def __post_init__(self) -> None:
@@ -77,6 +80,7 @@ class Mesh:
             ("colour", self.colour, vertices.shape, np.float32),
             ("normals", normals, vertices.shape, np.float32),
             ("part", self.part, faces.shape[:1], np.int32),
+            ("skin", self.skin, vertices.shape[:1], np.float32),
         ):
             try:
                 array = np.ascontiguousarray(np.broadcast_to(np.asarray(value, dtype), shape))
@@ -96,6 +100,7 @@ def join(meshes: Sequence[Mesh]) -> Mesh:
         np.concatenate([m.colour for m in meshes]),
         np.concatenate([np.asarray(m.normals) for m in meshes]),
         np.concatenate([np.asarray(m.part) for m in meshes]),
+        np.concatenate([np.asarray(m.skin) for m in meshes]),
     )
 
 

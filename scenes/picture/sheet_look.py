@@ -45,7 +45,7 @@ SKY = 0.4
 CLEAR = 1e-3
 """Of light that passes through, less is taken for as much."""
 EVEN = 1.0, 1.0, 1.0
-NONE = 0.0, 0.0, 0.0
+ALL_ROUND = Lighting(key=0.0, fill=1.0, sky=EVEN, ground=EVEN)
 
 
 def _keys(side: int) -> Lighting:
@@ -58,34 +58,22 @@ def _keys(side: int) -> Lighting:
     )
 
 
-def _sky(side: int, backed: bool) -> Lighting:
-    """An even sky all round; or, of a cloth that lies on something, only before the side that is seen, the right one
-    (0) or the wrong one (1). Of white, what is sent back of a sky all round and what shines through add up to the same
-    however open its fibres lie, so that half of it tells how far they do."""
-    dark = (NONE, EVEN) if side else (EVEN, NONE)
-    sky, ground = dark if backed else (EVEN, EVEN)
-    return Lighting(key=0.0, fill=1.0, sky=sky, ground=ground)
-
-
-def fit_look(source: CellStream, finish: Finish, *, backed: bool = False) -> SheetLook:
-    """The look of the sheets of a cloth whose fibres have that finish. backed: as its fibres look where nothing shines
-    through, see `_sky`."""
+def fit_look(source: CellStream, finish: Finish) -> SheetLook:
+    """The look of the sheets of a cloth whose fibres have that finish."""
     cloth = source.cloth
     guess = guess_of(cloth.bank, cloth.repeats)
     bank = cloth.bank
     parts = bank.particle, bank.start, bank.first, bank.phases, [(one.kind, *one.ahead) for one in cloth.repeats]
-    made_of = digest(VERSION, *(["backed"] if backed else []), FLANKS, TURNED, finish, guess, source.pitch, *parts)
+    made_of = digest(VERSION, FLANKS, TURNED, finish, guess, source.pitch, *parts)
 
     def make() -> dict[str, NDArray]:
-        every = [_measured(cloth, number, source.pitch, guess, finish, backed) for number in range(len(cloth.repeats))]
+        every = [_measured(cloth, number, source.pitch, guess, finish) for number in range(len(cloth.repeats))]
         return {"factor": np.stack(every).astype(np.float32)}
 
     return SheetLook(kept("sheet", made_of, make)[0]["factor"], guess.lean)
 
 
-def _measured(
-    cloth: CellCloth, number: int, pitch: tuple[float, float], guess: SheetLook, finish: Finish, backed: bool
-) -> F64:
+def _measured(cloth: CellCloth, number: int, pitch: tuple[float, float], guess: SheetLook, finish: Finish) -> F64:
     """The factors of a repeat, (2, TILTS, 4)."""
     splatter = Splatter(*SIZE)
     fibres, sheet = (flat_piece(cloth, number, threads, pitch) for threads, _ in (FIBRES, SHEETS))
@@ -95,14 +83,12 @@ def _measured(
 
     def got(now: F64, side: int, elevation: float) -> F64:
         sheet.look.factor[number, side] = now  # seen so, all of it is at this angle
-        return seen_light(splatter, sheet, *_camera(sheet, elevation, SHEETS[1]), finish, backed=backed)
+        return seen_light(splatter, sheet, *_camera(sheet, elevation, SHEETS[1]), finish)
 
     for side in (0, 1):
         for t, tilt in enumerate(TILTS):
             elevation = degrees(asin(tilt)) * (1 - 2 * side)
-            want = seen_light(
-                splatter, fibres, *_camera(fibres, elevation, FIBRES[1] * tilt**-0.33), finish, backed=backed
-            )
+            want = seen_light(splatter, fibres, *_camera(fibres, elevation, FIBRES[1] * tilt**-0.33), finish)
             start = out[side, max(t - 1, 0)].copy()
             out[side, t] = _solved(lambda now, at=(side, elevation): got(now, *at), want, start)
     return out
@@ -161,12 +147,11 @@ def seen_light(
     camera: Camera,
     where: NDArray[np.bool_],
     finish: Finish,
-    backed: bool = False,
 ) -> F64:
     """Coverage; of lights all round, what comes by the colour of warp and by that of weft; of a sky, likewise: means of
-    those pixels. backed: see `_sky`."""
+    those pixels."""
     means, side = [], int(camera.forward[1] > 0)
-    for lighting in (_keys(side), _sky(side, backed)):
+    for lighting in (_keys(side), ALL_ROUND):
         stream(splatter, camera, source, most=10**9, lighting=lighting, finish=finish)
         means.append(splatter.linear()[where].mean(axis=0, dtype=np.float64))
     (red, green, blue, cover), sky = means

@@ -7,15 +7,13 @@ from the next, which is two pixels of the last picture.
 
 from collections.abc import Iterator
 from dataclasses import replace
-from math import log
 
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_cloth.detail.cell_stream import SHEET, TARGET, CellStream
+from taichi_cloth.detail.cell_stream import TARGET, CellStream
 from taichi_cloth.detail.near_cells import NearCells
 from taichi_cloth.detail.pieces import SURFACE
-from taichi_cloth.detail.surfels import SheetLook
 from taichi_cloth.fabric.cells import CellCloth
 from taichi_cloth.fabric.surface import surface_points
 from taichi_cloth.ground.cache import digest, kept
@@ -68,7 +66,7 @@ def zoom_cells(view: View, count: int, numbers: list[int]) -> Iterator[tuple[int
     first = orbit(panel.bounds, 1, width=width, height=height, start=section.azimuth_deg, **lens)[0]
     source, finish = model.source, view.finish
     source.target = TARGET
-    looks = fit_look(source, finish), fit_look(source, finish, backed=True)
+    source.look = fit_look(source, finish)
     near = NearCells(source, skin_in(scene))
     near.skins.gain = _skin_gain(near, finish)
     mesh = join(panel.meshes) if panel.meshes else None
@@ -87,19 +85,9 @@ def zoom_cells(view: View, count: int, numbers: list[int]) -> Iterator[tuple[int
     closer = Closer(np.zeros(3), REGIONS, lambda size: ParticleBlocks(near.around(np.zeros(3), size, LIT)))
     splatter = Splatter(width, height)
     streamed = Streamed(splatter, sample, floor=has_floor(scene), mesh=mesh, resolution=RESOLUTION, closer=closer)
-    pixel = np.array([float(-camera.eye @ camera.forward) / camera.focal for camera in way])
-    led = np.log(pixel / pixel[0]) / log(float(np.sqrt(source.pitch[0] * source.pitch[1])) / SHEET[0] / pixel[0])
     for k in numbers:
-        source.look = _between(*looks, float(np.clip(led[k], 0.0, 1.0)))
         image, _ = streamed.draw(way[k], near, lighting=lighting, finish=finish, background=view.background)
         yield k, image
-
-
-def _between(far: SheetLook, near: SheetLook, share: float) -> SheetLook:
-    """A look on the way to that of a cloth which nothing shines through, which its fibres have where a body is behind:
-    a few thousandths from one picture to the next."""
-    factor = far.factor + share * (near.factor - far.factor)
-    return SheetLook(factor.astype(np.float32), far.lean)
 
 
 def _standing(lighting: Lighting, camera: Camera) -> Lighting:

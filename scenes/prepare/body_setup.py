@@ -149,4 +149,4 @@ def skin_mesh(section: BodySection, body: Body, skin: NDArray, cloth: NDArray, s
     in `beneath`."""
     albedo = SKIN * np.asarray(colour(section.colour), np.float32)
     let_in = beneath(skin, body.faces, cloth, bone=body.weights.argmax(axis=1), spared=spared)
-    return Mesh(let_in, body.faces, albedo, part=1)
+    return Mesh(let_in, body.faces, albedo, part=1, skin=1.0)

@@ -44,9 +44,9 @@ F64 = NDArray[np.float64]
 TARGET = 0.25
 """Radius of the smallest particles, in pixels of the picture that is shown: on a canvas with several samples a pixel
 each way, as many times as much."""
-SHEET = 1.1, 3.4
+SHEET = 1.0, 5.0
 """Pixels from thread to thread up to which a cloth is drawn as a sheet, and from which on it is drawn of fibres."""
-EVENLY = 0.62
+EVENLY = 0.54
 """Fibres that fade in beside a sheet show little at first: with their share so, brightness goes over evenly."""
 FADING = 1.6
 """Fibres of a level are whole from so many times the smallest radius on; of smaller ones some are of the next level."""

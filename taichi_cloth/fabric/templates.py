@@ -7,7 +7,7 @@ one yarn meet their neighbours in the same section, so there is no seam between 
 """
 
 from dataclasses import dataclass
-from math import pi
+from math import pi, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +32,7 @@ LAYERS = 1.5  # fibres that lie before one another across a drawn yarn, at least
 MOST_OF_THICKNESS = 1.3  # of the yarn, that a drawn fibre takes: one stands for many side by side
 MOST_APART = 1.6  # how much further apart drawn fibres are laid than those that they stand for
 STATIONS = 192  # along a yarn's period, at which its width is taken
+MOST_OPEN = 0.999  # of a fibre in a yarn; a hair stands open on all sides
 WANDER = 0.10  # bend of a fibre between block ends that tells variants apart, in yarn radii
 
 
@@ -224,12 +225,15 @@ def _core(
         lean = rng.standard_normal((max(1, layout.detail.variants), 1, 1, 2)).clip(-2, 2)
         section_yz = section_yz + lean[variant] * (LEAN * size) * (away**2)[None, None, :, None]
     z, slope = _path(layout, kind, u, section)
+    # A drawn fibre that stands for many shows the outermost of them, by so much beyond its own middle [m], (t, f, 1).
+    stands_out = (radius * (1.0 - sqrt(rows / (yarn.fibres_in_section * yarn.plies)) / grown))[..., None]
     offset, tangent, normal = _bend(
         section_yz, gather(spun.tangent), gather(spun.normal), z[:, None, :], slope[:, None, :]
     )
     stretch = (layout.kinds.pitch[kind] / period.block_length)[:, None, None]
     shape = (len(kind), rows, count)
-    open_ = _openness(layout, gather(spun.depth), offset[..., 2])
+    surface = np.minimum(gather(spun.depth) + 2.0 * stands_out / size.mean(axis=-1), 1.0)
+    open_ = _openness(layout, surface, np.abs(offset[..., 2]) + stands_out * np.abs(normal[..., 2]))
     return _flatten(
         template,
         u=np.broadcast_to(u, shape),
@@ -376,7 +380,8 @@ def _openness(layout: FabricLayout, depth: F64, height: F64) -> F64:
     """
     half = (float(layout.warp.thickness.mean()) + float(layout.weft.thickness.mean())) / 2
     rise = np.clip(np.abs(height) / half, 0.0, 1.0)
-    return (0.30 + 0.70 * depth**2) * (0.35 + 0.65 * rise * rise * (3.0 - 2.0 * rise))
+    out = (0.30 + 0.70 * depth**2) * (0.35 + 0.65 * rise * rise * (3.0 - 2.0 * rise))
+    return np.minimum(out, MOST_OPEN)
 
 
 def _flatten(template: NDArray[np.int64], **arrays: F64) -> _Piece:
