@@ -5,14 +5,16 @@ from dataclasses import dataclass
 from math import hypot
 
 from taichi_cloth.constraints.thin_limbs import least_gap
+from taichi_cloth.mechanics.construction import Construction
 from taichi_cloth.mechanics.presets import named_construction
+from taichi_cloth.mechanics.properties import woven_properties
 
 from ..scene.body_section import BodySection
 from ..scene.cloth_schema import ForcesSection
 from ..scene.schema import WOVEN, Scene
-from .construction import construction_of
+from .construction import construction_of, with_measured
 
-__all__ = ["ARM", "FINGER", "Gap", "SheetGaps", "drawn_thickness", "gaps_of", "garment_gaps"]
+__all__ = ["ARM", "FINGER", "Gap", "SheetGaps", "gaps_of", "garment_gaps"]
 
 FINGER = 8e-3
 """Radius of the thinnest limb that a sheet lies on whatever its thickness [m]: a finger's."""
@@ -51,25 +53,24 @@ class Gap:
 
 @dataclass(frozen=True)
 class SheetGaps:
-    """Between a sheet and a body, a ball, a floor, and its own layers."""
+    """Between a sheet and a body, a ball, a floor, and its own layers. friction: of its yarns, cloth on cloth."""
 
     body: Gap
     ball: Gap
     floor: Gap
     layers: Gap
+    friction: float
 
 
-def drawn_thickness(scene: Scene, spacing: tuple[float, float]) -> float:
-    """Of the threads of a [cloth] or [garment] that lie on one another, as they are drawn; of a mesh without [yarn] or
-    [weave] as its material would be [m]. spacing: of key points, across and along [m]. Raises InputError."""
+def _woven(scene: Scene, spacing: tuple[float, float]) -> Construction:
+    """Of a [cloth] or [garment] as it is drawn; of a mesh without [yarn] or [weave] as its material would be. spacing:
+    of key points, across and along [m]. Raises InputError."""
     section = scene.cloth or scene.garment
     assert section is not None
     if scene.weave is None or scene.yarn is None:
-        name = "cotton-shirting" if scene.material == WOVEN else scene.material
-        return 1e-3 * named_construction(name).facts.thickness_mm
+        return named_construction("cotton-shirting" if scene.material == WOVEN else scene.material)
     threads = section.threads_per_key_point
-    per_cm = (0.01 * threads / spacing[0], 0.01 * threads / spacing[1])
-    return 1e-3 * construction_of(scene, per_cm).facts.thickness_mm
+    return construction_of(scene, (0.01 * threads / spacing[0], 0.01 * threads / spacing[1]))
 
 
 def gaps_of(scene: Scene) -> SheetGaps:
@@ -99,7 +100,9 @@ Least = tuple[float, str]
 def _gaps(scene: Scene, spacing: tuple[float, float], from_body_mm: float | None, least: Least) -> SheetGaps:
     """least: from the body where nothing is stated, however thin the cloth."""
     forces, diagonal = scene.forces or ForcesSection(), hypot(*spacing)
-    thickness = drawn_thickness(scene, spacing)
+    made, section = _woven(scene, spacing), scene.cloth or scene.garment
+    assert section is not None
+    thickness = 1e-3 * made.facts.thickness_mm
 
     def gap(stated_mm: float | None, least: Least = (0.0, "")) -> Gap:
         if stated_mm is not None:
@@ -112,4 +115,5 @@ def _gaps(scene: Scene, spacing: tuple[float, float], from_body_mm: float | None
         ball=gap(ball.gap_mm, (least_gap(diagonal, ball.radius_m), TOO_FAR)) if ball else gap(None),
         floor=gap(floor.gap_mm if floor else None),
         layers=gap(layers.thickness_mm if layers else None, (FOLD * min(spacing), TOO_FAR)),
+        friction=with_measured(woven_properties(made), section.measured)["friction"].value,
     )

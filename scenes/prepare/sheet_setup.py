@@ -140,7 +140,7 @@ def sheet_of(cloth: ClothSection, solver: SolverSection | None = None, own: Mate
 
 
 def forces_of(section: ForcesSection | None, gaps: SheetGaps) -> Forces:
-    """What acts on a sheet from outside. gaps: kept where the section states none."""
+    """What acts on a sheet from outside. gaps: kept, and how cloth rubs on cloth, where the section states nothing."""
     section = section or ForcesSection()
 
     def kept(stated_mm: float | None, gap: Gap) -> float:
@@ -165,7 +165,11 @@ def forces_of(section: ForcesSection | None, gaps: SheetGaps) -> Forces:
         ),
         plane=floor and Plane(height=floor.height_m, friction=floor.friction, gap=kept(floor.gap_mm, gaps.floor)),
         strain_limit=limit and StrainLimit(strain=1e-2 * limit.percent, passes=limit.passes),
-        self_contact=layers and SelfContact(thickness=kept(layers.thickness_mm, gaps.layers), friction=layers.friction),
+        self_contact=layers
+        and SelfContact(
+            thickness=kept(layers.thickness_mm, gaps.layers),
+            friction=gaps.friction if layers.friction is None else layers.friction,
+        ),
     )
 
 

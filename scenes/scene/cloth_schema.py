@@ -199,7 +199,7 @@ class SelfContactSection(Section):
     thickness_mm: Positive | None = Field(
         default=None, description=f"kept between layers, at most 4 times the spacing of key points [mm]; {AS_DRAWN}"
     )
-    friction: float = Field(default=0.3, ge=0, le=5)
+    friction: float | None = Field(default=None, ge=0, le=5, description="default: that of the fabric's yarns")
 
 
 class ForcesSection(Section):
