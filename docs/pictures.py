@@ -27,6 +27,8 @@ from taichi_cloth.scenes.studies.make import what_to_install
 
 HERE = Path(__file__).parent
 SCHORT = HERE.parent / "tests" / "data" / "wif" / "schort.wif"
+LOSSLESS = 150_000
+"""Bytes of a file up to which it is kept without loss."""
 FABRIC = (1440, 960)  # drawn at twice the size, so that threads finer than a pixel come out smooth
 
 
@@ -191,13 +193,22 @@ if what_to_install("appearance") is None:
 PICTURES |= {Path(one.file).stem: lambda one=one: fitted(one.make(False)) for one in FIGURES}
 
 
+def webp(image: np.ndarray) -> bytes:
+    """Without loss where that is small."""
+    for quality in (101, 90):
+        data = cv2.imencode(".webp", image[..., ::-1], [cv2.IMWRITE_WEBP_QUALITY, quality])[1].tobytes()
+        if len(data) <= LOSSLESS:
+            break
+    return data
+
+
 def main(names: list[str]) -> None:
     runtime.start()
     for name in names or PICTURES:
         image = PICTURES[name]()
         small = cv2.resize(image, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
         path = HERE / "img" / f"{name}.webp"
-        cv2.imwrite(str(path), small[..., ::-1], [cv2.IMWRITE_WEBP_QUALITY, 88])
+        path.write_bytes(webp(small))
         print(f"{path.name}: {small.shape[1]} x {small.shape[0]}, {path.stat().st_size // 1024} kB")
 
 
