@@ -1,8 +1,6 @@
 """What a moving cloth will build, in words."""
 
-from collections.abc import Sequence
-
-from taichi_cloth.body.colliders.colliders import Solid
+from taichi_cloth.body.colliders.colliders import Colliders
 from taichi_cloth.constraints.thin_limbs import let_through, thinnest_held
 from taichi_cloth.mechanics.presets import WITHIN
 from taichi_cloth.motion.forces import Forces
@@ -20,14 +18,15 @@ __all__ = ["force_stages", "material_stage", "sheet_stages", "solver_stages", "t
 THIN, WITHIN_CLOTH = "thin limbs", "within cloth"
 
 
-def thin_limbs(solids: Sequence[Solid], diagonal: float, gap: float) -> tuple[dict[str, str], dict[str, str]]:
-    """Whether the middles of springs are met, and by what, and why or why not."""
-    thin = let_through(solids, diagonal, gap)
+def thin_limbs(body: Colliders, diagonal: float) -> tuple[dict[str, str], dict[str, str]]:
+    """Whether the middles of springs are met, and by what, and why or why not. diagonal: of a cell [m]."""
+    thin = let_through(body.solids, diagonal, body.gap, body.beyond)
+    beyond = body.beyond or (0.0,) * len(body.solids)
     if not len(thin):
-        held = 1e3 * thinnest_held(diagonal, gap)
+        held = 1e3 * thinnest_held(diagonal, body.gap + min(beyond))
         return {}, {THIN: f"key points keep out all of the body: from {held:.1f} mm radius on"}
-    least = 1e3 * thinnest_held(diagonal, gap, middles=True)
-    parts = ", ".join(dict.fromkeys(solids[number].part or f"number {number}" for number in thin))
+    least = 1e3 * max(thinnest_held(diagonal, body.gap + beyond[number], middles=True) for number in thin)
+    parts = ", ".join(dict.fromkeys(body.solids[number].part or f"number {number}" for number in thin))
     return {THIN: f"the middles of springs meet {parts}; enough from {least:.1f} mm radius on"}, {}
 
 
@@ -115,8 +114,7 @@ def sheet_stages(scene: Scene) -> tuple[dict[str, str], dict[str, str]]:
     else:
         left["body"] = left[THIN] = "the scene has no [body]"
     if standing is not None:
-        solids = standing.colliders.solids
-        thin = thin_limbs(solids, s.diagonal_length, gaps.body.size)
+        thin = thin_limbs(standing.colliders, s.diagonal_length)
         for stages, more in zip((built, left), thin, strict=True):
             stages |= more
     if held:
@@ -130,7 +128,9 @@ def sheet_stages(scene: Scene) -> tuple[dict[str, str], dict[str, str]]:
             stages |= more
     ball = f"a ball of {forces.sphere.radius:g} m, {gaps.ball.said}" if forces.sphere else ""
     floor = f"a floor at {forces.plane.height:g} m, {gaps.floor.said}" if forces.plane else ""
-    person = f"the body's {body.contact}, µ {cloth.friction:g}, {gaps.body.said}" if body else ""
+    person = ""
+    if body and standing is not None:
+        person = f"the body's {body.contact}, µ {cloth.friction:g}, {gaps.said(standing.colliders.solids)}"
     if ball or floor or person:
         built["contact"] = "; ".join(filter(None, (person, ball, floor)))
     else:

@@ -9,6 +9,7 @@ from ..prepare.garment_setup import (
     Parts,
     dressed_parts,
     garment_choice,
+    garment_colliders,
     garment_forces,
     motion_of,
     prepare_garment,
@@ -30,7 +31,7 @@ def garment_stages(scene: Scene) -> tuple[dict[str, str], dict[str, str], int, S
     parts = dressed_parts(scene)
     pattern, atlas = parts.garment.pattern, parts.garment.atlas
     a, b = atlas.spacing
-    gaps = parts.gaps
+    gaps, solids = parts.gaps, parts.grids or parts.primitives
     kinds = ["distance grid"] * len(parts.grids) or [p.kind for p in parts.primitives]
     counted = ", ".join(f"{kinds.count(k)} {k}{'s' * (kinds.count(k) > 1)}" for k in dict.fromkeys(kinds))
     moves = motion_of(scene, parts.body)
@@ -40,7 +41,7 @@ def garment_stages(scene: Scene) -> tuple[dict[str, str], dict[str, str], int, S
         f"{sum(p.area for p in pattern.panels):.2f} m²",
         "sheet": f"{atlas.key_points:,} key points, {1e3 * a:.1f} × {1e3 * b:.1f} mm apart, {scene.material}",
         "seams": f"{len(parts.garment.seams()[0])} ties, {len(parts.garment.holds()[0])} to the body",
-        "contact": f"{counted}, {gaps.body.said}, friction {section.friction:g}",
+        "contact": f"{counted}, {gaps.said(solids)}, friction {section.friction:g}",
         "meshes": "the body" if section.representation == "fibre" else "the body and the garment",
     }
     if section.weaves:
@@ -52,11 +53,10 @@ def garment_stages(scene: Scene) -> tuple[dict[str, str], dict[str, str], int, S
         left["motion"] = 'body.motion is "rest": the garment hangs as it was sewn'
     else:
         built["motion"] = moves.name
-    solids = parts.grids or parts.primitives
     for more_built, more_left in (
         within_stages(scene),
         force_stages(garment_forces(scene, parts), gaps),
-        thin_limbs(solids, hypot(a, b), gaps.body.size),
+        thin_limbs(garment_colliders(scene, parts), hypot(a, b)),
     ):
         built |= more_built
         left |= more_left

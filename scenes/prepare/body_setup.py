@@ -1,7 +1,7 @@
 """A body that stands or moves in a scene: what cloth touches of it, and what is drawn of it."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +24,7 @@ from taichi_cloth.weave.colour_order import colour
 
 from ...render.tiles.mesh import Mesh
 from ..scene.body_section import BodySection, prepare_body, prepare_motion
+from .gaps import SheetGaps
 
 __all__ = ["GRID_SPACING", "Standing", "grids_at", "grids_of", "primitives_of", "skin_mesh", "standing"]
 
@@ -67,8 +68,8 @@ class Standing:
         return skin_mesh(self.section, self.body, self.skin(time), cloth)
 
 
-def standing(section: BodySection, *, friction: float, gap: float) -> Standing:
-    """The body of a scene. friction: Coulomb's µ. gap: between it and key points [m]. Raises InputError."""
+def standing(section: BodySection, *, friction: float, gaps: SheetGaps) -> Standing:
+    """The body of a scene. friction: Coulomb's µ. gaps: that a sheet keeps. Raises InputError."""
     body = prepare_body(section, Path())
     motion = prepare_motion(section, body, Path())
     still = motion.name == "rest"
@@ -78,9 +79,9 @@ def standing(section: BodySection, *, friction: float, gap: float) -> Standing:
         grids=grids_of(body) if grids else (),
         motion=None if still else lambda time: body.bone_transforms(motion.pose(time)),
         friction=friction,
-        gap=gap,
+        gap=gaps.body.size,
     )
-    return Standing(section, body, motion, colliders)
+    return Standing(section, body, motion, replace(colliders, beyond=gaps.beyond(colliders.solids)))
 
 
 def primitives_of(body: Body, file: str | None = None) -> tuple[Primitive, ...]:

@@ -51,6 +51,7 @@ __all__ = [
     "dress",
     "dressed_parts",
     "garment_choice",
+    "garment_colliders",
     "garment_forces",
     "garment_of",
     "garment_simulation",
@@ -60,7 +61,7 @@ __all__ = [
     "woven_garment",
 ]
 
-VERSION = 28
+VERSION = 29
 """Of what is kept on disk: raised whenever the same scene would come to another rest."""
 
 Progress = Callable[[str, int, int], None]
@@ -116,7 +117,7 @@ def _parts(garment: str, body: str, solver: str, per_m: tuple[float, float] | No
 def dress(scene: Scene, each: Progress | None = None) -> Dressed:
     """The scene's garment on its body, sewn unless it was before. Raises InputError; needs Taichi only to sew."""
     parts = dressed_parts(scene)
-    colliders = _colliders(scene, parts)
+    colliders = garment_colliders(scene, parts)
     forces = garment_forces(scene, parts)
     limit, layers = forces.strain_limit, forces.self_contact
     solver = garment_choice(scene, parts).name
@@ -171,7 +172,7 @@ def garment_of(
     spacing = spacing_for(pattern, section.key_points)
     if per_m is not None:
         spacing = spacing_on(per_m, spacing)[0]
-    return Garment(pattern, cut(pattern, spacing), material_of(section, solver, own))
+    return Garment(pattern, cut(pattern, spacing), material_of(section, solver, own), 1e-3 * section.hem_mm)
 
 
 def woven_garment(scene: Scene, atlas: Atlas) -> Scene:
@@ -233,7 +234,7 @@ def garment_simulation(
     does, instead of what the scene says. settled: whether it is worn as it was sewn, see `Simulation`."""
     moves = moves or motion_of(scene, dressed.body)
     still = moves.name == "rest"
-    colliders = _colliders(scene, dressed)
+    colliders = garment_colliders(scene, dressed)
     if not still:
         poses = [dressed.body.bone_transforms(moves.pose(time)) for time in (0.1, 0.37, 1.0, 2.3)]
         name = f"{moves.name} {digest(poses)}"
@@ -266,8 +267,15 @@ def garment_simulation(
     )
 
 
-def _colliders(scene: Scene, parts: Parts) -> Colliders:
+def garment_colliders(scene: Scene, parts: Parts) -> Colliders:
+    """The body of a scene as a garment meets it, at rest."""
     section = scene.garment
     assert section is not None
-    touched = () if parts.grids else parts.primitives
-    return Colliders(primitives=touched, grids=parts.grids, friction=section.friction, gap=parts.gaps.body.size)
+    touched, gaps = () if parts.grids else parts.primitives, parts.gaps
+    return Colliders(
+        primitives=touched,
+        grids=parts.grids,
+        friction=section.friction,
+        gap=gaps.body.size,
+        beyond=gaps.beyond(parts.grids or touched),
+    )

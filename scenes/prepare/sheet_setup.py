@@ -199,7 +199,7 @@ def standing_in(scene: Scene) -> "Standing | None":
         return None
     from .body_setup import standing
 
-    return standing(scene.body, friction=cloth.friction, gap=gaps_of(scene).body.size)
+    return standing(scene.body, friction=cloth.friction, gaps=gaps_of(scene))
 
 
 def sheet_simulation(scene: Scene, body: "Standing | None" = None) -> Simulation:

@@ -37,7 +37,8 @@ def constraints_for(
     if forces.body is not None:
         contact = Contact(forces.body, sheet)
         out.append(contact)
-        thin = let_through(forces.body.solids, sheet.springs.diagonal_length, forces.body.gap)
+        body = forces.body
+        thin = let_through(body.solids, sheet.springs.diagonal_length, body.gap, body.beyond)
         if len(thin):
             out.append(MiddleContact(contact, sheet, thin))
     return tuple(out)

@@ -59,7 +59,7 @@ class Contact(SharedConstraint):
     _long_steps: bool | None = None
 
     def __init__(self, body: Colliders, sheet: Sheet) -> None:
-        self.body = body
+        self.body = body = body.touched
         self._size = capacity_of(sheet.padded_shape)
         spared = np.zeros(sheet.shape, np.int32) if body.spared is None else body.spared
         self._spared = np.full(sheet.padded_shape, -1, np.int32)

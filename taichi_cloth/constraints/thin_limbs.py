@@ -42,10 +42,13 @@ def least_gap(diagonal: float, radius: float, *, middles: bool = False) -> float
     return max(0.0, hypot(rest, hole) - rest - DEEP)
 
 
-def let_through(solids: Sequence[Solid], diagonal: float, gap: float) -> NDArray[np.int32]:
-    """Numbers (n,) of the solids that key points alone would let through somewhere. diagonal: of a cell [m]."""
-    radius = thinnest_held(diagonal, gap)
-    return np.flatnonzero([_is_thinner(solid, radius) for solid in solids]).astype(np.int32)
+def let_through(
+    solids: Sequence[Solid], diagonal: float, gap: float, beyond: Sequence[float] = ()
+) -> NDArray[np.int32]:
+    """Numbers (n,) of the solids that key points alone would let through somewhere. diagonal: of a cell [m]. beyond:
+    how much wider each is touched, as of `Colliders`."""
+    held = [thinnest_held(diagonal, gap + wider) for wider in beyond or (0.0,) * len(solids)]
+    return np.flatnonzero([_is_thinner(*one) for one in zip(solids, held, strict=True)]).astype(np.int32)
 
 
 def _is_thinner(solid: Solid, radius: float) -> bool:
@@ -60,10 +63,4 @@ def _is_thinner(solid: Solid, radius: float) -> bool:
             return True
         far = np.asarray(distance_transform_edt(~middles, sampling=solid.spacing))
         return bool(far[inside].max() > radius + solid.spacing)
-    length = float(np.linalg.norm(solid.end - solid.start))
-    one, two = solid.radii
-    if solid.kind == "sphere":
-        return one < radius
-    if solid.kind == "elliptic":
-        return min(one, two, length / 2) < radius
-    return (max(one, two) if length <= abs(one - two) else min(one, two)) < radius
+    return solid.thinnest < radius

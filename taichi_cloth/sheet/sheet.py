@@ -34,7 +34,7 @@ class Sheet:
     """What is constant about a sheet.
 
     cells: (rows − 1, cols − 1), share of each patch between four key points that is cloth: 1, or less where an outline
-    cuts it, 0 where there is none. material, springs: of all of them.
+    cuts it, 0 where there is none, up to 2 where cloth lies double, as in a hem. material, springs: of all of them.
     pinned: bool (rows, cols), key points that forces do not move. lightest: least mass of a key point, in corners of a
     whole cell.
     """

@@ -170,11 +170,23 @@ def test_the_nearest_of_several_is_the_least() -> None:
     assert np.abs(np.linalg.norm(n, axis=1) - 1).max() < 1e-12
 
 
-def test_points_within_the_gap_are_let_out_of_it_and_deeper_ones_are_not() -> None:
-    """Of two balls: beyond both of them afterwards, and along the normal where only one is near."""
+@pytest.mark.parametrize("name", SHAPES)
+def test_a_wider_solid_is_as_much_nearer_to_all_that_is_outside(name: str) -> None:
+    points = places(SHAPES[name], 2000)
+    distance = signed_distance(SHAPES[name], points)[0]
+    wider = signed_distance(SHAPES[name].wider(0.004), points)[0]
+    outside = distance > 0
+    assert outside.sum() > 100
+    assert np.abs(distance - 0.004 - wider)[outside].max() < 1e-9
+
+
+@pytest.mark.parametrize("beyond", [0.0, 0.008])
+def test_points_within_the_gap_are_let_out_of_it_and_deeper_ones_are_not(beyond: float) -> None:
+    """Of two balls: beyond both of them afterwards, and along the normal where only one is near. The same of two that
+    are touched as if they were wider, and kept from by as much less."""
     middles = [np.array([x, 0.0, 0.0]) for x in (-0.08, 0.08)]
     balls = [Primitive(kind="sphere", start=at, end=at, radii=(0.1, 0.1)) for at in middles]
-    body = Colliders(primitives=tuple(balls), gap=0.01)
+    body = Colliders(primitives=tuple(balls), gap=0.01 - beyond, beyond=(beyond,) * 2)
     turn = RNG.normal(size=(500, 3))
     points = balls[0].start + turn / np.linalg.norm(turn, axis=1, keepdims=True) * RNG.uniform(0.05, 0.13, (500, 1))
     before, out = solid_distance(balls, points), body.let_out(points)

@@ -248,6 +248,8 @@ def test_bodies_that_cannot_be_are_refused() -> None:
         lambda: Colliders(primitives=()),
         lambda: touching(TABLE, friction=-0.1),
         lambda: touching(TABLE, gap=float("nan")),
+        lambda: touching(TABLE, beyond=(0.001, 0.001)),
+        lambda: touching(TABLE, beyond=(-0.001,)),
         lambda: touching(TABLE, motion=lambda time: np.eye(4)),
         lambda: touching(TABLE, motion=lambda time: 2 * np.eye(4)[None]),
         lambda: touching(replace(TABLE, bone=1), motion=lambda time: np.eye(4)[None]),

@@ -9,6 +9,7 @@ from figures import plain_figure
 from taichi_cloth.constraints.ties import Ties
 from taichi_cloth.garment.pattern.cut import cut, intervals, spacing_for, turned
 from taichi_cloth.garment.pattern.drafts import DRAFTS, draft
+from taichi_cloth.garment.pattern.hems import with_hems
 from taichi_cloth.garment.pattern.pattern import Flat, Panel, Pattern
 from taichi_cloth.garment.sewn.garment import Garment
 from taichi_cloth.garment.sewn.skin import beneath
@@ -45,6 +46,21 @@ def test_cloth_keeps_its_area(spacing):
     atlas = cut(Pattern("p", (disc(),), ()), spacing)
     area = atlas.cells.sum() * spacing[0] * spacing[1]
     assert area == pytest.approx(disc().area, rel=3e-3)  # 32 lines a cell
+
+
+@pytest.mark.parametrize("spacing", [(0.012, 0.012), (0.02, 0.013)])
+def test_a_hem_lies_double(spacing):
+    """Of a disc whose whole rim is turned in: a ring. What is left out of the cloth is not of the hem either."""
+    atlas = cut(Pattern("p", (replace(disc(), hems=(0, 1)),), ()), spacing)
+    layers = with_hems(atlas, 0.02)
+    assert ((layers > 0) == (atlas.cells > 0)).all()
+    ring = (layers - atlas.cells).sum() * spacing[0] * spacing[1]
+    assert ring == pytest.approx(np.pi * (0.1**2 - 0.08**2), rel=0.01)
+    middle = tuple(n // 2 for n in layers.shape)
+    assert layers[middle] == 1
+    assert layers.max() <= 2.7  # a neighbour's sliver beside a whole cell
+    half = with_hems(cut(Pattern("p", (replace(disc(), hems=(0,)),), ()), spacing), 0.02)
+    assert (half - atlas.cells).sum() == pytest.approx((layers - atlas.cells).sum() / 2, rel=0.15)
 
 
 @pytest.mark.parametrize("grain", [0.0, 0.6])

@@ -1,7 +1,7 @@
 """What of a body cloth can touch: its primitives or distance grids, how its bones move, gap and friction."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -53,8 +53,10 @@ class Colliders:
 
     primitives, grids: what it is made of, at rest. motion: time [s] → (bones, 4, 4), where rest positions go, rigid;
     None: the body stands still. name: of the motion, which tells one from another where a run is resumed.
-    friction: Coulomb's µ. gap: kept between the body and the key points [m], the thickness of the cloth and what hair
-    and skin need. recovery: how fast key points that lie inside are let out, and get no speed by it [m/s].
+    friction: Coulomb's µ. gap: kept between the body and the key points [m], the thickness of the cloth.
+    beyond: how much wider than it is each of `solids` is touched [m], where it does not cover all that it stands for
+    or key points would let it through; empty: none is. recovery: how fast key points that lie inside are let out, and
+    get no speed by it [m/s].
     spared: (rows, cols) int32 of one sheet's key points, bits 1 << bone of the bones that each does not meet
     (`garment/limbs.py`); None: all meet all, and nothing is spent on it.
     """
@@ -65,6 +67,7 @@ class Colliders:
     name: str = ""
     friction: float = 0.3
     gap: float = 0.0
+    beyond: tuple[float, ...] = ()
     recovery: float = 1.0
     spared: NDArray[np.int32] | None = field(default=None, repr=False)
 
@@ -75,6 +78,8 @@ class Colliders:
             value = getattr(self, name)
             if not (np.isfinite(value) and value >= 0):
                 raise InputError(f"body.{name}: {value!r}; allowed: a finite number, 0 or more")
+        if self.beyond and (len(self.beyond) != len(self.solids) or not min(self.beyond) >= 0):
+            raise InputError(f"body.beyond: {len(self.beyond)} numbers; allowed: 0 or more for each of its solids")
         if self.motion is not None:
             self.during(0.0, 0.0)
 
@@ -83,17 +88,28 @@ class Colliders:
         """Primitives, then grids."""
         return (*self.primitives, *self.grids)
 
+    @cached_property
+    def touched(self) -> "Colliders":
+        """The same as cloth meets it, nothing beyond."""
+        if not any(self.beyond):
+            return self
+        wider = [solid.wider(by) for solid, by in zip(self.solids, self.beyond, strict=True)]
+        primitives = tuple(s for s in wider if isinstance(s, Primitive))
+        grids = tuple(s for s in wider if isinstance(s, DistanceGrid))
+        return replace(self, primitives=primitives, grids=grids, beyond=())
+
     def let_out(self, points: F64) -> F64:
-        """Points (n, 3) [m] at rest, those within the gap moved out of it, but for those deeper in than it is wide, and
-        for those that one solid would let out into another."""
-        start = np.asarray(points, np.float64)
-        before = solid_distance(self.solids, start)
-        out, near = start.copy(), np.abs(before) < self.gap
+        """Points (n, 3) [m] at rest, those within the gap moved out of it, but for those as deep in the body as they
+        would have to be out of it, and for those that one solid would let out into another."""
+        start, deepest = np.asarray(points, np.float64), -self.gap - 2 * max(self.beyond, default=0.0)
+        solids = self.touched.solids
+        before = solid_distance(solids, start)
+        out, near = start.copy(), (before > deepest) & (before < self.gap)
         for _ in range(LETTING_OUT):
-            distance, normal = _nearest(self.solids, out)
+            distance, normal = _nearest(solids, out)
             inside = near & (distance < self.gap)
             out[inside] += (self.gap - distance[inside])[:, None] * normal[inside]
-        worse = solid_distance(self.solids, out) < before
+        worse = solid_distance(solids, out) < before
         return np.where(worse[:, None], start, out)
 
     def made_of(self) -> str:
@@ -101,7 +117,9 @@ class Colliders:
         moves = [self.name] if self.name or self.motion is None else [self.at(t) for t in (0.0, 0.1, 0.37, 1.0, 2.3)]
         grids = [(g.origin, g.spacing, g.values, g.part, g.bone) for g in self.grids]
         spared = () if self.spared is None else (self.spared,)
-        return digest(list(self.primitives), grids, moves, self.friction, self.gap, self.recovery, *spared)
+        return digest(
+            list(self.primitives), grids, moves, self.friction, self.gap, list(self.beyond), self.recovery, *spared
+        )
 
     def at(self, time: float) -> F64:
         """(bones, 4, 4) at a time [s]. Raises InputError where the motion gives something that is not rigid."""

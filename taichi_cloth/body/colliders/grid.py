@@ -9,7 +9,7 @@ for the rest, once for all nodes that no surface parts. A part's grid knows the 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -39,6 +39,10 @@ class DistanceGrid:
     def __post_init__(self) -> None:
         if self.values.ndim != 3 or min(self.values.shape) < 2 or not np.isfinite(self.values).all():
             raise InputError(f"body.grid: {self.values.shape}; allowed: 2 finite values or more each way")
+
+    def wider(self, by: float) -> "DistanceGrid":
+        """All points within `by` [m] of it."""
+        return replace(self, values=(self.values - np.float32(by)))
 
     def at(self, points: ArrayLike) -> tuple[F64, F64]:
         """Distance (n,) [m] and its gradient (n, 3) at points (n, 3); outside the grid that of the nearest cell, and

@@ -3,7 +3,7 @@
 One class for all three, so that a body is a plain list of them. Lengths in metres, in the world at rest.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal, get_args
 
@@ -79,6 +79,27 @@ class Primitive:
         """A ball that holds it: middle (3,) and radius [m]."""
         span = self.end - self.start
         return (self.start + self.end) / 2, float(np.sqrt(span @ span)) / 2 + max(self.radii)
+
+    @property
+    def thinnest(self) -> float:
+        """Radius of its thinnest place [m]; of an elliptic cylinder half of its least width."""
+        length = float(np.linalg.norm(self.end - self.start))
+        one, two = self.radii
+        if self.kind == "sphere":
+            return one
+        if self.kind == "elliptic":
+            return min(one, two, length / 2)
+        return max(one, two) if length <= abs(one - two) else min(one, two)
+
+    def wider(self, by: float) -> "Primitive":
+        """All points within `by` [m] of it: each kind is such a hull itself."""
+        one, two = self.radii
+        grown = replace(self, radii=(one + by, two + by))
+        if self.kind != "elliptic":
+            return grown
+        along = self.end - self.start
+        along *= by / np.linalg.norm(along)
+        return replace(grown, start=self.start - along, end=self.end + along, rounding=self.rounding + by)
 
     def meets(self, other: "Primitive") -> bool:
         """Whether their balls do."""

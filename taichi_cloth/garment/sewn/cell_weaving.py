@@ -10,13 +10,12 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
-from scipy.spatial import KDTree
 
 from taichi_cloth.fabric.cells import FINE, CellCloth, CellPanel, CellThreads
 from taichi_cloth.fabric.crossings import refine_points, refined_mask
 from taichi_cloth.fabric.repeat import WeaveRepeat
-from taichi_cloth.garment.pattern.curves import along, length
 from taichi_cloth.garment.pattern.cut import Atlas, CutPanel, intervals, turned
+from taichi_cloth.garment.pattern.hems import from_hems
 from taichi_cloth.garment.pattern.prints import Print
 from taichi_cloth.garment.sewn.weaving import Colours
 
@@ -140,12 +139,10 @@ def _hems(atlas: Atlas, width: float) -> F32:
     for piece in atlas.panels:
         if not piece.panel.hems:
             continue
-        edges = [turned(piece.panel.edges[k], piece.panel.grain) for k in piece.panel.hems]
-        fine = [along(edge, np.linspace(0.0, 1.0, max(2, round(length(edge) / 1e-3)))) for edge in edges]
         high, wide = ((n - 1) * FINE + 1 for n in piece.shape)
         x = piece.origin[0] + piece.spacing[0] / FINE * np.arange(wide)
         y = piece.origin[1] + piece.spacing[1] / FINE * np.arange(high)
         points = np.stack(np.meshgrid(x, y), -1).reshape(-1, 2)
-        away = KDTree(np.concatenate(fine)).query(points)[0].reshape(high, wide)
+        away = from_hems(piece, points).reshape(high, wide)
         out[piece.row * FINE :, piece.col * FINE :][:high, :wide] = away - width
     return out

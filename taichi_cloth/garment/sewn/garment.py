@@ -11,6 +11,7 @@ from taichi_cloth.constraints.constraints_for import constraints_for
 from taichi_cloth.constraints.ties import Ties
 from taichi_cloth.garment.pattern.curves import along, length
 from taichi_cloth.garment.pattern.cut import Atlas, turned
+from taichi_cloth.garment.pattern.hems import with_hems
 from taichi_cloth.garment.pattern.pattern import Pattern, Side
 from taichi_cloth.garment.sewn.own_outline import outline_of
 from taichi_cloth.garment.sewn.surface import Surface
@@ -39,17 +40,24 @@ LAG = 3e-5  # [s] least damping of the threads: what seams and skin strike dies 
 
 @dataclass(frozen=True, eq=False)
 class Garment:
-    """A pattern cut from a material. Raises InputError as `cut` and `calibrate` do."""
+    """A pattern cut from a material. hem: width that its hems are turned inwards [m]; what is turned in weighs and
+    pulls as cloth that lies there twice. Raises InputError as `cut` and `calibrate` do."""
 
     pattern: Pattern
     atlas: Atlas
     material: Material
+    hem: float = 0.0
+
+    @cached_property
+    def layers(self) -> F64:
+        """Of cloth in each cell, (rows − 1, cols − 1)."""
+        return with_hems(self.atlas, self.hem) if self.hem > 0 else self.atlas.cells
 
     def sheet(self, material: Material | None = None) -> Sheet:
         """Key points and springs of all panels."""
         m, (a, b) = material or self.material, self.atlas.spacing
         springs = calibrate(m, spacing_x=a, spacing_y=b)
-        return Sheet.of_cells(self.atlas.cells, material=m, springs=springs, lightest=LIGHTEST)
+        return Sheet.of_cells(self.layers, material=m, springs=springs, lightest=LIGHTEST)
 
     def moving(self, air_damping: float | None = None) -> Sheet:
         """The sheet as it moves. air_damping: instead of the material's [1/s]."""

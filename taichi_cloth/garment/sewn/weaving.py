@@ -11,13 +11,12 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
-from scipy.spatial import KDTree
 
 from taichi_cloth.fabric.crossings import refine_points, refined_mask
 from taichi_cloth.fabric.fabric import Fabric
 from taichi_cloth.fabric.layout import BODY
-from taichi_cloth.garment.pattern.curves import along, length
 from taichi_cloth.garment.pattern.cut import Atlas, CutPanel, intervals, turned
+from taichi_cloth.garment.pattern.hems import from_hems
 from taichi_cloth.garment.pattern.prints import Print
 from taichi_cloth.ground.errors import InputError
 
@@ -167,11 +166,8 @@ class Weaving:
 def _in_hem(piece: CutPanel, width: float, points: F64) -> NDArray[np.bool_]:
     """Which points (n, 2) in grain coordinates, NaN for none, lie within `width` of a panel's hems [m]."""
     out = np.zeros(len(points), bool)
-    for k in piece.panel.hems:
-        edge = turned(piece.panel.edges[k], piece.panel.grain)
-        fine = along(edge, np.linspace(0.0, 1.0, max(2, round(length(edge) / 1e-3))))
-        known = np.flatnonzero(np.isfinite(points).all(axis=1))
-        out[known] |= KDTree(fine).query(points[known])[0] < width
+    known = np.isfinite(points).all(axis=1)
+    out[known] = from_hems(piece, points[known], width) < width
     return out
 
 
