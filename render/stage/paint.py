@@ -2,7 +2,7 @@
 
 Meshes are shaded like cloth without fibres: Lambert's law for every distant light and a fill that goes from the
 ground's colour to the sky's as the normal turns upward (see `Lighting.ambient`), on smooth normals turned towards the
-viewer. What is skin of them has its own way with light, see `light.skin`.
+viewer. What is skin of them has its own way with light, see `skin.py`.
 """
 
 from dataclasses import replace
@@ -11,7 +11,7 @@ import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
 
-from taichi_cloth.ground.arrays import F32x1, F32x2, F32x3, I32x1, I32x2, Template
+from taichi_cloth.ground.arrays import F32x1, F32x2, F32x3, I32x2, Template
 from taichi_cloth.ground.vectors import keep
 
 from ..data.backdrop import Backdrop, padded, tiled
@@ -19,10 +19,10 @@ from ..data.camera import Camera
 from ..data.light import Background, Lighting
 from ..light.particle_light import LightMaps
 from ..light.shade import rise
-from ..light.skin import BLEED, blurred, shine, sky_shine
 from ..light.view import DOME, EYE, GROUND, LENS, SKY, new_view, set_view
 from ..tiles.mesh import Mesh, from_behind, normals_at, visible
 from ..tiles.sort import usual_chunks
+from .skin import BLEED, blurred, shine, sky_shine
 from .stage import CELLS, Stage
 
 __all__ = ["paint"]
@@ -94,10 +94,11 @@ def paint(
             seen = maps.sky.seen_from(mesh.vertices + LIFT * maps.sky.texel * normals, normals)
             open_sky[:, side] = spread(seen, mesh.faces, SPREAD)
     skin = np.asarray(mesh.skin)
+    faces = np.column_stack([mesh.faces, behind]).astype(np.int32)
+    surface = np.column_stack([mesh.colour, skin]).astype(np.float32)
     _shade(
-        any(lights), bool(skin.any()), view, lamps, mesh.faces, behind, mesh.colour, skin, mesh.normals, open_sky,
-        edges, face, passing, colour,
-    )  # fmt: skip
+        any(lights), bool(skin.any()), view, lamps, faces, surface, mesh.normals, open_sky, edges, face, passing, colour
+    )
     return Backdrop(colour, tiled(depth), face, edges)
 
 
@@ -202,10 +203,8 @@ def _shade(
     view: F32x2,
     lamps: F32x3,  # direction towards each, then its radiance
     # mesh:
-    faces: I32x2,
-    behind: I32x1,
-    albedo: F32x2,
-    skin: F32x1,
+    faces: I32x2,  # their corners, then whether they are seen from behind
+    surface: F32x2,  # albedo, then how far it is skin
     normals: F32x2,
     open_sky: F32x2,
     edges: F32x2,
@@ -225,16 +224,16 @@ def _shade(
         if f >= 0:
             b = weights(edges, f, x + 0.5, y + 0.5)
             n = smooth_normal(faces, normals, f, b)
-            side = behind[f]
+            side = faces[f, 3]  # pyright: ignore[reportIndexIssue]
             n *= 1.0 - 2.0 * side
             seen, soft = 0.0, 0.0
             own = ti.Vector([0.0, 0.0, 0.0])
             for j in ti.static(range(3)):
                 corner = faces[f, j]  # pyright: ignore[reportIndexIssue]
                 seen += b[j] * open_sky[corner, side]  # pyright: ignore[reportIndexIssue]
-                soft += b[j] * skin[corner]  # pyright: ignore[reportIndexIssue]
+                soft += b[j] * surface[corner, 3]  # pyright: ignore[reportIndexIssue]
                 for k in ti.static(range(3)):
-                    own[k] += b[j] * albedo[corner, k]  # pyright: ignore[reportIndexIssue]
+                    own[k] += b[j] * surface[corner, k]  # pyright: ignore[reportIndexIssue]
             lit = fill(view, n[1]) * seen
             gloss = ti.Vector([0.0, 0.0, 0.0])
             eye = ti.Vector([0.0, 0.0, 0.0])

@@ -53,7 +53,7 @@ class Mesh:
     part: NDArray[np.int32] | int = 0
     """Which part each triangle belongs to, for the id pass, 0 and up, shape (f,); a number is repeated."""
     skin: NDArray[np.float32] | float = 0.0
-    """How far each vertex is of skin (see `light.skin`), 0 to 1, shape (v,); a number is repeated."""
+    """How far each vertex is of skin (see `stage/skin.py`), 0 to 1, shape (v,); a number is repeated."""
 
     if TYPE_CHECKING:
 

@@ -6,8 +6,8 @@ import trimesh
 
 from taichi_cloth.render.data.camera import Camera, look_at
 from taichi_cloth.render.data.light import Lighting
-from taichi_cloth.render.light.skin import BLEED, REFLECTED
 from taichi_cloth.render.stage.paint import paint
+from taichi_cloth.render.stage.skin import BLEED, REFLECTED
 from taichi_cloth.render.tiles.mesh import Mesh, join
 
 EVEN = (1.0, 1.0, 1.0)
