@@ -22,13 +22,14 @@ from taichi_cloth.scenes.scene.load import load_scene
 from taichi_cloth.solvers.choice import NANOSECONDS
 
 SHEETS = ("flag", "drape", "hanging", "stretch", "sheet-walk", "drape-body")
+ALONE = ("cloth.representation=mesh", "forces.self_contact=false")
 BEFORE, FRAMES = 10, 30
 """Frames of each before the first one that is timed, and of those."""
 
 
 def sheet(name: str, solver: str) -> Simulation:
-    """Of a scene of cloth, without its fibres."""
-    return ClothModel(load_scene(name, [f"solver.name={solver}", "cloth.representation=mesh"])).simulation
+    """Of a scene of cloth, without its fibres and without what keeps its layers apart."""
+    return ClothModel(load_scene(name, [f"solver.name={solver}", *ALONE])).simulation
 
 
 def shirt(name: str, solver: str) -> Simulation:
@@ -60,7 +61,7 @@ def rubbing(name: str, frames: int) -> dict[str, float]:
 
     def both(name: str, option: str) -> Simulation:
         solver, within = option.split()
-        options = [f"solver.name={solver}", "cloth.representation=mesh", f'cloth.properties.within="{within}"']
+        options = [f"solver.name={solver}", *ALONE, f'cloth.properties.within="{within}"']
         return ClothModel(load_scene(name, options)).simulation
 
     found = {}

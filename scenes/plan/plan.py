@@ -9,7 +9,16 @@ from taichi_cloth.ground.memory import memory_limit
 from taichi_cloth.yarn.yarn import Yarn
 
 from ...render.data.light_sizes import light_bytes
-from ..prepare.drawing import LIT, MESH_BYTES, MOTION_BYTES, PROCESS_BYTES, drawn_bytes, has_floor, picture_bytes
+from ..prepare.drawing import (
+    LAYERS_BYTES,
+    LIT,
+    MESH_BYTES,
+    MOTION_BYTES,
+    PROCESS_BYTES,
+    drawn_bytes,
+    has_floor,
+    picture_bytes,
+)
 from ..prepare.fibre_count import EVERY
 from ..prepare.sett import on_cells
 from ..prepare.strands import fibre_spheres, twist_particles, yarn_piece
@@ -268,6 +277,7 @@ def _bytes(scene: Scene, counted: _Counted) -> int:
     total += light_bytes(held, shadows=shadows, occlusion=occlusion)
     meshes = "meshes" in counted.built
     total += MESH_BYTES * meshes + MOTION_BYTES * bool(scene.cloth or scene.garment)
+    total += LAYERS_BYTES * ("cloth on cloth" in counted.built)
     return PROCESS_BYTES + total + picture_bytes(scene.output.size, meshes=meshes)
 
 

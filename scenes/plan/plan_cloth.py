@@ -60,8 +60,9 @@ def force_stages(forces: Forces, gaps: SheetGaps) -> tuple[dict[str, str], dict[
         built["strain limit"] = f"{100 * limit.strain:g} %, {limit.passes} passes a substep"
     if layers:
         built["cloth on cloth"] = f"{gaps.layers.said}; friction {layers.friction:g}"
-    keys = {"wind": "wind", "strain limit": "strain_limit", "cloth on cloth": "self_contact"}
-    return built, {stage: f"the scene has no [forces.{key}]" for stage, key in keys.items() if stage not in built}
+    keys = {"wind": "wind", "strain limit": "strain_limit"}
+    left = {stage: f"the scene has no [forces.{key}]" for stage, key in keys.items() if stage not in built}
+    return built, left if layers else left | {"cloth on cloth": "the scene leaves forces.self_contact out"}
 
 
 def material_stage(scene: Scene) -> dict[str, str]:

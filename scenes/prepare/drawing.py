@@ -8,6 +8,7 @@ from ..scene.schema import Scene
 __all__ = [
     "DRAW_BYTES",
     "HELD",
+    "LAYERS_BYTES",
     "LIT",
     "MESH_BYTES",
     "MOTION_BYTES",
@@ -28,6 +29,8 @@ MESH_PIXEL_BYTES = 70
 """What meshes take for a pixel more, painted at two samples each way: with `drape` at 64 × 48 and 1080 × 720 px."""
 MESH_BYTES = 110_000_000
 """What they take besides: the kernels of painting and lighting them."""
+LAYERS_BYTES = 190_000_000
+"""Of cloth on cloth more, of sheets and garments of up to 16,384 elements."""
 MOTION_BYTES = 110_000_000
 """The kernels of a solver and of contact, and what they are compiled with: with the above, `drape` and `flag`."""
 

@@ -32,6 +32,9 @@ the vertices stand out less."""
 FOLD = 0.1
 """Layers are kept apart by this share of the spacing of key points at least: so far a chord from one to the next leaves
 a fold whose radius is 5/4 of it, the tightest that they follow."""
+SPACINGS = 3.0
+"""Of key points, that layers are kept apart by at most: more would be near more cloth than there is room for."""
+TOO_NEAR = "key points lie too near"
 TOO_FAR, BARE = "key points lie too far apart", "primitives do not cover all skin"
 """Why a gap is more than a thickness, and why a body is touched as if it were wider."""
 
@@ -145,11 +148,14 @@ def _gaps(
         return Gap(thickness, thickness) if least[0] <= thickness else Gap(least[0], thickness, least[1])
 
     ball, floor, layers = forces.sphere, forces.plane, forces.self_contact
+    between = gap(layers.thickness_mm if layers else None, (FOLD * min(spacing), TOO_FAR))
+    if not between.stated and between.size > SPACINGS * min(spacing):
+        between = Gap(SPACINGS * min(spacing), thickness, TOO_NEAR)
     return SheetGaps(
         body=gap(from_body_mm),
         ball=gap(ball.gap_mm, (least_gap(diagonal, ball.radius_m), TOO_FAR)) if ball else gap(None),
         floor=gap(floor.gap_mm if floor else None),
-        layers=gap(layers.thickness_mm if layers else None, (FOLD * min(spacing), TOO_FAR)),
+        layers=between,
         friction=with_measured(woven_properties(made), section.measured)["friction"].value,
         diagonal=diagonal,
         held=held,

@@ -210,7 +210,15 @@ class ForcesSection(Section):
     sphere: SphereSection | None = None
     plane: PlaneSection | None = Field(default=None, description="a level floor")
     strain_limit: StrainLimitSection | None = Field(default=None, description="threads that grow no longer (Provot)")
-    self_contact: SelfContactSection | None = Field(default=None, description="cloth that does not pass through cloth")
+    self_contact: SelfContactSection | None = Field(
+        default=None,
+        description="cloth that does not pass through cloth; a [cloth] has it unless it is false",
+    )
+
+    @field_validator("self_contact", mode="before")
+    @classmethod
+    def may_be_left_out(cls, value: object) -> object:
+        return {False: None, True: {}}[value] if isinstance(value, bool) else value
 
 
 class SolverSection(Section):

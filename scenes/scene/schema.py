@@ -302,6 +302,17 @@ class Scene(Section):
     stage: StageSection = StageSection()
     output: Output = Output()
 
+    @model_validator(mode="before")
+    @classmethod
+    def layers_of_sheets_meet(cls, data: object) -> object:
+        """A [cloth] that says nothing of `forces.self_contact` has it."""
+        if not isinstance(data, dict) or data.get("cloth") is None:
+            return data
+        forces = data.get("forces")
+        if forces is None or (isinstance(forces, dict) and "self_contact" not in forces):
+            return {**data, "forces": {**(forces or {}), "self_contact": {}}}
+        return data
+
     @model_validator(mode="after")
     def sections_agree(self) -> "Scene":
         if self.weave and self.twist:

@@ -379,7 +379,7 @@ class LayerContact(SharedConstraint):
             x, y, z = np.median(found.places, axis=0)
             raise InputError(
                 f"cloth on cloth: at the start {found.count} triangles pass through others, about ({x:.3f}, {y:.3f}, "
-                f"{z:.3f}) m; allowed: a sheet that meets itself nowhere; move it, or leave forces.self_contact out"
+                f"{z:.3f}) m; allowed: a sheet that meets itself nowhere; move it, or set forces.self_contact=false"
             )
         labels = np.stack([self._tables.has, self._tables.panel])
         self.fields.take(self._width, labels, self._inverse, self._levels, self._numbers)
@@ -413,7 +413,7 @@ class LayerContact(SharedConstraint):
             if part.overflow[None]:
                 return (
                     f"cloth on cloth: no room for {part.overflow[None]} {name}; the sheet lies in too many layers: "
-                    "use a smaller forces.self_contact.thickness_mm or wider spacing"
+                    "use a smaller forces.self_contact.thickness_mm, wider spacing, or forces.self_contact=false"
                 )
         return ""
 

@@ -13,6 +13,7 @@ from taichi_cloth.scenes.plan.lines import plan_lines
 from taichi_cloth.scenes.plan.plan import Plan, plan
 from taichi_cloth.scenes.scene.load import load_scene
 
+ALONE = "forces.self_contact=false"
 SMALL = ["cloth.columns=20", "cloth.rows=20", "cloth.representation=mesh"]
 
 
@@ -21,7 +22,7 @@ def planned(name: str, *overrides: str) -> Plan:
 
 
 def test_a_sheet_runs_on_the_device_that_is_asked_for(capsys: pytest.CaptureFixture[str]) -> None:
-    made = planned("drape")
+    made = planned("drape", ALONE)
     assert made.lacks == ""
     assert any("devices" in line and "runs there" in line for line in plan_lines(made))
     assert device_of(made, "vulkan") == "vulkan"
@@ -29,7 +30,7 @@ def test_a_sheet_runs_on_the_device_that_is_asked_for(capsys: pytest.CaptureFixt
 
 
 def test_what_has_no_parallel_form_takes_the_cpu_and_says_so(capsys: pytest.CaptureFixture[str]) -> None:
-    made = planned("drape", "forces.self_contact={}")
+    made = planned("drape")
     assert made.lacks == "cloth on cloth"
     assert device_of(made, "vulkan") == "cpu"
     assert capsys.readouterr().err.splitlines() == [
@@ -39,8 +40,8 @@ def test_what_has_no_parallel_form_takes_the_cpu_and_says_so(capsys: pytest.Capt
     assert device_of(made, "vulkann") == "vulkann"  # whoever starts it refuses it
     assert capsys.readouterr().err == ""
     limited = ["forces.strain_limit={percent=5}", "solver.name=verlet"]
-    assert planned("drape", *limited).lacks == "a strain limit of Verlet"
-    assert planned("drape", limited[0]).lacks == ""  # whole yarns hold it in their solve
+    assert planned("drape", ALONE, *limited).lacks == "a strain limit of Verlet"
+    assert planned("drape", ALONE, limited[0]).lacks == ""  # whole yarns hold it in their solve
 
 
 class Holder:

@@ -48,6 +48,7 @@ Threads=2
 """
 SETT = ["fabric.ends_per_cm=24", "fabric.picks_per_cm=22"]
 SMALL = ["cloth.rows=9", "cloth.columns=9", "cloth.width_m=0.1", "cloth.length_m=0.1", "output.frames=2", *SETT]
+SMALL += ["forces.self_contact=false"]  # what is looked at is drawn; its kernel takes seconds to load
 PLAIN = ["light.occlusion=false", "light.shadows=false", "stage.ground=false"]
 
 pytestmark = pytest.mark.usefixtures("keep_taichi")
