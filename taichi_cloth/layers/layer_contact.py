@@ -200,7 +200,7 @@ class LayerFields:
                 else:
                     moved = ti.select(load(self.blends.of, p) < 0, load(field, p), host)
                     for k in ti.static(range(LANES)):
-                        values[plane, i, j + k] = moved[k]
+                        values[plane, i, j + k] = moved[k]  # pyright: ignore[reportIndexIssue]
 
     @routine
     def open(self, points: Template):
