@@ -210,7 +210,8 @@ class Yarns(SpringSolver):
             return True
         given_up = wanted and not gained
         self._futile = ceil(FUTILE * self.frame_rate) if given_up else max(self._futile - 1, 0)
-        self._calm = 0 if wanted and gained else self._calm + 1
+        # The most there are that leave it unsolved are held against less, in time: a tight waistband asks for ever.
+        self._calm = 0 if wanted and gained and self.sweeps < MOST_SWEEPS else self._calm + 1
         self._before = inf
         if given_up:
             self.take_sweeps(self._fewest)

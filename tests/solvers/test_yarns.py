@@ -548,6 +548,10 @@ def test_a_frame_gets_more_sweeps_while_they_gain() -> None:
     assert ask(*[0.05] * len(waiting)) == waiting
     assert ask(0.1, 0.08, 0.06, 0.05, 0.04) == [True, True, True, True, False]
     assert solver.sweeps == MOST_SWEEPS == solver.numbers["sweeps"]
+    # What the most of them leave unsolved, one less leaves no worse: they end.
+    patience = ceil(CALM * solver.frame_rate) - 1
+    assert ask(*[0.04] * patience, 0.0405, 0.0404) == [False] * patience + [True, False]
+    assert solver.sweeps == 2
     other = simulation(sheet_of(), level(sheet_of())).solver
     other.go_on(solver.found)
     assert other.found == solver.found
