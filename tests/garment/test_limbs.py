@@ -52,23 +52,24 @@ def meets(bits: int) -> set[str]:
 
 
 @pytest.mark.parametrize(
-    ("moving", "x", "met"),
+    ("moving", "x", "z", "met"),
     [
-        (False, 0.156, {"trunk", "leg_l", "leg_r"}),
-        (False, 0.167, {"arm_l"}),
-        (True, 0.156, set()),
-        (True, 0.167, set()),
+        (False, 0.156, 0.0, {"trunk", "leg_l", "leg_r"}),
+        (False, 0.167, 0.0, {"arm_l"}),
+        (True, 0.156, 0.0, set()),
+        (True, 0.167, 0.0, set()),
+        (True, 0.16, 0.08, {"trunk"}),
     ],
 )
-def test_a_shirt_meets_the_trunk_and_slips_into_the_fold_under_an_arm(moving, x, met):
+def test_a_shirt_meets_the_trunk_and_slips_into_the_fold_under_an_arm(moving, x, z, met):
     """A patch before the chest meets trunk and legs; one point of it in the fold, x from the chest's middle, meets
-    what is nearer at rest and nothing once the body moves."""
+    what is nearer at rest and nothing once the body moves; 5 cm from the arm and 3 from the chest, the chest."""
     atlas = cut(panel_of(), (0.01, 0.01))
     around = np.linspace(-0.5, 0.5, 9)
     at = np.stack([0.16 * np.sin(around), 0 * around, 0.16 * np.cos(around)], -1)
     positions = np.broadcast_to(at, (9, 9, 3)).copy()
     positions[..., 1] = 0.01 * np.arange(9)[:, None]
-    positions[4, 4] = (x, 0.0, 0.0)
+    positions[4, 4] = (x, 0.0, z)
     bits = spared(atlas, positions, (CHESTED, ARMED, LEGGED), moving=moving)
     assert bits.shape == atlas.shape
     assert meets(int(bits[4, 4])) == met
