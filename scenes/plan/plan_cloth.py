@@ -20,12 +20,11 @@ THIN, WITHIN_CLOTH = "thin limbs", "within cloth"
 
 def thin_limbs(body: Colliders, diagonal: float) -> tuple[dict[str, str], dict[str, str]]:
     """Whether the middles of springs are met, and by what, and why or why not. diagonal: of a cell [m]."""
-    thin = let_through(body.solids, diagonal, body.gap, body.beyond)
-    beyond = body.beyond or (0.0,) * len(body.solids)
+    thin = let_through(body, diagonal)
     if not len(thin):
-        held = 1e3 * thinnest_held(diagonal, body.gap + min(beyond))
+        held = 1e3 * thinnest_held(diagonal, body.gap + min(body.wider))
         return {}, {THIN: f"key points keep out all of the body: from {held:.1f} mm radius on"}
-    least = 1e3 * max(thinnest_held(diagonal, body.gap + beyond[number], middles=True) for number in thin)
+    least = 1e3 * max(thinnest_held(diagonal, body.gap + body.wider[number], middles=True) for number in thin)
     parts = ", ".join(dict.fromkeys(body.solids[number].part or f"number {number}" for number in thin))
     return {THIN: f"the middles of springs meet {parts}; enough from {least:.1f} mm radius on"}, {}
 

@@ -31,8 +31,8 @@ def garment_stages(scene: Scene) -> tuple[dict[str, str], dict[str, str], int, S
     parts = dressed_parts(scene)
     pattern, atlas = parts.garment.pattern, parts.garment.atlas
     a, b = atlas.spacing
-    gaps, solids = parts.gaps, parts.grids or parts.primitives
-    kinds = ["distance grid"] * len(parts.grids) or [p.kind for p in parts.primitives]
+    worn, gaps = garment_colliders(scene, parts), parts.gaps
+    kinds = [*(p.kind for p in worn.primitives), *("distance grid" for _ in worn.grids)]
     counted = ", ".join(f"{kinds.count(k)} {k}{'s' * (kinds.count(k) > 1)}" for k in dict.fromkeys(kinds))
     moves = motion_of(scene, parts.body)
     built = {
@@ -41,7 +41,7 @@ def garment_stages(scene: Scene) -> tuple[dict[str, str], dict[str, str], int, S
         f"{sum(p.area for p in pattern.panels):.2f} m²",
         "sheet": f"{atlas.key_points:,} key points, {1e3 * a:.1f} × {1e3 * b:.1f} mm apart, {scene.material}",
         "seams": f"{len(parts.garment.seams()[0])} ties, {len(parts.garment.holds()[0])} to the body",
-        "contact": f"{counted}, {gaps.said(solids)}, friction {section.friction:g}",
+        "contact": f"{counted}, {gaps.said(worn.solids)}, friction {section.friction:g}",
         "meshes": "the body" if section.representation == "fibre" else "the body and the garment",
     }
     if section.weaves:
@@ -56,7 +56,7 @@ def garment_stages(scene: Scene) -> tuple[dict[str, str], dict[str, str], int, S
     for more_built, more_left in (
         within_stages(scene),
         force_stages(garment_forces(scene, parts), gaps),
-        thin_limbs(garment_colliders(scene, parts), hypot(a, b)),
+        thin_limbs(worn, hypot(a, b)),
     ):
         built |= more_built
         left |= more_left

@@ -37,8 +37,7 @@ def constraints_for(
     if forces.body is not None:
         contact = Contact(forces.body, sheet)
         out.append(contact)
-        body = forces.body
-        thin = let_through(body.solids, sheet.springs.diagonal_length, body.gap, body.beyond)
+        thin = let_through(forces.body, sheet.springs.diagonal_length)
         if len(thin):
             out.append(MiddleContact(contact, sheet, thin))
     return tuple(out)

@@ -10,14 +10,13 @@ pierced. Solved for r: of limbs thinner than (l²/4 + u²) / 2u − g, u = g + D
 They leave holes of half the size. Solved for g: `least_gap`.
 """
 
-from collections.abc import Sequence
 from math import hypot
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
-from taichi_cloth.body.colliders.colliders import Solid
+from taichi_cloth.body.colliders.colliders import Colliders, Solid
 from taichi_cloth.body.colliders.grid import DistanceGrid
 
 __all__ = ["DEEP", "least_gap", "let_through", "thinnest_held"]
@@ -42,13 +41,10 @@ def least_gap(diagonal: float, radius: float, *, middles: bool = False) -> float
     return max(0.0, hypot(rest, hole) - rest - DEEP)
 
 
-def let_through(
-    solids: Sequence[Solid], diagonal: float, gap: float, beyond: Sequence[float] = ()
-) -> NDArray[np.int32]:
-    """Numbers (n,) of the solids that key points alone would let through somewhere. diagonal: of a cell [m]. beyond:
-    how much wider each is touched, as of `Colliders`."""
-    held = [thinnest_held(diagonal, gap + wider) for wider in beyond or (0.0,) * len(solids)]
-    return np.flatnonzero([_is_thinner(*one) for one in zip(solids, held, strict=True)]).astype(np.int32)
+def let_through(body: Colliders, diagonal: float) -> NDArray[np.int32]:
+    """Numbers (n,) of the solids that key points alone would let through somewhere. diagonal: of a cell [m]."""
+    held = [thinnest_held(diagonal, body.gap + wider) for wider in body.wider]
+    return np.flatnonzero([_is_thinner(*one) for one in zip(body.solids, held, strict=True)]).astype(np.int32)
 
 
 def _is_thinner(solid: Solid, radius: float) -> bool:

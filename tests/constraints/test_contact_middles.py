@@ -162,8 +162,8 @@ def test_the_rule_is_the_sag_of_a_cell() -> None:
             assert around - np.sqrt(around**2 - hole**2) - gap == pytest.approx(DEEP, rel=1e-6)
     assert thinnest_held(diagonal, A / np.sqrt(2)) == 0.0
     least = thinnest_held(diagonal, GAP)
-    solids = [rod(1.01 * least), ball(0.99 * least), rod(0.99 * least), ball(1.01 * least)]
-    assert let_through(solids, diagonal, GAP).tolist() == [1, 2]
+    solids = (rod(1.01 * least), ball(0.99 * least), rod(0.99 * least), ball(1.01 * least))
+    assert let_through(Colliders(primitives=solids, gap=GAP), diagonal).tolist() == [1, 2]
 
 
 def test_a_grid_is_thin_where_a_part_of_it_is() -> None:
@@ -176,12 +176,12 @@ def test_a_grid_is_thin_where_a_part_of_it_is() -> None:
         places.reshape(-1, 3),
     )
     both = np.minimum(round_part, finger.reshape(round_part.shape))
-    grids = [
+    grids = tuple(
         DistanceGrid(origin=np.full(3, -0.14), spacing=0.01, values=values.astype(np.float32))
         for values in (round_part, both)
-    ]
+    )
     assert 0.008 < thinnest_held(diagonal, GAP) < 0.06
-    assert let_through(grids, diagonal, GAP).tolist() == [1]
+    assert let_through(Colliders(grids=grids, gap=GAP), diagonal).tolist() == [1]
 
 
 @pytest.mark.slow  # a kernel of its own takes most of it

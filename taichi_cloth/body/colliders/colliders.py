@@ -88,6 +88,11 @@ class Colliders:
         """Primitives, then grids."""
         return (*self.primitives, *self.grids)
 
+    @property
+    def wider(self) -> tuple[float, ...]:
+        """How much wider than it is each of `solids` is touched [m], also where none is."""
+        return self.beyond or (0.0,) * len(self.solids)
+
     @cached_property
     def touched(self) -> "Colliders":
         """The same as cloth meets it, nothing beyond."""
