@@ -1,6 +1,7 @@
 """`taichi-cloth fabric`: the mill's ticket of a scene or a draft, as a table or as JSON."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 from taichi_cloth.ground.errors import InputError
@@ -27,6 +28,8 @@ def print_ticket(
     if shadow is not None and (not draped or shadow.suffix.lower() != ".png" or not shadow.parent.is_dir()):
         raise InputError(f"--shadow: {shadow}; allowed with --drape: a .png in a folder that is there")
     ticket = ticket_of(load_scene(name, overrides), asked, None if measured is None else str(measured))
+    if overrides:  # a title is of the scene as it stands in its file
+        ticket = replace(ticket, title=f"{ticket.title}, with {', '.join(overrides)}")
     if as_json:
         drape = _drape(ticket, shadow) if draped else None
         print(json.dumps(ticket.as_dict() | ({} if drape is None else {"drape": drape}), indent=2, ensure_ascii=False))

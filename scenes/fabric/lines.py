@@ -3,12 +3,16 @@
 import re
 from collections.abc import Iterable, Iterator
 
+from taichi_cloth.mechanics.fibre_mechanics import FibreMechanics
 from taichi_cloth.yarn.yarn import Yarn
 
 from .piece import Piece
 from .ticket import Ticket
 
 __all__ = ["ticket_lines"]
+
+OUNCE = 33.906
+"""g/m² of an ounce a square yard."""
 
 
 def ticket_lines(ticket: Ticket) -> Iterator[str]:
@@ -40,9 +44,9 @@ def _made_of(ticket: Ticket) -> list[tuple[str, ...]]:
     same = made.weft == made.warp
     return [
         ("fibre", warp.fibre.name if warp.fibre == weft.fibre else f"{warp.fibre.name}, weft {weft.fibre.name}"),
-        ("yarn" if same else "warp yarn", _yarn(made.warp)),
-        *([] if same else [("weft yarn", _yarn(made.weft))]),
-        ("weave", f"{_short(made.draft.name)}: {warp.turns:.2g} and {weft.turns:.2g} changes of face a crossing"),
+        ("yarn" if same else "warp yarn", _yarn(made.warp, warp.fibre)),
+        *([] if same else [("weft yarn", _yarn(made.weft, weft.fibre))]),
+        ("weave", f"{_short(made.draft.name)}, mean float of warp {_float(warp.turns)}, of weft {_float(weft.turns)}"),
         *([("finish", made.finish)] if made.finish != "plain" else []),
     ]
 
@@ -52,11 +56,20 @@ def _short(name: str) -> str:
     return re.split(r"[\\/](?!\d)", name)[-1] or "draft"
 
 
-def _yarn(yarn: Yarn) -> str:
+def _float(turns: float) -> str:
+    """How many threads a float goes over, in the mean."""
+    return f"{1.0 / turns:.2g}" if turns > 0 else "all"
+
+
+def _yarn(yarn: Yarn, fibre: FibreMechanics) -> str:
+    """Its count in tex and in the words of its trade, twist, and diameter."""
     plies = f"{yarn.plies} × " if yarn.plies > 1 else ""
-    ne, nm = 590.5 / yarn.count_tex, 1000.0 / yarn.count_tex
+    words = f"{plies}{9.0 * yarn.count_tex:.3g} den"
+    if fibre.form == "spun":
+        ne, nm = f"{590.5 / yarn.count_tex:.3g}", f"{1000.0 / yarn.count_tex:.3g}"
+        words = f"Ne {ne}/{yarn.plies}, Nm {yarn.plies}/{nm}" if plies else f"Ne {ne}, Nm {nm}"
     return (
-        f"{plies}{yarn.count_tex:.3g} tex (Ne {ne:.3g}, Nm {nm:.3g}), {yarn.twist_per_m:.0f} turns/m {yarn.twist}, "
+        f"{plies}{yarn.count_tex:.3g} tex ({words}), {yarn.twist_per_m:.0f} turns/m {yarn.twist}, "
         f"{1e3 * yarn.woven_diameter:.3f} mm"
     )
 
@@ -109,6 +122,8 @@ def _properties(ticket: Ticket) -> list[tuple[str, ...]]:
     rows = [("", "from the construction", "", "drawn", "simulated" if ticket.simulated else "")]
     for key, quantity in ticket.properties.items():
         moves = ticket.simulated.get(key)
-        shown = "" if moves is None else f"{moves.shown} ({moves.provenance})"
-        rows.append((quantity.name, quantity.shown, quantity.provenance, drawn.get(key, ""), shown))
+        own = moves is not None and moves.provenance != quantity.provenance
+        shown = "" if moves is None else moves.shown + (f" ({moves.provenance})" if own else "")
+        more = f" ({quantity.value / OUNCE:.3g} oz/yd²)" if key == "areal_density" else ""
+        rows.append((quantity.name, quantity.shown + more, quantity.provenance, drawn.get(key, ""), shown))
     return rows

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from taichi_cloth.fabric.layout import FabricLayout
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.mechanics.construction import Construction
+from taichi_cloth.mechanics.fibre_mechanics import FibreMechanics
 from taichi_cloth.mechanics.presets import PRESET_KEYS, WITHIN, named_construction
 from taichi_cloth.mechanics.properties import FabricProperties, woven_properties
 from taichi_cloth.mechanics.quantity import Quantity
@@ -55,8 +56,8 @@ class Ticket:
             "construction": {
                 "fibre": self.fibre,
                 "weave": made.draft.name,
-                "warp": _yarn(made.warp),
-                "weft": _yarn(made.weft),
+                "warp": _yarn(made.warp, made.warp_fibre),
+                "weft": _yarn(made.weft, made.weft_fibre),
                 "ends_per_cm": made.facts.ends_per_cm,
                 "picks_per_cm": made.facts.picks_per_cm,
                 "finish": made.finish,
@@ -93,8 +94,9 @@ class Ticket:
         return None if self.drawn is None else self.drawn.facts.mass_gsm
 
 
-def _yarn(yarn: Yarn) -> dict[str, object]:
+def _yarn(yarn: Yarn, fibre: FibreMechanics) -> dict[str, object]:
     return {
+        "fibre": fibre.name,
         "tex": yarn.folded_tex,
         "count_tex": yarn.count_tex,
         "plies": yarn.plies,
@@ -118,7 +120,8 @@ def ticket_of(scene: Scene, asked: PieceAsked | None = None, measured: str | Non
         layout, notes = (prepared.layout, prepared.notes) if prepared is not None else (None, ())
         made, colours = construction_of(scene, _following(scene, layout)), colour_repeats(scene)
         if scene.yarn is not None and not scene.yarn.counted:
-            notes = (*notes, f"no yarn.count is stated: {made.warp.folded_tex:.3g} tex stands for it")
+            plies = f"{made.warp.plies} × " if made.warp.plies > 1 else ""
+            notes = (*notes, f"no yarn.count is stated: {plies}{made.warp.count_tex:.3g} tex stands for it")
     else:
         assert moving is not None
         made, colours = named_construction(scene.material), colour_repeats(scene)

@@ -139,13 +139,14 @@ def _said(given: Mapping[str, str], name: str) -> bool:
 
 def _forget_material(data: dict[str, Any]) -> None:
     """A cloth or garment whose sett is overridden is another cloth: what the scene says of its own material, and of how
-    its threads lie, goes."""
+    its threads lie, goes; which of a fabric's frictions move with it, and what damps it, stays."""
     if any(isinstance(data.get(section), dict) for section in ("cloth", "garment")):
         _drop(data, "fabric", ("flattening", "balance", "finish"))
     for section in ("cloth", "garment"):
         _drop(data, section, ("material", "measured"))
         if isinstance(data.get(section), dict) and isinstance(data[section].get("properties"), dict):
-            kept = {key: value for key, value in data[section]["properties"].items() if "damping" in key}
+            said = data[section]["properties"].items()
+            kept = {key: value for key, value in said if key == "within" or "damping" in key}
             data[section] = data[section] | {"properties": kept}
 
 

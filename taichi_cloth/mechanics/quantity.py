@@ -80,9 +80,12 @@ class Quantity:
 
     @property
     def shown(self) -> str:
-        """The value with its unit, in three digits."""
-        digits = f"{self.value:.0f}" if abs(self.value) >= 1000 else f"{self.value:.3g}"
-        return f"{digits} {self.unit}".rstrip()
+        """The value with its unit, in three digits, thousands of N/m as kN/m."""
+        value, unit = self.value, self.unit
+        if unit == "N/m" and abs(value) >= 1000:
+            value, unit = value / 1000.0, "kN/m"
+        digits = f"{value:.0f}" if abs(value) >= 1000 else f"{value:.3g}"
+        return f"{digits} {unit}".rstrip()
 
     @property
     def provenance(self) -> str:

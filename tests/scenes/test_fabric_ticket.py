@@ -9,6 +9,7 @@ import pytest
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.mechanics.construction import Construction
 from taichi_cloth.mechanics.presets import named_construction
+from taichi_cloth.mechanics.properties import BANDS
 from taichi_cloth.scenes import __main__ as command_line
 from taichi_cloth.scenes.fabric.lines import ticket_lines
 from taichi_cloth.scenes.fabric.piece import piece_of
@@ -112,6 +113,22 @@ def test_a_preset_alone_brings_its_construction() -> None:
     assert "the construction of silk-habotai" in ticket.notes[0]
 
 
+def test_a_yarn_is_told_in_the_words_of_its_trade(capsys: pytest.CaptureFixture[str]) -> None:
+    """Spun yarn by its cotton and metric counts with plies, filaments in denier; stiff threads in kN/m; a title says
+    what is not as the scene's file has it; what is simulated as woven is not said to be so twice."""
+    folded = ["yarn.count=30/2", "fabric.ends_per_cm=24", "fabric.picks_per_cm=22"]
+    assert command_line._status(["fabric", str(WIF), *(word for one in folded for word in ("--set", one))]) == 0
+    shown = capsys.readouterr().out
+    assert shown.startswith("schort, with yarn.count=30/2, fabric.ends_per_cm=24, fabric.picks_per_cm=22\n")
+    assert "2 × 19.7 tex (Ne 30/2, Nm 2/50.8)" in shown
+    assert "oz/yd²" in shown
+    flag = "\n".join(ticket_lines(ticket_of(load_scene("flag"))))
+    assert "2 × 2.33 tex (2 × 21 den)" in flag
+    assert "plain, mean float of warp 1, of weft 1" in flag
+    assert flag.count("from yarn and weave") == len(BANDS)
+    assert "tension, crimp drawn out, warp     152 kN/m" in flag
+
+
 def test_a_draft_file_has_a_ticket_as_json(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     measured = tmp_path / "cloth.toml"
     measured.write_text('source = "here"\n[fast]\nshear = 44.0\n')
@@ -119,6 +136,7 @@ def test_a_draft_file_has_a_ticket_as_json(capsys: pytest.CaptureFixture[str], t
     assert command_line._status(arguments) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["construction"]["warp"]["plies"] == 2
+    assert found["construction"]["weft"]["fibre"] == "cotton"
     assert found["construction"]["ends_per_cm"] == pytest.approx(21.65, abs=0.01)  # no spacing in the file: what fits
     assert found["properties"]["shear"]["origin"] == "measured"
     assert found["properties"]["shear"]["how"] == "FAST, here"

@@ -138,6 +138,7 @@ def test_another_sett_on_the_command_line_makes_another_cloth() -> None:
     assert shirt.material == "woven"
     assert shirt.garment is not None
     assert shirt.garment.properties.density_g_per_m2 is None
+    assert shirt.garment.properties.within == "all"  # a choice of the scene's, whose numbers are the new cloth's
     assert shirt.fabric is not None
     assert shirt.fabric.flattening == 2.0
     assert own_material(shirt) is not None
