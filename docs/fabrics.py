@@ -289,8 +289,8 @@ touched of a body may be wider than its primitives: by 3.5 mm for garments, as 8
 in bodies stands out of them by less, and for a sheet by what keeps thin limbs out where its key points lie far apart,
 0.9 mm at most, at the feet of `sheet-walk`, and none at the trunk. (Garments kept 4 mm from primitives whatever their
 thickness, and that sheet 2.16 mm for 0.23.) What is left out: the centimetre of cloth that a seam allows is simulated
-as mass of key points at outlines, 1 to 2 % of a garment, and not drawn; layers of one cloth are kept apart by a tenth
-of the distance of key points where that is more than the thickness.
+as mass of key points at outlines, 1 to 2 % of a garment, and not drawn. Layers of one cloth keep the thickness between
+what is drawn of them, which is rounder than the faces of the grid ([contact](contact.md)).
 
 Of the skin itself garments can keep their thickness: sewn, at rest for two seconds and walking for 1.5 (45 frames) with
 `--set body.contact=grid --set garment.gap_mm=…`, none is deep in the body (of an earlier state):

@@ -1,8 +1,9 @@
 """What contact keeps between the middle of a sheet and what it meets: the thickness that is drawn.
 
 Of a body it is kept everywhere. What of a body would come through between key points, and primitives that do not cover
-all of the skin that they stand for, are touched as if they were wider. A ball, and layers of the same cloth, are kept
-apart by more than the thickness where key points lie too far apart to keep it.
+all of the skin that they stand for, are touched as if they were wider. A ball is kept off by more than the thickness
+where key points lie too far apart to keep it. Layers of the same cloth keep it between what is drawn of them, which is
+rounder than the faces that meet (`layers/near_pairs.py`).
 """
 
 from collections.abc import Sequence
@@ -29,9 +30,6 @@ ARM = 25e-3
 SKIN_BEYOND = 3.5e-3
 """How far skin stands out of the primitives that are touched in its place [m]: of both built-in bodies 85 and 83 % of
 the vertices stand out less."""
-FOLD = 0.1
-"""Layers are kept apart by this share of the spacing of key points at least: so far a chord from one to the next leaves
-a fold whose radius is 5/4 of it, the tightest that they follow."""
 SPACINGS = 3.0
 """Of key points, that layers are kept apart by at most: more would be near more cloth than there is room for."""
 TOO_NEAR = "key points lie too near"
@@ -113,8 +111,8 @@ def _woven(scene: Scene, spacing: tuple[float, float]) -> Construction:
 
 
 def gaps_of(scene: Scene) -> SheetGaps:
-    """Of a scene of a [cloth]. What it states holds; the rest is the thickness drawn, or more where the ball or a fold
-    would come through between key points. Limbs as thin as a finger are kept out. Raises InputError."""
+    """Of a scene of a [cloth]. What it states holds; the rest is the thickness drawn, or more where the ball would
+    come through between key points. Limbs as thin as a finger are kept out. Raises InputError."""
     cloth = scene.cloth
     assert cloth is not None
     spacing = cloth.width_m / (cloth.columns - 1), cloth.length_m / (cloth.rows - 1)
@@ -123,7 +121,7 @@ def gaps_of(scene: Scene) -> SheetGaps:
 
 def garment_gaps(scene: Scene, spacing: tuple[float, float]) -> SheetGaps:
     """Of a scene of a [garment] whose key points are `spacing` apart, across and along [m]. What it states holds; the
-    rest is the thickness drawn, or more where the ball or a fold would come through between key points. Limbs as thin
+    rest is the thickness drawn, or more where the ball would come through between key points. Limbs as thin
     as an arm are kept out, and primitives do not cover all skin. Raises InputError."""
     garment = scene.garment
     assert garment is not None
@@ -148,7 +146,7 @@ def _gaps(
         return Gap(thickness, thickness) if least[0] <= thickness else Gap(least[0], thickness, least[1])
 
     ball, floor, layers = forces.sphere, forces.plane, forces.self_contact
-    between = gap(layers.thickness_mm if layers else None, (FOLD * min(spacing), TOO_FAR))
+    between = gap(layers.thickness_mm if layers else None)
     if not between.stated and between.size > SPACINGS * min(spacing):
         between = Gap(SPACINGS * min(spacing), thickness, TOO_NEAR)
     return SheetGaps(

@@ -197,7 +197,9 @@ class StrainLimitSection(Section):
 
 class SelfContactSection(Section):
     thickness_mm: Positive | None = Field(
-        default=None, description=f"kept between layers, at most 4 times the spacing of key points [mm]; {AS_DRAWN}"
+        default=None,
+        description="kept between layers as they are drawn, at most 4 times the spacing of key points [mm]; default: "
+        "as thick as the cloth is drawn",
     )
     friction: float | None = Field(default=None, ge=0, le=5, description="default: that of the fabric's yarns")
 

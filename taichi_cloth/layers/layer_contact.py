@@ -50,6 +50,9 @@ NEXT, FAR, SHARE = 2, 14, 0.12
 which do not go on as those round them."""
 SKIN, COARSE = 0.2, 0.16
 """Shares of the spacing: half of what pairs are sought within beyond their thickness, and how much more for blocks."""
+FOLD = 0.1
+"""Of the spacing, that layers are kept apart where cloth is bent, at most: so far chords from one key point to the next
+leave a fold whose radius is 5/4 of it, the tightest that they follow."""
 EDGE_SHARE = 0.5
 """Of the thickness that edges keep: layers that lie flat are kept apart by their points."""
 USE = 0.7
@@ -69,7 +72,7 @@ HALVINGS, CAREFUL = 6, 0.7
 LEAST_SLACK = (0.25, 0.25, 0.3, 0.4)
 """Shares of their length by which the threads of a patch may turn at least, by its level and from the last on: those of
 one with less are looked at more closely."""
-NUMBERS = ("thickness", "friction", "reach", "coarse", "margin", "spacing_x", "spacing_y", "0", "1", "2", "3")
+NUMBERS = ("thickness", "friction", "reach", "coarse", "margin", "spacing_x", "spacing_y", "most", "0", "1", "2", "3")
 
 
 @ti.data_oriented
@@ -115,11 +118,12 @@ class LayerFields:
             self.tree.take(levels, 1.0 / numbers[5], 1.0 / numbers[6])
             self.near.take(width)
             self.near.thickness[None], self.near.edge_share[None] = numbers[0], EDGE_SHARE
+            self.near.most[None] = numbers[7]
             self.near.spacing[0], self.near.spacing[1] = numbers[5], numbers[6]
             self.contacts.friction[None], self.contacts.margin[None] = numbers[1], numbers[4]
             self.reach[None], self.coarse[None] = numbers[2], numbers[3]
             for level in range(LEVELS):
-                self.search.least[level] = numbers[7 + ti.min(level, 3)]
+                self.search.least[level] = numbers[8 + ti.min(level, 3)]
 
     @ti.kernel
     def take_outline(
@@ -257,6 +261,7 @@ class LayerFields:
         else:
             self.near.thin(points, self.tree, self.search)
             self.stamp("thin")
+        self.near.bend(points, self.paths)
         self.near.find(points, self.paths, self.tree, self.search, reach)
         self.stamp("near pairs")
         self.pieces.find(points, self.paths, self.tree, self.search, self.near, reach)
@@ -345,16 +350,18 @@ class LayerContact(SharedConstraint):
                 f"self_contact.thickness: {options.thickness:g} m; allowed: up to 4 times the spacing "
                 f"({4 * spacing:g} m)"
             )
+        most = max(options.thickness, FOLD * spacing)
         self._size, self._levels = capacity_of(sheet.padded_shape, LEAST), levels_of(*sheet.padded_shape)
         self._width, self._substeps, self._longest, self._free, self._halved = sheet.width, 1, 1, 1, 0
         named = {
             "thickness": options.thickness,
             "friction": options.friction,
-            "reach": (1 + AWAKE) * options.thickness + 2 * SKIN * spacing,
+            "reach": (1 + AWAKE) * most + 2 * SKIN * spacing,
             "coarse": COARSE * spacing,
-            "margin": AWAKE * options.thickness,
+            "margin": AWAKE * most,
             "spacing_x": s.spacing_x,
             "spacing_y": s.spacing_y,
+            "most": most,
         }
         named |= {str(level): least for level, least in enumerate(LEAST_SLACK)}
         self._numbers = np.array([named[name] for name in NUMBERS], np.float32)

@@ -13,7 +13,7 @@ from taichi_cloth.layers.outline import MEETS, RIM_EAST, RIM_NORTH
 from taichi_cloth.layers.paths import CELL, EAST, NORTH, POINT
 from taichi_cloth.layers.search import ROOM as CELL_ROOM
 from taichi_cloth.layers.search import element
-from taichi_cloth.motion.stencil import load
+from taichi_cloth.motion.stencil import load, near, store
 from taichi_cloth.sheet.sheet import LANES
 
 __all__ = ["NEAR_SEAMS", "NearPairs", "Pairs"]
@@ -23,6 +23,9 @@ FACE_ROOM, EDGE_ROOM = 16, 48
 
 NEAR_SEAMS = 8e-6
 """That pairs are kept apart at least beside a seam [m]."""
+
+FOLDED = 4.0
+"""Spacings in the flat sheet, from one side of the tightest fold to the other."""
 
 SHALLOW = 0.35
 """Share of the spacing that pairs are kept apart at least, however near they are in the flat sheet."""
@@ -89,13 +92,15 @@ class Pairs:
 
 @ti.data_oriented
 class NearPairs:
-    """pairs: all of them. nearest: looks at eight. thickness [m]. panel: of each element, 0 where there is none: only
-    within a panel are neighbours let nearer than the thickness. overflow: pairs without room."""
+    """pairs: all of them. nearest: looks at eight. thickness [m]. most: that is kept where cloth is bent [m]. bulge:
+    [axis], how far smooth cloth stands out of the middle of each cell [m]. panel: of each element, 0 where there is
+    none: only within a panel are neighbours let nearer than the thickness. overflow: pairs without room."""
 
     def __init__(self, size: int) -> None:
         self.pairs, self.nearest = Pairs(FACE_ROOM * size, EDGE_ROOM * size), Nearest()
         self.thickness, self.edge_share = ti.field(ti.f32, ()), ti.field(ti.f32, ())
-        self.spacing = ti.field(ti.f32, 2)
+        self.spacing, self.most = ti.field(ti.f32, 2), ti.field(ti.f32, ())
+        self.bulge, self._bent = ([ti.field(ti.f32, size) for _ in range(3)] for _ in range(2))
         self.panel = ti.field(ti.i32, size)
         # Elements from a cell's own to the corners of its faces, and to the ends of its edges.
         self.face_offset, self.edge_offset = ti.field(ti.i32, (2, 3)), ti.field(ti.i32, (3, 2))
@@ -113,19 +118,55 @@ class NearPairs:
         for k, offset in ti.static(enumerate((0, 1, 0, width, 0, width + 1))):
             self.edge_offset[k // 2, k % 2] = offset
 
+    @routine
+    def bend(self, points: Template, paths: Template):
+        """`bulge`: threads are drawn as splines through key points (`fabric/surface.py`), whose middle between two is
+        off the chord by a sixteenth of the second differences at both; of a cell, in the mean of its two rows and two
+        columns."""
+        row = points.row[None]
+        for axis in ti.static(range(3)):
+            place, bent = ti.static(points.position[axis], self._bent[axis])
+            for e in range(paths.count[None]):
+                p = paths.packet(e)
+                both = ti.Vector([0.0] * LANES)
+                for o, bit in ti.static(((1, EAST), (row, NORTH))):
+                    through = (load(paths.has, p) & load(paths.has, near(p - o)) & bit) != 0
+                    second = load(place, near(p + o)) - 2.0 * load(place, p) + load(place, near(p - o))
+                    both += ti.select(through, second, 0.0)
+                store(bent, p, both)
+            for e in range(paths.count[None]):
+                p = paths.packet(e)
+                four = load(bent, p) + load(bent, near(p + 1))
+                four += load(bent, near(p + row)) + load(bent, near(p + row + 1))
+                store(self.bulge[axis], p, -four / 32.0)
+
+    @ti.func
+    def drawn_apart(self, kept, share, p, q, k):
+        """How far cells p and q are kept apart along the normal of lane k, that smooth cloth through them is by `kept`.
+        That is less than a share of the thickness beside seams, where more would be in the way of these."""
+        out = kept
+        if kept >= share * self.thickness[None]:
+            for axis in ti.static(range(3)):
+                out += self.nearest.normal[axis][k] * (self.bulge[axis][q] - self.bulge[axis][p])
+        return ti.min(ti.max(out, kept), ti.max(kept, self.most[None]))
+
+    @ti.func
+    def in_fold(self, flat, kept):
+        """How far what is so far apart in the flat sheet is kept apart: no fold is tighter than key points follow."""
+        return ti.select(flat < FOLDED * ti.min(self.spacing[0], self.spacing[1]), ti.max(kept, self.most[None]), kept)
+
     @ti.func
     def kept_apart(self, points: Template, width, p, q):
-        """How far parts of two cells are kept apart: the thickness, or half of how far they are in the flat sheet, or
-        by way of a seam."""
+        """How far parts of two cells are kept apart: the thickness, or what folds are, but at most half of how far they
+        are in the flat sheet, or by way of a seam."""
         out = self.thickness[None]
-        seams = ti.static(points.pieces.cell_seam)
-        out = ti.min(out, ti.max(0.5 * (seams[p] + seams[q]), NEAR_SEAMS))
         if self.panel[p] == self.panel[q] and self.panel[p] > 0:
             i = ti.cast(ti.max(ti.abs(p // width - q // width) - 1, 0), ti.f32) * self.spacing[1]
             j = ti.cast(ti.max(ti.abs(p % width - q % width) - 1, 0), ti.f32) * self.spacing[0]
-            least = ti.min(self.spacing[0], self.spacing[1])
-            out = ti.min(out, ti.max(0.5 * ti.sqrt(i * i + j * j), SHALLOW * least))
-        return out
+            flat, least = ti.sqrt(i * i + j * j), ti.min(self.spacing[0], self.spacing[1])
+            out = ti.min(self.in_fold(flat, out), ti.max(0.5 * flat, SHALLOW * least))
+        seams = ti.static(points.pieces.cell_seam)
+        return ti.min(out, ti.max(0.5 * (seams[p] + seams[q]), NEAR_SEAMS))
 
     @ti.func
     def owns(self, paths: Template, p, bit):
@@ -137,8 +178,9 @@ class NearPairs:
         return points.pieces.label[p] != points.pieces.label[q]
 
     @ti.func
-    def keep(self, kind, at, k, kept, points: Template, p, q):
-        """One more pair, from lane k of what was found, of cells p and q. Returns how many there are."""
+    def keep(self, kind, at, k, kept, share, points: Template, p, q):
+        """One more pair, from lane k of what was found, of cells p and q. share: of the thickness that such pairs keep
+        at most. Returns how many there are."""
         pairs = self.pairs
         room = pairs.room(kind)
         if at < room:
@@ -148,7 +190,7 @@ class NearPairs:
                 pairs.point[corner][pair] = points[corner]
             for axis in ti.static(range(3)):
                 pairs.normal[axis][pair] = self.nearest.normal[axis][k]
-            pairs.kept[pair] = kept
+            pairs.kept[pair] = self.drawn_apart(kept, share, p, q, k)
         else:
             self.overflow[None] = self.overflow[None] + 1
         return ti.min(at + 1, room)
@@ -253,7 +295,7 @@ class NearPairs:
                         apart = self.differ(points, a, c) & self.differ(points, a, d)
                         if apart & self.differ(points, a, e):
                             kept = self.kept_apart(points, width, a, b)
-                            found = self.keep(FACES, found, lane, kept, (a, c, d, e), a, b)
+                            found = self.keep(FACES, found, lane, kept, 1.0, (a, c, d, e), a, b)
         return found
 
     @routine
@@ -277,9 +319,9 @@ class NearPairs:
                         g, h = b + self.edge_offset[f, 0], b + self.edge_offset[f, 1]
                         apart = self.differ(points, c, g) & self.differ(points, c, h)
                         if apart & self.differ(points, d, g) & self.differ(points, d, h):
-                            kept = self.kept_apart(points, width, a, b)
+                            kept, share = self.kept_apart(points, width, a, b), 1.0
                             # A rim bears what hangs over it: no point of that is above a face.
                             if (paths.has[a] & rims[e]) | (paths.has[b] & rims[f]) == 0:
-                                kept *= self.edge_share[None]
-                            found = self.keep(EDGES, found, lane, kept, (c, d, g, h), a, b)
+                                share = self.edge_share[None]
+                            found = self.keep(EDGES, found, lane, share * kept, share, (c, d, g, h), a, b)
         return found

@@ -184,7 +184,7 @@ class Pieces:
                 w = group * LANES + k
                 if near.nearest.square[k] < self.within[w]:
                     a, b, c, d = self.queue[0][w], self.queue[1][w], self.queue[2][w], self.queue[3][w]
-                    kept = 0.0
+                    kept, share = 0.0, 1.0
                     if kind == FACES:
                         flat = ti.min(self.beside(a, b, c), ti.min(self.beside(a, c, d), self.beside(a, d, b)))
                         sewn = self.seam[a] + ti.min(self.seam[b], ti.min(self.seam[c], self.seam[d]))
@@ -193,8 +193,10 @@ class Pieces:
                         one, other = ti.min(self.beside(a, c, d), self.beside(b, c, d)), self.beside(c, a, b)
                         flat = ti.min(one, ti.min(other, self.beside(d, a, b)))
                         sewn = ti.min(self.seam[a], self.seam[b]) + ti.min(self.seam[c], self.seam[d])
-                        kept = self.kept_apart(near, a, c, flat, sewn) * near.edge_share[None]
-                    found = near.keep(kind, found, k, kept, (a, b, c, d), self.cell[0][w], self.cell[1][w])
+                        kept = self.kept_apart(near, a, c, flat, sewn)
+                        share = near.edge_share[None]
+                    kept *= share
+                    found = near.keep(kind, found, k, kept, share, (a, b, c, d), self.cell[0][w], self.cell[1][w])
         near.end(kind, found, points.row[None])
         self.waiting[None] = 0
 
@@ -209,9 +211,8 @@ class Pieces:
 
     @ti.func
     def kept_apart(self, near: Template, p, q, flat, sewn):
-        """How far parts of panels are kept apart: the thickness, or half of how far they are from each other in the
-        flat sheet, or by way of a seam."""
-        out = ti.min(near.thickness[None], 0.5 * sewn)
+        """How far parts of panels are kept apart: as `NearPairs.kept_apart` of cells."""
+        out = near.thickness[None]
         if self.panel[p] == self.panel[q]:
-            out = ti.min(out, 0.5 * flat)
-        return ti.max(out, NEAR_SEAMS)
+            out = ti.min(near.in_fold(flat, out), 0.5 * flat)
+        return ti.max(ti.min(out, 0.5 * sewn), NEAR_SEAMS)

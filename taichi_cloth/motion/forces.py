@@ -119,7 +119,8 @@ class StrainLimit:
 
 @dataclass(frozen=True, kw_only=True)
 class SelfContact:
-    """Cloth that does not pass through cloth. thickness: kept between layers [m]. friction: Coulomb's µ."""
+    """Cloth that does not pass through cloth. thickness: kept between layers [m], smooth surfaces through their
+    key points. friction: Coulomb's µ."""
 
     thickness: float
     friction: float = 0.3

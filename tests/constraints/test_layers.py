@@ -192,3 +192,29 @@ def test_what_comes_near_is_listed_after_searches_of_some(speed: float) -> None:
                 assert (int(points[p]), *map(int, others[f])) in known
     assert renewed > 3
     assert near > 100
+
+
+@pytest.mark.parametrize("nested", [False, True])
+def test_bent_layers_are_kept_apart_by_the_thickness_of_the_smooth_cloth_through_them(nested: bool) -> None:
+    """Arcs of 60 mm through key points 10 mm apart stand 10²/(8 · 60) mm out of their chords: back to back they are
+    kept apart by twice that more than the thickness, one within the other, where both stand out alike, by no more."""
+    thickness, radius, gap = 3e-4, 0.06, 8e-4
+    sheet, x, _ = layers(0.0)
+    for panel, upper in ((slice(0, 17), False), (slice(18, None), True)):
+        own = radius + (gap if upper and nested else 0.0)
+        arc = (x[panel, :, 2] - x[panel, 0, 2].mean() + 0.002 * upper) / own
+        y = own * np.cos(arc) - radius
+        x[panel, :, 1], x[panel, :, 2] = gap - y if upper and not nested else y, own * np.sin(arc)
+    forces = Forces(gravity=(0.0, 0.0, 0.0), self_contact=SelfContact(thickness=thickness))
+    solver = Verlet(sheet, forces, threads=2, constraints=constraints_for(sheet, forces))
+    simulation = Simulation(sheet, solver, forces=forces, positions=x)
+    simulation.step()
+    pairs = solver.constraints[0].fields.near.pairs  # pyright: ignore[reportAttributeAccessIssue]
+    count = pairs.count[FACES]
+    panel = [(corner.to_numpy()[:count] // sheet.width - PAD) >= 18 for corner in pairs.point[:2]]
+    kept = pairs.kept.to_numpy()[:count][panel[0] != panel[1]]
+    assert len(kept) > 20
+    if nested:
+        assert np.median(kept) == pytest.approx(thickness, rel=0.05)
+    else:
+        assert kept.max() == pytest.approx(thickness + 2 * SPACING**2 / (8 * radius), rel=0.05)
