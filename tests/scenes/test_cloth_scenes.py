@@ -36,7 +36,7 @@ SMALL = ["cloth.rows=9", "cloth.columns=9", "cloth.threads_per_key_point=2", "ou
 SMALL += ["light.occlusion=false", "light.shadows=false", "stage.ground=false", "fabric.steps=1", "yarn.fibres=1"]
 SMALL += ["forces.self_contact=false"]  # nothing here is of it, and its kernel takes a process seconds to load
 PLANNED = ["cloth.rows=17", "cloth.columns=33", "cloth.length_m=0.4", "cloth.width_m=0.8"]
-ANIMATE = ["animate", "drape", *(part for text in SMALL for part in ("--set", text))]
+ANIMATE = ["animate", PAPER_DRAPE, *(part for text in SMALL for part in ("--set", text))]
 
 
 pytestmark = pytest.mark.usefixtures("keep_taichi")
@@ -198,7 +198,7 @@ def test_a_state_that_is_no_cloth_ends_the_run_with_one_line(
         patch.setattr(Simulation, "step", spoiled)
         assert command_line._status([*ANIMATE, "--size", "48x32", "--out", str(tmp_path / "a")]) == 2
     assert capsys.readouterr().err == "taichi-cloth: frame 1: key point (0, 0) is not finite\n"
-    model = small("drape")
+    model = small(PAPER_DRAPE)
     model.simulation.restore(tmp_path / "a" / STATE)
     assert model.simulation.frame == 0
 
