@@ -51,9 +51,9 @@ def fabric_properties(scene: Scene) -> FabricProperties | None:
     """Of the cloth that moves, where it is woven or was measured; None of a preset as it stands. Raises InputError."""
     section = scene.cloth or scene.garment
     assert section is not None
+    kind = "cloth" if scene.cloth else "garment"
     if scene.material == WOVEN:
         if scene.weave is None or scene.yarn is None or sett_of(scene) is None:
-            kind = "cloth" if scene.cloth else "garment"
             raise InputError(
                 f'{kind}.material: "woven" needs [yarn], [weave], fabric.ends_per_cm and fabric.picks_per_cm, or a '
                 f".wif file that states its spacing; or name a preset: {', '.join(MATERIALS)}"
@@ -62,7 +62,7 @@ def fabric_properties(scene: Scene) -> FabricProperties | None:
     if scene.material not in TRADE:
         known = ", ".join((WOVEN, *TRADE))
         hint = did_you_mean(scene.material, (WOVEN, *TRADE))
-        raise InputError(f"material: unknown material {scene.material!r}; known: {known}{hint}")
+        raise InputError(f"{kind}.material: unknown material {scene.material!r}; known: {known}{hint}")
     if scene.material in MATERIALS and section.measured is None:
         return None
     return with_measured(preset_properties(scene.material), section.measured)

@@ -18,7 +18,7 @@ from taichi_cloth.weave.draft import Draft
 
 from ..scene.garment_schema import PanelColours
 from ..scene.schema import Scene, Weave, YarnSection
-from .yarns import draft_of, fibre_kind, repeat_of
+from .yarns import fibre_kind, repeat_of
 
 if TYPE_CHECKING:  # loads Taichi, which a plan of what lies still does without
     from taichi_cloth.garment.sewn.weaving import Colours
@@ -94,6 +94,6 @@ def outer_colours(scene: Scene, panels: Iterable[str]) -> dict[str, F32]:
 
 def _orders(draft: str | None, *stated: str | None) -> list[F32 | None]:
     """Of the warp and of the weft: as stated, or as a WIF file has them, (n, 3), or None."""
-    brought = draft_of(Weave(draft=draft)) if draft is not None else None
+    brought = repeat_of(draft) if draft is not None else None
     found = (None, None) if brought is None else (brought.warp_colour, brought.weft_colour)
     return [one if order is None else thread_repeat(order) for order, one in zip(stated, found, strict=True)]

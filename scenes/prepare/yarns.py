@@ -20,6 +20,9 @@ from ..scene.section import DRAFT_FILE
 __all__ = ["draft_of", "fibre_kind", "mechanics_of", "repeat_of", "yarn_of"]
 
 DEFAULT_THREADS = 40
+"""Ends and picks of a named weave."""
+FEWEST_THREADS = 24
+"""Of a WIF file, whose repeats come as often as makes so many: most hold one alone, a strip of four picks."""
 DEFAULT_COUNT_TEX = 20.0
 LARGEST_COUNT_TEX = 10_000.0
 
@@ -127,10 +130,11 @@ def repeat_of(name: str) -> Draft:
 
 
 def _draft(name: str, ends: int | None, picks: int | None) -> Draft:
-    """A named weave or a WIF file, at its own size where none is stated."""
+    """A named weave or a WIF file, at its own size where none is stated; of what is one small repeat, several."""
     if DRAFT_FILE.fits(name):
         draft = draft_file(name)
-        return tile(draft, ends=draft.ends if ends is None else ends, picks=draft.picks if picks is None else picks)
+        own = [count * max(1, -(-FEWEST_THREADS // count)) for count in (draft.ends, draft.picks)]
+        return tile(draft, ends=own[0] if ends is None else ends, picks=own[1] if picks is None else picks)
     return named_weave(
         name,
         ends=DEFAULT_THREADS if ends is None else ends,

@@ -161,8 +161,8 @@ class Weave(Section):
     draft: Annotated[str, DRAFT_FILE] = Field(
         default="plain", description="plain, twill-2/2, satin-5, … or the path of a .wif file"
     )
-    ends: int | None = Field(default=None, description="warp ends; default: the file's own, or 40")
-    picks: int | None = Field(default=None, description="weft picks; default: the file's own, or 40")
+    ends: int | None = Field(default=None, description="warp ends; default: 40; of a file whole repeats, 24 or more")
+    picks: int | None = Field(default=None, description="weft picks; default: likewise")
     warp_colours: str | None = Field(default=None, description='thread order, such as "navy*4 white*4"')
     weft_colours: str | None = None
     patches: list[WeavePatch] = Field(default=[], description="other drafts on parts of the cloth, later ones on top")

@@ -98,6 +98,17 @@ def test_a_wif_files_own_spacing_is_a_sett() -> None:
     assert sett.ends == pytest.approx(len(own) / own.sum())
 
 
+def test_a_file_of_one_small_repeat_is_shown_as_cloth() -> None:
+    """4 × 6 threads come six and four times; what is stated, and what is large enough, comes as it is."""
+    for name, stated, size in (
+        ("two-color-liftplan.wif", {}, (24, 24)),
+        ("two-color-liftplan.wif", {"ends": 4, "picks": 9}, (4, 9)),
+        ("schort.wif", {}, (52, 38)),
+    ):
+        draft = draft_of(Weave(draft=str(Path(WIF).with_name(name)), **stated))
+        assert (draft.ends, draft.picks) == size
+
+
 def test_a_wif_file_without_spacing_leaves_a_garment_its_sett_and_its_yarn() -> None:
     files = Path(__file__).parents[1] / "data" / "wif"
     scene = load_scene("tshirt", [f"weave.draft={files / 'schort.wif'}"])
