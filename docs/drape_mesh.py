@@ -18,7 +18,7 @@ from taichi_cloth.mechanics.presets import TRADE, preset_properties, woven_mater
 from taichi_cloth.scenes.fabric.drapemeter import drape
 
 ROWS = Path(__file__).with_suffix(".csv")
-HEAD = ("cloth", "spacing_mm", "coefficient_pct", "error_pct", "discs")
+HEAD: tuple[str, ...] = ("cloth", "spacing_mm", "coefficient_pct", "error_pct", "discs")
 
 
 def main() -> None:
