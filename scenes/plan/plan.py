@@ -10,6 +10,7 @@ from taichi_cloth.yarn.yarn import Yarn
 
 from ...render.data.light_sizes import light_bytes
 from ..prepare.drawing import (
+    CELLS_LIT,
     LAYERS_BYTES,
     LIT,
     MESH_BYTES,
@@ -270,7 +271,9 @@ def _lamps(scene: Scene) -> int:
 def _bytes(scene: Scene, counted: _Counted) -> int:
     """Memory of the whole process at its peak."""
     prepared = counted.prepared
-    held = LIT if prepared is not None and prepared.in_batches else counted.particles
+    held = counted.particles
+    if prepared is not None and prepared.in_batches:
+        held = min(held, LIT if prepared.cells is None else CELLS_LIT)
     shadows = _lamps(scene) if scene.light.shadows else 0
     occlusion = scene.light.occlusion and scene.light.fill_strength > 0
     total = prepared.bytes if prepared else drawn_bytes(counted.particles)

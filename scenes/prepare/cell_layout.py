@@ -11,7 +11,7 @@ from taichi_cloth.ground.memory import require_memory
 from taichi_cloth.weave.draft import Draft, tile
 
 from ..scene.schema import FabricSection, Scene
-from .drawing import STREAM_BYTES
+from .drawing import CELLS_BYTES
 from .fibre_count import EVERY, stated_fibres
 from .sett import Sett, sett_of, threads_to_a_cell
 from .weave_layout import Cells, Prepared, woven, yarns_for
@@ -48,7 +48,7 @@ def prepare_cells(
         particles_per_body_block(family.yarn, layout.detail.fibres, layout.detail.steps)
         for family in (layout.warp, layout.weft)
     ]
-    total = bytes_of_bank(repeats) * 3 + sum(threads) * THREAD_BYTES + STREAM_BYTES  # made, sorted, packed
+    total = bytes_of_bank(repeats) * 3 + sum(threads) * THREAD_BYTES + CELLS_BYTES  # made, sorted, packed
     require_memory("the templates of a weave", total, "lower yarn.fibres or fabric.steps, or take a smaller draft")
     counted = Cells(per_cell, threads, blocks, repeats)
     particles = blocks // 2 * sum(of_block)

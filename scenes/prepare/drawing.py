@@ -6,6 +6,8 @@ from taichi_cloth.ground.memory import require_memory
 from ..scene.schema import Scene
 
 __all__ = [
+    "CELLS_BYTES",
+    "CELLS_LIT",
     "DRAW_BYTES",
     "HELD",
     "LAYERS_BYTES",
@@ -42,7 +44,11 @@ HELD = 4_000_000
 """Particles of a fabric beyond which it is drawn in batches."""
 LIT = 1_000_000
 """Particles of the sample of it that then casts light."""
+CELLS_LIT = 250_000
+"""Of cloth woven on cells: surfels, which lie evenly (`CellStream.sample`)."""
 STREAM_BYTES = 400_000_000  # a batch of a million particles, a sample of as many, what the splatter keeps of them
+CELLS_BYTES = 60_000_000
+"""The same of cloth woven on cells: `flag` takes 844 MB in all."""
 
 
 def drawn_bytes(particles: int) -> int:
