@@ -28,10 +28,18 @@ AXES = np.array([(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 0), (1, -1, 0), (0, 1, 
 @dataclass(frozen=True, eq=False)
 class Crossings:
     """pairs: (n, 2) numbers of triangles that meet, first < second, in order. places: (n, 3) [m] where: a point that is
-    both, to rounding; of two in one plane, one that is in the boxes of both."""
+    both, to rounding; of two in one plane, one that is in the boxes of both.
+
+    edges: (k, 2) points of each edge that meets a triangle, faces: (k,) that triangle, at: (k, 3) where [m], of: (k,)
+    the number of the pair that it is of; an edge of two triangles stands with each of them.
+    """
 
     pairs: I64
     places: F64
+    edges: I64
+    faces: I64
+    at: F64
+    of: I64
 
     @property
     def triangles(self) -> I64:
@@ -58,20 +66,22 @@ def find_crossings(points: ArrayLike, triangles: ArrayLike, same: ArrayLike | No
     if not np.isfinite(x[faces]).all():
         raise InputError("crossings: points that are not finite; allowed: finite numbers [m]")
     if len(faces) < 2:
-        return Crossings(np.zeros((0, 2), np.int64), np.zeros((0, 3)))
+        none = np.zeros((0, 2), np.int64), np.zeros((0, 3))
+        return Crossings(*none, none[0], none[0][:, 0], none[1], none[0][:, 0])
     label = np.arange(len(x)) if same is None else np.asarray(same)
     corners = x[faces]
     low, high = corners.min(axis=1), corners.max(axis=1)
     pairs = overlapping(low, high)
     ends, face, pair = _candidates(pairs, faces, label[faces])
     near = _near(x, ends, faces[face])
-    ends, pair = ends[near], pair[near]
-    meet, place = _meet(x[ends[:, 0]], x[ends[:, 1]], corners[face[near]])
-    found, first = np.unique(pair[meet], return_index=True)
-    out, where = pairs[found], place[meet][first]
+    ends, face, pair = ends[near], face[near], pair[near]
+    meet, place = _meet(x[ends[:, 0]], x[ends[:, 1]], corners[face])
+    ends, face, place = ends[meet], face[meet], place[meet]
+    found, first, of = np.unique(pair[meet], return_index=True, return_inverse=True)
+    out, where = pairs[found], place[first]
     where = np.clip(where, low[out].max(axis=1), high[out].min(axis=1))
     order = np.lexsort((out[:, 1], out[:, 0]))
-    return Crossings(out[order], where[order])
+    return Crossings(out[order], where[order], ends, face, place, np.argsort(order)[of.ravel()])
 
 
 def _candidates(pairs: I64, faces: I64, labels: NDArray) -> tuple[I64, I64, I64]:

@@ -1,60 +1,34 @@
-"""Cloth that meets cloth, as a constraint of a sheet: searches, contacts and proofs, interval by interval.
-
-A frame is cut into intervals of a few substeps. At the start of each are known: all pairs that are near (from the last
-searches), a direction that parts each, and the contacts of the interval. In the interval contacts answer within each
-substep. At its end
-
-1. key points that have left the room round their path are pulled back to it (few ever do);
-2. the certificate is made out: no near pair has passed through the other (`certificate.py`);
-3. it is proven that no other pair can have met: no room and no slack is used up (`paths.py`, `patches.py`);
-4. the next interval's length follows from how fast room is used up. Key points that would use up too much of theirs
-   in it get a new path, and what has to do with them is searched; all is where that are many, or where it was too long
-   ago.
+"""Cloth that meets cloth, as a constraint of a sheet (what it does is in `layer_fields.py`).
 
 A frame with an interval that could not be proven is taken again with intervals half as long, down to single substeps.
-Everything follows from the state at the start of the frame, and one thread does it: the same bytes each time.
+What passes through itself at the start is let off, and drawn apart from frame to frame (`tangles.py`).
 """
-
-from typing import Any
 
 import numpy as np
 import taichi as ti
 
-from taichi_cloth.crossings.crossings import find_crossings
-from taichi_cloth.ground.arrays import F32x1, F32x2, F32x3, Float, I32x1, I32x2, Int, Template
+from taichi_cloth.ground.arrays import Template
 from taichi_cloth.ground.errors import InputError
-from taichi_cloth.ground.routine import routine
-from taichi_cloth.layers.blends import Blends
-from taichi_cloth.layers.certificate import Certificate
-from taichi_cloth.layers.contacts import AWAKE, Contacts
-from taichi_cloth.layers.near_pairs import EDGES, FACES, NearPairs
-from taichi_cloth.layers.outline import Outline, Tables, crossings_of
-from taichi_cloth.layers.paths import POINT, Paths
-from taichi_cloth.layers.pieces import Pieces
-from taichi_cloth.layers.search import Search
-from taichi_cloth.layers.sieve import Sieve
-from taichi_cloth.layers.tree import LEVELS, Tree, levels_of
+from taichi_cloth.layers.contacts import AWAKE
+from taichi_cloth.layers.layer_fields import NUMBERS, LayerFields
+from taichi_cloth.layers.outline import Outline, Tables
+from taichi_cloth.layers.tangles import Tangles
+from taichi_cloth.layers.tree import levels_of
 from taichi_cloth.motion.capacity import capacity_of, class_of
 from taichi_cloth.motion.constraint import SharedConstraint
 from taichi_cloth.motion.forces import FrameForces, SelfContact
 from taichi_cloth.motion.stage_clock import StageClock
-from taichi_cloth.motion.stencil import load, store
-from taichi_cloth.sheet.sheet import LANES, Sheet, SheetState
+from taichi_cloth.sheet.sheet import PAD, Sheet, SheetState
 
 __all__ = ["LayerContact"]
 
 LONGEST, FREE = 2.4e-3, 5.6e-3
 """Of an interval, and of one where nothing is near [s]."""
-NEXT, FAR, SHARE = 2, 14, 0.12
-"""Intervals that a search of all is good for, at least and at most; and for how much of the room that key points use up
-which do not go on as those round them."""
 SKIN, COARSE = 0.2, 0.16
 """Shares of the spacing: half of what pairs are sought within beyond their thickness, and how much more for blocks."""
 FOLD = 0.1
 """Of the spacing, that layers are kept apart where cloth is bent, at most: so far chords from one key point to the next
 leave a fold whose radius is 5/4 of it, the tightest that they follow."""
-EDGE_SHARE = 0.5
-"""Of the thickness that edges keep: layers that lie flat are kept apart by their points."""
 USE = 0.7
 """Share of its room that a search is used for."""
 MEND_SUMMED, MEND = 0.06, 0.1
@@ -62,274 +36,11 @@ MEND_SUMMED, MEND = 0.06, 0.1
 LEAST, FEWEST = 16_384, 4_096
 """Elements, and blends of them, that there is room for at least, some 70 MB: all sheets and garments up to that share
 the kernel between substeps, which takes long to compile."""
-TURNS, MOST_SPENT = 2, 0.2
-"""Searches of what has used up its room, one after the other, as others have less by the last; and of which share of
-all at most. If that is not enough all is searched."""
-ENOUGH = 0.95
-"""Share that others may come to in the next interval after a search of some."""
 HALVINGS, CAREFUL = 6, 0.7
 """Times that intervals are halved for a frame that could not be proven, and what is left of the use with each."""
 LEAST_SLACK = (0.25, 0.25, 0.3, 0.4)
 """Shares of their length by which the threads of a patch may turn at least, by its level and from the last on: those of
 one with less are looked at more closely."""
-NUMBERS = ("thickness", "friction", "reach", "coarse", "margin", "spacing_x", "spacing_y", "most", "0", "1", "2", "3")
-
-
-@ti.data_oriented
-class LayerFields:
-    """All of it, for padded grids of up to `size` elements, and up to `blends` points that are blends of them.
-    clock: is told where parts end. position, step, inverse_mass, row: as of `Stencil`, between substeps. use: share of
-    room and slack that a search is used for. began, ends: substeps at which the interval did and is over. horizon:
-    substeps that the search of all is good for. longest, free: of intervals. substeps: of the frame. searches: of all;
-    renewals: of some; intervals, unproven, pulled: of the frame."""
-
-    def __init__(self, size: int, blends: int, clock: StageClock | None = None) -> None:
-        self.holder: object = None
-        self.clock: Any = clock  # its functions are called where it is one
-        self.timed = clock is not None
-        elements = size + blends
-        self.position, self.step = ([ti.field(ti.f32, elements) for _ in range(3)] for _ in range(2))
-        self._moved = [*self.position, *self.step]
-        self.inverse_mass, self.row = ti.field(ti.f32, elements), ti.field(ti.i32, ())
-        self.blends, self.pieces = Blends(elements, blends), Pieces(size, blends)
-        self.paths, self.tree, self.search, self.sieve = Paths(size), Tree(size), Search(size), Sieve()
-        self.near, self.contacts, self.certificate = NearPairs(size), Contacts(size, blends), Certificate()
-        self.reach, self.coarse, self.use = (ti.field(ti.f32, ()) for _ in range(3))
-        self.began, self.ends, self.horizon, self.longest, self.free, self.substeps = (
-            ti.field(ti.i32, ()) for _ in range(6)
-        )
-        self.searches, self.renewals, self.intervals, self.unproven, self.pulled = (
-            ti.field(ti.i32, ()) for _ in range(5)
-        )
-
-    @ti.kernel
-    def take(self, width: Int, labels: I32x2, inverse: F32x1, levels: I32x2, numbers: F32x1):
-        """labels: (2, elements of the padded grid), what each has, and its panel. inverse: mass of each [1/kg].
-        numbers: of `NUMBERS`."""
-        ti.loop_config(serialize=True)
-        for _ in range(1):
-            self.row[None] = width
-            self.paths.count[None] = labels.shape[1] // LANES
-            for p in range(labels.shape[1]):
-                self.paths.has[p] = labels[0, p]
-                self.inverse_mass[p] = inverse[p]
-                self.paths.there[p] = ti.cast((labels[0, p] & POINT) != 0, ti.f32)
-                self.near.panel[p] = labels[1, p]
-            self.tree.take(levels, 1.0 / numbers[5], 1.0 / numbers[6])
-            self.near.take(width)
-            self.near.thickness[None], self.near.edge_share[None] = numbers[0], EDGE_SHARE
-            self.near.most[None] = numbers[7]
-            self.near.spacing[0], self.near.spacing[1] = numbers[5], numbers[6]
-            self.contacts.friction[None], self.contacts.margin[None] = numbers[1], numbers[4]
-            self.reach[None], self.coarse[None] = numbers[2], numbers[3]
-            for level in range(LEVELS):
-                self.search.least[level] = numbers[8 + ti.min(level, 3)]
-
-    @ti.kernel
-    def take_outline(
-        self,
-        # blends
-        count: Int,
-        at: I32x1,
-        starts: I32x1,
-        nodes: I32x1,
-        weights: F32x1,
-        # pieces
-        first: I32x2,
-        points: I32x2,
-        faces: I32x2,
-        edges: I32x2,
-        elements: F32x2,
-    ):
-        """After `take`: of `Tables`."""
-        ti.loop_config(serialize=True)
-        for _ in range(1):
-            self.blends.take(self, count, at, starts, nodes, weights)
-            self.pieces.take(first, points, faces, edges, elements)
-
-    @ti.kernel
-    def start(self, longest: Int, free: Int, substeps: Int, use: Float):
-        """Before a frame."""
-        self.use[None] = use
-        self.longest[None], self.free[None], self.substeps[None] = longest, free, substeps
-        self.search.overflow[None] = 0
-        self.near.overflow[None] = 0
-        self.contacts.overflow[None] = 0
-        self.contacts.most[None] = 0
-        self.contacts.clear()
-        self.contacts.blended.overflow[None] = 0
-        self.certificate.pushed[None] = 0
-        self.certificate.returned[None] = 0
-        self.searches[None] = 0
-        self.renewals[None] = 0
-        self.intervals[None] = 0
-        self.unproven[None] = 0
-        self.pulled[None] = 0
-
-    @ti.func
-    def stamp(self, name: Template):
-        """A part, and what passed since the last one did is its time."""
-        if ti.static(self.timed):
-            self.clock.end(name, 0)
-
-    @ti.kernel
-    def stop(self, values: F32x3, done: Int) -> Int:
-        """Between two intervals. values: of a `SheetState`. Returns up to which substep the next goes."""
-        ti.loop_config(serialize=True)
-        for _ in range(1):
-            if ti.static(self.timed):
-                self.clock.start(0)
-            self.copy(values, True)
-            self.blends.refresh(self)
-            self.stamp("copies")
-            if done == 0:
-                self.open(self)
-            else:
-                self.close(self, done)
-                self.copy(values, False)
-                self.stamp("copies")
-        return self.ends[None]
-
-    @ti.func
-    def copy(self, values: Template, here: Template):
-        """Positions and steps from what the host holds, or back."""
-        row = self.row[None]
-        for e in range(self.paths.count[None]):
-            p = self.paths.packet(e)
-            i, j = p // row, p % row
-            for plane, field in ti.static(enumerate(self._moved)):
-                host = ti.Vector([values[plane, i, j + k] for k in ti.static(range(LANES))])
-                if ti.static(here):
-                    store(field, p, host)
-                else:
-                    moved = ti.select(load(self.blends.of, p) < 0, load(field, p), host)
-                    for k in ti.static(range(LANES)):
-                        values[plane, i, j + k] = moved[k]  # pyright: ignore[reportIndexIssue]
-
-    @routine
-    def open(self, points: Template):
-        """A frame: the first search."""
-        self.search_all(points, 0.0, self.substeps[None])
-        self.paths.keep(points)
-        most = ti.select(self.alone(), self.free[None], self.longest[None])
-        self.begin(points, 0, ti.min(most, self.substeps[None]), True)
-
-    @ti.func
-    def alone(self):
-        """Whether nothing is near anything."""
-        return self.near.pairs.count[FACES] + self.near.pairs.count[EDGES] == 0
-
-    @routine
-    def search_all(self, points: Template, span: Float, left: Int):
-        """A search of all, from paths that begin here. span: see `Paths.predict`. left: substeps of the frame."""
-        self.searches[None] = self.searches[None] + 1
-        self.paths.spend_all()
-        self.paths.predict(points, span)
-        good = SHARE * 0.5 * self.reach[None] / ti.max(self.paths.rough[None], 1e-7)
-        most = ti.min(ti.max(ti.cast(good, ti.i32), NEXT * self.longest[None]), FAR * self.longest[None])
-        parts = (left + most - 1) // most
-        self.horizon[None] = (left + parts - 1) // parts
-        self.look(points, 1)
-
-    @routine
-    def search_spent(self, points: Template, span: Float):
-        """A search of what gets a new path."""
-        self.renewals[None] = self.renewals[None] + 1
-        self.paths.predict(points, span)
-        self.look(points, 0)
-
-    @routine
-    def look(self, points: Template, whole: Int):
-        """A search. whole: whether nothing is known."""
-        reach, coarse = self.reach[None], self.coarse[None]
-        ahead = ti.cast(self.horizon[None] - self.paths.since[None], ti.f32)
-        self.stamp("paths")
-        self.tree.cells(points, self.paths, ahead, whole)
-        self.tree.rise(whole)
-        self.tree.fit(whole)
-        self.stamp("boxes")
-        self.search.begin(self.tree, reach + coarse)
-        top = self.tree.top[None]
-        for down in range(top):
-            level = top - down
-            self.search.descend(self.tree, level, reach + ti.select(level > 1, coarse, 0.0))
-        self.stamp("descent")
-        self.sieve.sift(points, self.paths, self.tree, self.search, reach, ahead)
-        self.stamp("sieve")
-        if whole != 0:
-            self.near.none()
-        else:
-            self.near.thin(points, self.tree, self.search)
-            self.stamp("thin")
-        self.near.bend(points, self.paths)
-        self.near.find(points, self.paths, self.tree, self.search, reach)
-        self.stamp("near pairs")
-        self.pieces.find(points, self.paths, self.tree, self.search, self.near, reach)
-        self.stamp("near pieces")
-        self.tree.settle(points, self.paths)
-        self.stamp("boxes")
-
-    @ti.func
-    def begin(self, points: Template, done, length, woken: Template):
-        """An interval. woken: whether those that may touch have to be found first, as after a search."""
-        ahead = ti.cast(length, ti.f32)
-        if ti.static(woken):
-            for kind in range(FACES, EDGES + 1):
-                self.contacts.wake(points, self.near.pairs, kind, ahead)
-        self.contacts.next(points, self.near, ahead)
-        self.stamp("contacts")
-        self.began[None], self.ends[None] = done, done + length
-        self.intervals[None] = self.intervals[None] + 1
-
-    @routine
-    def close(self, points: Template, done: Int):
-        """The interval that ends with `done` substeps of the frame, and the start of the next."""
-        span = done - self.began[None]
-        self.paths.since[None] = self.paths.since[None] + span
-        self.paths.measure(points)
-        used, before = self.paths.used[None], self.certificate.pushed[None]
-        if used > 0.999:
-            self.paths.pull_back(points, span)
-            self.blends.refresh(points)
-            self.pulled[None] = self.pulled[None] + 1
-        ahead = ti.cast(self.longest[None], ti.f32) / span
-        self.stamp("paths")
-        self.certificate.settle(points, self.paths, self.contacts, self.near, ahead)
-        if used > 0.999 or self.certificate.pushed[None] > before:
-            self.paths.measure(points)
-        if self.paths.used[None] > 1.0 or self.certificate.bad[None] > 0:
-            self.unproven[None] = self.unproven[None] + 1
-        self.stamp("proof")
-        left = self.substeps[None] - done
-        if left > 0:
-            self.go_on(points, done, left, span)
-
-    @ti.func
-    def go_on(self, points: Template, done, left, span):
-        """The next interval; before it a search, of all or of what has used up its room."""
-        most = ti.select(self.alone(), self.free[None], self.longest[None])
-        wanted = ti.min(most, left)
-        length = ti.max(1, ti.min(wanted, ti.cast(self.use[None] / ti.max(self.paths.rate[None], 1e-5), ti.i32)))
-        whole, anew, turn = self.paths.since[None] + length > self.horizon[None], False, 0
-        while not whole and turn <= TURNS:
-            allowed = ti.select(turn == 0, self.use[None], ENOUGH)
-            spent = self.paths.spend(allowed, ti.cast(length, ti.f32))
-            if spent == 0:
-                turn = TURNS + 1
-            elif turn == TURNS or spent > MOST_SPENT * LANES * ti.cast(self.paths.count[None], ti.f32):
-                whole = True
-            else:
-                self.search_spent(points, ti.cast(span, ti.f32))
-                self.paths.measure(points)
-                anew = True
-                turn += 1
-        if whole:
-            self.search_all(points, ti.cast(span, ti.f32), left)
-        self.paths.keep(points)
-        if anew or whole:
-            self.begin(points, done, length, True)
-        else:
-            self.begin(points, done, length, False)
 
 
 class LayerContact(SharedConstraint):
@@ -343,7 +54,7 @@ class LayerContact(SharedConstraint):
     stops = True
 
     def __init__(self, sheet: Sheet, options: SelfContact, outline: Outline | None = None) -> None:
-        s, self._sheet, self._outline = sheet.springs, sheet, outline
+        s, self._sheet, self._tangles, self._tangled = sheet.springs, sheet, Tangles(sheet, outline), True
         spacing = min(s.spacing_x, s.spacing_y)
         if options.thickness > 4 * spacing:
             raise InputError(
@@ -352,7 +63,8 @@ class LayerContact(SharedConstraint):
             )
         most = max(options.thickness, FOLD * spacing)
         self._size, self._levels = capacity_of(sheet.padded_shape, LEAST), levels_of(*sheet.padded_shape)
-        self._width, self._substeps, self._longest, self._free, self._halved = sheet.width, 1, 1, 1, 0
+        self._width, self._longest, self._free, self._halved = sheet.width, 1, 1, 0
+        self._substeps, self._step = 1, 0.0
         named = {
             "thickness": options.thickness,
             "friction": options.friction,
@@ -372,32 +84,37 @@ class LayerContact(SharedConstraint):
         return self._size, class_of(len(self._tables.at), FEWEST), self.clock
 
     def join(self, substeps: int, step: float) -> None:
-        self._substeps = substeps
+        self._substeps, self._step = substeps, step
         self._longest, self._free = (max(1, round(time / step)) for time in (LONGEST, FREE))
 
     def fill(self, state: SheetState) -> None:
-        """Raises InputError on a sheet that passes through itself: it would be kept as it is."""
-        positions, outline = self._sheet.positions(state), self._outline
-        if outline is None:
-            found = find_crossings(positions.reshape(-1, 3), self._sheet.triangles)
-        else:
-            found = crossings_of(outline, positions)
-        if found.count:
-            x, y, z = np.median(found.places, axis=0)
-            raise InputError(
-                f"cloth on cloth: at the start {found.count} triangles pass through others, about ({x:.3f}, {y:.3f}, "
-                f"{z:.3f}) m; allowed: a sheet that meets itself nowhere; move it, or set forces.self_contact=false"
-            )
         labels = np.stack([self._tables.has, self._tables.panel])
         self.fields.take(self._width, labels, self._inverse, self._levels, self._numbers)
         self.fields.take_outline(len(self._tables.at), *self._tables.arrays())
+        self._tangled = True  # as far as is known
 
     def begin(self, state: SheetState, forces: FrameForces) -> None:
         super().begin(state, forces)
+        if self._tangled:
+            self._untangle(state)
         share = 2**self._halved
         self.fields.start(
             max(1, self._longest // share), max(1, self._free // share), self._substeps, USE * CAREFUL**self._halved
         )
+
+    def _untangle(self, state: SheetState) -> None:
+        """Lets off what passes through other cloth, and moves it a little towards where it does not."""
+        positions = self._sheet.positions(state)
+        found = self._tangles.find(positions)
+        self._tangled = found.count > 0
+        labels = self._tangles.labels(found) if self._tangled else np.zeros(self._sheet.shape, np.int32)
+        padded = np.zeros(self._sheet.padded_shape, np.int32)
+        inside = np.s_[PAD:-PAD, : self._sheet.shape[1]]
+        padded[inside] = labels
+        self.fields.take_tangles(padded.ravel())
+        if self._tangled:
+            moves = self._tangles.moves(found, positions, self._substeps * self._step)
+            state.values[:3][:, *inside] += np.moveaxis(moves, -1, 0).astype(np.float32)
 
     def again(self) -> bool:
         """Raises InputError where there was no room for all pairs or contacts, however short intervals are."""

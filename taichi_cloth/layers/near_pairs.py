@@ -7,8 +7,7 @@ import taichi as ti
 
 from taichi_cloth.ground.arrays import Float, Int, Template
 from taichi_cloth.ground.routine import routine
-from taichi_cloth.layers.distances import EDGES, FACES
-from taichi_cloth.layers.nearest import CORNERS, Nearest
+from taichi_cloth.layers.nearest import CORNERS, EDGES, FACES, Nearest
 from taichi_cloth.layers.outline import MEETS, RIM_EAST, RIM_NORTH
 from taichi_cloth.layers.paths import CELL, EAST, NORTH, POINT
 from taichi_cloth.layers.search import ROOM as CELL_ROOM
@@ -16,7 +15,7 @@ from taichi_cloth.layers.search import element
 from taichi_cloth.motion.stencil import load, near, store
 from taichi_cloth.sheet.sheet import LANES
 
-__all__ = ["NEAR_SEAMS", "NearPairs", "Pairs"]
+__all__ = ["BESIDE", "NEAR_SEAMS", "NearPairs", "Pairs"]
 
 FACE_ROOM, EDGE_ROOM = 16, 48
 """Pairs, for each key point."""
@@ -29,6 +28,9 @@ FOLDED = 4.0
 
 SHALLOW = 0.35
 """Share of the spacing that pairs are kept apart at least, however near they are in the flat sheet."""
+
+BESIDE = 16
+"""More than as many cells as neighbours may be apart that are not tangled for being of one tangle."""
 
 
 @ti.data_oriented
@@ -94,14 +96,15 @@ class Pairs:
 class NearPairs:
     """pairs: all of them. nearest: looks at eight. thickness [m]. most: that is kept where cloth is bent [m]. bulge:
     [axis], how far smooth cloth stands out of the middle of each cell [m]. panel: of each element, 0 where there is
-    none: only within a panel are neighbours let nearer than the thickness. overflow: pairs without room."""
+    none: only within a panel are neighbours let nearer than the thickness. tangle: of each cell, see `tangles.py`.
+    overflow: pairs without room."""
 
     def __init__(self, size: int) -> None:
         self.pairs, self.nearest = Pairs(FACE_ROOM * size, EDGE_ROOM * size), Nearest()
         self.thickness, self.edge_share = ti.field(ti.f32, ()), ti.field(ti.f32, ())
         self.spacing, self.most = ti.field(ti.f32, 2), ti.field(ti.f32, ())
         self.bulge, self._bent = ([ti.field(ti.f32, size) for _ in range(3)] for _ in range(2))
-        self.panel = ti.field(ti.i32, size)
+        self.panel, self.tangle = ti.field(ti.i32, size), ti.field(ti.i32, size)
         # Elements from a cell's own to the corners of its faces, and to the ends of its edges.
         self.face_offset, self.edge_offset = ti.field(ti.i32, (2, 3)), ti.field(ti.i32, (3, 2))
         self.one, self.other = (ti.field(ti.i32, LANES) for _ in range(2))
@@ -178,12 +181,21 @@ class NearPairs:
         return points.pieces.label[p] != points.pieces.label[q]
 
     @ti.func
+    def tangled(self, p, q):
+        """Whether two cells are of layers that pass through each other: they have no sides."""
+        one, width = self.tangle[p], self.face_offset[1, 2]
+        far = ti.max(ti.abs(p // width - q // width), ti.abs(p % width - q % width))
+        return one > 0 and one == self.tangle[q] and (far > one % BESIDE or self.panel[p] != self.panel[q])
+
+    @ti.func
     def keep(self, kind, at, k, kept, share, points: Template, p, q):
-        """One more pair, from lane k of what was found, of cells p and q. share: of the thickness that such pairs keep
-        at most. Returns how many there are."""
-        pairs = self.pairs
+        """One more pair, from lane k of what was found, of cells p and q, unless they are tangled. share: of the
+        thickness that such pairs keep at most. Returns how many there are."""
+        pairs, out = self.pairs, at
         room = pairs.room(kind)
-        if at < room:
+        if self.tangled(p, q):
+            out = at
+        elif at < room:
             pair = pairs.first(kind) + at
             pairs.cell[0][pair], pairs.cell[1][pair] = p, q
             for corner in ti.static(range(4)):
@@ -191,9 +203,10 @@ class NearPairs:
             for axis in ti.static(range(3)):
                 pairs.normal[axis][pair] = self.nearest.normal[axis][k]
             pairs.kept[pair] = self.drawn_apart(kept, share, p, q, k)
+            out = at + 1
         else:
             self.overflow[None] = self.overflow[None] + 1
-        return ti.min(at + 1, room)
+        return out
 
     @ti.func
     def none(self):

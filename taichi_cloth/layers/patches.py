@@ -13,7 +13,7 @@ All x_s of a patch lie in a box, and all x_t. What they may turn by before the c
 import taichi as ti
 
 from taichi_cloth.ground.arrays import Template
-from taichi_cloth.layers.distances import dot
+from taichi_cloth.layers.nearest import dot
 
 __all__ = ["slack_of"]
 

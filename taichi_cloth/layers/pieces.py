@@ -6,8 +6,8 @@ import taichi as ti
 
 from taichi_cloth.ground.arrays import F32x2, Float, I32x2, Int, Template
 from taichi_cloth.ground.routine import routine
-from taichi_cloth.layers.distances import EDGES, FACES, gather
 from taichi_cloth.layers.near_pairs import NEAR_SEAMS
+from taichi_cloth.layers.nearest import EDGES, FACES, gather
 from taichi_cloth.layers.outline import MEETS, PIECES
 from taichi_cloth.layers.paths import CELL, EAST, NORTH, POINT
 from taichi_cloth.layers.search import element
