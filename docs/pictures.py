@@ -27,6 +27,30 @@ from taichi_cloth.scenes.studies.make import what_to_install
 
 HERE = Path(__file__).parent
 SCHORT = HERE.parent / "tests" / "data" / "wif" / "schort.wif"
+
+
+def dyed(warp: str, weft: str | None = None) -> list[str]:
+    """Overrides by which a cloth has these colours."""
+    return [f"weave.warp_colours='{warp}'", f"weave.weft_colours='{weft or warp}'"]
+
+
+CLOTHS = {
+    "cotton poplin": ["cloth.material=poplin", *dyed("#f6f3ec")],
+    "silk satin": [
+        "fibre.kind=silk", "yarn.count='20/22 den x 3'", "yarn.twist_multiplier=0.3", "weave.draft=satin-8",
+        "fabric.ends_per_cm=90", "fabric.picks_per_cm=44", "fabric.flattening=2.2", *dyed("#a30d24"),
+    ],
+    "wool flannel": ["cloth.material=wool-flannel", *dyed("#17181b")],
+    "denim": ["cloth.material=denim-12oz", *dyed("#1b2f58", "#e4dfd2")],
+    "linen": [
+        "yarn.count='NeL 40'", "yarn.twist_multiplier=3.2", "fibre.fineness_dtex=3", "light.finish=linen",
+        "fabric.ends_per_cm=18", "fabric.picks_per_cm=16", *dyed("#c9b48c"),
+    ],
+}  # fmt: skip
+"""A white, a saturated and a black one among them."""
+CLOTH_FRAME = 59
+DISTANCES = 25, (0, 6, 11, 17)
+"""Frames of a zoom, and which of them are shown."""
 LOSSLESS = 150_000
 """Bytes of a file up to which it is kept without loss."""
 FABRIC = (1440, 960)  # drawn at twice the size, so that threads finer than a pixel come out smooth
@@ -70,16 +94,19 @@ def materials() -> np.ndarray:
     return np.concatenate([np.concatenate(images[:2], axis=1), np.concatenate(images[2:], axis=1)], axis=0)
 
 
-def distances() -> np.ndarray:
-    """Four weaves, each from three distances."""
+def cloths() -> np.ndarray:
+    """Five cloths of the trade over a ball of 15 cm, each from four distances."""
+    width, height = 0.3, 0.078
+    laid = [f"cloth.width_m={width}", f"cloth.length_m={width}", f"cloth.height_m={height}", "cloth.columns=49"]
+    laid += ["cloth.rows=49", "forces.sphere.radius_m=0.075", "forces.plane.height_m=-0.075"]
+    laid += ["camera.box_m=[[-0.108,-0.075,-0.108],[0.108,0.078,0.108]]", "camera.elevation_deg=32"]
     rows = []
-    for name in ("plain", "twill", "satin", "tartan"):
-        near = [(1.0, []), (4.0, ["fabric.steps=16"]), (12.0, ["fabric.steps=32"])]
-        close = ["fabric.ends_per_cm=66", "fabric.picks_per_cm=40"] if name == "satin" else []
-        small = ["weave.ends=20", "weave.picks=20"] if name != "tartan" else ["weave.ends=56", "weave.picks=56"]
-        whole = [picture(name, *close, size=(660, 480))[0]]
-        whole += [picture(name, f"camera.zoom={z}", *close, *small, *fine, size=(660, 480))[0] for z, fine in near[1:]]
-        rows.append(np.concatenate(whole, axis=1))
+    for name, about in CLOTHS.items():
+        model = build(load_scene("drape", [*laid, *about]))
+        model.step(CLOTH_FRAME)
+        images = [image for _, image in zoom(View(model, (720, 540)), DISTANCES[0], list(DISTANCES[1]))]
+        images[0] = caption(images[0], name)
+        rows.append(np.concatenate(images, axis=1))
     return np.concatenate(rows, axis=0)
 
 
@@ -167,7 +194,7 @@ PICTURES = {
     "trousers": lambda: worn("trousers", size=(840, 1120), views=[0, 2]),
     "body": body,
     "materials": materials,
-    "distances": distances,
+    "cloths": cloths,
     "fringe": fringe,
     "zoom": zoomed,
     "drape": drape,
