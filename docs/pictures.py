@@ -48,6 +48,12 @@ CLOTHS = {
     ],
 }  # fmt: skip
 """A white, a saturated and a black one among them."""
+LAID = [
+    "cloth.width_m=0.3", "cloth.length_m=0.3", "cloth.height_m=0.078", "cloth.columns=49", "cloth.rows=49",
+    "forces.sphere.radius_m=0.075", "forces.plane.height_m=-0.075", "camera.elevation_deg=32",
+    "camera.box_m=[[-0.108,-0.075,-0.108],[0.108,0.078,0.108]]",
+]  # fmt: skip
+"""A napkin over a ball of 15 cm."""
 CLOTH_FRAME = 59
 DISTANCES = 25, (0, 6, 11, 17)
 """Frames of a zoom, and which of them are shown."""
@@ -96,13 +102,9 @@ def materials() -> np.ndarray:
 
 def cloths() -> np.ndarray:
     """Five cloths of the trade over a ball of 15 cm, each from four distances."""
-    width, height = 0.3, 0.078
-    laid = [f"cloth.width_m={width}", f"cloth.length_m={width}", f"cloth.height_m={height}", "cloth.columns=49"]
-    laid += ["cloth.rows=49", "forces.sphere.radius_m=0.075", "forces.plane.height_m=-0.075"]
-    laid += ["camera.box_m=[[-0.108,-0.075,-0.108],[0.108,0.078,0.108]]", "camera.elevation_deg=32"]
     rows = []
     for name, about in CLOTHS.items():
-        model = build(load_scene("drape", [*laid, *about]))
+        model = build(load_scene("drape", [*LAID, *about]))
         model.step(CLOTH_FRAME)
         images = [image for _, image in zoom(View(model, (720, 540)), DISTANCES[0], list(DISTANCES[1]))]
         images[0] = caption(images[0], name)

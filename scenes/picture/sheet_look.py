@@ -27,7 +27,7 @@ __all__ = ["fit_look", "flat_piece", "seen_light"]
 
 F64 = NDArray[np.float64]
 
-VERSION = 4
+VERSION = 5
 """Of what is kept on disk: raised whenever the same cloth would come to another look."""
 SIZE = 256, 192
 AZIMUTH = 30.0
@@ -41,11 +41,12 @@ COARSEST = 1e3
 """Radius [px] that no fibre has: they are drawn at the coarsest level, which is what the sheet fades into."""
 ROUNDS = 5
 SKY = 0.4
-"""How much of the light comes from all round, beside 1 from lights."""
+"""How much of the light comes from the sky before the cloth, beside 1 from lights."""
 CLEAR = 1e-3
 """Of light that passes through, less is taken for as much."""
-EVEN = 1.0, 1.0, 1.0
-ALL_ROUND = Lighting(key=0.0, fill=1.0, sky=EVEN, ground=EVEN)
+EVEN, DARK = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
+SKIES = Lighting(key=0.0, fill=1.0, sky=EVEN, ground=DARK), Lighting(key=0.0, fill=1.0, sky=DARK, ground=EVEN)
+"""Before the right side and before the wrong one. What is behind cloth is mostly dark: a body, or its other layers."""
 
 
 def _keys(side: int) -> Lighting:
@@ -96,15 +97,14 @@ def _measured(cloth: CellCloth, number: int, pitch: tuple[float, float], guess: 
 
 def _solved(got: Callable[[F64], F64], want: F64, start: F64) -> F64:
     """The factors with which a sheet looks as wanted (see `seen_light`): each hangs mostly on one. Where its
-    openness alone cannot tell how far light from all round counts, warp and weft are right for both together."""
+    openness alone cannot tell how far the sky counts, warp and weft are right for both together."""
     now = start.copy()
     for _ in range(ROUNDS):
-        have = got(now)
+        have = np.maximum(got(now), 1e-6)
         now[AREA] *= log(max(1 - want[0], CLEAR)) / log(min(max(1 - have[0], CLEAR), 1 - CLEAR))
-        lights, sky = want[1:3] / np.maximum(have[1:3], 1e-6), want[3:] / np.maximum(have[3:], 1e-6)
-        both = (want[1:3] + SKY * want[3:]) / np.maximum(have[1:3] + SKY * have[3:], 1e-6)
-        now[[WARP, WEFT]] *= both
-        now[OPEN] = np.clip(now[OPEN] * sky.mean() / lights.mean(), 0.1, 1.0)
+        lights, sky = (want[k].sum() / have[k].sum() for k in (slice(1, 3), slice(3, 5)))
+        now[[WARP, WEFT]] *= (want[1:3] + SKY * want[3:]) / (have[1:3] + SKY * have[3:])
+        now[OPEN] = np.clip(now[OPEN] * sky / lights, 0.1, 1.0)
     return now
 
 
@@ -148,10 +148,10 @@ def seen_light(
     where: NDArray[np.bool_],
     finish: Finish,
 ) -> F64:
-    """Coverage; of lights all round, what comes by the colour of warp and by that of weft; of a sky, likewise: means of
-    those pixels."""
+    """Coverage; of lights all round, what comes by the colour of warp and by that of weft; of the sky before the cloth,
+    likewise: means of those pixels."""
     means, side = [], int(camera.forward[1] > 0)
-    for lighting in (_keys(side), ALL_ROUND):
+    for lighting in (_keys(side), SKIES[side]):
         stream(splatter, camera, source, most=10**9, lighting=lighting, finish=finish)
         means.append(splatter.linear()[where].mean(axis=0, dtype=np.float64))
     (red, green, blue, cover), sky = means

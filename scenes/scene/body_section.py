@@ -68,7 +68,7 @@ class BodySection(Section):
     contact: Literal["primitives", "grid"] = Field(
         default="primitives", description='what cloth touches; "grid": distances to the skin itself, a grid a part'
     )
-    colour: str = Field(default="#cbb9ab", description="of the skin in pictures")
+    colour: str = Field(default="#d3a88f", description="of the skin in pictures")
 
 
 def prepare_body(section: BodySection, folder: Path = Path()) -> "Body":

@@ -48,8 +48,11 @@ SHEET = 1.0, 5.0
 """Pixels from thread to thread up to which a cloth is drawn as a sheet, and from which on it is drawn of fibres."""
 EVENLY = 0.54
 """Fibres that fade in beside a sheet show little at first: with their share so, brightness goes over evenly."""
-FADING = 1.6
+FADING = 1.7
 """Fibres of a level are whole from so many times the smallest radius on; of smaller ones some are of the next level."""
+MEETING = 0.5
+"""Power of the share of a level that goes as the next finer one comes: of half of each, lying by chance, less would be
+covered than of either alone."""
 APART, FINER = 0.6, 0.42
 """Pixels between surfels; with n × n samples a pixel n^FINER times as many samples, as larger ones hide more: so a
 cloth that covers 0.95 does at 1 × and at 4 × 4."""
@@ -204,7 +207,7 @@ class CellStream:
         fading = whole < 1.0
         out = np.concatenate([patch[whole > 0.0], patch[fading]])
         out[:, LEVEL] = np.concatenate([level[whole > 0.0], level[fading] + 1])
-        return out, np.concatenate([(share * whole)[whole > 0.0], (share * (1.0 - whole))[fading]])
+        return out, np.concatenate([(share * whole)[whole > 0.0], (share * (1.0 - whole) ** MEETING)[fading]])
 
     def _apart(self, pixel: F64) -> F64:
         """Distance between surfels where a pixel is so wide [m]."""

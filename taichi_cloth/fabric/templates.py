@@ -7,7 +7,7 @@ one yarn meet their neighbours in the same section, so there is no seam between 
 """
 
 from dataclasses import dataclass
-from math import pi, sqrt
+from math import pi
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,21 +17,16 @@ from taichi_cloth.ground.particles import Property, first_numbers
 from taichi_cloth.weave.crimp import PathKinds, centreline
 from taichi_cloth.yarn.hairs import hairs
 from taichi_cloth.yarn.spin import Period, Strands, spin
+from taichi_cloth.yarn.thick_fibres import further_apart, standing_out, thicker_by
 from taichi_cloth.yarn.yarn import Yarn
 
-__all__ = [
-    "COLUMN", "TemplateBank", "build_templates", "covered", "particle_count", "particles_per_body_block",
-]  # fmt: skip
+__all__ = ["COLUMN", "TemplateBank", "build_templates", "particle_count", "particles_per_body_block"]
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
 FRAY = 1.6  # how much wider a yarn is at its free end
 LEAN = 0.45  # how far free ends stray from straight, in thread widths
-LAYERS = 1.5  # fibres that lie before one another across a drawn yarn, at least
-MOST_OF_THICKNESS = 1.3  # of the yarn, that a drawn fibre takes: one stands for many side by side
-MOST_APART = 1.6  # how much further apart drawn fibres are laid than those that they stand for
-STATIONS = 192  # along a yarn's period, at which its width is taken
 MOST_OPEN = 0.999  # of a fibre in a yarn; a hair stands open on all sides
 WANDER = 0.10  # bend of a fibre between block ends that tells variants apart, in yarn radii
 
@@ -201,7 +196,7 @@ def _core(
     scale = size / yarn.diameter
     drawn = spun.radius[:, 0]  # as thick all along
     thick = drawn.mean() * np.sqrt(scale[..., 0] * scale[..., 1])[..., 0]  # (t, 1)
-    grown = _covering(thick, rows, size[:, 0, 0, :])
+    grown = thicker_by(thick, rows, size[:, 0, 0, :])
     # Thicker fibres are laid within the yarn's outline; then so far apart that they cover its width, but for plies of
     # many fibres, between which a gap would open.
     inside = 1.0 - drawn.mean() / (yarn.diameter / 2)
@@ -210,7 +205,7 @@ def _core(
     scale_yz = scale * np.where(thicker[:, None, None, None], filling, 1.0)
     radius = drawn * np.sqrt(scale[..., 0] * scale[..., 1])[..., 0] * grown  # (t, f)
     spread = thicker | (yarn.plies == 1)
-    scale_yz[spread, 0, 0, 0] *= _apart(
+    scale_yz[spread, 0, 0, 0] *= further_apart(
         spun.position[..., 1], scale_yz[spread, 0, 0, 0], radius[spread], size[spread, 0, 0, 0]
     )
     section_yz = section_yz * scale_yz
@@ -225,8 +220,7 @@ def _core(
         lean = rng.standard_normal((max(1, layout.detail.variants), 1, 1, 2)).clip(-2, 2)
         section_yz = section_yz + lean[variant] * (LEAN * size) * (away**2)[None, None, :, None]
     z, slope = _path(layout, kind, u, section)
-    # A drawn fibre that stands for many shows the outermost of them, by so much beyond its own middle [m], (t, f, 1).
-    stands_out = (radius * (1.0 - sqrt(rows / (yarn.fibres_in_section * yarn.plies)) / grown))[..., None]
+    stands_out = standing_out(radius, grown, rows / (yarn.fibres_in_section * yarn.plies))[..., None]
     offset, tangent, normal = _bend(
         section_yz, gather(spun.tangent), gather(spun.normal), z[:, None, :], slope[:, None, :]
     )
@@ -245,44 +239,6 @@ def _core(
         openness=open_,
         tone=np.broadcast_to(spun.tone[None, :, None], shape),
     )
-
-
-def _covering(radius: F64, fibres: int, size: F64) -> F64:
-    """How much thicker drawn fibres of a radius (t, 1) [m] must be for a yarn of a size (t, 2) [m], width and
-    thickness, to let no light through, (t, 1): 1 where they are many enough. A real yarn has dozens before one another.
-    """
-    wanted = LAYERS * size[:, :1] / (2 * fibres)
-    return np.maximum(1.0, np.minimum(wanted, MOST_OF_THICKNESS * size[:, 1:] / 2) / radius)
-
-
-def _apart(across: F64, scale: F64, radius: F64, width: F64) -> F64:
-    """How much further apart than spun the drawn fibres are laid, (t,), so that they cover their yarn's width: on
-    average along it, or as far as MOST_APART goes. Hundreds of real fibres reach its sides all along; a few that
-    wander through its section mostly do not.
-
-    across: (f, k) of the spun fibres. scale: (t,) of it. radius: (t, f) [m]. width: (t,) [m].
-    """
-    across = across[:, :: -(-across.shape[1] // STATIONS)]
-    out = np.ones(len(width))
-    alike = np.unique(np.column_stack([scale, radius[:, 0], width]), axis=0, return_index=True, return_inverse=True)
-    for number, t in enumerate(alike[1].tolist()):
-        low, high = 1.0, MOST_APART
-        if covered(across * scale[t], radius[t]) < width[t]:
-            for _ in range(10):
-                middle = (low + high) / 2
-                short = covered(across * (scale[t] * middle), radius[t]) < width[t]
-                low, high = (middle, high) if short else (low, middle)
-        out[alike[2].ravel() == number] = low
-    return out
-
-
-def covered(across: F64, radius: F64) -> float:
-    """Width that fibres of some radii (f,) [m] hide, their middles across (f, k) [m] at k places: the mean [m]."""
-    order = np.argsort(across - radius[:, None], axis=0)
-    left = np.take_along_axis(across - radius[:, None], order, axis=0)
-    right = np.maximum.accumulate(np.take_along_axis(across + radius[:, None], order, axis=0), axis=0)
-    gaps = np.maximum(left[1:] - right[:-1], 0.0).sum(axis=0)
-    return float((right[-1] - left[0] - gaps).mean())
 
 
 def _hair(

@@ -296,7 +296,8 @@ def test_near_it_is_fibres_and_far_a_sheet_and_between_both_fade(streamed: CellS
 
 
 def test_a_crossing_is_drawn_once_at_any_distance() -> None:
-    """Of one level, or of two, or of one and of the sheet where these fade into one another: shares add up to one."""
+    """Of one level, or of it and of the sheet where these fade into one another: shares add up to one. Of two levels,
+    which lie by chance and cover some of the same, to a little more."""
     grey = [np.full((65, 3), 0.5, np.float32) for _ in range(2)]
     cloth = sheet_of_cells((9, 9), (8, 8), repeat_of(named_weave("plain"), fibres=40), (grey[0], grey[1]), seed=SEED)
     cloth.move(flat((9, 9), (8, 8)))
@@ -308,8 +309,11 @@ def test_a_crossing_is_drawn_once_at_any_distance() -> None:
         crossings = seen.patch[:, PATCH_ENDS] * seen.patch[:, PATCH_PICKS]
         drawn = np.bincount(seen.patch[:, CELL], weights=crossings * seen.share)
         shown = np.unique(seen.patch[:, CELL])
-        np.testing.assert_allclose(drawn[shown], whole[shown], rtol=1e-5)
-        levels.add(tuple(np.unique(seen.patch[seen.grid[:, 0] == 0, LEVEL])))
+        here = tuple(np.unique(seen.patch[seen.grid[:, 0] == 0, LEVEL]))
+        over = drawn[shown] / whole[shown]
+        assert over.min() > 1.0 - 1e-5
+        assert over.max() < (1.25 if len(here) > 1 else 1.0) + 1e-5
+        levels.add(here)
     assert levels >= {(0,), (0, 1), (1, 2), ()}
 
 

@@ -9,11 +9,12 @@ from taichi_cloth.fabric.fabric import build_fabric
 from taichi_cloth.fabric.frames import frames
 from taichi_cloth.fabric.layout import BODY, END, START, Detail, Threads, lay_out, required_bytes
 from taichi_cloth.fabric.pose import pose_points
-from taichi_cloth.fabric.templates import build_templates, covered, particle_count
+from taichi_cloth.fabric.templates import build_templates, particle_count
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.weave.crimp import Interlacing, centreline
 from taichi_cloth.weave.draft import known_weaves, named_weave
 from taichi_cloth.weave.interpenetration import deepest_interpenetration
+from taichi_cloth.yarn.thick_fibres import covered
 from taichi_cloth.yarn.yarn import Hairiness, Yarn
 
 FLATTENING = 2.0

@@ -45,7 +45,7 @@ def source(finish: Finish, tmp_path_factory: pytest.TempPathFactory) -> CellStre
 
 
 def looks(source: CellStream, finish: Finish, tilt: float, side: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Coverage and light of fibres, of a sheet, and of a sheet at 4 × 4 samples a pixel."""
+    """Coverage, and light of lights and of a sky, of fibres, of a sheet, and of a sheet at 4 × 4 samples a pixel."""
     elevation, out = degrees(asin(tilt)) * (1 - 2 * side), []
     fibres, sheet = (sheet_look.flat_piece(source.cloth, 0, n, source.pitch) for n, _ in (FIBRES, SHEETS))
     fibres.sheets, sheet.look = False, source.look
@@ -55,7 +55,7 @@ def looks(source: CellStream, finish: Finish, tilt: float, side: int) -> tuple[n
         finer = {name: samples * getattr(camera, name) for name in ("focal", "cx", "cy", "width", "height")}
         splatter = Splatter(samples * SIZE[0], samples * SIZE[1])
         light = seen_light(splatter, one, replace(camera, **finer), np.kron(where, np.ones((samples,) * 2)) > 0, finish)
-        out.append(np.array([light[0], light[1:3].sum() + SKY * light[3:].sum()]))
+        out.append(np.array([light[0], light[1:3].sum() + SKY * light[3:].sum(), light[3:].sum()]))
     return out[0], out[1], out[2]
 
 
@@ -64,8 +64,9 @@ def test_a_sheet_covers_as_much_and_is_as_bright_as_its_fibres(
     source: CellStream, finish: Finish, tilt: float, side: int
 ) -> None:
     fibres, sheet, finer = looks(source, finish, tilt, side)
-    assert sheet == pytest.approx(fibres, rel=WITHIN)
-    assert finer == pytest.approx(sheet, rel=WITHIN)
+    assert sheet[:2] == pytest.approx(fibres[:2], rel=WITHIN)
+    assert finer[:2] == pytest.approx(sheet[:2], rel=WITHIN)
+    assert sheet[2] == pytest.approx(fibres[2], rel=2 * WITHIN)
 
 
 def test_between_the_angles_at_which_it_is_measured_it_is_not_far_off(source: CellStream, finish: Finish) -> None:
