@@ -48,7 +48,7 @@ SHEET = 1.0, 5.0
 """Pixels from thread to thread up to which a cloth is drawn as a sheet, and from which on it is drawn of fibres."""
 EVENLY = 0.54
 """Fibres that fade in beside a sheet show little at first: with their share so, brightness goes over evenly."""
-FADING = 1.7
+FADING = 1.9
 """Fibres of a level are whole from so many times the smallest radius on; of smaller ones some are of the next level."""
 MEETING = 0.5
 """Power of the share of a level that goes as the next finer one comes: of half of each, lying by chance, less would be
