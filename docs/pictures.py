@@ -40,11 +40,8 @@ CLOTHS = {
         "fibre.kind=silk", "yarn.count='20/22 den x 3'", "yarn.twist_multiplier=0.3", "weave.draft=satin-8",
         "fabric.ends_per_cm=90", "fabric.picks_per_cm=44", "fabric.flattening=2.2", *dyed("#a30d24"),
     ],
-    "wool flannel": [
-        "cloth.material=wool-flannel", "yarn.hairiness.ends_per_m=5000", "yarn.hairiness.loops_per_m=5000",
-        "yarn.hairiness.height_mm=0.3", *dyed("#0e0f11"),
-    ],
-    "denim": ["cloth.material=denim-12oz", "fabric.flattening=1.5", *dyed("#16264c", "#cbc2ab")],
+    "wool flannel": ["cloth.material=wool-flannel", *dyed("#0e0f11")],
+    "denim": ["cloth.material=denim-12oz", *dyed("#16264c", "#cbc2ab")],
     "linen": [
         "yarn.count='NeL 40'", "yarn.twist_multiplier=3.2", "fibre.fineness_dtex=3", "light.finish=linen",
         "fabric.ends_per_cm=18", "fabric.picks_per_cm=16", *dyed("#c9b48c"),
