@@ -105,7 +105,7 @@ def test_a_file_of_one_small_repeat_is_shown_as_cloth() -> None:
         ("two-color-liftplan.wif", {"ends": 4, "picks": 9}, (4, 9)),
         ("schort.wif", {}, (52, 38)),
     ):
-        draft = draft_of(Weave(draft=str(Path(WIF).with_name(name)), **stated))
+        draft = draft_of(Weave.model_validate({"draft": str(Path(WIF).with_name(name)), **stated}))
         assert (draft.ends, draft.picks) == size
 
 
