@@ -4,6 +4,7 @@ import re
 from collections.abc import Iterable, Iterator
 
 from taichi_cloth.mechanics.fibre_mechanics import FibreMechanics
+from taichi_cloth.yarn.count import in_count
 from taichi_cloth.yarn.yarn import Yarn
 
 from .piece import Piece
@@ -64,9 +65,9 @@ def _float(turns: float) -> str:
 def _yarn(yarn: Yarn, fibre: FibreMechanics) -> str:
     """Its count in tex and in the words of its trade, twist, and diameter."""
     plies = f"{yarn.plies} × " if yarn.plies > 1 else ""
-    words = f"{plies}{9.0 * yarn.count_tex:.3g} den"
+    words = f"{plies}{in_count(yarn.count_tex, 'den'):.3g} den"
     if fibre.form == "spun":
-        ne, nm = f"{590.5 / yarn.count_tex:.3g}", f"{1000.0 / yarn.count_tex:.3g}"
+        ne, nm = (f"{in_count(yarn.count_tex, system):.3g}" for system in ("Ne", "Nm"))
         words = f"Ne {ne}/{yarn.plies}, Nm {yarn.plies}/{nm}" if plies else f"Ne {ne}, Nm {nm}"
     return (
         f"{plies}{yarn.count_tex:.3g} tex ({words}), {yarn.twist_per_m:.0f} turns/m {yarn.twist}, "

@@ -8,6 +8,7 @@ from taichi_cloth.fabric.layout import FabricLayout, drawn_tex
 from taichi_cloth.weave.cloth_facts import cloth_cover, cloth_facts, cotton_diameter_m, cover_factor
 from taichi_cloth.weave.crimp import peirce_crimp
 from taichi_cloth.weave.interpenetration import deepest_interpenetration
+from taichi_cloth.yarn.count import in_count
 from taichi_cloth.yarn.yarn import Yarn
 
 __all__ = ["Fact", "fabric_facts", "yarn_facts"]
@@ -32,7 +33,7 @@ def yarn_facts(yarn: Yarn, name: str = "yarn") -> list[Fact]:
         Fact(
             f"{name}: count",
             f"{yarn.count_tex:.1f} tex × {yarn.plies}",
-            f"Ne {590.5 / yarn.count_tex:.1f}/{yarn.plies}",
+            f"Ne {in_count(yarn.count_tex, 'Ne'):.1f}/{yarn.plies}",
         ),
         Fact(
             f"{name}: diameter of a single",

@@ -34,6 +34,9 @@ QUICK, QUICK_FRAMES = ("short skirt",), 30
 GARMENTS = {"T-shirt": ("tshirt", "male"), "short skirt": ("skirt", "female"), "dress": ("dress", "female")}
 BY_HAND = [(fibres, steps) for fibres in range(3, 8) for steps in range(5, 10)]
 """Fibres of a yarn and pieces of each between two key points that a count is met with."""
+GAP_MM = 4
+"""From the primitives, whose skin is part of that. Threads of one a key point are as thick as cloth of 3.3 to 3.6 mm:
+a body that kept both away would draw a waistband's weft by 3.7 %, beyond its crimp."""
 
 
 def table_lines(
@@ -82,11 +85,6 @@ def table_lines(
         written = write_tables(tables, heading, out)
         yield ""
         yield f"written: {', '.join(str(path) for path in written)}"
-
-
-GAP_MM = 4
-"""From the primitives, whose skin is part of that. Threads of one a key point are as thick as cloth of 3.3 to 3.6 mm:
-a body that kept both away would draw a waistband's weft by 3.7 %, beyond its crimp."""
 
 
 def scene_of(name: str) -> Scene:

@@ -17,7 +17,7 @@ from taichi_cloth.mechanics.properties import FabricProperties, woven_properties
 from taichi_cloth.mechanics.quantity import Quantity
 from taichi_cloth.sheet.materials import MATERIALS, Material
 from taichi_cloth.weave.draft import named_weave
-from taichi_cloth.yarn.count import parse_count
+from taichi_cloth.yarn.count import in_count, parse_count
 from taichi_cloth.yarn.yarn import Yarn, turns_per_m
 
 __all__ = [
@@ -176,7 +176,7 @@ def yarn_of_count(text: str, fibre: FibreMechanics, twist_multiplier: float, fin
     return Yarn(
         count_tex=count.tex,
         plies=count.plies,
-        twist_per_m=turns_per_m(twist_multiplier, 590.5 / (count.tex * count.plies)),
+        twist_per_m=turns_per_m(twist_multiplier, in_count(count.tex * count.plies, "Ne")),
         fibre_density=1e3 * fibre.density,
         fineness_dtex=count.fineness_dtex or 10.0 * fibre.fineness,
         loss=usual_loss(fibre, finish),
