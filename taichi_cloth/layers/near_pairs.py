@@ -191,11 +191,8 @@ class NearPairs:
     def keep(self, kind, at, k, kept, share, points: Template, p, q):
         """One more pair, from lane k of what was found, of cells p and q, unless they are tangled. share: of the
         thickness that such pairs keep at most. Returns how many there are."""
-        pairs, out = self.pairs, at
-        room = pairs.room(kind)
-        if self.tangled(p, q):
-            out = at
-        elif at < room:
+        pairs, out, tangled = self.pairs, at, self.tangled(p, q)
+        if at < pairs.room(kind) and not tangled:
             pair = pairs.first(kind) + at
             pairs.cell[0][pair], pairs.cell[1][pair] = p, q
             for corner in ti.static(range(4)):
@@ -204,7 +201,7 @@ class NearPairs:
                 pairs.normal[axis][pair] = self.nearest.normal[axis][k]
             pairs.kept[pair] = self.drawn_apart(kept, share, p, q, k)
             out = at + 1
-        else:
+        elif not tangled:
             self.overflow[None] = self.overflow[None] + 1
         return out
 
