@@ -27,6 +27,10 @@ from .yarns import draft_of, fibre_kind, mechanics_of, yarn_of
 
 __all__ = ["Cells", "Prepared", "prepare_fabric", "woven", "yarns_for"]
 
+LEAST_THINNED = 0.4
+"""Of a yarn's diameter, the least that threads are thinned to, but for those of a file that says itself how thick they
+are. Real twills of 45 × 27 threads a cm come to 0.66; below this the sett or the count is a slip of the pen."""
+
 F64 = NDArray[np.float64]
 
 
@@ -138,6 +142,12 @@ def woven(
         return fitted.cloth, rooms, (note,)
     warp_mm, weft_mm = (1e3 * float(d.max()) for d in diameter)
     line = f"threads of {warp_mm:.3f} mm (warp) and {weft_mm:.3f} mm (weft) jam at {per_cm}"
+    if fitted.thinned < LEAST_THINNED and draft.warp_thickness_m is None and draft.weft_thickness_m is None:
+        tex = fitted.thinned**2 * max(yarn.folded_tex for yarn in yarns)
+        raise InputError(
+            f"fabric.ends_per_cm, fabric.picks_per_cm: {line}, and would fit at {fitted.thinned:.2f} of that "
+            f"thickness, as which no yarn is pressed: space them wider, or take a yarn of {tex:.2g} tex or less"
+        )
     if section.when_jammed == "refuse":
         raise InputError(
             f"fabric.ends_per_cm, fabric.picks_per_cm: {line}; they fit at {fitted.thinned:.2f} of that thickness: "

@@ -9,9 +9,9 @@ from taichi_cloth.ground.errors import InputError, did_you_mean
 from taichi_cloth.mechanics.fibre_mechanics import FibreMechanics, blend, fibre_mechanics
 from taichi_cloth.weave.colour_order import coloured
 from taichi_cloth.weave.draft import Draft, named_weave, tile
-from taichi_cloth.yarn.count import parse_count
+from taichi_cloth.yarn.count import in_count, in_tex, parse_count
 from taichi_cloth.yarn.hairs import usual_hairiness
-from taichi_cloth.yarn.yarn import Hairiness, Yarn, count_for_diameter, ne_to_tex, turns_per_m
+from taichi_cloth.yarn.yarn import Hairiness, Yarn, count_for_diameter, turns_per_m
 
 from ..scene.draft_file import draft_file
 from ..scene.schema import Scene, Weave, YarnSection
@@ -47,7 +47,7 @@ def yarn_of(section: YarnSection, fibre: FibreKind, *, diameter: float | None = 
     """
     said = parse_count(section.count) if section.count is not None else None
     plies = section.plies if said is None else said.plies
-    stated = said.tex if said else section.count_tex or (ne_to_tex(section.count_ne) if section.count_ne else None)
+    stated = said.tex if said else section.count_tex or (in_tex(section.count_ne, "Ne") if section.count_ne else None)
     count = stated or DEFAULT_COUNT_TEX
     tighter = 1.0
     if stated is None and diameter is not None:
@@ -56,7 +56,7 @@ def yarn_of(section: YarnSection, fibre: FibreKind, *, diameter: float | None = 
         tighter = float(np.sqrt(DEFAULT_COUNT_TEX / count))
     twist = section.twist_per_m * tighter
     if section.twist_multiplier is not None:
-        twist = turns_per_m(section.twist_multiplier, ne_to_tex(count * plies))
+        twist = turns_per_m(section.twist_multiplier, in_count(count * plies, "Ne"))
     return Yarn(
         count_tex=count,
         plies=plies,

@@ -3,7 +3,6 @@
 import os
 import re
 import tomllib
-from collections.abc import Mapping
 from importlib.resources import files
 from pathlib import Path
 from types import NoneType, UnionType
@@ -13,25 +12,17 @@ from pydantic import BaseModel, ValidationError
 
 from taichi_cloth.ground.errors import InputError, did_you_mean
 from taichi_cloth.ground.files import read_text, shown_path
-from taichi_cloth.mechanics.presets import TRADE, trade_sections
 from taichi_cloth.weave.colour_order import colour
 
 from ...render.data.finish import finish_for
+from .constructions import give_way, is_stated, with_construction, woven_where_changed
 from .draft_file import draft_file
 from .scene_files import files_named
-from .schema import WOVEN, Scene
-from .section import DRAFT_FILE, SPRITE_FILE, NamesFile
+from .schema import Scene
+from .section import DRAFT_FILE, SPRITE_FILE
 
 __all__ = ["built_in_scenes", "load_scene", "make_scene"]
 
-WIF_BRINGS = {
-    "weave": ("ends", "picks"),
-    "fabric": ("ends_per_cm", "picks_per_cm", "balance"),
-    "yarn": ("count_tex", "count_ne", "count"),
-    "weft_yarn": ("count_tex", "count_ne", "count"),
-}
-SAME = (("count_tex", "count_ne", "count"), ("twist_per_m", "twist_multiplier"))
-"""Keys of a yarn that say one thing."""
 TRADE_WORDS = {
     **dict.fromkeys(("epi", "ends_per_inch"), "fabric.ends_per_cm, ends an inch / 2.54"),
     **dict.fromkeys(("ppi", "picks_per_inch"), "fabric.picks_per_cm, picks an inch / 2.54"),
@@ -46,6 +37,13 @@ TRADE_WORDS = {
     **dict.fromkeys(("micron", "denier_per_filament", "dpf", "fineness"), "fibre.fineness_dtex"),
 }
 """What people call a key: where it stands here."""
+PICTURE_WORDS = {
+    **dict.fromkeys(("width", "height", "resolution", "size", "pixels"), "output.size, or --size WIDTHxHEIGHT"),
+    **dict.fromkeys(("views", "angles"), "output.views, or --views"),
+    **dict.fromkeys(("frames", "duration", "length"), "output.frames, or --frames"),
+}
+"""The same of the sections that say how a picture is taken."""
+TAKES_PICTURES = ("camera", "light", "stage", "output")
 LARGEST_SCENE_FILE = 1_000_000
 LONGEST_LIST = 50_000
 """Values: what is wrong with each would be a line of its own."""
@@ -67,7 +65,7 @@ def load_scene(name: str, overrides: list[str] | None = None) -> Scene:
     the scene says of these for its own draft is dropped; further overrides still hold. Colours of a family for which
     the file has none stay the scene's, and a cloth or garment with a sett keeps it, and its yarns, where the file
     states none. Likewise a cloth or garment whose sett is overridden is woven, and no longer of the scene's material;
-    one whose material is overridden is drawn of that material's construction.
+    one whose material is overridden has that material's construction, and is woven where further overrides change it.
     Raises InputError, one line: which file, key and value, what is allowed, and the nearest right spelling.
 
     >>> load_scene("swatch", ["weave.draft=satin-5", "output.views=4"]).output.views
@@ -75,100 +73,15 @@ def load_scene(name: str, overrides: list[str] | None = None) -> Scene:
     """
     data, where, folder = _read(name)
     given = {key.strip(): value.strip() for key, _, value in (text.partition("=") for text in overrides or [])}
-    if _names(given, "weave.draft", DRAFT_FILE):
-        kept = _kept_beside(data, _text(given, "weave.draft"))
-        for section, keys in WIF_BRINGS.items():
-            if section not in kept:
-                _drop(data, section, keys)
-        _drop(data, "weave", _coloured(_text(given, "weave.draft")))
-    for section in ("yarn", "weft_yarn"):  # a count given in one unit replaces the scene's in the other
-        for keys in SAME:
-            if any(f"{section}.{key}" in given for key in keys):
-                _drop(data, section, keys)
-        if f"{section}.count" in given:
-            _drop(data, section, ("plies",))  # it says them
-    if all(f"fabric.{key}" in given for key in ("ends_per_cm", "picks_per_cm")):
-        _forget_material(data)
-    if any(_text(given, f"{section}.material") in TRADE for section in ("cloth", "garment")):
-        _forget_construction(data, given)
+    taken_up = give_way(data, given)
     for text in overrides or []:
         _override(data, text)
+    if taken_up:
+        data = woven_where_changed(data)
     for name, table, key in files_named(data) if folder else ():
-        if not _said(given, name):
+        if not is_stated(given, name):
             table[key] = str(folder / table[key])  # a path in a file is meant from where the file lies
     return make_scene(data, where)
-
-
-def _names(given: Mapping[str, str], key: str, file: NamesFile) -> bool:
-    """Whether an override names a file of this kind."""
-    return file.fits(_text(given, key))
-
-
-def _text(given: Mapping[str, str], key: str) -> str:
-    """The text that an override gives, without quotes; empty where none does."""
-    return given.get(key, "").strip("\"'")
-
-
-def _kept_beside(data: Mapping[str, Any], path: str) -> tuple[str, ...]:
-    """The sections whose sett and counts a cloth or garment with a sett keeps beside the draft of this WIF file: what
-    the file does not state. Raises InputError on what is no such file."""
-    fabric = data.get("fabric")
-    if not isinstance(fabric, dict) or "ends_per_cm" not in fabric or not ("cloth" in data or "garment" in data):
-        return ()
-    draft = draft_file(path)
-    if draft.warp_spacing_m is not None or draft.weft_spacing_m is not None:
-        return ()
-    thick = draft.warp_thickness_m is not None or draft.weft_thickness_m is not None
-    return ("fabric",) if thick else ("fabric", "yarn", "weft_yarn")
-
-
-def _coloured(path: str) -> tuple[str, ...]:
-    """The thread orders that a WIF file has itself; both of a file that is not there, which is said where it is asked
-    for. Raises InputError on what is no such file."""
-    if not os.path.isfile(path):
-        return "warp_colours", "weft_colours"
-    draft = draft_file(path)
-    own = {"warp_colours": draft.warp_colour, "weft_colours": draft.weft_colour}
-    return tuple(key for key, order in own.items() if order is not None)
-
-
-def _said(given: Mapping[str, str], name: str) -> bool:
-    """Whether an override states a key, by itself or with the table it is in."""
-    return any(f"{name}.".startswith(f"{other}.") for other in given)
-
-
-def _forget_material(data: dict[str, Any]) -> None:
-    """A cloth or garment whose sett is overridden is another cloth: what the scene says of its own material, and of how
-    its threads lie, goes; which of a fabric's frictions move with it, and what damps it, stays."""
-    if any(isinstance(data.get(section), dict) for section in ("cloth", "garment")):
-        _drop(data, "fabric", ("flattening", "balance", "finish"))
-    for section in ("cloth", "garment"):
-        _drop(data, section, ("material", "measured"))
-        if isinstance(data.get(section), dict) and isinstance(data[section].get("properties"), dict):
-            said = data[section]["properties"].items()
-            kept = {key: value for key, value in said if key == "within" or "damping" in key}
-            data[section] = data[section] | {"properties": kept}
-
-
-def _forget_construction(data: dict[str, Any], given: Mapping[str, str]) -> None:
-    """A cloth or garment with a sett that is overridden to be of a trade's material is that: what the scene says of
-    another's fibre, yarns, weave and sett goes, but for colours, unless an override says something of these, too."""
-    fabric, stated = data.get("fabric"), ("fibre.", "yarn.", "weft_yarn.", "fabric.", "weave.draft")
-    if not isinstance(fabric, dict) or "ends_per_cm" not in fabric or any(key.startswith(stated) for key in given):
-        return
-    _forget_material(data)
-    for section in ("yarn", "weft_yarn"):
-        data.pop(section, None)
-    _drop(data, "fabric", ("ends_per_cm", "picks_per_cm"))
-    _drop(data, "weave", ("draft",))
-    _drop(data, "fibre", ("kind",))
-
-
-def _drop(data: dict[str, Any], section: str, keys: tuple[str, ...]) -> None:
-    """Forget keys of a section; one that is no table is left for the schema to refuse."""
-    if isinstance(data.get(section), dict):
-        for key in keys:
-            data[section].pop(key, None)
 
 
 def make_scene(data: dict[str, Any], where: str = "scene") -> Scene:
@@ -176,36 +89,13 @@ def make_scene(data: dict[str, Any], where: str = "scene") -> Scene:
     if _longest(data) > LONGEST_LIST:
         raise InputError(f"{where}: a list of {_longest(data):,} values; allowed: up to {LONGEST_LIST:,}")
     try:
-        scene = Scene.model_validate(_with_construction(data))
+        scene = Scene.model_validate(with_construction(data))
         _check_names(scene)
     except ValidationError as error:
         raise InputError(f"{where}: {_line(error)}") from None
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
     return scene
-
-
-def _with_construction(data: dict[str, Any]) -> dict[str, Any]:
-    """The data of a cloth or garment whose fibres are drawn, or that has a [weave], and that names a material known to
-    the trade and no [yarn]: what it does not say of fibre, yarn, weave and sett is that material's."""
-    for section in ("cloth", "garment"):
-        said = data.get(section)
-        if not isinstance(said, dict) or "yarn" in data:
-            continue
-        if said.get("representation", "fibre") != "fibre" and "weave" not in data:  # whose colours a mesh has
-            continue
-        material = said.get("material")
-        if not isinstance(material, str) or material == WOVEN:
-            continue
-        if material not in TRADE:
-            known = (WOVEN, *TRADE)
-            hint = did_you_mean(material[:100], known)
-            raise InputError(f"{section}.material: {_short(material)}; known: {', '.join(known)}{hint}")
-        brought = trade_sections(material)
-        own = {key: data.get(key, {}) for key in brought}
-        if all(isinstance(value, dict) for value in own.values()):
-            return {**data, **{key: {**brought[key], **own[key]} for key in brought}}
-    return data
 
 
 def _longest(data: Any) -> int:
@@ -232,6 +122,12 @@ def _check_names(scene: Scene) -> None:
             finish_for(scene.light.finish)
         except InputError as error:
             raise InputError(f"light.{error}") from None
+    for name, table, key in files_named(scene.model_dump(mode="json")):
+        if DRAFT_FILE.fits(table[key]):
+            try:
+                draft_file(table[key])
+            except InputError as error:
+                raise InputError(f"{name}: {error}") from None
     sprite = scene.fibre.sprite
     if sprite not in SPRITES:
         if not SPRITE_FILE.fits(sprite):
@@ -262,6 +158,7 @@ def _read(name: str) -> tuple[dict[str, Any], str, Path | None]:
         return tomllib.loads(_built_in(name)), name, None
     path = Path(name)
     if DRAFT_FILE.fits(name):  # a draft is a scene of its own cloth
+        draft_file(name)
         return {"title": path.stem, "yarn": {"plies": 1}, "weave": {"draft": name}}, shown_path(name), None
     looks_like_path = path.suffix == ".toml" or "/" in name or "\\" in name
     if not looks_like_path and not os.path.isfile(name):
@@ -321,8 +218,9 @@ def _line(error: ValidationError) -> str:
     if first["type"] == "extra_forbidden":
         allowed = _keys_at(path[:-1])
         said = str(path[-1])[:100]
-        trade = TRADE_WORDS.get(said.lower(), "")
-        hint = f" (did you mean {trade}?)" if trade else did_you_mean(said, allowed)
+        words = PICTURE_WORDS if path[0] in TAKES_PICTURES else TRADE_WORDS
+        named = words.get(said.lower(), "")
+        hint = f" (did you mean {named}?)" if named else did_you_mean(said, allowed)
         line = f"{key[:200]}: unknown key; known: {', '.join(allowed)}{hint}"
     elif first["type"] == "value_error":
         prefix = "" if key == "scene" else f"{key}: "

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.weave.crimp import Interlacing, crimp, crossing_heights
+from taichi_cloth.yarn.count import in_tex
 
 __all__ = [
     "ClothFacts",
@@ -22,7 +23,7 @@ __all__ = [
     "thickness_m",
 ]
 
-_TEX_OF_NE_1 = 590.5  # tex · Ne of cotton
+_TEX_OF_NE_1 = in_tex(1.0, "Ne")  # tex · Ne of cotton
 _INCH_M = 0.0254
 
 

@@ -11,7 +11,9 @@ from typing import Literal
 
 from taichi_cloth.ground.errors import InputError, did_you_mean
 
-__all__ = ["COUNT_WORDS", "Count", "in_count", "parse_count"]
+__all__ = ["COUNT_WORDS", "Count", "System", "in_count", "in_tex", "parse_count"]
+
+System = Literal["Ne", "Nm", "Nw", "NeL", "dtex", "den"]
 
 _TEX_OF_ONE = {"Ne": 590.5, "Nm": 1000.0, "Nw": 885.8, "NeL": 1653.5}
 _TEX_OF_UNIT = {"tex": 1.0, "dtex": 0.1, "den": 1.0 / 9.0}
@@ -54,13 +56,22 @@ _FORM = re.compile(
 _LARGEST_PLIES = 12
 
 
-def in_count(tex: float, system: Literal["Ne", "Nm", "Nw", "NeL", "dtex", "den"]) -> float:
+def in_count(tex: float, system: System) -> float:
     """A count in tex [g/km] in another system.
 
     >>> in_count(19.7, "den"), round(in_count(19.7, "Ne"), 1)
     (177.3, 30.0)
     """
     return _TEX_OF_ONE[system] / tex if system in _TEX_OF_ONE else tex / _TEX_OF_UNIT[system]
+
+
+def in_tex(count: float, system: System) -> float:
+    """A count in another system in tex [g/km].
+
+    >>> round(in_tex(30, "Ne"), 2)
+    19.68
+    """
+    return _TEX_OF_ONE[system] / count if system in _TEX_OF_ONE else count * _TEX_OF_UNIT[system]
 
 
 @dataclass(frozen=True)

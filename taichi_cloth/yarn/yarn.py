@@ -17,7 +17,6 @@ __all__ = [
     "Hairiness",
     "Yarn",
     "count_for_diameter",
-    "ne_to_tex",
     "resultant_count",
     "turns_per_m",
 ]
@@ -26,15 +25,6 @@ Direction = Literal["S", "Z"]
 
 CLOSEST_PACKING = 0.75
 """Share of a thread's section that is fibre where its neighbours press it as close as they do in dense cloth."""
-
-
-def ne_to_tex(count_ne: float) -> float:
-    """English cotton count Ne (hanks of 840 yd per pound) as tex [g/km]: tex = 590.5 / Ne.
-
-    >>> round(ne_to_tex(30), 2)
-    19.68
-    """
-    return 590.5 / count_ne
 
 
 def count_for_diameter(diameter: float, fibre_density: float, packing: float, plies: int) -> float:

@@ -9,12 +9,14 @@ import pytest
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.mechanics.construction import Construction
 from taichi_cloth.mechanics.presets import named_construction
-from taichi_cloth.mechanics.properties import BANDS
+from taichi_cloth.mechanics.properties import BANDS, woven_properties
 from taichi_cloth.scenes import __main__ as command_line
 from taichi_cloth.scenes.fabric.lines import ticket_lines
 from taichi_cloth.scenes.fabric.piece import piece_of
 from taichi_cloth.scenes.fabric.ticket import PieceAsked, ticket_of
 from taichi_cloth.scenes.paper.own_scenes import PAPER_DRAPE
+from taichi_cloth.scenes.prepare.construction import construction_of
+from taichi_cloth.scenes.prepare.weave_layout import LEAST_THINNED
 from taichi_cloth.scenes.scene.load import load_scene, make_scene
 
 WIF = Path(__file__).parents[1] / "data" / "wif" / "schort.wif"
@@ -164,10 +166,15 @@ def test_cloth_that_nobody_would_weave_still_has_finite_numbers(
             "fabric": {"ends_per_cm": sett[0], "picks_per_cm": sett[1], "balance": 0.05},
         }
     )
-    ticket = ticket_of(scene, PieceAsked(1.0, 1.0, (50.0, 0.0)))
-    for quantity in ticket.properties.values():
+    made = construction_of(scene)
+    properties = woven_properties(made)
+    for quantity in properties.values():
         assert np.isfinite(quantity.value), quantity
         assert quantity.value >= 0, quantity
     for family in ("warp", "weft"):
-        assert ticket.properties[f"tensile_{family}"].value <= ticket.properties[f"drawn_{family}"].value
-    assert list(ticket_lines(ticket))
+        assert properties[f"tensile_{family}"].value <= properties[f"drawn_{family}"].value
+    if made.fitted.thinned > LEAST_THINNED:
+        assert list(ticket_lines(ticket_of(scene, PieceAsked(1.0, 1.0, (50.0, 0.0)))))
+    else:
+        with pytest.raises(InputError, match="no yarn is pressed"):
+            ticket_of(scene)

@@ -2,6 +2,7 @@
 
 import importlib.metadata
 import os
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -17,6 +18,7 @@ from taichi_cloth.scenes.scene.load import built_in_scenes, load_scene
 from taichi_cloth.scenes.scene.schema import YarnSection
 
 MALFORMED = Path(__file__).parents[1] / "malformed_scenes"
+DRAFT = Path(__file__).parents[1] / "data" / "wif" / "schort.wif"
 Run = Callable[..., str]
 
 
@@ -100,8 +102,8 @@ FILES = {
     "sphere-inside-out": "fibre.spheres: row 1 is (0.0, 0.0, 0.0, -1.0)|r > 0",
     "no-spheres": "fibre.spheres: 0 spheres",
     "spacing-of-atoms": "lattice points, the limit is 5e+07",
-    "threads-jammed": "jam at 400.0 ends/cm|when_jammed",
-    "draft-missing": "no-such.wif: cannot be read (No such file",
+    "threads-jammed": "jam at 400.0 ends/cm|as which no yarn is pressed",
+    "draft-missing": "weave.draft: |no-such.wif: cannot be read (No such file",
     "draft-is-this-file": "unknown weave 'draft-is-this-file.toml'",
     "draft-null-byte": "embedded null byte",
     "draft-name-endless": "xxxx.wif|too long",
@@ -146,6 +148,10 @@ COMMANDS = [
     (["plan", "plain", "--set", "fabric.ends_per_cm=1e308"], "warp_spacing_m: 0"),
     (["plan", "plain", "--set", "weave.drft=plain"], 'weave.drft: unknown key|(did you mean "draft"?)'),
     (["plan", "plain", "--set", "light.finish=wol"], '(did you mean "wool"?)'),
+    (["plan", "tshirt", "--set", "weave.draft=mine.wif"], "weave.draft: mine.wif: cannot be read (No such file"),
+    (["plan", "mine.wif"], "mine.wif: cannot be read (No such file"),
+    (["plan", "plain", "--set", "camera.width=1080"], "camera.width: unknown key|did you mean output.size, or --size"),
+    (["plan", "drape", "--set", "cloth.width=2"], 'cloth.width: unknown key|did you mean "width_m"'),
     (["plan"], "missing argument"),
     (["plan", "plain", "twill"], "unexpected extra argument"),
     (["plna", "plain"], "no such command"),
@@ -257,13 +263,14 @@ def test_overrides_reach_the_scene() -> None:
 
 def test_a_draft_named_in_a_file_lies_beside_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(os.sep)
+    shutil.copy(DRAFT, tmp_path / "my.wif")
     (tmp_path / "mine.toml").write_text('[yarn]\ncount_tex = 20\n[weave]\ndraft = "my.wif"\n')
     scene = load_scene(str(tmp_path / "mine.toml"))
     assert scene.weave is not None
     assert scene.weave.draft == str(tmp_path / "my.wif")
-    scene = load_scene(str(tmp_path / "mine.toml"), ["weave.draft=other.wif"])
+    scene = load_scene(str(tmp_path / "mine.toml"), [f"weave.draft={DRAFT}"])
     assert scene.weave is not None
-    assert scene.weave.draft == "other.wif"
+    assert scene.weave.draft == str(DRAFT)
 
 
 @pytest.mark.parametrize(

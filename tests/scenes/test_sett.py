@@ -200,6 +200,7 @@ def test_plan_counts_threads_and_stores_none() -> None:
         ("drape", ["weave.ends=40"], "weave.ends, weave.picks: a [cloth] has as many as its size"),
         ("drape", ['weave.patches=[{draft="plain",end=0,pick=0,ends=4,picks=4}]'], "weave.patches: not of a cloth"),
         ("drape", ["yarn.count_tex=400", 'fabric.when_jammed="refuse"'], "jam at 24.0 ends/cm"),
+        ("tshirt", ["fabric.ends_per_cm=240"], "as which no yarn is pressed: space them wider, or take a yarn of"),
     ],
 )
 def test_what_a_cloth_with_a_sett_cannot_have_is_refused_in_one_line(

@@ -142,7 +142,6 @@ def test_another_sett_on_the_command_line_makes_another_cloth() -> None:
     assert shirt.fabric is not None
     assert shirt.fabric.flattening == 2.0
     assert own_material(shirt) is not None
-    assert load_scene("tshirt", [*sett, "garment.material=denim"]).material == "denim"
 
 
 def test_the_sheet_has_the_mass_of_the_cloth_it_is_woven_of() -> None:
@@ -180,10 +179,33 @@ def test_another_material_on_the_command_line_brings_its_construction(name: str,
     assert scene.fibre.kind == "silk"
     mesh = load_scene(name, [f"{section}.material=silk-habotai", f"{section}.representation=mesh"])
     assert construction_of(mesh).facts == construction_of(alone).facts
-    own = load_scene(name, [f"{section}.material=silk-habotai", "yarn.count=Ne 40"])
-    assert own.yarn is not None
-    assert own.yarn.count == "Ne 40"
-    assert own.fabric == load_scene(name).fabric
+
+
+@pytest.mark.parametrize(("name", "section"), [("drape", "cloth"), ("trousers", "garment")])
+def test_what_is_said_beside_a_material_changes_that_material(name: str, section: str) -> None:
+    """How it looks, or how it is woven, which makes another cloth, that moves and weighs as it is drawn."""
+    denim, said = load_scene(name, [f"{section}.material=denim-12oz"]), f"{section}.material=denim-12oz"
+    looks = load_scene(name, [said, "fabric.irregularity=0.1", "yarn.hairiness.ends_per_m=9", "weave.weft_colours=red"])
+    assert (looks.material, construction_of(looks).facts) == ("denim-12oz", construction_of(denim).facts)
+    assert looks.fabric is not None
+    assert looks.fabric.irregularity == 0.1
+    closer = load_scene(name, [said, "fabric.picks_per_cm=18"])
+    assert denim.fabric is not None
+    assert closer.fabric == denim.fabric.model_copy(update={"picks_per_cm": 18.0})
+    assert (closer.material, closer.weave, closer.yarn) == ("woven", denim.weave, denim.yarn)
+    finer = load_scene(name, [said, "fabric.ends_per_cm=30", "fabric.picks_per_cm=20", "yarn.count_ne=10"])
+    assert finer.yarn is not None
+    assert (finer.material, finer.yarn.count_ne, finer.yarn.count) == ("woven", 10.0, None)
+    assert finer.fabric is not None
+    assert finer.fabric.finish == "sized"
+
+
+def test_a_draft_with_a_spacing_beside_a_material_is_woven_with_it() -> None:
+    wif = Path(__file__).parents[1] / "data" / "wif" / "two-color-liftplan.wif"
+    scene = load_scene("drape", ["cloth.material=silk-habotai", f"weave.draft={wif}"])
+    assert (scene.material, scene.fibre.kind) == ("woven", "silk")
+    assert make_scene({"fabric": {"ends_per_cm": 40}, "cloth": {"material": "silk-habotai"}}).material == "woven"
+    assert make_scene({"fabric": {"steps": 4}, "cloth": {"material": "silk-habotai"}}).material == "silk-habotai"
 
 
 def test_a_cloth_of_the_trade_is_a_material() -> None:

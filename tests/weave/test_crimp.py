@@ -29,7 +29,7 @@ from taichi_cloth.weave.crimp import (
 from taichi_cloth.weave.draft import Draft, known_weaves, named_weave
 from taichi_cloth.weave.interpenetration import deepest_interpenetration
 from taichi_cloth.weave.jamming import balance_limits, fit_balance, fit_diameters, jams, least_pitches
-from taichi_cloth.yarn.yarn import ne_to_tex
+from taichi_cloth.yarn.count import in_tex
 
 TABLE = [  # textiles.md section 3: p/D, theta [deg], crimp %
     (np.sqrt(0.75), 60.0, 20.92),
@@ -224,7 +224,7 @@ def test_fitted_diameters_just_fit(seed):
 
 
 def test_poplin_needs_its_warp_to_take_the_crimp():
-    d = float(cotton_diameter_m(ne_to_tex(40)))
+    d = float(cotton_diameter_m(in_tex(40, "Ne")))
     made = cloth(warp_spacing_m=0.0254 / 133, weft_spacing_m=0.0254 / 72, d=d)
     assert jams(made)
     low, high = balance_limits(made)
@@ -272,12 +272,12 @@ def test_mass_of_the_textbook_poplins():
     The source states no crimp; these two reproduce both masses, and are usual for poplin.
     """
     for ne, epi, ppi, grams in ((40, 133, 72, 128), (32, 68, 68, 105)):
-        tex = float(ne_to_tex(ne))
+        tex = float(in_tex(ne, "Ne"))
         assert areal_mass_gsm([epi / 2.54, ppi / 2.54], [tex, tex], [0.10, 0.03]) == pytest.approx(grams, abs=0.5)
 
 
 def test_facts_of_a_cloth_agree_with_the_formulas():
-    tex = float(ne_to_tex(32))
+    tex = float(in_tex(32, "Ne"))
     made = cloth(pitch=0.0254 / 68, d=float(cotton_diameter_m(tex)))
     facts = cloth_facts(made, warp_tex=tex, weft_tex=tex)
     assert facts.ends_per_cm == pytest.approx(68 / 2.54)
@@ -292,7 +292,7 @@ def test_facts_of_a_cloth_agree_with_the_formulas():
 
 def test_cover_of_a_closed_row_is_28():
     d_inch = 1 / (28 * np.sqrt(20))
-    assert cover_factor(1 / d_inch / 2.54, float(ne_to_tex(20))) == pytest.approx(28)
+    assert cover_factor(1 / d_inch / 2.54, float(in_tex(20, "Ne"))) == pytest.approx(28)
     assert cloth_cover(28, 5) == pytest.approx(28)
 
 

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from taichi_cloth.ground.errors import InputError
+from taichi_cloth.yarn.count import in_tex
 from taichi_cloth.yarn.hairs import hairs, usual_hairiness
 from taichi_cloth.yarn.spin import Period, pack_section, rotate_section, spin
-from taichi_cloth.yarn.yarn import Hairiness, Yarn, ne_to_tex, resultant_count, turns_per_m
+from taichi_cloth.yarn.yarn import Hairiness, Yarn, resultant_count, turns_per_m
 
 BLOCK = 0.4e-3
 
@@ -19,20 +20,20 @@ def laid_out(yarn: Yarn, *, fibres: int = 200, steps: int = 8, seed: int = 1):
 
 
 def test_counts():
-    assert ne_to_tex(40) == pytest.approx(14.7625)
+    assert in_tex(40, "Ne") == pytest.approx(14.7625)
     assert resultant_count(40, 40) == pytest.approx(20)
     assert turns_per_m(4.0, 36) == pytest.approx(24 / 0.0254)
 
 
 @pytest.mark.parametrize("ne", [10, 20, 40, 80])
 def test_cotton_diameter_is_the_textbook_one(ne: float):
-    yarn = Yarn(count_tex=ne_to_tex(ne), plies=1)
+    yarn = Yarn(count_tex=in_tex(ne, "Ne"), plies=1)
     assert yarn.single_diameter == pytest.approx(0.0254 / (28 * sqrt(ne)), rel=0.01)
 
 
 def test_ne40_at_900_turns():
     """textiles: Ne 40 at 900 turns/m has a helix angle of 22.1° and a retraction of 3.8 %."""
-    yarn = Yarn(count_tex=ne_to_tex(40), plies=1, twist_per_m=900)
+    yarn = Yarn(count_tex=in_tex(40, "Ne"), plies=1, twist_per_m=900)
     assert degrees(yarn.single_helix_angle) == pytest.approx(22.1, rel=0.01)
     assert 100 * yarn.retraction == pytest.approx(3.8, rel=0.01)
     assert yarn.retraction == pytest.approx(1 - 1 / yarn.contraction, rel=1e-9)
@@ -47,7 +48,7 @@ def test_diameter_of_the_laid_out_yarn(plies: int):
 
 
 def test_helix_angle_and_contraction_of_the_laid_out_single():
-    yarn = Yarn(count_tex=ne_to_tex(40), plies=1, twist_per_m=900, migration=0.0)
+    yarn = Yarn(count_tex=in_tex(40, "Ne"), plies=1, twist_per_m=900, migration=0.0)
     period, strands = laid_out(yarn, fibres=2000)
     r = np.hypot(strands.position[..., 1], strands.position[..., 2])
     angle = np.arccos(np.abs(strands.tangent[..., 0]))
