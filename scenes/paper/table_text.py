@@ -33,15 +33,13 @@ PAPER = {
 @dataclass(frozen=True)
 class Measured:
     """Ours for one garment. times: [ms] of each frame, by stage; see `garment_timing.measure`.
-    restarts: frames at which the motion tore the garment, so that it began anew. stamped: whether all frames were timed
-    with stamps."""
+    restarts: frames at which the motion tore the garment, so that it began anew."""
 
     key_points: int
     particles: int
     substeps: int
     times: dict[str, list[float]] = field(default_factory=dict)
     restarts: tuple[int, ...] = ()
-    stamped: bool = False
 
     def median(self, plus: str, minus: str | None = None) -> float:
         """Of a stage, or of the difference of two frame by frame [ms]."""
@@ -55,15 +53,18 @@ class Measured:
     def parts(self) -> dict[str, float]:
         """Where a fibre frame goes [ms], by part; "rest" and all others add up to "whole". Means over the same frames:
         the half of them in the middle by what they took in all. Empty where kernels could not ask for the time."""
-        names = [stage.removeprefix("parts: ") for stage in self.times if stage.startswith("parts: ")]
-        if not names:
+        stages = {stage.removeprefix("parts: "): stage for stage in self.times if stage.startswith("parts: ")}
+        if not stages:
             return {}
-        rows = {name: np.asarray(self.times[f"parts: {name}"]) for name in names}
-        order = np.argsort(rows["whole"], kind="stable")
+        order = np.argsort(self.times["fibre"], kind="stable")
         quarter = len(order) // 4
         middle = order[quarter : len(order) - quarter]
-        out = {name: float(row[middle].mean()) for name, row in rows.items()}
-        whole = out.pop("whole")
+
+        def mean(stage: str) -> float:
+            return float(np.asarray(self.times[stage])[middle].mean())
+
+        out = {part: mean(stage) for part, stage in (stages | {s: s for s in ("crossings", "follow")}).items()}
+        whole = mean("fibre")
         return out | {"rest": whole - sum(out.values()), "whole": whole}
 
 
@@ -186,7 +187,6 @@ def _stages(measured: dict[str, Measured]) -> Table:
         if any(part in one for one in parts):
             rows.append((title, *(f"{one[part]:.2f}" if part in one else "" for one in parts)))
     others = {
-        "the same without time stamps": "" if any(m.stamped for m in measured.values()) else "fibre",
         "as a mesh": "mesh",
         "vertex normals (mesh)": "normals",
         "drawing the mesh": "draw, mesh",

@@ -7,12 +7,15 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from taichi_cloth.fabric.fabric import build_fabric
 from taichi_cloth.fabric.follow import FibreFollower
 from taichi_cloth.garment.sewn.weaving import Weaving
 from taichi_cloth.ground import runtime
 from taichi_cloth.ground.errors import InputError, Unstable
 
+from ..measure.frame_parts import clock_or_none
 from ..measure.machine import cores, cpu_name
 from ..prepare.garment_setup import Progress, dressed_parts, woven_garment
 from ..prepare.weave_layout import prepare_fabric
@@ -64,11 +67,12 @@ def table_lines(
     ]
     yield from heading
     measured: dict[str, Measured] = {}
+    clock = clock_or_none()
     for name in QUICK if quick else PAPER:
         yield f"{name}: the paper's counts are looked for"
         try:
             scene = scene_of(name)
-            measured[name] = ours = yield from measure(name, scene, frames, quick=quick, each=each)
+            measured[name] = ours = yield from measure(name, scene, frames, clock=clock, quick=quick, each=each)
         except (InputError, Unstable) as error:
             yield f"{name}: not timed: {error}"
             continue
@@ -119,14 +123,16 @@ def scene_of(name: str) -> Scene:
     share = count(4, 7, 0.0) / 28
     fitting = [pair for pair in BY_HAND if pair[0] * pair[1] * share <= paper.particles]
     pair = max(fitting, key=lambda p: (p[0] * p[1], -abs(p[1] - 7)))
-    low, high = 0.0, 640.0
-    ends, found = low, count(*pair, low)
-    tried = [(ends, found)]
+    ends, found = 0.0, count(*pair, 0.0)
+    low, high = (ends, found), (640.0, count(*pair, 640.0))
+    tried = [low, high]
     while len(tried) < 13 and abs(found / paper.particles - 1) >= 0.005:
-        ends = (low + high) / 2
+        ends = float(np.interp(paper.particles, (low[1], high[1]), (low[0], high[0])))  # hairs add in proportion
         found = count(*pair, ends)
+        if found in (low[1], high[1]):
+            break
         tried.append((ends, found))
-        low, high = (ends, high) if found < paper.particles else (low, ends)
+        low, high = (tried[-1], high) if found < paper.particles else (low, tried[-1])
     # Hairs come in whole numbers: the paper's count may lie between two of ours.
     ends, found = min(tried, key=lambda one: abs(one[1] - paper.particles))
     points = dressed_parts(scene(*pair, ends)).garment.atlas.key_points
