@@ -137,8 +137,8 @@ def measure(
     Stages: "mesh" and "fibre", whole frames without drawing; "step, mesh" and "step, fibre", the solver's part of them;
     "normals"; "crossings" and "follow"; "substep" and "substep, sheet", of the garment as fibres and of a free sheet;
     with a clock "parts: …" of a fibre frame's "step, fibre", and "mesh: …" of a mesh frame's kernel; and now and then
-    "draw, mesh" and "draw, fibre". quick: without free sheet and drawing, which have kernels of their own. each: told
-    the stage, what is done and how much there is.
+    "draw, mesh" and "draw, fibre". quick: without free sheet and drawing, which have kernels of their own, after
+    half of BEFORE. each: told the stage, what is done and how much there is.
     Where the motion tears the garment it starts anew from its rest, and the frame is among `restarts`. Raises Unstable
     where it does not even begin.
     """
@@ -154,15 +154,16 @@ def measure(
         timed.all_ways(number, 1)  # compiles
         said(f"{name}: compiling", number + 1, 3)
     times.clear()
-    yield f"{name}: it walks {BEFORE} frames, and then {frames} more that are timed in {len(timed.ways)} ways"
+    before = BEFORE // 2 if quick else BEFORE
+    yield f"{name}: it walks {before} frames, and then {frames} more that are timed in {len(timed.ways)} ways"
     number = 0
     while number < frames:
         at = simulation.frame
         kept = {stage: len(row) for stage, row in times.items()}
         try:
-            if at < BEFORE and not restarts:
+            if at < before and not restarts:
                 simulation.step()
-                said(f"{name}: walking", at + 1, BEFORE)
+                said(f"{name}: walking", at + 1, before)
                 continue
             timed.all_ways(number // ROW, min(ROW, frames - number))
         except Unstable as error:
