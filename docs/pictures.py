@@ -44,7 +44,7 @@ CLOTHS = {
     "denim": ["cloth.material=denim-12oz", *dyed("#16264c", "#cbc2ab")],
     "linen": [
         "yarn.count='NeL 40'", "yarn.twist_multiplier=3.2", "fibre.fineness_dtex=3", "light.finish=linen",
-        "fabric.ends_per_cm=18", "fabric.picks_per_cm=16", *dyed("#c9b48c"),
+        "fabric.ends_per_cm=22", "fabric.picks_per_cm=20", *dyed("#c9b48c"),
     ],
 }  # fmt: skip
 """A white, a saturated and a black one among them."""

@@ -12,13 +12,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from taichi_cloth.ground.particles import RADIUS
 
-__all__ = ["MapPlace", "blind", "lead", "place_map", "step_up", "typical_radius"]
+__all__ = ["LEANT", "MapPlace", "blind", "lead", "open_to", "place_map", "step_up", "typical_radius"]
 
 SEEING, BLIND = 0.5, 1.5
 """Widths of a texel, in depths of a cloth, up to which its threads are seen, and from which on they are not at all.
 A particle reads a map beside itself, out along its normal by half a texel. Where that is farther than the cloth is
 thick, a fibre on a thread's flank reads within the cloth, as if it were buried there. So the wider the texels, the more
 is taken what gets to the cloth as a whole; what a particle's own neighbours hide is told by its openness alone."""
+
+LEANT = 0.2
+"""How far the direction that is open to such a fibre leans from the cloth's to its own normal."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,6 +93,14 @@ def typical_radius(blocks: NDArray[np.float32]) -> float:
 def blind(texel: float, depth: float) -> float:
     """How far texels so wide [m] do not show what hides what in a cloth `depth` [m] thick, 0 to 1; 0 of no cloth."""
     return float(np.clip((texel / depth - SEEING) / (BLIND - SEEING), 0.0, 1.0)) if depth > 0 else 0.0
+
+
+def open_to(normal: NDArray[np.float32], up: float) -> NDArray[np.float32]:
+    """The direction that is open to fibres with these normals (3, …) in a flat cloth before which is the sky above, 1,
+    or below, -1, told by maps that do not show them."""
+    way = np.float32(LEANT) * normal
+    way[1] += (1.0 - LEANT) * up
+    return way / np.maximum(np.linalg.norm(way, axis=0), 1e-6)
 
 
 def lead(light: NDArray[np.float32], row: int, to: int, share: float) -> None:

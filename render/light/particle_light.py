@@ -22,6 +22,7 @@ from ..data.finish import Finish
 from ..data.light import Lighting
 from ..data.light_sizes import KEY_STRIDE, MAP_SIZE, ROUND_STRIDE, SKY_STRIDE
 from ..tiles.mesh import Mesh
+from .map_place import blind
 from .occlusion import SkyMaps, occlude
 from .shade import Shading
 from .shadow import ShadowMap, cast
@@ -53,6 +54,8 @@ class Held(Protocol):
 
     def coarse(self, depth: float) -> float: ...
 
+    def blind(self, depth: float) -> float: ...
+
 
 @dataclass(frozen=True, eq=False)
 class LightMaps:
@@ -67,6 +70,10 @@ class LightMaps:
         it, 1 where two do, or with no maps."""
         texels = [m.texel for m in (*self.lights, self.sky) if m is not None]
         return min(max((max(texels) / depth - 0.1) / 0.4, 0.0), 1.0) if texels else 1.0
+
+    def blind(self, depth: float) -> float:
+        """How far the maps of the sky tell of such a cloth alone, and not of its threads; 0 without any."""
+        return blind(self.sky.texel, depth) if self.sky is not None else 0.0
 
     @property
     def nbytes(self) -> int:

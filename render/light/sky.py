@@ -22,6 +22,7 @@ from ..data.light_sizes import LAYERS
 from ..tiles.sort import CHUNK_STEPS, share
 from .deep_map import AWAY, EMPTY, ORIGIN, RIGHT, SCALE, UP
 from .fibre import decay
+from .map_place import LEANT
 
 __all__ = ["Looking", "fill", "look", "look_at"]
 
@@ -224,7 +225,7 @@ def _seen(
 
     lag: how far towards each end of a map it is moved before it reads [m]. BLIND: how far the maps do not show what
     hides what within a cloth, 0 to 1 (see `map_place.blind`): as far, a fibre sees all of the sky that the cloth does,
-    on the side that is more open unless it faces the other, and what is open to it lies where its normal points.
+    on the side that is more open unless it faces the other, and what is open to it lies between there and its normal.
     """
     total, weight, mean = 0.0, 0.0, 0.0
     open_way = ti.Vector([0.0, 0.0, 0.0])
@@ -291,7 +292,7 @@ def _seen(
             seen += reading[BLIND] * (of_cloth - seen)
             before += reading[BLIND] * (of_cloth - before)
             behind += reading[BLIND] * (ti.math.clamp(mean - side, 0.0, 1.0) - behind)
-            open_way = (open_way + reading[BLIND] * (normal - open_way)).normalized()
+            open_way = (open_way + (LEANT * reading[BLIND]) * (normal - open_way)).normalized()
     return seen, before, behind, open_way
 
 

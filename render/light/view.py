@@ -44,6 +44,11 @@ side lose 0.14 of a light in front of them, at a mean openness of 0.55 (plain we
 UNRESOLVED = 0.22
 """More of a light, where maps are too coarse for the direction that is open between yarns, and their normals, which
 lean farther, stand for it: a plain weave has 0.80 of its light without."""
+OF_CLOTH, SEEN = 0.03, 0.85
+"""The same, and the share of what openness takes of the sky that is taken, where maps are so coarse that they tell of
+the cloth alone (`map_place.blind`), and with it of the direction that is open to it: found on a flat cotton of Ne 30,
+28 threads a cm each way, over something dark, of three colours, from two sides, under a sky and three lights, beside
+the path tracer's pictures (`docs/appearance.md`)."""
 
 
 def new_view() -> NDArray[np.float32]:
@@ -89,16 +94,18 @@ def set_finish(
     view[EDGE] = edge, KEY_SHADE / (2 if lighting.shadows else 1), sharpness
     view[LOBES] = finish.reflect, finish.transmit, finish.internal
     view[COAT, 2] = LIMB_DARKENING * finish.roundness
-    set_bulk(view, finish, 1.0)
+    set_bulk(view, finish, 1.0, 0.0)
 
 
-def set_bulk(view: NDArray[np.float32], finish: Finish, coarse: float) -> None:
+def set_bulk(view: NDArray[np.float32], finish: Finish, coarse: float, blind: float) -> None:
     """Fill the rows of light that goes from fibre to fibre; nothing without a depth of it. coarse: share of what
-    particles hide from each other within the cloth that maps of light do not show."""
+    particles hide from each other within the cloth that maps of light do not show. blind: how far they tell of the
+    cloth alone, see `map_place.blind`; with no maps it is not known either."""
     if finish.depth <= 0:
         return
     lobes = finish.reflect + finish.transmit + finish.internal if finish.model == "marschner" else 0.0
     body = min((1.0 - lobes) / BODY, 1.0)
     view[EDGE, 1] = BULK_SHADE * coarse
-    view[BULK] = body, coarse, 1.0 - body
-    view[COAT, :2] = 1.0 - finish.reflect / max(lobes, 1e-6), 1.0 + UNRESOLVED * coarse
+    view[BULK] = body, coarse * (1.0 + blind * (SEEN - 1.0)), 1.0 - body
+    more = UNRESOLVED + blind * (OF_CLOTH - UNRESOLVED)
+    view[COAT, :2] = 1.0 - finish.reflect / max(lobes, 1e-6), 1.0 + more * coarse

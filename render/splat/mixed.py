@@ -60,6 +60,10 @@ class MixedMaps:
         """As of `LightMaps`."""
         return self.far.coarse(depth) * (1.0 - self.share) + self.near.coarse(depth) * self.share
 
+    def blind(self, depth: float) -> float:
+        """As of `LightMaps`."""
+        return self.far.blind(depth) * (1.0 - self.share) + self.near.blind(depth) * self.share
+
 
 def mixed(far: Held, near: LightMaps, blocks: F32, depth: float) -> Callable[[float], MixedMaps]:
     """Maps by the share that is told by the nearer ones. blocks: packed particles there, of a cloth `depth` [m] thick:

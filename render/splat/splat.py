@@ -218,7 +218,7 @@ class Splatter:
         maps = (self.light.held or self.cast_light(camera, lighting)) if shading.rows else None
         light = self.light.on_particles(shading, self._layout, self._blocks, maps, finish.depth)
         if maps is not None and shading.bulk:
-            rows.set_bulk(self._view, finish, maps.coarse(finish.depth))
+            rows.set_bulk(self._view, finish, maps.coarse(finish.depth), maps.blind(finish.depth))
         clock.append(time.perf_counter())
 
         # Where each lands on the image, how large and how bright.

@@ -22,12 +22,13 @@ from ...render.data.finish import Finish
 from ...render.data.light import KeyLight, Lighting
 from ...render.splat.splat import Splatter
 from ...render.splat.stream import stream
+from .flat_light import FlatLight
 
 __all__ = ["fit_look", "flat_piece", "seen_light"]
 
 F64 = NDArray[np.float64]
 
-VERSION = 5
+VERSION = 6
 """Of what is kept on disk: raised whenever the same cloth would come to another look."""
 SIZE = 256, 192
 AZIMUTH = 30.0
@@ -45,7 +46,9 @@ SKY = 0.4
 CLEAR = 1e-3
 """Of light that passes through, less is taken for as much."""
 EVEN, DARK = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
-SKIES = Lighting(key=0.0, fill=1.0, sky=EVEN, ground=DARK), Lighting(key=0.0, fill=1.0, sky=DARK, ground=EVEN)
+SKIES = tuple(
+    Lighting(key=0.0, fill=1.0, sky=sky, ground=ground, occlusion=True) for sky, ground in ((EVEN, DARK), (DARK, EVEN))
+)
 """Before the right side and before the wrong one. What is behind cloth is mostly dark: a body, or its other layers."""
 
 
@@ -53,10 +56,11 @@ def _keys(side: int) -> Lighting:
     """Lights all round above the right side (0) or the wrong one (1): a look is a mean over how light falls."""
     up = 1.0 - 2.0 * side
     around = [(0.8 * cos(2 * pi * k / 5), 0.6 * up, 0.8 * sin(2 * pi * k / 5)) for k in range(5)]
-    others = tuple(KeyLight(direction=one, intensity=0.2, follows_camera=False) for one in around)
+    others = tuple(KeyLight(direction=one, intensity=0.2, follows_camera=False, casts_shadow=True) for one in around)
     return Lighting(
-        direction=(0.0, up, 0.0), key_follows_camera=False, key=0.3, key_colour=EVEN, fill=0.0, others=others
-    )
+        direction=(0.0, up, 0.0), key_follows_camera=False, key=0.3, key_colour=EVEN, fill=0.0, others=others,
+        shadows=True, occlusion=True,
+    )  # fmt: skip
 
 
 def fit_look(source: CellStream, finish: Finish) -> SheetLook:
@@ -149,10 +153,12 @@ def seen_light(
     finish: Finish,
 ) -> F64:
     """Coverage; of lights all round, what comes by the colour of warp and by that of weft; of the sky before the cloth,
-    likewise: means of those pixels."""
+    likewise: means of those pixels. In the light that maps of a whole garment tell of (`FlatLight`)."""
     means, side = [], int(camera.forward[1] > 0)
     for lighting in (_keys(side), SKIES[side]):
+        splatter.light.hold(FlatLight(1.0 - 2.0 * side, len(lighting.lights)), each=True)
         stream(splatter, camera, source, most=10**9, lighting=lighting, finish=finish)
         means.append(splatter.linear()[where].mean(axis=0, dtype=np.float64))
+    splatter.light.hold(None)
     (red, green, blue, cover), sky = means
     return np.array([cover, red - blue, green - blue, sky[0] - sky[2], sky[1] - sky[2]])

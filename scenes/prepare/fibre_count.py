@@ -1,19 +1,24 @@
-"""How many fibres of a yarn are drawn: as many as it has where a picture tells them apart, else fewer and thicker ones.
+"""How many fibres of a yarn are drawn: as many as it has where a picture tells them apart, else fewer and thicker ones;
+and of how many pieces each is between two crossings.
 
 A ply of n drawn fibres instead of its N real ones, of radius r, has fibres of the radius r · √(N/n), so that their area
 is the same. Where `yarn.fibres` is not stated, n is what makes that radius `LEAST_RADIUS` of a pixel.
 """
 
+from math import ceil
+
 from taichi_cloth.yarn.yarn import Yarn
 
-from ..scene.schema import Scene
+from ..scene.schema import FabricSection, Scene
 
-__all__ = ["EVERY", "fibres_drawn", "fibres_told_apart", "stated_fibres"]
+__all__ = ["EVERY", "fibres_drawn", "fibres_told_apart", "stated_fibres", "steps_drawn"]
 
 LEAST_RADIUS = 0.45
 """Radius [px] of the smallest fibres worth drawing where nothing thins them out."""
 FEWEST = 6
 """Fibres a ply, at least: of fewer the twist is not seen."""
+LEAST_STEP, FEWEST_STEPS = 1.0, 5
+"""Pixels from particle to particle along a fibre that are worth drawing, and steps over a crossing, at least."""
 EVERY = 2000
 """More fibres than a single of any yarn here is drawn of."""
 
@@ -30,13 +35,27 @@ def fibres_drawn(scene: Scene, yarns: tuple[Yarn, ...], extent: tuple[float, flo
     return fibres_told_apart(yarns, extent, scene.output.size, scene.camera.zoom) if stated is None else stated
 
 
+def steps_drawn(scene: Scene, pitch: float, extent: tuple[float, float]) -> int:
+    """Particles along a fibre between two crossings `pitch` [m] apart, of a fabric of so many metres across and along:
+    as a scene states them, else no more than its picture shows where it does not move."""
+    section = scene.fabric or FabricSection()
+    if scene.subject != "fabric" or "steps" in section.model_fields_set:
+        return section.steps
+    seen = pitch / (LEAST_STEP * _pixel(extent, scene.output.size, scene.camera.zoom))
+    return min(max(ceil(seen), FEWEST_STEPS), section.steps)
+
+
 def fibres_told_apart(
     yarns: tuple[Yarn, ...], extent: tuple[float, float], size: tuple[int, int], zoom: float = 1.0
 ) -> int:
     """Fibres a ply that a picture of (width, height) [px] tells apart, which frames so many metres, or goes so many
     times as near."""
-    pixel = max(extent[0] / size[0], extent[1] / size[1]) / zoom
-    return max(_told_apart(yarn, pixel) for yarn in yarns)
+    return max(_told_apart(yarn, _pixel(extent, size, zoom)) for yarn in yarns)
+
+
+def _pixel(extent: tuple[float, float], size: tuple[int, int], zoom: float) -> float:
+    """Its width [m]."""
+    return max(extent[0] / size[0], extent[1] / size[1]) / zoom
 
 
 def _told_apart(yarn: Yarn, pixel: float) -> int:

@@ -21,7 +21,7 @@ from taichi_cloth.yarn.yarn import Yarn
 
 from ..scene.schema import FabricSection, Scene
 from .drawing import DRAW_BYTES, HELD, STREAM_BYTES, drawn_bytes
-from .fibre_count import fibres_drawn, stated_fibres
+from .fibre_count import fibres_drawn, stated_fibres, steps_drawn
 from .thread_colours import thread_colours
 from .yarns import draft_of, fibre_kind, mechanics_of, yarn_of
 
@@ -81,13 +81,13 @@ def prepare_fabric(scene: Scene, *, streamed: bool = False) -> Prepared:
     cloth, spacing, note = woven(draft, section, yarns)
     colours = thread_colours(scene, draft, ends=draft.ends, picks=draft.picks)
     families = families_of(cloth, spacing, colours, yarns)
-    fibres = fibres_drawn(scene, yarns, (float(spacing[0].sum()), float(spacing[1].sum())))
+    extent, pitch = (float(spacing[0].sum()), float(spacing[1].sum())), max(float(one.mean()) for one in spacing)
     layout = lay_out(
         cloth,
         *families,
         detail=Detail(
-            fibres=fibres,
-            steps=section.steps,
+            fibres=fibres_drawn(scene, yarns, extent),
+            steps=steps_drawn(scene, pitch, extent),
             variants=section.variants,
             fringe=section.fringe,
             irregularity=section.irregularity,
@@ -115,7 +115,7 @@ def yarns_for(scene: Scene, draft: Draft, section: FabricSection) -> tuple[Yarn,
         diameter = None if room is None else square_set_diameter(room, section.flattening)
         if thickness is not None:
             diameter = float(thickness.mean())
-        yarn = yarn_of(family, fibre_kind(scene), diameter=diameter)
+        yarn = yarn_of(family, fibre_kind(scene), diameter=diameter, raised=section.finish == "raised")
         out.append(replace(yarn, loss=usual_loss(mechanics_of(family, scene), section.finish)))
     return out[0], out[1]
 

@@ -39,8 +39,8 @@ def fibre_kind(scene: Scene) -> FibreKind:
     return found if own is None else replace(found, fineness_dtex=own)
 
 
-def yarn_of(section: YarnSection, fibre: FibreKind, *, diameter: float | None = None) -> Yarn:
-    """A yarn as stated in a scene, of the scene's fibre.
+def yarn_of(section: YarnSection, fibre: FibreKind, *, diameter: float | None = None, raised: bool = False) -> Yarn:
+    """A yarn as stated in a scene, of the scene's fibre. raised: in cloth with a nap.
 
     diameter: woven diameter [m] of a yarn whose count is not stated; it is twisted by the same twist multiplier as a
     yarn of the default count, turns ∝ 1/√tex.
@@ -70,16 +70,16 @@ def yarn_of(section: YarnSection, fibre: FibreKind, *, diameter: float | None = 
         flattening=section.flattening,
         migration=section.migration,
         migration_period_mm=section.migration_period_mm,
-        hairiness=_hairiness(section, fibre, count * plies),
+        hairiness=_hairiness(section, fibre, count * plies, raised),
     )
 
 
-def _hairiness(section: YarnSection, fibre: FibreKind, tex: float) -> Hairiness:
+def _hairiness(section: YarnSection, fibre: FibreKind, tex: float, raised: bool) -> Hairiness:
     """As stated; else as is usual of the fibre, spun or of filaments as its count says."""
     if section.hairiness is not None:
         return Hairiness(**section.hairiness.model_dump())
     said = parse_count(section.count).form if section.count is not None else None
-    return usual_hairiness(fibre.name, said or fibre_mechanics(fibre.name).form, tex)
+    return usual_hairiness(fibre.name, said or fibre_mechanics(fibre.name).form, tex, raised=raised)
 
 
 def mechanics_of(section: YarnSection, scene: Scene) -> FibreMechanics:

@@ -74,6 +74,7 @@ class HairinessSection(Section):
     ends_per_m: float = Field(default=0.0, ge=0, le=1e5, description="flyaway fibre ends per metre of yarn")
     loops_per_m: float = Field(default=0.0, ge=0, le=1e5, description="fibre loops per metre of yarn")
     height_mm: float = Field(default=0.4, gt=0, le=20, description="mean rise above the yarn's surface [mm]")
+    lie: float = Field(default=1.5, ge=0.1, le=50, description="how far a hair goes along its yarn over its rise")
 
 
 class YarnSection(Section):
@@ -178,11 +179,13 @@ class FabricSection(Section):
     picks_per_cm: Positive | None = Field(default=None, description="weft picks per cm; likewise")
     balance: float = Field(default=0.5, ge=0.05, le=0.95, description="the warp's part of the crimp height")
     flattening: float = Field(default=2.0, ge=1, le=6, description="width of a thread over its thickness where it lies")
-    finish: str = Field(default="plain", description="plain, softened, resin, sized or starched: how yarns cohere")
+    finish: str = Field(default="plain", description="plain, softened, raised, resin, sized or starched")
     when_jammed: Literal["scale", "refuse"] = Field(
         default="scale", description="threads too thick for their spacing: thin them with a note, or refuse"
     )
-    steps: int = Field(default=10, ge=1, le=200, description="particles along a fibre between two crossings")
+    steps: int = Field(
+        default=10, ge=1, le=200, description="particles along a fibre between two crossings, fewer from far away"
+    )
     variants: int = Field(default=8, ge=1, le=256, description="fillings of each kind of block")
     fringe: float = Field(default=1.5, ge=0, le=20, description="free yarn beyond the last crossing [thread spacings]")
     irregularity: float = Field(default=0.03, ge=0, le=0.3, description="how far threads stray, in thread spacings")

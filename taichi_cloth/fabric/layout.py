@@ -51,6 +51,7 @@ class Detail:
     fibres: drawn a ply, at most as many as the yarn has. steps: particles along a fibre in a block.
     variants: different fillings of the same kind of block. fringe: free yarn beyond the last crossing [pitches].
     irregularity: how far threads stray from even spacing, in fractions of it. seed: of everything random.
+    hairs_each: real hairs that each drawn one stands for, as many times as wide.
     """
 
     fibres: int = 12
@@ -59,6 +60,7 @@ class Detail:
     fringe: float = 1.5
     irregularity: float = 0.03
     seed: int = 0
+    hairs_each: int = 1
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,9 @@ from numpy.typing import NDArray
 from taichi_cloth.fabric.layout import BODY, Blocks, FabricLayout
 from taichi_cloth.fabric.templates import TemplateBank, build_templates, particles_per_body_block
 from taichi_cloth.ground.errors import InputError
-from taichi_cloth.yarn.yarn import Hairiness
+from taichi_cloth.yarn.hairs import hairs
+from taichi_cloth.yarn.spin import Period
+from taichi_cloth.yarn.yarn import Hairiness, Yarn
 
 __all__ = ["BANK_BYTES", "RepeatBank", "WeaveRepeat", "bank_of", "bytes_of_bank", "levels_of"]
 
@@ -25,7 +27,10 @@ I32 = NDArray[np.int32]
 COARSER = ((36, 8), (12, 5), (4, 3))
 """Fibres a ply and particles along a fibre in a block, of levels below the one that a scene states."""
 BALD = 12
-"""Levels of at most so many fibres a ply have no hairs, which nobody sees that far away."""
+"""Levels of at most so many fibres a ply have no hairs, which nobody sees that far away; but a nap of fewer and wider
+ones."""
+HAIRS_EACH = 3
+"""Hairs of a nap that one stands for in such a level; in each below it as many times more."""
 BANK_BYTES = 160_000_000
 """A bank's particles at most: fewer fillings are made where they would take more."""
 PARTICLE = 56
@@ -125,9 +130,16 @@ def bytes_of_bank(repeats: tuple[WeaveRepeat, ...]) -> int:
         ):
             kinds = int((layout.kinds.family == family).sum())
             for fibres, steps in levels_of(layout.detail.fibres, layout.detail.steps, threads.yarn.fibres_in_section):
-                body = particles_per_body_block(threads.yarn, fibres, steps)
-                total += kinds * period.blocks * variants * body * PARTICLE
+                total += kinds * period.blocks * variants * _per_block(threads.yarn, period, fibres, steps) * PARTICLE
     return total
+
+
+def _per_block(yarn: Yarn, period: Period, fibres: int, steps: int) -> int:
+    """Particles of a block, about: of the few hairs that stand off a yarn none are counted."""
+    body = particles_per_body_block(yarn, fibres, steps)
+    if not yarn.hairiness.of_nap:
+        return body
+    return body + hairs(yarn, length=period.block_length, step=1.5 * period.block_length / steps, seed=0).radius.size
 
 
 def _variants(layout: FabricLayout) -> int:
@@ -135,7 +147,7 @@ def _variants(layout: FabricLayout) -> int:
     one = 0
     for family, (threads, period) in enumerate(((layout.warp, layout.warp_period), (layout.weft, layout.weft_period))):
         kinds = int((layout.kinds.family == family).sum())
-        per_block = particles_per_body_block(threads.yarn, layout.detail.fibres, layout.detail.steps)
+        per_block = _per_block(threads.yarn, period, layout.detail.fibres, layout.detail.steps)
         one += kinds * period.blocks * per_block * PARTICLE
     return max(1, min(layout.detail.variants, BANK_BYTES // max(one, 1)))
 
@@ -191,17 +203,23 @@ def _banks(layout: FabricLayout, periods: NDArray, variants: int) -> list[Templa
     blocks = Blocks(none, none, none, kind.astype(np.int32), phase.astype(np.int32), variant.astype(np.int32))
     most = max(layout.warp.yarn.fibres_in_section, layout.weft.yarn.fibres_in_section)
     out = []
+    bald = 0
     for fibres, steps in levels_of(layout.detail.fibres, layout.detail.steps, most):
-        detail = replace(layout.detail, fibres=fibres, steps=steps, variants=variants)
-        shown = layout if fibres > BALD else _without_hairs(layout)
+        bald += fibres <= BALD
+        detail = replace(layout.detail, fibres=fibres, steps=steps, variants=variants, hairs_each=HAIRS_EACH**bald)
+        shown = _with_naps(layout) if bald else layout
         bank = build_templates(replace(shown, blocks=blocks, detail=detail))
         assert (np.diff(bank.template) == 1).all()  # in the order of the blocks
         out.append(bank)
     return out
 
 
-def _without_hairs(layout: FabricLayout) -> FabricLayout:
-    warp, weft = (replace(one, yarn=replace(one.yarn, hairiness=Hairiness())) for one in (layout.warp, layout.weft))
+def _with_naps(layout: FabricLayout) -> FabricLayout:
+    """The same without hairs that are no nap."""
+    warp, weft = (
+        one if one.yarn.hairiness.of_nap else replace(one, yarn=replace(one.yarn, hairiness=Hairiness()))
+        for one in (layout.warp, layout.weft)
+    )
     return replace(layout, warp=warp, weft=weft)
 
 

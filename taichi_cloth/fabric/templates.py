@@ -6,7 +6,7 @@ block's place in the yarn's period (`spin.spin`), and one of a few variants that
 one yarn meet their neighbours in the same section, so there is no seam between blocks.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import pi
 
 import numpy as np
@@ -126,6 +126,7 @@ def _grown(layout: FabricLayout, yarn: Yarn, period: Period, family: int, varian
         length=period.block_length,
         step=1.5 * period.block_length / layout.detail.steps,
         seed=((layout.detail.seed * 2 + family) << 20) + 1000 + variant,
+        each=layout.detail.hairs_each,
     )
 
 
@@ -145,8 +146,10 @@ def build_templates(layout: FabricLayout) -> TemplateBank:
     for which in (0, 1):
         if not np.any(family == which):
             continue
-        yarn, period = yarns[which], periods[which]
-        fibres = min(layout.detail.fibres, yarn.fibres_in_section)
+        folded, period = yarns[which], periods[which]
+        yarn, fibres = folded.as_one, min(layout.detail.fibres, folded.fibres_in_section)
+        if yarn is not folded:
+            fibres, period = fibres * folded.plies, replace(period, single_turns=period.ply_turns)
         seed = layout.detail.seed * 2 + which
         steps = layout.detail.steps
         spun = spin(yarn, period, fibres=fibres, steps=steps, start=0.0, stop=period.length, seed=seed)
@@ -296,7 +299,8 @@ def _hair(
 
 
 def _yarn(layout: FabricLayout, kind: int) -> Yarn:
-    return (layout.warp, layout.weft)[int(layout.kinds.family[kind])].yarn
+    """As it is laid."""
+    return (layout.warp, layout.weft)[int(layout.kinds.family[kind])].yarn.as_one
 
 
 def _path(layout: FabricLayout, kind: NDArray[np.int64], u: F64, section: int) -> tuple[F64, F64]:

@@ -34,9 +34,10 @@ that are scoured, singed and washed out. Nominal counts and the crimps of this m
 CLOSEST = float(np.sqrt(0.60 / CLOSEST_PACKING))
 """Diameter of a thread pressed by its neighbours as far as that goes, over that of the loose one."""
 
-FINISHES = {"plain": 1.0, "softened": 0.7, "resin": 2.0, "sized": 2.7, "starched": 4.0}
+FINISHES = {"plain": 1.0, "softened": 0.7, "raised": 1.0, "resin": 2.0, "sized": 2.7, "starched": 4.0}
 """How much a finish changes the cohesion of yarns in bending. "sized": raw denim (see `bending`). The others are the
-middle of what is usual, quoted from memory: size, resin and starch stiffen 2 to 10 times, a softener divides."""
+middle of what is usual, quoted from memory: size, resin and starch stiffen 2 to 10 times, a softener divides. "raised":
+milled or brushed, which is seen (`yarn.hairs.NAPPED`); what it does to bending is not known here."""
 
 
 def usual_loss(fibre: FibreMechanics, finish: str = "plain") -> float:

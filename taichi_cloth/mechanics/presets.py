@@ -163,6 +163,7 @@ TRADE: Mapping[str, TradeCloth] = MappingProxyType(
             picks_per_cm=20.0,
             twist_multiplier=3.0,
             weight=260.0,
+            finish="raised",
             flattening=1.2,
         ),
     }

@@ -24,31 +24,37 @@ SPUN: dict[str, tuple[float, float, float]] = {"cotton": (2400.0, 2000.0, 0.11),
 Weaving and finishing lay flat or singe off most of what a yarn has as it leaves the spindle."""
 OTHERS = "cotton"
 """As which spun yarns of other fibres are."""
+NAPPED: dict[str, tuple[float, float, float]] = {"cotton": (18000.0, 6000.0, 0.10), "wool": (15000.0, 6000.0, 0.15)}
+"""The same of cloth that is milled or raised: fibres drawn out of the yarns lie over them in all directions."""
+LIE, FLAT = 1.5, 5.0
+"""How far hairs go along their yarn over how high they rise: those that stand off it, and those of a nap."""
 
 
-def usual_hairiness(fibre: str, form: Literal["spun", "filament"], tex: float) -> Hairiness:
+def usual_hairiness(fibre: str, form: Literal["spun", "filament"], tex: float, *, raised: bool = False) -> Hairiness:
     """What the yarn of a fibre has in finished cloth, where nobody states it: of filaments none; spun ones more the
-    thicker they are, as the root of their count [tex]."""
+    thicker they are, as the root of their count [tex]. raised: in cloth with a nap."""
     if form == "filament":
         return Hairiness()
-    ends, loops, height = SPUN.get(fibre, SPUN[OTHERS])
+    known = NAPPED if raised else SPUN
+    ends, loops, height = known.get(fibre, known[OTHERS])
     more = sqrt(tex / USUAL_TEX)
-    return Hairiness(ends * more, loops * more, height)
+    return Hairiness(ends * more, loops * more, height, FLAT if raised else LIE)
 
 
-def hairs(yarn: Yarn, *, length: float, step: float, seed: int) -> Strands:
+def hairs(yarn: Yarn, *, length: float, step: float, seed: int, each: int = 1) -> Strands:
     """Flyaway ends and loops on `length` [m] of yarn, each a row of points at most `step` [m] apart.
 
     A flyaway end comes out of the yarn at a slant, rises, curls and ends in a point; a loop rises and goes in again.
     Which and where is drawn from `seed`; their number is the stated number per metre, rounded at random so that the
-    mean is right. All rows have as many points as the longest hair needs. A hair is as thick as a real fibre.
+    mean is right. All rows have as many points as the longest hair needs. A hair is as thick as a real fibre; or it
+    stands for `each` of them and is as many times as wide.
     """
     rng = np.random.Generator(np.random.Philox(key=seed))
     stated = yarn.hairiness
-    counts = [int(n * length + rng.random()) for n in (stated.ends_per_m, stated.loops_per_m)]
+    counts = [int(n * length / each + rng.random()) for n in (stated.ends_per_m, stated.loops_per_m)]
     rows = sum(counts)
     height = stated.height_mm * 1e-3 * np.clip(rng.exponential(1.0, rows), 0.15, 3.0)
-    reach = height * rng.uniform(0.8, 2.2, rows) * np.where(rng.random(rows) < 0.5, -1.0, 1.0)
+    reach = height * (stated.lie / LIE) * rng.uniform(0.8, 2.2, rows) * np.where(rng.random(rows) < 0.5, -1.0, 1.0)
     span = np.hypot(height * 1.3, reach)
     points = max(4, ceil(float(span.max()) / step)) if rows else 4
     tau = (np.arange(points) + 0.5) / points
@@ -84,6 +90,6 @@ def hairs(yarn: Yarn, *, length: float, step: float, seed: int) -> Strands:
         ply=np.zeros(rows, np.int32),
         tone=1.05 + 0.08 * rng.standard_normal(rows).clip(-2, 2),
         depth=np.ones((rows, points)),
-        radius=yarn.fibre_diameter / 2 * girth * thin,
+        radius=each * yarn.fibre_diameter / 2 * girth * thin,
         half_length=OVERLAP * 0.5 * segment,
     )

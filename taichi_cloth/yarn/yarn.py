@@ -3,7 +3,7 @@
 A yarn is described by count, plies, twist and fibre. Where its fibres run is in `spin`.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import cos, isfinite, pi, sqrt, tan
 from typing import Literal
 
@@ -23,8 +23,16 @@ __all__ = [
 
 Direction = Literal["S", "Z"]
 
+NAP_PER_M = 12_000.0
+"""Hairs a metre that are a nap: of 22 µm and 1 mm, on 20 yarns a cm each way, they cover each side of a cloth once."""
+
 CLOSEST_PACKING = 0.75
 """Share of a thread's section that is fibre where its neighbours press it as close as they do in dense cloth."""
+
+
+LOOSE = 0.09
+"""Angle of a ply to the axis [rad], 5 degrees, up to which folding does not hold plies together: spun yarns are folded
+at 15 to 35, thrown silk of a hundred turns a metre at 2."""
 
 
 def count_for_diameter(diameter: float, fibre_density: float, packing: float, plies: int) -> float:
@@ -51,12 +59,19 @@ def turns_per_m(twist_multiplier: float, count_ne: float) -> float:
 class Hairiness:
     """Fibres that leave the yarn body: flyaway ends, and loops that come back to it.
 
-    ends_per_m, loops_per_m: how many of each in a metre of yarn. height_mm: mean rise above the surface.
+    ends_per_m, loops_per_m: how many of each in a metre of yarn. height_mm: mean rise above the surface. lie: how far
+    a hair goes along its yarn over how high it rises, on average: those of a nap lie flat.
     """
 
     ends_per_m: float = 0.0
     loops_per_m: float = 0.0
     height_mm: float = 0.4
+    lie: float = 1.5
+
+    @property
+    def of_nap(self) -> bool:
+        """Whether they are so many that they hide the yarns under them."""
+        return self.ends_per_m + self.loops_per_m >= NAP_PER_M
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,6 +124,7 @@ class Yarn:
         for name in ("ends_per_m", "loops_per_m"):
             check(f"hairiness.{name}", getattr(self.hairiness, name), 0.0, 1e5, "per m")
         check("hairiness.height_mm", self.hairiness.height_mm, 0.01, 20.0, "mm")
+        check("hairiness.lie", self.hairiness.lie, 0.1, 50.0, "")
         if self.fineness_dtex * 0.1 > self.count_tex:
             raise InputError(
                 f"yarn.fineness_dtex: one fibre of {self.fineness_dtex:g} dtex is heavier than the whole single of "
@@ -178,6 +194,14 @@ class Yarn:
     def ply_helix_angle(self) -> float:
         """β [rad] of a ply's axis: tan β = 2π·R·T with R the ply offset (for two round plies half a diameter)."""
         return float(np.arctan(2.0 * pi * self.ply_offset * self.twist_per_m))
+
+    @property
+    def as_one(self) -> "Yarn":
+        """The same with all plies as one single, where they are folded so little that nothing keeps them apart: thrown
+        silk of three singles lies in cloth as one flat bundle of filaments."""
+        if self.plies == 1 or self.ply_helix_angle > LOOSE:
+            return self
+        return replace(self, plies=1, count_tex=self.resultant_tex)
 
     @property
     def contraction(self) -> float:

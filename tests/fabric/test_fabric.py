@@ -77,6 +77,21 @@ def test_the_count_is_exact(hairy: bool):
     assert particle_count(layout) == fabric.particles == len(fabric.cloud(pose_points(layout)))
 
 
+def test_thrown_silk_covers_its_width_without_gaps_between_plies():
+    """Three singles of 20/22 den, folded a hundred times a metre: as many fibres as of a yarn that is folded tightly,
+    and all along they hide its width, of which that of a cord of three leaves gaps."""
+    silk = Yarn(count_tex=2.33, plies=3, twist_per_m=108, fineness_dtex=1.2, fibre_density=1340)
+    layout = woven("plain", ends=4, picks=4, yarn=silk, fibres=19, fringe=0.0)
+    fabric = build_fabric(layout)
+    assert particle_count(layout) == fabric.particles
+    bank = fabric.bank
+    first = slice(bank.start[0], bank.start[1])
+    rows = (3 * 19, layout.detail.steps)
+    across = bank.offset[first, 1].astype(np.float64).reshape(rows)
+    hidden = covered(across, bank.radius[first].astype(np.float64).reshape(rows)[:, 0])
+    assert hidden > 0.9 * layout.kinds.width[0]
+
+
 def test_only_templates_in_use_are_made_and_they_are_shared():
     layout = woven("plain", ends=60, picks=60, variants=2)
     bank = build_templates(layout)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from taichi_cloth.detail.cell_stream import TARGET, CellStream
+from taichi_cloth.ground.mixing import sent_back
 from taichi_cloth.render.data.camera import frame
 from taichi_cloth.render.data.finish import Finish, finish_for
 from taichi_cloth.render.splat.splat import Splatter
@@ -67,6 +68,18 @@ def test_a_sheet_covers_as_much_and_is_as_bright_as_its_fibres(
     assert sheet[:2] == pytest.approx(fibres[:2], rel=WITHIN)
     assert finer[:2] == pytest.approx(sheet[:2], rel=WITHIN)
     assert sheet[2] == pytest.approx(fibres[2], rel=2 * WITHIN)
+
+
+@pytest.mark.parametrize("tilt", [1.0, 0.65])
+def test_a_sheet_sends_back_what_a_mesh_of_the_same_cloth_does(source: CellStream, finish: Finish, tilt: float) -> None:
+    """Of lights at 90 and 37 degrees, 0.3 and 5 x 0.2, and of the sky before it: Lambert's law and r(1) of a white one,
+    which the path tracer's pictures have. Warp and weft of it are told apart by colour, what has none is highlights."""
+    sheet = sheet_look.flat_piece(source.cloth, 0, SHEETS[0], source.pitch)
+    sheet.look = source.look
+    camera, where = sheet_look._camera(sheet, degrees(asin(tilt)), SHEETS[1])
+    cover, *of_lights, warp, weft = seen_light(Splatter(*SIZE), sheet, camera, where, finish)
+    assert sum(of_lights) / cover == pytest.approx(sent_back(1.0) * (0.3 + 5 * 0.2 * 0.6), rel=0.1)
+    assert (warp + weft) / cover == pytest.approx(sent_back(1.0), rel=0.1)
 
 
 def test_between_the_angles_at_which_it_is_measured_it_is_not_far_off(source: CellStream, finish: Finish) -> None:

@@ -178,6 +178,29 @@ def test_spun_yarns_are_hairy_and_filaments_are_not():
     assert usual_hairiness("polyester", "spun", 20) == cotton
 
 
+def test_a_nap_lies_flat_and_a_few_wide_hairs_cover_as_much():
+    nap = usual_hairiness("wool", "spun", 20, raised=True)
+    assert nap.of_nap
+    assert not usual_hairiness("wool", "spun", 20).of_nap
+    yarn = Yarn(count_tex=20, hairiness=nap)
+    area = []
+    for each in (1, 4):
+        grown = hairs(yarn, length=0.05, step=1e-4, seed=3, each=each)
+        area.append(np.sum(grown.radius * grown.half_length))
+        rise = np.hypot(grown.position[..., 1], grown.position[..., 2]).max(axis=1) - yarn.diameter / 2
+        assert np.median(np.ptp(grown.position[..., 0], axis=1) / rise) > 3.0
+    assert area[1] == pytest.approx(area[0], rel=0.1)
+
+
+def test_plies_that_nothing_holds_together_lie_as_one_bundle():
+    thrown = Yarn(count_tex=2.33, plies=3, twist_per_m=108, fineness_dtex=1.2, fibre_density=1340)
+    one = thrown.as_one
+    assert (one.plies, one.fibres_in_section) == (1, round(3 * 2.33 / 0.12))
+    assert one.woven_diameter == pytest.approx(thrown.woven_diameter)
+    folded = Yarn(count_tex=20, plies=2, twist_per_m=700)
+    assert folded.as_one is folded
+
+
 def test_hair_number_is_right_in_the_mean():
     yarn = Yarn(count_tex=20, hairiness=Hairiness(ends_per_m=1000))
     counts = [len(hairs(yarn, length=0.4e-3, step=2e-5, seed=s).ply) for s in range(400)]
