@@ -29,7 +29,7 @@ COARSER = ((36, 8), (12, 5), (4, 3))
 BALD = 12
 """Levels of at most so many fibres a ply have no hairs, which nobody sees that far away; but a nap of fewer and wider
 ones."""
-HAIRS_EACH = 3
+HAIRS_EACH = 2
 """Hairs of a nap that one stands for in such a level; in each below it as many times more."""
 BANK_BYTES = 160_000_000
 """A bank's particles at most: fewer fillings are made where they would take more."""
