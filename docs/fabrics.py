@@ -269,8 +269,9 @@ SCENES = """
 A cloth or garment that states `fabric.ends_per_cm` and `fabric.picks_per_cm` and no `material` is woven: it moves by
 what follows from `[fibre]`, `[yarn]`, `[weave]` and that sett. A `material` alone, without `[yarn]`, brings its yarn,
 weave and sett; `poplin`, `sheeting`, `habotai-8mm`, `denim-12oz` and `wool-flannel` are materials too. What is said
-beside it is of that cloth: `--set cloth.material=denim-12oz --set fabric.picks_per_cm=18` is that denim with more
-picks, another cloth, which moves and weighs as it is drawn. Each number can be stated
+beside it is of that cloth: `--set cloth.material=denim-12oz --set fabric.picks_per_cm=14` is that denim with fewer
+picks, another cloth, which moves by what it is woven of. It weighs as it is drawn but where its threads jam by more
+than yarn can be pressed, which the ticket says (18 picks: 438 g/m², 349 drawn). Each number can be stated
 (`cloth.properties.shear_n_per_m`) or measured, in a file that names the method and is named by `cloth.measured`:
 
     source = "our laboratory, cloth 17"

@@ -183,7 +183,7 @@ def test_another_material_on_the_command_line_brings_its_construction(name: str,
 
 @pytest.mark.parametrize(("name", "section"), [("drape", "cloth"), ("trousers", "garment")])
 def test_what_is_said_beside_a_material_changes_that_material(name: str, section: str) -> None:
-    """How it looks, or how it is woven, which makes another cloth, that moves and weighs as it is drawn."""
+    """How it looks, or how it is woven, which makes another cloth, that moves by what it is woven of."""
     denim, said = load_scene(name, [f"{section}.material=denim-12oz"]), f"{section}.material=denim-12oz"
     looks = load_scene(name, [said, "fabric.irregularity=0.1", "yarn.hairiness.ends_per_m=9", "weave.weft_colours=red"])
     assert (looks.material, construction_of(looks).facts) == ("denim-12oz", construction_of(denim).facts)
