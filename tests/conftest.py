@@ -73,6 +73,17 @@ def taichi_runtime(pytestconfig: pytest.Config) -> runtime.Runtime:
         pytest.skip(str(error))
 
 
+@pytest.hookimpl(wrapper=True)
+def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> Any:
+    """What has no parallel form is not tested on a device."""
+    try:
+        return (yield)
+    except InputError as error:
+        if "no parallel form" in str(error):
+            pytest.skip(str(error))
+        raise
+
+
 @pytest.fixture(autouse=True)
 def started_once(taichi_runtime: runtime.Runtime) -> Iterator[None]:
     before = runtime.generation()

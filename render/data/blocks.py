@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_cloth.ground.copies import DeviceArray, every, fetched
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.ground.particles import LANES, POSITION, RADIUS, RECORD
 
@@ -92,8 +93,16 @@ class ParticleBlocks:
     def __len__(self) -> int:
         return self.blocks.shape[1] * LANES
 
+    def some(self, most: int) -> tuple["ParticleBlocks", int]:
+        """On the host, where they lie on a device: at most so many, every so manieth group, and how many each stands
+        for. Else all."""
+        if not isinstance(self.blocks, DeviceArray):
+            return self, 1
+        step = -(-len(self) // most)
+        return ParticleBlocks(every(self.blocks, step), self.layout), step
+
     def _rows(self, first: int, count: int) -> NDArray[np.float32]:
-        return self.blocks[first : first + count].reshape(count, -1).T.copy()
+        return fetched(self.blocks[first : first + count]).reshape(count, -1).T.copy()
 
     @property
     def position(self) -> NDArray[np.float32]:

@@ -1,10 +1,22 @@
-"""What the kernels of a map of light share: the names of its rows, and the numbers of a deep opacity map."""
+"""What the kernels of a map of light share: the names of its rows, the numbers of a deep opacity map, and how it is
+written, by one thread a texel or, on a device, by many."""
 
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import taichi as ti
 
-__all__ = ["AWAY", "EMPTY", "ORIGIN", "RIGHT", "SCALE", "UP", "DeepMap", "new_deep_map"]
+from taichi_cloth.ground import runtime
+from taichi_cloth.ground.arrays import Template
+from taichi_cloth.ground.copies import zeros
+from taichi_cloth.ground.vectors import Vec16
+
+from ..data.light_sizes import LAYERS
+
+__all__ = [
+    "AWAY", "EMPTY", "ORIGIN", "RIGHT", "SCALE", "UP", "DeepMap", "counts_for", "deepen", "laid", "lift", "lower",
+    "new_deep_map",
+]  # fmt: skip
 
 EMPTY = 1e30
 """First depth [m] of a texel that no light is stopped in."""
@@ -32,3 +44,49 @@ else:
 def new_deep_map(**numbers: float) -> Any:
     """A `DeepMap` with these numbers, the others 0."""
     return DeepMap(**numbers)  # pyright: ignore[reportCallIssue]
+
+
+FIXED = float(1 << 18)
+"""Steps of an optical depth where threads of a device add to one texel: whole numbers have one sum in any order."""
+
+
+@ti.func
+def lower(array: Template, at: Template, value):
+    """The least of what stands there and a value."""
+    if ti.static(runtime.resident()):
+        ti.atomic_min(array[at], value)
+    else:
+        array[at] = ti.min(array[at], value)
+
+
+@ti.func
+def lift(array: Template, at: Template, value):
+    """The greatest."""
+    if ti.static(runtime.resident()):
+        ti.atomic_max(array[at], value)
+    else:
+        array[at] = ti.max(array[at], value)
+
+
+@ti.func
+def deepen(layers: Template, counts: Template, cell, layer, optical):
+    """Adds an optical depth to a layer of a texel: of `layers` (texels, 1), vectors of 16; on a device of `counts`
+    (texels, 16), in steps."""
+    if ti.static(runtime.resident()):
+        ti.atomic_add(counts[cell, layer], ti.cast(optical * FIXED + 0.5, ti.i32))
+    else:
+        layers[cell, 0][layer] += optical
+
+
+@ti.func
+def laid(layers: Template, counts: Template, cell):
+    """What has been added to the layers of a texel."""
+    if ti.static(runtime.resident()):
+        return Vec16([counts[cell, k] * (1.0 / FIXED) for k in range(LAYERS)])
+    else:
+        return layers[cell, 0]
+
+
+def counts_for(texels: int) -> Any:
+    """The `counts` of so many texels, where they are needed."""
+    return zeros((texels, LAYERS) if runtime.resident() else (1, 1), np.int32)

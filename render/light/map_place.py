@@ -8,9 +8,12 @@ from dataclasses import dataclass
 from math import ceil, log2
 
 import numpy as np
+import taichi as ti
 from numpy.typing import ArrayLike, NDArray
 
-from taichi_cloth.ground.particles import RADIUS
+from taichi_cloth.ground.arrays import F32x3, Float, Int
+from taichi_cloth.ground.copies import DeviceArray, every
+from taichi_cloth.ground.particles import LANES, RADIUS
 
 __all__ = ["LEANT", "MapPlace", "blind", "lead", "open_to", "place_map", "step_up", "typical_radius"]
 
@@ -85,7 +88,7 @@ def step_up(value: float) -> float:
 
 def typical_radius(blocks: NDArray[np.float32]) -> float:
     """Median radius [m] of up to 64 blocks spread evenly; 1e-4 without particles."""
-    sample = blocks[RADIUS, :: max(1, blocks.shape[1] // 64)]
+    sample = every(blocks, max(1, blocks.shape[1] // 64))[RADIUS]
     sample = sample[sample > 0]
     return float(np.median(sample)) if len(sample) else 1e-4
 
@@ -105,5 +108,14 @@ def open_to(normal: NDArray[np.float32], up: float) -> NDArray[np.float32]:
 
 def lead(light: NDArray[np.float32], row: int, to: int, share: float) -> None:
     """Lead a row of light (blocks, rows, 16) by so much to the one `to` rows after it, in place."""
-    if share > 0.0:
+    if share > 0.0 and isinstance(light, DeviceArray):
+        _lead(light, row, to, share)
+    elif share > 0.0:
         light[:, row] += np.float32(share) * (light[:, row + to] - light[:, row])
+
+
+@ti.kernel
+def _lead(light: F32x3, row: Int, to: Int, share: Float):
+    for b in range(light.shape[0]):
+        for lane in range(LANES):
+            light[b, row, lane] += share * (light[b, row + to, lane] - light[b, row, lane])

@@ -13,6 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from taichi_cloth.ground import runtime
+from taichi_cloth.ground.copies import zeros
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.ground.particles import LANES
 
@@ -20,6 +22,7 @@ from ..data.blocks import Layout
 from ..data.light_sizes import LAYERS, SCRATCH_ROWS, SKY_DIRECTIONS, SKY_SIZE
 from ..tiles.mesh import Mesh
 from . import sky
+from .deep_map import counts_for
 from .map_place import blind, place_map, typical_radius
 from .meshlight import walls
 
@@ -128,13 +131,13 @@ def occlude(
     table = np.array([(n, f.width, f.height) for n, f in zip(np.cumsum(sizes) - sizes, fits, strict=True)], np.int32)
     axes = np.stack([f.axes(opacity) for f in fits])
     texels, texel = int(sizes.sum()), max(f.texel for f in fits)
-    ends = np.empty((2, texels), np.float32)
-    depth = np.empty((texels, LAYERS), np.float32)
-    chunks = min(chunks, directions)
+    ends, depth = zeros((2, texels)), zeros((texels, LAYERS))
+    chunks = directions if runtime.resident() else min(chunks, directions)
     count = blocks.shape[1]
-    scratch = np.empty((max(1, chunks * count), SCRATCH_ROWS, LANES), np.float32)
+    scratch = zeros((max(1, chunks * count), SCRATCH_ROWS, LANES))
     sky.fill(
         layout, chunks, stretch, blocks, count, axes, table, FINE * texel, scratch, ends, depth.reshape(-1, 1, LAYERS),
+        counts_for(texels),
     )  # fmt: skip
     solid = None if mesh is None else walls(mesh, axes, table, chunks=chunks)
     return SkyMaps(axes, table, ends, depth, solid, texel)

@@ -13,6 +13,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_cloth.ground.copies import filled, zeros
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.ground.particles import LANES
 
@@ -182,9 +183,11 @@ class ParticleLight:
         """
         if shading.rows == 0 or maps is None:
             return NO_LIGHT
-        if self._light is None or self._light.shape != (blocks.shape[1], shading.rows, LANES):
-            self._light = np.ones((blocks.shape[1], shading.rows, LANES), np.float32)
-            self._known = {}
+        shape = blocks.shape[1], shading.rows, LANES
+        light = self._light
+        if light is None or light.shape != shape:
+            light, self._known = filled(shape, 1.0), {}
+            self._light = light
         known_lights = zip(shading.shadows, maps.lights, strict=True)
         rows: list[tuple[int, int, LookedUp | None, int]] = [
             (row, shading.of_light, one, KEY_STRIDE) for row, one in known_lights if row >= 0
@@ -198,14 +201,14 @@ class ParticleLight:
             if known is None or known[0] is not one or known[1] != depth:
                 few, stride = (blocks, 1) if self._each else self._thinned(layout, blocks, stride)
                 if stride == 1:
-                    one.on_particles(blocks, self._light, row, depth)
+                    one.on_particles(blocks, light, row, depth)
                 else:
-                    found = np.ones((few.shape[1], count, LANES), np.float32)
+                    found = filled((few.shape[1], count, LANES), 1.0)
                     one.on_particles(few, found, 0, depth)
-                    spread(stride, count, blocks, found, row, self._light)
+                    spread(stride, count, blocks, found, row, light)
                 self._known[row] = one, depth
                 self.lookups += 1
-        return self._light
+        return light
 
     def key_map(self) -> ShadowMap | None:
         """The shadow map of the key light as last used; None where it casts no shadow."""
@@ -222,7 +225,7 @@ class ParticleLight:
         if stride not in self._few:
             known = max((k for k in self._few if stride % k == 0), default=1)
             source = self._few.get(known, blocks)
-            few = np.empty((layout.rows, -(-source.shape[1] * known // stride), LANES), np.float32)
+            few = zeros((layout.rows, -(-source.shape[1] * known // stride), LANES))
             thin(stride // known, layout.rows, source, few)
             self._few[stride] = few
         return self._few[stride], stride

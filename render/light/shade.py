@@ -10,7 +10,7 @@ import taichi as ti
 
 from taichi_cloth.ground.arrays import F32x2, Template
 from taichi_cloth.ground.particles import COLOUR, NORMAL, POSITION, TANGENT
-from taichi_cloth.ground.vectors import Blocks, Vec16
+from taichi_cloth.ground.vectors import Blocks, each, of_group, of_row
 
 from .bulk import OF_KEY, OF_SKY, SHUT, weight
 from .fibre import lobes
@@ -168,15 +168,15 @@ def _lit(parts, albedo):
 def shade(layout: Template, shading: Template, particles: Blocks, light: Blocks, view: F32x2, b):
     """Red, green, blue; and for the slope across the fibre: v (3), sin(t, v), how far it faces the key light."""
     # Tangent t and normal n of the fibre, direction v to the eye, and how they stand to each other.
-    tx = particles[TANGENT, b]
-    ty = particles[TANGENT + 1, b]
-    tz = particles[TANGENT + 2, b]
-    nx = particles[NORMAL, b]
-    ny = particles[NORMAL + 1, b]
-    nz = particles[NORMAL + 2, b]
-    vx = view[EYE, 0] - particles[POSITION, b]
-    vy = view[EYE, 1] - particles[POSITION + 1, b]
-    vz = view[EYE, 2] - particles[POSITION + 2, b]
+    tx = of_group(particles, TANGENT, b)
+    ty = of_group(particles, TANGENT + 1, b)
+    tz = of_group(particles, TANGENT + 2, b)
+    nx = of_group(particles, NORMAL, b)
+    ny = of_group(particles, NORMAL + 1, b)
+    nz = of_group(particles, NORMAL + 2, b)
+    vx = view[EYE, 0] - of_group(particles, POSITION, b)
+    vy = view[EYE, 1] - of_group(particles, POSITION + 1, b)
+    vz = view[EYE, 2] - of_group(particles, POSITION + 2, b)
     unit = 1.0 / ti.sqrt(vx * vx + vy * vy + vz * vz + 1e-20)
     vx *= unit
     vy *= unit
@@ -188,21 +188,21 @@ def shade(layout: Template, shading: Template, particles: Blocks, light: Blocks,
     grazing = ti.max(1.0 - ti.abs(n_v), 0.0)
     grazing *= grazing
     sheen = grazing * grazing * view[SURFACE, 1]
-    opening = Vec16(1.0)
+    opening = each(1.0)
     if ti.static(layout.openness):
-        opening = ti.min(ti.max(particles[layout.openness_row, b], 0.0), 1.0)
-    tint = view[SURFACE, 0]
-    albedo_r = particles[COLOUR, b]
-    albedo_g = particles[COLOUR + 1, b]
-    albedo_b = particles[COLOUR + 2, b]
-    red, green, blue = Vec16(0.0), Vec16(0.0), Vec16(0.0)
-    seen, bx, by, bz = Vec16(1.0), nx, ny, nz  # its share of the sky, and the direction that is open to it
+        opening = ti.min(ti.max(of_group(particles, layout.openness_row, b), 0.0), 1.0)
+    albedo_r = of_group(particles, COLOUR, b)
+    albedo_g = of_group(particles, COLOUR + 1, b)
+    albedo_b = of_group(particles, COLOUR + 2, b)
+    red, green, blue = each(0.0), each(0.0), each(0.0)
+    seen, bx, by, bz = each(1.0), nx, ny, nz  # its share of the sky, and the direction that is open to it
     if ti.static(shading.bulk):
         # Light from all round: on the cloth there, through it, and as its fibres' highlights.
-        before, behind = Vec16(1.0), Vec16(1.0)
+        before, behind = each(1.0), each(1.0)
         if ti.static(shading.sky >= 0):
-            seen, before, behind = light[b, shading.sky], light[b, shading.sky + 1], light[b, shading.sky + 2]
-            bx, by, bz = light[b, shading.sky + 3], light[b, shading.sky + 4], light[b, shading.sky + 5]
+            sky = ti.static(shading.sky)
+            seen, before, behind = of_row(light, b, sky), of_row(light, b, sky + 1), of_row(light, b, sky + 2)
+            bx, by, bz = of_row(light, b, sky + 3), of_row(light, b, sky + 4), of_row(light, b, sky + 5)
         seen *= 1.0 - view[BULK, 1] * (1.0 - opening)
         albedo = albedo_r, albedo_g, albedo_b
         red, green, blue = _from_sky(shading, view, by, vy - 2.0 * t_v * ty, albedo, seen, before, behind)
@@ -210,7 +210,7 @@ def shade(layout: Template, shading: Template, particles: Blocks, light: Blocks,
         # Light from all around, less what neighbours hide of it.
         red, green, blue = _sky(shading, view, ny)
         if ti.static(shading.sky >= 0):
-            seen = light[b, shading.sky] * opening
+            seen = of_row(light, b, shading.sky) * opening
             red *= bounced(seen, albedo_r)
             green *= bounced(seen, albedo_g)
             blue *= bounced(seen, albedo_b)
@@ -221,7 +221,7 @@ def shade(layout: Template, shading: Template, particles: Blocks, light: Blocks,
         red *= albedo_r
         green *= albedo_g
         blue *= albedo_b
-    key_facing = Vec16(0.0)
+    key_facing = each(0.0)
     # Each light, the key first.
     for k in ti.static(range(1 + shading.others)):
         at = ti.static(KEY_DIRECTION if k == 0 else OTHERS + 2 * (k - 1))
@@ -234,18 +234,18 @@ def shade(layout: Template, shading: Template, particles: Blocks, light: Blocks,
         lit = lambert + view[FIBRE, 0] * (sin_l * facing - lambert)
         # How much of the light gets here, past what casts shadows and past the particle's own neighbours.
         rim = sheen
-        passed = Vec16(1.0)
+        passed = each(1.0)
         if ti.static(layout.openness):
             rim *= opening
         if ti.static(shading.shadows[k] >= 0):
-            passed = light[b, shading.shadows[k]]
+            passed = of_row(light, b, shading.shadows[k])
             rim *= passed
         if ti.static(layout.openness):
             passed *= 1.0 - view[EDGE, 1] * (1.0 - opening)
         lit *= passed
         rim *= 0.35 + 0.65 * facing
         # The highlight: one lobe around the fibre, or the three of a fibre that light also passes through.
-        gleam = Vec16(0.0)
+        gleam = each(0.0)
         if ti.static(not shading.lobes):
             gleam = lobe(sin_l * sin_v - t_l * t_v, view[FIBRE, 2]) * facing * view[FIBRE, 1]
             gleam *= passed
@@ -267,19 +267,19 @@ def shade(layout: Template, shading: Template, particles: Blocks, light: Blocks,
             blue += view[at + 1, 2] * (albedo_b * inside + ti.sqrt(ti.max(albedo_b, 0.0)) * beyond)
         lit_r, lit_g, lit_b = albedo_r * lit, albedo_g * lit, albedo_b * lit
         if ti.static(shading.bulk):
-            outside = Vec16(1.0)
+            outside = each(1.0)
             if ti.static(shading.shadows[k] >= 0):
-                outside = light[b, shading.shadows[k] + 1]
+                outside = of_row(light, b, shading.shadows[k] + 1)
             b_l = bx * view[at, 0] + by * view[at, 1] + bz * view[at, 2]
             around = view[at, 0] * vx + view[at, 1] * vy + view[at, 2] * vz - t_l * t_v
             around /= ti.max(sin_l * sin_v, 1e-4)
             parts = _parts(ti.static(shading.shadows[k] >= 0), view, b_l, around, passed * sin_l, outside, seen)
             lit_r, lit_g, lit_b = _lit(parts, albedo_r), _lit(parts, albedo_g), _lit(parts, albedo_b)
-        # Highlights have the light's colour, and as much of the fibre's as `tint` says.
+        # Highlights have the light's colour, and as much of the fibre's as the finish's tint says.
         gleam += rim
-        red += view[at + 1, 0] * (lit_r + gleam * (1.0 + tint * (albedo_r - 1.0)))
-        green += view[at + 1, 1] * (lit_g + gleam * (1.0 + tint * (albedo_g - 1.0)))
-        blue += view[at + 1, 2] * (lit_b + gleam * (1.0 + tint * (albedo_b - 1.0)))
+        red += view[at + 1, 0] * (lit_r + gleam * (1.0 + view[SURFACE, 0] * (albedo_r - 1.0)))
+        green += view[at + 1, 1] * (lit_g + gleam * (1.0 + view[SURFACE, 0] * (albedo_g - 1.0)))
+        blue += view[at + 1, 2] * (lit_b + gleam * (1.0 + view[SURFACE, 0] * (albedo_b - 1.0)))
         if ti.static(k == 0):
             key_facing = ti.min(2.0 * facing, 1.0)
             if ti.static(shading.shadows[0] >= 0):

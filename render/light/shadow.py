@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from taichi_cloth.ground.copies import filled, zeros
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.ground.particles import LANES
 
@@ -20,7 +21,7 @@ from ..data.blocks import Layout
 from ..data.light_sizes import LAYERS, MAP_SIZE, STAMP_ROWS
 from ..tiles.mesh import Mesh
 from . import lookup, transmittance
-from .deep_map import EMPTY, SCALE, new_deep_map
+from .deep_map import EMPTY, SCALE, counts_for, new_deep_map
 from .map_place import blind, lead, place_map, typical_radius
 from .meshlight import walls
 from .stamps import stamp
@@ -106,6 +107,11 @@ class ShadowMap:
             lookup.look_up(self.softness > 0, numbers, *self._arrays, points, light)
         return light
 
+    def shadows_of(self, points: NDArray[np.float32], light_out: NDArray[np.float32]) -> None:
+        """`shadow_on` of points (n, 3) [m] that lie a texel off their surface already, to light_out (n,), both where
+        kernels read them."""
+        lookup.look_up(self.softness > 0, self._numbers(lag=2 * self.texel), *self._arrays, points, light_out)
+
     def shadow_on(self, points: ArrayLike, normals: ArrayLike) -> NDArray[np.float32]:
         """The light 0..1 that reaches points (n, 3) [m] of a surface with unit normals (n, 3), shape (n,).
 
@@ -149,22 +155,19 @@ def cast(
     root = _root(deep, max(0.5 * radius, 1e-4 * deep))
     span = ((LAYERS - 1 + root) ** 4 - root**4) / deep
 
-    stamps = np.empty((max(1, blocks.shape[1]), STAMP_ROWS, LANES), np.float32)
-    spans = np.zeros((max(1, blocks.shape[1]), 2), np.int32)
+    stamps = zeros((max(1, blocks.shape[1]), STAMP_ROWS, LANES))
+    spans = zeros((max(1, blocks.shape[1]), 2), np.int32)
     rows = np.zeros((chunks, at.height), np.int32)
-    nearest = np.empty(first, np.float32)
-    through = np.empty((first, LAYERS), np.float32)
+    nearest, through = filled((first,), EMPTY), zeros((first, LAYERS))
     whole = np.array([(0, at.width, at.height)], np.int32)
     wall = NO_WALL if mesh is None else walls(mesh, axes[None], whole, chunks=1)[0]
-    if blocks.shape[1] == 0 and mesh is None:
-        nearest[:] = EMPTY
-    else:
+    if blocks.shape[1] or mesh is not None:
         stamp(layout, chunks, stretch, blocks, blocks.shape[1], at.height, axes, stamps, spans, rows)
         cuts = _cuts(rows.sum(axis=0), chunks)
         deep = new_deep_map(width=at.width, span=span, root=root)
         transmittance.deposit(
             chunks, mesh is not None, deep, blocks.shape[1], stamps, spans, cuts, wall, nearest,
-            through.reshape(-1, 1, LAYERS),
+            through.reshape(-1, 1, LAYERS), counts_for(at.width * at.height),
         )  # fmt: skip
         for fine, coarse in pairwise(levels):
             begin, wide, high = coarse

@@ -14,13 +14,14 @@ from dataclasses import dataclass
 
 import taichi as ti
 
+from taichi_cloth.ground import runtime
 from taichi_cloth.ground.arrays import F32x1, F32x2, F32x3, Float, I32x2, Int, Template
 from taichi_cloth.ground.particles import LANES, NORMAL, POSITION, RADIUS, TANGENT
 from taichi_cloth.ground.vectors import Blocks, Vec16, keep
 
 from ..data.light_sizes import LAYERS
 from ..tiles.sort import CHUNK_STEPS, share
-from .deep_map import AWAY, EMPTY, ORIGIN, RIGHT, SCALE, UP
+from .deep_map import AWAY, EMPTY, ORIGIN, RIGHT, SCALE, UP, deepen, laid, lift, lower
 from .fibre import decay
 from .map_place import LEANT
 
@@ -93,7 +94,9 @@ def _place(layout: Template, stretch, particles: Blocks, b, axes: F32x3, m, plac
 
 
 @ti.func
-def _lay(layout: Template, turn, placed: Blocks, b, lane, maps: I32x2, m, fine, ends: F32x2, depth_out: Blocks):
+def _lay(
+    layout: Template, turn, placed: Blocks, b, lane, maps: I32x2, m, fine, ends: F32x2, depth_out: Blocks, counts: I32x2
+):
     """One particle, point by point: into the first and last depths, then into the layers between them."""
     begin = maps[m, 0]
     width = maps[m, 1]
@@ -117,8 +120,8 @@ def _lay(layout: Template, turn, placed: Blocks, b, lane, maps: I32x2, m, fine, 
             if turn == 0:
                 for j in ti.static(range(4)):
                     c = cell + (j // 2) * width + j % 2
-                    ends[0, c] = ti.min(ends[0, c], depth)
-                    ends[1, c] = ti.max(ends[1, c], depth)
+                    lower(ends, (0, c), depth)
+                    lift(ends, (1, c), depth)
             else:
                 f = u - left
                 g = v - top
@@ -127,7 +130,7 @@ def _lay(layout: Template, turn, placed: Blocks, b, lane, maps: I32x2, m, fine, 
                     part = (f if ti.static(j % 2 == 1) else 1.0 - f) * (g if ti.static(j // 2 == 1) else 1.0 - g)
                     k = _coordinate(depth - ends[0, c], ends[1, c] - depth, fine)
                     layer = ti.min(ti.cast(k, ti.i32), LAYERS - 1)
-                    depth_out[c, 0][layer] += optical * part
+                    deepen(depth_out, counts, c, layer, optical * part)
             if ti.static(layout.elliptic):
                 u += placed[b, 4][lane]
                 v += placed[b, 5][lane]
@@ -149,41 +152,63 @@ def fill(
     # out, all maps one after another:
     ends_out: F32x2,
     depth_out: Blocks,
+    counts: I32x2,
 ):
     """First and last depth [m] and optical depth up to the end of each layer, shape (2, texels), (texels, 1, 16).
 
     axes: (maps, 5, 3) as in `deep_map`; maps: rows (first texel, width, height). stretch: each piece stands
-    for so many, and is that much longer.
+    for so many, and is that much longer. counts: zeros (texels, 16), see `deepen`.
     """
-    for step in range(chunks * CHUNK_STEPS):
-        if step % CHUNK_STEPS != 0:
-            continue
-        chunk = step // CHUNK_STEPS
-        at = chunk * block_count
-        for m in range(share(maps.shape[0], chunk, chunks), share(maps.shape[0], chunk + 1, chunks)):  # pyright: ignore[reportArgumentType]
-            begin = maps[m, 0]
-            width = maps[m, 1]
-            high = maps[m, 2]
-            for b in range(block_count):
-                _place(layout, stretch, particles, b, axes, m, placed, at + b)
-            for cell in range(begin, begin + width * high):
-                ends_out[0, cell] = EMPTY
-                ends_out[1, cell] = -EMPTY
-            # First where anything stands, then what each layer takes of the light; at last summed from front to back.
-            for turn in range(2):
-                for i in range(block_count * LANES):
-                    _lay(layout, turn, placed, at + i // LANES, i % LANES, maps, m, fine, ends_out, depth_out)
+    if ti.static(runtime.resident()):
+        for cell in range(ends_out.shape[1]):
+            ends_out[0, cell] = EMPTY
+            ends_out[1, cell] = -EMPTY
+        for t in range(maps.shape[0] * block_count):
+            _place(layout, stretch, particles, t % block_count, axes, t // block_count, placed, t)
+        for turn in ti.static(range(2)):
+            for i in range(maps.shape[0] * block_count * LANES):
+                t = i // LANES
+                _lay(layout, turn, placed, t, i % LANES, maps, t // block_count, fine, ends_out, depth_out, counts)
+        for cell in range(ends_out.shape[1]):
+            if ends_out[0, cell] < EMPTY:
+                _sum_up(cell, depth_out, counts)
+    else:
+        for step in range(chunks * CHUNK_STEPS):
+            if step % CHUNK_STEPS != 0:
+                continue
+            chunk = step // CHUNK_STEPS
+            at = chunk * block_count
+            for m in range(share(maps.shape[0], chunk, chunks), share(maps.shape[0], chunk + 1, chunks)):  # pyright: ignore[reportArgumentType]
+                begin = maps[m, 0]
+                width = maps[m, 1]
+                high = maps[m, 2]
+                for b in range(block_count):
+                    _place(layout, stretch, particles, b, axes, m, placed, at + b)
                 for cell in range(begin, begin + width * high):
-                    if ends_out[0, cell] < EMPTY:
-                        if turn == 0:
-                            depth_out[cell, 0] = Vec16(0.0)
-                        else:
-                            row = depth_out[cell, 0]
-                            total = 0.0
-                            for k in ti.static(range(LAYERS)):
-                                total += row[k]
-                                row[k] = total
-                            depth_out[cell, 0] = row
+                    ends_out[0, cell] = EMPTY
+                    ends_out[1, cell] = -EMPTY
+                # First where anything stands, then what each layer takes of the light; at last summed front to back.
+                for turn in range(2):
+                    for i in range(block_count * LANES):
+                        t = at + i // LANES
+                        _lay(layout, turn, placed, t, i % LANES, maps, m, fine, ends_out, depth_out, counts)
+                    for cell in range(begin, begin + width * high):
+                        if ends_out[0, cell] < EMPTY:
+                            if turn == 0:
+                                depth_out[cell, 0] = Vec16(0.0)
+                            else:
+                                _sum_up(cell, depth_out, counts)
+
+
+@ti.func
+def _sum_up(cell, depth_out: Blocks, counts: I32x2):
+    """Optical depths of a texel up to the end of each layer."""
+    row = laid(depth_out, counts, cell)
+    total = 0.0
+    for k in ti.static(range(LAYERS)):
+        total += row[k]
+        row[k] = total
+    depth_out[cell, 0] = row
 
 
 @ti.func

@@ -14,6 +14,7 @@ import taichi as ti
 from numpy.typing import NDArray
 
 from taichi_cloth.ground.arrays import F32x3, Int, Template
+from taichi_cloth.ground.copies import every
 from taichi_cloth.ground.particles import LANES, POSITION, RADIUS
 from taichi_cloth.ground.vectors import keep
 
@@ -27,7 +28,7 @@ def chained(layout: Layout, blocks: NDArray[np.float32]) -> bool:
     none is a piece of a sheet."""
     if not blocks.shape[1]:
         return False
-    sample = blocks[:, :: max(1, blocks.shape[1] // 64)]
+    sample = every(blocks, max(1, blocks.shape[1] // 64))
     if layout.elliptic and ((sample[RADIUS] > 0) & (sample[RADIUS] == sample[layout.half_length_row])).any():
         return False
     there = (sample[RADIUS, :, 1:] > 0) & (sample[RADIUS, :, :-1] > 0)

@@ -13,18 +13,20 @@ on and is read one layer late, so that a fibre does not shadow itself; and maps 
 exp(-optical depth) at the boundaries, averaged into coarser maps for soft light.
 
 No atomics: a band of rows belongs to one thread, which goes through the particles in their order. The same input
-gives the same map for any number of bands.
+gives the same map for any number of bands. On a device where arrays stay a particle has a thread, and what threads add
+to one texel are whole numbers: it does not matter who is first.
 """
 
 import taichi as ti
 
+from taichi_cloth.ground import runtime
 from taichi_cloth.ground.arrays import F32x1, F32x2, F32x3, I32x1, I32x2, Int, Template
 from taichi_cloth.ground.particles import LANES
 from taichi_cloth.ground.vectors import Blocks, Vec16
 
 from ..data.light_sizes import LAYERS
 from ..tiles.sort import CHUNK_STEPS
-from .deep_map import EMPTY, DeepMap
+from .deep_map import EMPTY, DeepMap, deepen, laid, lower
 from .fibre import decay
 from .stamps import BEHIND, EDGE, OPTICAL, POINTS, REACH, S_X, S_Y, STEP_BEHIND, STEP_U, STEP_V, T_X, T_Y, WIDE, U, V
 
@@ -39,7 +41,7 @@ def layer_of(behind, deep: Template):
 
 
 @ti.func
-def _points(turn, deep: Template, stamps: F32x3, b, lane, top, bottom, nearest: F32x1, through: Blocks):
+def _points(turn, deep: Template, stamps: F32x3, b, lane, top, bottom, nearest: F32x1, through: Blocks, counts: I32x2):
     """What is laid at points, in the rows top to bottom: into the first depths, then into the layers."""
     width = deep.width
     count = ti.cast(stamps[b, POINTS, lane], ti.i32)
@@ -56,10 +58,10 @@ def _points(turn, deep: Template, stamps: F32x3, b, lane, top, bottom, nearest: 
             if turn == 0:
                 first = depth if row >= top else EMPTY
                 second = depth if row < bottom else EMPTY
-                nearest[one] = ti.min(nearest[one], first)
-                nearest[one + 1] = ti.min(nearest[one + 1], first)
-                nearest[two] = ti.min(nearest[two], second)
-                nearest[two + 1] = ti.min(nearest[two + 1], second)
+                lower(nearest, one, first)
+                lower(nearest, one + 1, first)
+                lower(nearest, two, second)
+                lower(nearest, two + 1, second)
             else:
                 near = ti.Vector([nearest[one], nearest[one + 1], nearest[two], nearest[two + 1]])
                 layer = _layer(depth, near, deep)
@@ -68,10 +70,10 @@ def _points(turn, deep: Template, stamps: F32x3, b, lane, top, bottom, nearest: 
                 second = optical * g if row < bottom else 0.0
                 first = optical - optical * g if row >= top else 0.0
                 f = u - left
-                through[one, 0][layer[0]] += first - first * f  # pyright: ignore[reportIndexIssue]
-                through[one + 1, 0][layer[1]] += first * f  # pyright: ignore[reportIndexIssue]
-                through[two, 0][layer[2]] += second - second * f  # pyright: ignore[reportIndexIssue]
-                through[two + 1, 0][layer[3]] += second * f  # pyright: ignore[reportIndexIssue]
+                deepen(through, counts, one, layer[0], first - first * f)  # pyright: ignore[reportIndexIssue]
+                deepen(through, counts, one + 1, layer[1], first * f)  # pyright: ignore[reportIndexIssue]
+                deepen(through, counts, two, layer[2], second - second * f)  # pyright: ignore[reportIndexIssue]
+                deepen(through, counts, two + 1, layer[3], second * f)  # pyright: ignore[reportIndexIssue]
         if k + 1 < count:
             u += stamps[b, STEP_U, lane]
             v += stamps[b, STEP_V, lane]
@@ -86,7 +88,7 @@ def _layer(depth, nearest, deep: Template):
 
 
 @ti.func
-def _disc(turn, deep: Template, stamps: F32x3, b, lane, top, bottom, nearest: F32x1, through: Blocks):
+def _disc(turn, deep: Template, stamps: F32x3, b, lane, top, bottom, nearest: F32x1, through: Blocks, counts: I32x2):
     """What covers more than four texels, in the rows top to bottom: into the first depths, then into the layers."""
     u = stamps[b, U, lane]
     v = stamps[b, V, lane]
@@ -107,10 +109,40 @@ def _disc(turn, deep: Template, stamps: F32x3, b, lane, top, bottom, nearest: F3
             if q > 0.0:
                 cell = y * deep.width + x
                 if turn == 0:
-                    nearest[cell] = ti.min(nearest[cell], depth)
+                    lower(nearest, cell, depth)
                 else:
                     layer = _layer(depth, nearest[cell], deep)
-                    through[cell, 0][layer] += stamps[b, OPTICAL, lane] * ti.min(q * stamps[b, EDGE, lane], 1.0)
+                    deepen(
+                        through, counts, cell, layer, stamps[b, OPTICAL, lane] * ti.min(q * stamps[b, EDGE, lane], 1.0)
+                    )
+
+
+@ti.func
+def _lay(turn, deep: Template, stamps: F32x3, b, lane, top, bottom, nearest: F32x1, through: Blocks, counts: I32x2):
+    """One particle, in the rows top to bottom."""
+    if stamps[b, EDGE, lane] == 0.0:
+        _points(turn, deep, stamps, b, lane, top, bottom, nearest, through, counts)
+    else:
+        _disc(turn, deep, stamps, b, lane, top, bottom, nearest, through, counts)
+
+
+@ti.func
+def _let_through(walled: Template, deep: Template, cell, wall: F32x1, nearest: F32x1, through: Blocks, counts: I32x2):
+    """Optical depths of a texel summed from layer to layer, and the transmittance; none behind a wall."""
+    row = laid(through, counts, cell)
+    total = 0.0
+    for k in ti.static(range(LAYERS)):
+        total += row[k]
+        row[k] = total
+    passing = decay(row)
+    if ti.static(walled):
+        a = deep.root * deep.root
+        a *= a
+        for k in ti.static(range(LAYERS)):
+            up = (k + deep.root) * (k + deep.root)
+            if nearest[cell] + (up * up - a) / deep.span >= wall[cell]:
+                passing[k] = 0.0  # pyright: ignore[reportIndexIssue]
+    through[cell, 0] = passing
 
 
 @ti.kernel
@@ -127,51 +159,46 @@ def deposit(
     # out: first depths; optical depths, of which transmittances are made in place
     nearest_out: F32x1,
     through_out: Blocks,
+    counts: I32x2,
 ):
     """The map: first depth and the transmittance at every layer boundary, shape (texels,) and (texels, 1, 16).
 
     cuts: band b has the rows cuts[b] to cuts[b + 1]. wall: first depth of what lets nothing through, EMPTY where
-    there is none, shape (texels,).
+    there is none, shape (texels,). counts: zeros (texels, 16), see `deepen`.
     """
-    for step in range(bands * CHUNK_STEPS):
-        if step % CHUNK_STEPS != 0:
-            continue
-        width = deep.width
-        band = step // CHUNK_STEPS
-        top = cuts[band]
-        bottom = cuts[band + 1] - 1
-        for cell in range(top * width, (bottom + 1) * width):
+    if ti.static(runtime.resident()):
+        texels = deep.width * cuts[bands]
+        for cell in range(texels):
             nearest_out[cell] = wall[cell] if ti.static(walled) else EMPTY
-        # First where light meets something, then what each layer takes of it.
-        for turn in range(2):
-            for b in range(block_count):
-                if spans[b, 0] <= bottom and spans[b, 1] >= top:
-                    for lane in range(LANES):
-                        if stamps[b, EDGE, lane] == 0.0:
-                            _points(turn, deep, stamps, b, lane, top, bottom, nearest_out, through_out)
-                        else:
-                            _disc(turn, deep, stamps, b, lane, top, bottom, nearest_out, through_out)
-            if turn == 0:
-                for cell in range(top * width, (bottom + 1) * width):
-                    if nearest_out[cell] < EMPTY:
-                        through_out[cell, 0] = Vec16(0.0)
-        # Optical depths summed from layer to layer, and the transmittance; none behind a wall.
-        for cell in range(top * width, (bottom + 1) * width):
+        for turn in ti.static(range(2)):
+            for i in range(block_count * LANES):
+                _lay(turn, deep, stamps, i // LANES, i % LANES, 0, cuts[bands] - 1, nearest_out, through_out, counts)
+        for cell in range(texels):
             if nearest_out[cell] < EMPTY:
-                row = through_out[cell, 0]
-                total = 0.0
-                for k in ti.static(range(LAYERS)):
-                    total += row[k]
-                    row[k] = total
-                passing = decay(row)
-                if ti.static(walled):
-                    a = deep.root * deep.root
-                    a *= a
-                    for k in ti.static(range(LAYERS)):
-                        up = (k + deep.root) * (k + deep.root)
-                        if nearest_out[cell] + (up * up - a) / deep.span >= wall[cell]:
-                            passing[k] = 0.0  # pyright: ignore[reportIndexIssue]
-                through_out[cell, 0] = passing
+                _let_through(walled, deep, cell, wall, nearest_out, through_out, counts)
+    else:
+        for step in range(bands * CHUNK_STEPS):
+            if step % CHUNK_STEPS != 0:
+                continue
+            width = deep.width
+            band = step // CHUNK_STEPS
+            top = cuts[band]
+            bottom = cuts[band + 1] - 1
+            for cell in range(top * width, (bottom + 1) * width):
+                nearest_out[cell] = wall[cell] if ti.static(walled) else EMPTY
+            # First where light meets something, then what each layer takes of it.
+            for turn in range(2):
+                for b in range(block_count):
+                    if spans[b, 0] <= bottom and spans[b, 1] >= top:
+                        for lane in range(LANES):
+                            _lay(turn, deep, stamps, b, lane, top, bottom, nearest_out, through_out, counts)
+                if turn == 0:
+                    for cell in range(top * width, (bottom + 1) * width):
+                        if nearest_out[cell] < EMPTY:
+                            through_out[cell, 0] = Vec16(0.0)
+            for cell in range(top * width, (bottom + 1) * width):
+                if nearest_out[cell] < EMPTY:
+                    _let_through(walled, deep, cell, wall, nearest_out, through_out, counts)
 
 
 @ti.kernel

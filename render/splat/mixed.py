@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_cloth.ground.copies import on_host
 from taichi_cloth.ground.particles import LANES, RADIUS
 
 from ..light.particle_light import Held, LightMaps, LookedUp
@@ -43,7 +44,8 @@ class MixedMap:
         self.near.on_particles(blocks, fine, 0, depth)
         fine *= self.factor[None, :, None]
         np.minimum(fine[:, :SHARES], 1.0, out=fine[:, :SHARES])
-        light_out[:, rows] = fine if self.share >= 1.0 else light_out[:, rows] * (1.0 - self.share) + self.share * fine
+        with on_host(light_out) as light:
+            light[:, rows] = fine if self.share >= 1.0 else light[:, rows] * (1.0 - self.share) + self.share * fine
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,7 @@ import taichi as ti
 
 from taichi_cloth.ground.arrays import F32x2, I32x1, I32x2, I64x1, Int, Template
 from taichi_cloth.ground.particles import LANES, NORMAL, POSITION, RADIUS, TANGENT, TILE
-from taichi_cloth.ground.vectors import Blocks, Vec16
+from taichi_cloth.ground.vectors import Blocks, each, lanes, of_group
 
 from ..light.shade import shade
 from ..light.view import COAT, DEPTH, EDGE, IMAGE, KEY_DIRECTION, LENS, SURFACE, TRANSLATION
@@ -94,9 +94,9 @@ def _piece(layout: Template, crisp: Template, particles: Blocks, view: F32x2, b,
     half_height = thin
     # The tangent on the image, in units of the scale: the ellipsoid's outline under the local
     # affine projection J is the ellipse of covariance r^2 I + (h^2 - r^2) (J t)(J t)^T.
-    tx = particles[TANGENT, b]
-    ty = particles[TANGENT + 1, b]
-    tz = particles[TANGENT + 2, b]
+    tx = of_group(particles, TANGENT, b)
+    ty = of_group(particles, TANGENT + 1, b)
+    tz = of_group(particles, TANGENT + 2, b)
     along_z = tx * view[2, 0] + ty * view[2, 1] + tz * view[2, 2]
     e_x = tx * view[0, 0] + ty * view[0, 1] + tz * view[0, 2] - u * along_z
     e_y = tx * view[1, 0] + ty * view[1, 1] + tz * view[1, 2] - v * along_z
@@ -105,7 +105,7 @@ def _piece(layout: Template, crisp: Template, particles: Blocks, view: F32x2, b,
     unit_e = 1.0 / ti.sqrt(e_x * e_x + e_y * e_y)
     e_x *= unit_e
     e_y *= unit_e
-    long = ti.min(ti.max(particles[layout.half_length_row, b] * scale, 1e-6), LARGEST)
+    long = ti.min(ti.max(of_group(particles, layout.half_length_row, b) * scale, 1e-6), LARGEST)
     slim = long / radius
     long = ti.sqrt(radius * radius * (1.0 - flat) + long * long * flat)
     if ti.static(crisp):
@@ -131,9 +131,9 @@ def _piece(layout: Template, crisp: Template, particles: Blocks, view: F32x2, b,
 @ti.func
 def _slope(particles: Blocks, view: F32x2, b, vx, vy, vz, sin_v, key_facing):
     """How brightness changes across a thread: (t x v) . l, of which (-e_y, e_x) is the direction on the image."""
-    tx = particles[TANGENT, b]
-    ty = particles[TANGENT + 1, b]
-    tz = particles[TANGENT + 2, b]
+    tx = of_group(particles, TANGENT, b)
+    ty = of_group(particles, TANGENT + 1, b)
+    tz = of_group(particles, TANGENT + 2, b)
     across = (ty * vz - tz * vy) * view[KEY_DIRECTION, 0]
     across += (tz * vx - tx * vz) * view[KEY_DIRECTION, 1]
     across += (tx * vy - ty * vx) * view[KEY_DIRECTION, 2]
@@ -160,10 +160,10 @@ def _drawn_in(layout: Template, particles: Blocks, view: F32x2, b, x, y, wider):
     """Where a faint piece is drawn that is so much wider [px] than it is opaque: moved along its normal towards the
     axis of its yarn. Many faint pieces one behind the other are opaque as far as they reach, so that a yarn of them
     would be wider the fewer pixels it has. A piece that is as wide as long is none of a yarn, and stays."""
-    nx = particles[NORMAL, b]
-    ny = particles[NORMAL + 1, b]
-    nz = particles[NORMAL + 2, b]
-    slim = particles[layout.half_length_row, b] / ti.max(particles[RADIUS, b], 1e-12)
+    nx = of_group(particles, NORMAL, b)
+    ny = of_group(particles, NORMAL + 1, b)
+    nz = of_group(particles, NORMAL + 2, b)
+    slim = of_group(particles, layout.half_length_row, b) / ti.max(of_group(particles, RADIUS, b), 1e-12)
     inward = INWARD * wider * ti.min(ti.max(slim - 1.0, 0.0), 1.0)
     x -= inward * (nx * view[0, 0] + ny * view[0, 1] + nz * view[0, 2])
     y -= inward * (nx * view[1, 0] + ny * view[1, 1] + nz * view[1, 2])
@@ -177,6 +177,113 @@ def _tiles(left, right, top, bottom):
     box |= ti.cast(ti.cast(right, ti.i32) // TILE, ti.i64) << 16
     box |= ti.cast(ti.cast(top, ti.i32) // TILE, ti.i64) << 32
     return box | (ti.cast(ti.cast(bottom, ti.i32) // TILE, ti.i64) << 48)
+
+
+@ti.func
+def _splats(
+    layout: Template,
+    shading: Template,
+    crisp: Template,
+    particles: Blocks,
+    light: Blocks,
+    view: F32x2,
+    b,
+    chunk,
+    splats_out: F32x2,
+    boxes_out: I64x1,
+    keys_out: I32x1,
+    histogram_out: I32x2,
+):
+    """Those of the particles at once from b on."""
+    focal, width, height, near = view[LENS, 0], view[IMAGE, 0], view[IMAGE, 1], view[IMAGE, 2]
+    # Where it is: camera axes [m], then pixels.
+    px = of_group(particles, POSITION, b)
+    py = of_group(particles, POSITION + 1, b)
+    pz = of_group(particles, POSITION + 2, b)
+    z = px * view[2, 0] + py * view[2, 1] + pz * view[2, 2] + view[TRANSLATION, 2]
+    scale = 1.0 / ti.max(z, near)
+    u = (px * view[0, 0] + py * view[0, 1] + pz * view[0, 2] + view[TRANSLATION, 0]) * scale
+    v = (px * view[1, 0] + py * view[1, 1] + pz * view[1, 2] + view[TRANSLATION, 1]) * scale
+    x = u * focal + view[LENS, 1]
+    y = v * focal + view[LENS, 2]
+    scale *= focal
+    size = of_group(particles, RADIUS, b)
+    radius = ti.min(ti.max(size * scale, 1e-6), LARGEST)
+
+    red, green, blue, vx, vy, vz, sin_v, key_facing = shade(layout, shading, particles, light, view, b)
+
+    # How far it reaches on the image.
+    reach = radius
+    alpha = radius
+    edge = radius
+    if ti.static(crisp):
+        reach, alpha, edge = _crisp(radius)
+    else:
+        reach, alpha = _soft(radius)
+        edge = each(view[EDGE, 0])
+    half_width, half_height = reach, reach
+    # Of an elongated piece its outline; the others only need the names to be there.
+    s_x, s_y, t_x, t_y = reach, reach, reach, reach
+    slope, endwise, edge_along = reach, reach, reach
+    if ti.static(layout.elliptic):
+        reach, alpha, edge, half_width, half_height, s_x, s_y, t_x, t_y, endwise, edge_along = _piece(
+            layout, crisp, particles, view, b, scale, u, v, radius, reach, edge
+        )
+        slope = _slope(particles, view, b, vx, vy, vz, sin_v, key_facing)
+        if ti.static(not layout.textured):
+            x, y = _drawn_in(layout, particles, view, b, x, y, ti.max(reach - 1.875 * radius, 0.0))
+            red, green, blue = _even(crisp, edge, endwise, view[COAT, 2], red, green, blue)
+    if ti.static(layout.opacity):
+        alpha *= ti.min(ti.max(of_group(particles, layout.opacity_row, b), 0.0), 1.0)
+    else:
+        alpha *= view[DEPTH, 2]
+
+    # Pixels whose centre it touches, as float: casting to int truncates.
+    left = ti.max(x - half_width + 0.5, 0.0)
+    right = ti.min(x + half_width - 0.5, width - 1.0)
+    top = ti.max(y - half_height + 0.5, 0.0)
+    bottom = ti.min(y + half_height - 0.5, height - 1.0)
+    room = ti.min(ti.min(width - left, height - top), ti.min(z - near, size))
+    end = ti.min(right, bottom)
+    depth = (z - view[DEPTH, 0]) * view[DEPTH, 1]
+    for lane in ti.static(range(lanes())):
+        i = b * ti.static(lanes()) + lane
+        key = -1
+        if room[lane] > 0.0 and end[lane] >= 0.0:
+            # Seen: its key, and the numbers that `raster` reads.
+            key = ti.cast(ti.min(ti.max(depth[lane], 0.0), ti.static(float(DEEPEST_KEY))), ti.i32)
+            if ti.static(lanes() == LANES):  # on a device they are counted afterwards
+                low = key & (BINS - 1)
+                histogram_out[chunk, low] = histogram_out[chunk, low] + 1
+            splats_out[i, 0] = x[lane]
+            splats_out[i, 1] = y[lane]
+            splats_out[i, 2] = alpha[lane]
+            splats_out[i, 3] = red[lane]
+            splats_out[i, 4] = green[lane]
+            splats_out[i, 5] = blue[lane]
+            if ti.static(layout.elliptic):
+                splats_out[i, 6] = half_height[lane]
+                splats_out[i, 7] = s_x[lane]
+                splats_out[i, 8] = s_y[lane]
+                splats_out[i, 9] = t_x[lane]
+                splats_out[i, 10] = t_y[lane]
+                splats_out[i, 11] = slope[lane]
+                splats_out[i, 12] = edge[lane]
+                if ti.static(layout.textured):
+                    splats_out[i, 13] = of_group(particles, layout.sprite_row, b)[lane]
+                else:
+                    splats_out[i, 13] = half_width[lane]
+                if ti.static(crisp):
+                    splats_out[i, 14] = endwise[lane]
+                    splats_out[i, 15] = edge_along[lane]
+            else:
+                splats_out[i, 6] = reach[lane]
+                if ti.static(layout.textured):
+                    splats_out[i, 7] = of_group(particles, layout.sprite_row, b)[lane]
+                else:
+                    splats_out[i, 7] = 1.0 / (reach[lane] * reach[lane])
+            boxes_out[i] = _tiles(left[lane], right[lane], top[lane], bottom[lane])
+        keys_out[i] = key
 
 
 @left_to_llvm
@@ -198,106 +305,26 @@ def project(
     keys_out: I32x1,
     histogram_out: I32x2,
 ):
-    """Project, shade and key every particle, and count the low 11 bits of the keys, chunk by chunk.
+    """Project, shade and key every particle, and on a CPU count the low 11 bits of the keys, chunk by chunk.
 
     A particle that is not in the image gets the key -1. boxes_out: the first and last tile column and row that
     the splat touches, 16 bits each from the lowest.
     """
-    for step in range(chunks * CHUNK_STEPS):
-        if step % CHUNK_STEPS != 0:
-            continue
-        chunk = step // CHUNK_STEPS
-        for k in range(BINS):
-            histogram_out[chunk, k] = 0
-        focal = view[LENS, 0]
-        width = view[IMAGE, 0]
-        height = view[IMAGE, 1]
-        near = view[IMAGE, 2]
-        for b in range(share(block_count, chunk, chunks), share(block_count, chunk + 1, chunks)):  # pyright: ignore[reportArgumentType]
-            # Where it is: camera axes [m], then pixels.
-            px = particles[POSITION, b]
-            py = particles[POSITION + 1, b]
-            pz = particles[POSITION + 2, b]
-            z = px * view[2, 0] + py * view[2, 1] + pz * view[2, 2] + view[TRANSLATION, 2]
-            scale = 1.0 / ti.max(z, near)
-            u = (px * view[0, 0] + py * view[0, 1] + pz * view[0, 2] + view[TRANSLATION, 0]) * scale
-            v = (px * view[1, 0] + py * view[1, 1] + pz * view[1, 2] + view[TRANSLATION, 1]) * scale
-            x = u * focal + view[LENS, 1]
-            y = v * focal + view[LENS, 2]
-            scale *= focal
-            size = particles[RADIUS, b]
-            radius = ti.min(ti.max(size * scale, 1e-6), LARGEST)
-
-            red, green, blue, vx, vy, vz, sin_v, key_facing = shade(layout, shading, particles, light, view, b)
-
-            # How far it reaches on the image.
-            reach = radius
-            alpha = radius
-            edge = radius
-            if ti.static(crisp):
-                reach, alpha, edge = _crisp(radius)
-            else:
-                reach, alpha = _soft(radius)
-                edge = Vec16(view[EDGE, 0])
-            half_width, half_height = reach, reach
-            # Of an elongated piece its outline; the others only need the names to be there.
-            s_x, s_y, t_x, t_y = reach, reach, reach, reach
-            slope, endwise, edge_along = reach, reach, reach
-            if ti.static(layout.elliptic):
-                reach, alpha, edge, half_width, half_height, s_x, s_y, t_x, t_y, endwise, edge_along = _piece(
-                    layout, crisp, particles, view, b, scale, u, v, radius, reach, edge
-                )
-                slope = _slope(particles, view, b, vx, vy, vz, sin_v, key_facing)
-                if ti.static(not layout.textured):
-                    x, y = _drawn_in(layout, particles, view, b, x, y, ti.max(reach - 1.875 * radius, 0.0))
-                    red, green, blue = _even(crisp, edge, endwise, view[COAT, 2], red, green, blue)
-            if ti.static(layout.opacity):
-                alpha *= ti.min(ti.max(particles[layout.opacity_row, b], 0.0), 1.0)
-            else:
-                alpha *= view[DEPTH, 2]
-
-            # Pixels whose centre it touches, as float: casting to int truncates.
-            left = ti.max(x - half_width + 0.5, 0.0)
-            right = ti.min(x + half_width - 0.5, width - 1.0)
-            top = ti.max(y - half_height + 0.5, 0.0)
-            bottom = ti.min(y + half_height - 0.5, height - 1.0)
-            room = ti.min(ti.min(width - left, height - top), ti.min(z - near, size))
-            end = ti.min(right, bottom)
-            depth = (z - view[DEPTH, 0]) * view[DEPTH, 1]
-            for lane in ti.static(range(LANES)):
-                i = b * LANES + lane
-                key = -1
-                if room[lane] > 0.0 and end[lane] >= 0.0:
-                    # Seen: its key, and the numbers that `raster` reads.
-                    key = ti.cast(ti.min(ti.max(depth[lane], 0.0), ti.static(float(DEEPEST_KEY))), ti.i32)
-                    low = key & (BINS - 1)
-                    histogram_out[chunk, low] = histogram_out[chunk, low] + 1
-                    splats_out[i, 0] = x[lane]
-                    splats_out[i, 1] = y[lane]
-                    splats_out[i, 2] = alpha[lane]
-                    splats_out[i, 3] = red[lane]
-                    splats_out[i, 4] = green[lane]
-                    splats_out[i, 5] = blue[lane]
-                    if ti.static(layout.elliptic):
-                        splats_out[i, 6] = half_height[lane]
-                        splats_out[i, 7] = s_x[lane]
-                        splats_out[i, 8] = s_y[lane]
-                        splats_out[i, 9] = t_x[lane]
-                        splats_out[i, 10] = t_y[lane]
-                        splats_out[i, 11] = slope[lane]
-                        splats_out[i, 12] = edge[lane]
-                        if ti.static(layout.textured):
-                            splats_out[i, 13] = particles[layout.sprite_row, b][lane]
-                        else:
-                            splats_out[i, 13] = half_width[lane]
-                        if ti.static(crisp):
-                            splats_out[i, 14] = endwise[lane]
-                            splats_out[i, 15] = edge_along[lane]
-                    else:
-                        splats_out[i, 6] = reach[lane]
-                        if ti.static(layout.textured):
-                            splats_out[i, 7] = particles[layout.sprite_row, b][lane]
-                        else:
-                            splats_out[i, 7] = 1.0 / (reach[lane] * reach[lane])
-                    boxes_out[i] = _tiles(left[lane], right[lane], top[lane], bottom[lane])
-                keys_out[i] = key
+    if ti.static(lanes() == 1):
+        for b in range(block_count * LANES):
+            _splats(
+                layout, shading, crisp, particles, light, view, b, 0, splats_out, boxes_out, keys_out,
+                histogram_out,
+            )  # fmt: skip
+    else:
+        for step in range(chunks * CHUNK_STEPS):
+            if step % CHUNK_STEPS != 0:
+                continue
+            chunk = step // CHUNK_STEPS
+            for k in range(BINS):
+                histogram_out[chunk, k] = 0
+            for b in range(share(block_count, chunk, chunks), share(block_count, chunk + 1, chunks)):  # pyright: ignore[reportArgumentType]
+                _splats(
+                    layout, shading, crisp, particles, light, view, b, chunk, splats_out, boxes_out, keys_out,
+                    histogram_out,
+                )  # fmt: skip

@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_cloth.ground.copies import extent, fetched, put, sent, zeros
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.ground.particles import LANES, TILE
 
@@ -29,10 +30,11 @@ from ..light.particle_light import LightMaps, ParticleLight, shading_of
 from ..tiles.lists import TileLists
 from ..tiles.mesh import Mesh
 from ..tiles.picture import Features, RimShape, Turn, new_picture
+from ..tiles.pixels import raster_pixels
 from ..tiles.planes import borrow
 from ..tiles.raster import clear, count_opaque, raster, resolve_linear
 from ..tiles.rows import LUT_STEPS
-from ..tiles.sort import usual_chunks
+from ..tiles.sort import on_cpu, usual_chunks
 from .drawn import RenderStats, SplatLists
 from .neutral import resolve_neutral
 from .project import project
@@ -76,14 +78,14 @@ class Splatter:
         tiles = across * down
         self._lists = TileLists(self.chunks, tiles)
         self._planes = borrow(self, tiles)
-        self._room = np.zeros(tiles * TILE * TILE, np.int32)
+        self._room = zeros(tiles * TILE * TILE, np.int32)
         self._tables: dict[Tone, NDArray[np.int32]] = {}
         self.light = ParticleLight()
         self._view = rows.new_view()
         self._picture = new_picture(shares=self.chunks, opaque=self.opaque)
         self._sheet = np.zeros(1, np.float32)
         if sprites is not None:
-            self._sheet = sprites.pyramid()
+            self._sheet = sent(sprites.pyramid())
             self._picture.sprite_size, self._picture.sprite_texels = sprites.size, len(self._sheet) // len(sprites)
         self._picture.edge = 1.0 if sprites is not None else float(profile.edge or 0.0)
         profiles: dict[float, RimShape] = {0.0: "crisp", 1.0: "soft"}
@@ -107,7 +109,8 @@ class Splatter:
             low, high = int(particles.sprite.min()), int(particles.sprite.max())
             if low < 0 or high >= len(self.sprites):
                 raise InputError(f"particles.sprite: {low} to {high}; allowed: 0 to {len(self.sprites) - 1}")
-        self._layout, self._blocks, self._box = pack(particles, textured=self.sprites is not None)
+        self._layout, blocks, self._box = pack(particles, textured=self.sprites is not None)
+        self._blocks = sent(blocks)
         self._opacity = 1.0 if self._layout.opacity else float(np.float32(particles.opacity))
         self._count = len(particles)
         self.light.forget(mesh)
@@ -127,9 +130,7 @@ class Splatter:
         """
         if blocks.shape != (layout.rows, -(-count // LANES), LANES) or layout.textured != (self.sprites is not None):
             raise InputError(f"blocks: shape {blocks.shape}; allowed: {(layout.rows, -(-count // LANES), LANES)}")
-        places = blocks[:3].reshape(3, -1)
-        box = np.stack([places.min(axis=1), places.max(axis=1)]) if count else np.zeros((2, 3))
-        self._layout, self._blocks, self._box, self._opacity = layout, blocks, box.astype(np.float64), 1.0
+        self._layout, self._blocks, self._box, self._opacity = layout, sent(blocks), extent(blocks), 1.0
         self._count = count
         self.light.forget(mesh)
         self._reserve(blocks.shape[1])
@@ -184,7 +185,7 @@ class Splatter:
         finally:
             self._turn = "only"
             tiles = self._picture.tiles
-            self._lists.starts[: tiles + 1] = np.arange(tiles + 1)  # no tile is known to be empty
+            put(self._lists.starts[: tiles + 1], np.arange(tiles + 1, dtype=np.int32))  # no tile is known to be empty
 
     def render(
         self,
@@ -249,9 +250,10 @@ class Splatter:
         self._features = Features(
             self._layout.of_splat, self._profile, self._turn, "gradient" if backdrop is None else backdrop.kind
         )
-        colours = (background or Background()).rows(self.height) if backdrop is None else backdrop.colour
-        wall = NO_WALL if backdrop is None or backdrop.wall is None else backdrop.wall
-        raster(
+        colours = (background or Background()).rows(self.height) if backdrop is None else sent(backdrop.colour)
+        wall = NO_WALL if backdrop is None or backdrop.wall is None else sent(backdrop.wall)
+        draw = raster if on_cpu() else raster_pixels
+        draw(
             self._features,
             self._picture,
             lists.starts,
@@ -335,7 +337,7 @@ class Splatter:
             out = np.empty(shape, np.uint8)
         if out.shape != shape or out.dtype != np.uint8:
             raise InputError(f"out: {out.dtype} {out.shape}; allowed: uint8 {shape}")
-        rgbx = self._canvas[: self.height].view(np.uint8).reshape(self.height, -1, 4)[:, : self.width]
+        rgbx = fetched(self._canvas[: self.height]).view(np.uint8).reshape(self.height, -1, 4)[:, : self.width]
         if out.flags.c_contiguous:
             cv2.cvtColor(rgbx, cv2.COLOR_BGRA2BGR, dst=out)
         else:
@@ -344,7 +346,7 @@ class Splatter:
 
     def _table(self, tone: Tone) -> NDArray[np.int32]:
         if tone not in self._tables:
-            self._tables[tone] = tone_table(tone, LUT_STEPS).astype(np.int32)
+            self._tables[tone] = sent(tone_table(tone, LUT_STEPS).astype(np.int32))
         return self._tables[tone]
 
     def _reserve(self, blocks: int) -> None:
@@ -356,5 +358,5 @@ class Splatter:
             self._opacity = 1.0
         size = self._layout.splat_size
         if not hasattr(self, "_splats") or self._splats.shape[0] < count or self._splats.shape[1] != size:
-            self._splats = np.zeros((count, size), np.float32)
+            self._splats = zeros((count, size))
             self._lists.reserve(count)

@@ -14,6 +14,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_cloth.ground.copies import fetched
 from taichi_cloth.ground.particles import TILE
 
 from ..data.backdrop import Backdrop
@@ -89,6 +90,8 @@ def stream(
     width, height = splatter.width, splatter.height
     image = np.empty((height, width, 3), np.uint8) if out is None else out
     background = background or Background()
+    if backdrop is not None:
+        backdrop = replace(backdrop, colour=fetched(backdrop.colour))  # it is cut into windows
     if splatter.light.held is None and "lighting" in options and options["lighting"] is not None:
         options["lighting"] = options["lighting"].without_maps()
     seen = source.survey(camera)

@@ -11,7 +11,8 @@ import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
 
-from taichi_cloth.ground.arrays import F32x1, F32x2, F32x3, I32x2, Template
+from taichi_cloth.ground.arrays import F32x1, F32x2, F32x3, Float, I32x2, Int, Template
+from taichi_cloth.ground.copies import DeviceArray, fetched, filled, zeros
 from taichi_cloth.ground.vectors import keep
 
 from ..data.backdrop import Backdrop, padded, tiled
@@ -56,31 +57,44 @@ def paint(
         return None
     lighting, background = lighting or Lighting(), background or Background()
     chunks = usual_chunks() if chunks is None else chunks
+    depth = face = edges = None
+    colour = zeros((camera.height, padded(camera.width), 3))
+    if mesh is not None:
+        depth, face, edges = visible(mesh, camera, chunks=chunks)
+    if mesh is not None and samples > 1 and samples * max(camera.width, camera.height) <= LARGEST:
+        options = {"background": background, "lighting": lighting, "mesh": mesh, "stage": stage, "maps": maps}
+        fine = paint(_finer(camera, samples), chunks=chunks, **options)
+        assert fine is not None
+        if isinstance(colour, DeviceArray):
+            _mean(samples, camera.width, fine.colour, colour)
+        else:
+            parts = fine.colour[:, : samples * camera.width].reshape(camera.height, samples, camera.width, samples, 3)
+            colour[:, : camera.width] = parts.mean(axis=(1, 3))
+        return Backdrop(colour, tiled(fetched(depth)), fetched(face), edges)
     view = new_view()
     set_view(view, camera, lighting)
-    width = padded(camera.width)
-    colour = np.empty((camera.height, width, 3), np.float32)
     place, darkening = np.zeros((2, 3), np.float32), np.ones((1, 1, 3), np.float32)
     if stage is not None:
         place[0], place[1] = (stage.ground, *stage.centre), 1 / stage.cell
         darkening = stage.darkening(camera, lighting, None if maps is None else maps.lights[0])
     _floor(stage is not None, view, place, darkening, background.ends(), colour)
-    if mesh is None:
+    if mesh is None or depth is None or face is None:
         return Backdrop(colour)
-    depth, face, edges = visible(mesh, camera, chunks=chunks)
-    if samples > 1 and samples * max(camera.width, camera.height) <= LARGEST:
-        options = {"background": background, "lighting": lighting, "mesh": mesh, "stage": stage, "maps": maps}
-        fine = paint(_finer(camera, samples), chunks=chunks, **options)
-        assert fine is not None
-        parts = fine.colour[:, : samples * camera.width].reshape(camera.height, samples, camera.width, samples, 3)
-        colour[:, : camera.width] = parts.mean(axis=(1, 3))
-        return Backdrop(colour, tiled(depth), face, edges)
     lamps = [(lamp.towards(camera), np.multiply(lamp.intensity, lamp.colour)) for lamp in lighting.lights]
     lamps = np.array(lamps, np.float32) * np.array([[1.0], [2.0**lighting.exposure]], np.float32)
     lights = () if maps is None else maps.lights
     behind = from_behind(mesh, camera)
     passing = np.ones((1, 1, 1), np.float32)
-    if any(lights):
+    skin = np.asarray(mesh.skin)
+    faces = np.column_stack([mesh.faces, behind]).astype(np.int32)
+    if any(lights) and isinstance(depth, DeviceArray):
+        passing = filled((len(lamps), *face.shape), 1.0)
+        points = zeros((face.size, 3))
+        for j, one in enumerate(lights):
+            if one is not None:
+                _off_surface(one.texel, view, faces, mesh.normals, edges, face, depth, points)
+                one.shadows_of(points, passing[j].reshape(-1))
+    elif any(lights):
         row, column = np.nonzero(face >= 0)
         at = unproject(camera, row, column, depth[row, column])
         normal = normals_at(mesh, face, edges, behind, row, column)
@@ -93,13 +107,11 @@ def paint(
         for side, normals in enumerate((np.asarray(mesh.normals), -np.asarray(mesh.normals))):
             seen = maps.sky.seen_from(mesh.vertices + LIFT * maps.sky.texel * normals, normals)
             open_sky[:, side] = spread(seen, mesh.faces, SPREAD)
-    skin = np.asarray(mesh.skin)
-    faces = np.column_stack([mesh.faces, behind]).astype(np.int32)
     surface = np.column_stack([mesh.colour, skin]).astype(np.float32)
     _shade(
         any(lights), bool(skin.any()), view, lamps, faces, surface, mesh.normals, open_sky, edges, face, passing, colour
     )
-    return Backdrop(colour, tiled(depth), face, edges)
+    return Backdrop(colour, tiled(fetched(depth)), fetched(face), edges)
 
 
 def _finer(camera: Camera, samples: int) -> Camera:
@@ -178,6 +190,37 @@ def smooth_normal(faces: I32x2, normals: F32x2, f, b):
         for k in ti.static(range(3)):
             n[k] += b[i] * normals[faces[f, i], k]
     return n / ti.max(n.norm(), 1e-12)
+
+
+@ti.kernel
+def _off_surface(
+    out: Float, view: F32x2, faces: I32x2, normals: F32x2, edges: F32x2, face: I32x2, depth: F32x2, points_out: F32x2
+):
+    """The place `out` [m] along the normal from what each pixel sees of a mesh, pixel after pixel."""
+    width = face.shape[1]
+    for i in range(face.shape[0] * width):
+        y, x = i // width, i % width
+        f = face[y, x]
+        if f >= 0:
+            n = smooth_normal(faces, normals, f, weights(edges, f, x + 0.5, y + 0.5))
+            n *= 1.0 - 2.0 * faces[f, 3]  # pyright: ignore[reportIndexIssue]
+            u, v = (x + 0.5 - view[LENS, 1]) / view[LENS, 0], (y + 0.5 - view[LENS, 2]) / view[LENS, 0]
+            z = depth[y, x]
+            for k in ti.static(range(3)):
+                ray = u * view[0, k] + v * view[1, k] + view[2, k]
+                points_out[i, k] = view[EYE, k] + z * ray + out * n[k]
+
+
+@ti.kernel
+def _mean(samples: Int, width: Int, fine: F32x3, colour_out: F32x3):
+    """Of samples × samples pixels each."""
+    for i in range(colour_out.shape[0] * width):
+        y, x = i // width, i % width
+        for c in ti.static(range(3)):
+            total = 0.0
+            for j in range(samples * samples):
+                total += fine[y * samples + j // samples, x * samples + j % samples, c]
+            colour_out[y, x, c] = total / (samples * samples)
 
 
 @ti.func

@@ -13,10 +13,14 @@ layers, pushed away from the key light and blurred as h times the size of the li
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import irfft2, rfft2
+
+from taichi_cloth.ground.runtime import threads
 
 from ..data.blocks import ParticleBlocks
 from ..data.camera import Camera
@@ -46,7 +50,7 @@ LOWEST_KEY = 0.2
 """A key light lower than this (sine of its elevation) gives the shadow of one that high, fainter."""
 
 SAMPLES = 200_000
-"""Points that stand for a mesh."""
+"""Points that stand for a mesh, and particles that stand for those on a device."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,15 +79,15 @@ class Stage:
         offset = (np.fft.fftfreq(2 * CELLS) * 2 * CELLS * self.cell) ** 2
         distance = offset[:, None] + offset[None, : CELLS + 1]  # even in x: half of it is enough
         total = np.zeros((2 * CELLS, CELLS + 1), np.complex128)
-        below = np.ones((CELLS, CELLS), np.float32)
+        below, padded = np.ones((CELLS, CELLS), np.float32), (2 * CELLS, 2 * CELLS)
         for height, cover in zip(self.heights, self.cover, strict=True):
             h = max(height, 0.7 * self.cell) ** 2
             kernel = h / np.pi / (h + distance) ** 2 * self.cell**2
             kernel = np.concatenate([kernel, kernel[:, -2:0:-1]], axis=1)
             kernel /= max(1.0, float(kernel.sum()))
-            total += np.fft.rfft2(cover * below, (2 * CELLS, 2 * CELLS)) * np.fft.rfft2(kernel)
+            total += np.fft.rfft2(cover * below, padded) * np.asarray(rfft2(kernel, workers=threads()))
             below *= 1 - cover  # what is seen from below hides what is above it
-        blocked = np.fft.irfft2(total, (2 * CELLS, 2 * CELLS))[:CELLS, :CELLS]
+        blocked = np.asarray(irfft2(total, padded, workers=threads()))[:CELLS, :CELLS]
         return np.clip(blocked, 0, 1).astype(np.float32)
 
     def key_passing(self, towards: NDArray[np.float64], size_deg: float = 6.0) -> NDArray[np.float32]:
@@ -114,8 +118,12 @@ class Stage:
         """Light on the floor relative to an open one, 0..1 a colour, shape (CELLS, CELLS, 3); 1 at the borders.
 
         key_map: of the subject under the key light; without it the layers throw the shadow.
+        Kept for the next picture under the same light.
         """
         towards = lighting.towards_key(camera)
+        light, map_of, found = self._darkened.get("last", (None, None, None))
+        if found is not None and light == (lighting, towards.tolist()) and map_of is key_map:
+            return found
         key, sky = lighting.radiances()[0], lighting.ambient(1.0)
         key = key * max(float(towards[1]), 0.0)
         passing = self.key_passing(towards, lighting.size) if key_map is None else self.key_mapped(key_map)
@@ -123,7 +131,14 @@ class Stage:
         place = (np.arange(CELLS) + 0.5) / CELLS * 2 - 1
         far = np.clip((np.hypot(place[:, None], place) - FADE[0]) / (FADE[1] - FADE[0]), 0, 1)
         fade = 1 - far**2 * (3 - 2 * far)
-        return (1 - fade[..., None] * (1 - lit / np.maximum(key + sky, 1e-12))).astype(np.float32)
+        found = (1 - fade[..., None] * (1 - lit / np.maximum(key + sky, 1e-12))).astype(np.float32)
+        self._darkened["last"] = (lighting, towards.tolist()), key_map, found
+        return found
+
+    @cached_property
+    def _darkened(self) -> dict[str, Any]:
+        """Under which light, by which map of it, the last `darkening`."""
+        return {}
 
 
 def stage_under(particles: Particles | ParticleBlocks, mesh: Mesh | None = None) -> Stage | None:
@@ -131,12 +146,16 @@ def stage_under(particles: Particles | ParticleBlocks, mesh: Mesh | None = None)
 
     The lowest five thousandths of the particles may reach through it: single hairs do not lift a cloth.
     """
+    each = 1
+    if isinstance(particles, ParticleBlocks):
+        particles, each = particles.some(SAMPLES)
     place, radius, half_length = particles.position, particles.radius, particles.half_length
     drawn = np.isfinite(place).all(axis=1) & (radius > 0) & np.isfinite(radius)
     place, radius = place[drawn].astype(np.float64), radius[drawn].astype(np.float64)
     area = np.pi * radius**2
     if half_length is not None:
         area = 2 * radius * np.maximum(half_length[drawn], radius) / 1.5  # chains overlap
+    area *= each
     low = float(np.quantile(place[:, 1] - radius, 0.005)) if len(place) else np.inf
     if mesh is not None:
         points, share = _on_mesh(mesh)

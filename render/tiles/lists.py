@@ -2,10 +2,25 @@
 
 import numpy as np
 
+from taichi_cloth.ground import runtime
+from taichi_cloth.ground.copies import zeros
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.ground.particles import LANES
 
-from .sort import BINS, count_high, count_tiles, fill_tiles, places, scatter_high, scatter_low
+from .sort import (
+    BINS,
+    GPU_CHUNKS,
+    MOST_CHUNKS,
+    MOST_COUNTS,
+    Scan,
+    count_high,
+    count_low,
+    count_tiles,
+    fill_tiles,
+    on_cpu,
+    scatter_high,
+    scatter_low,
+)
 
 __all__ = ["TileLists"]
 
@@ -14,7 +29,7 @@ MAX_TILE_ENTRIES = 2**31 - 1
 
 
 class TileLists:
-    """Lists for images of up to `tiles` tiles; work is cut into `chunks` parts.
+    """Lists for images of up to `tiles` tiles; work is cut into `chunks` parts, more where arrays stay on a device.
 
     Of every splat (n,): keys: int32 depth, -1 for what is not drawn; boxes: int64 the tiles it touches, see `project`.
     histogram: (chunks, bins) of the keys' low bits. These are filled from outside, then `sort`, then `fill` makes
@@ -22,23 +37,25 @@ class TileLists:
     """
 
     def __init__(self, chunks: int, tiles: int) -> None:
-        self.chunks = chunks
-        self.histogram = np.zeros((chunks, max(BINS, tiles)), np.int32)
-        self.starts = np.zeros(tiles + 1, np.int32)
-        self.entries = np.zeros(1, np.int32)
+        bins = max(BINS, tiles)
+        self.chunks = max(GPU_CHUNKS, min(MOST_CHUNKS, MOST_COUNTS // bins)) if runtime.resident() else chunks
+        self.histogram, self._scan = zeros((self.chunks, bins), np.int32), Scan(self.chunks, bins)
+        self.starts, self.entries = zeros(tiles + 1, np.int32), zeros(1, np.int32)
         self.reserve(1)
 
     def reserve(self, count: int) -> None:
         """Room for so many splats."""
-        self.boxes = np.zeros(count, np.int64)
-        self.keys, self._order, self._high, self._sorted = (np.zeros(count, np.int32) for _ in range(4))
+        self.boxes = zeros(count, np.int64)
+        self.keys, self._order, self._high, self._sorted = (zeros(count, np.int32) for _ in range(4))
 
     def sort(self, blocks: int) -> int:
         """Depth order of the splats of so many blocks of particles; returns how many are drawn."""
-        drawn = places(self.histogram, self.chunks, BINS)
+        if not on_cpu():
+            count_low(self.chunks, blocks, LANES, self.keys, self.histogram)
+        drawn = self._scan.places(self.histogram, self.chunks, BINS)
         scatter_low(self.chunks, blocks, LANES, self.keys, self.histogram, self._order, self._high)
         count_high(self.chunks, drawn, self._high, self.histogram)
-        places(self.histogram, self.chunks, BINS)
+        self._scan.places(self.histogram, self.chunks, BINS)
         scatter_high(self.chunks, drawn, self._high, self._order, self.histogram, self._sorted)
         return drawn
 
@@ -48,13 +65,13 @@ class TileLists:
         Raises InputError where that is more than can be counted.
         """
         count_tiles(self.chunks, drawn, across, tiles, self._sorted, self.boxes, self.histogram)
-        entries = places(self.histogram, self.chunks, tiles, self.starts)
+        entries = self._scan.places(self.histogram, self.chunks, tiles, self.starts)
         if entries > MAX_TILE_ENTRIES:
             raise InputError(
                 f"tile lists: {entries} entries; allowed: {MAX_TILE_ENTRIES}; "
                 "draw a smaller image, fewer particles or smaller radii"
             )
         if entries > len(self.entries):
-            self.entries = np.zeros(min(int(entries * 1.25), MAX_TILE_ENTRIES), np.int32)
+            self.entries = zeros(min(int(entries * 1.25), MAX_TILE_ENTRIES), np.int32)
         fill_tiles(self.chunks, drawn, across, self._sorted, self.boxes, self.histogram, self.entries)
         return entries

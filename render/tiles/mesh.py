@@ -18,9 +18,11 @@ import numpy as np
 import taichi as ti
 from numpy.typing import ArrayLike, NDArray
 
+from taichi_cloth.ground import runtime
 from taichi_cloth.ground.arrays import F32x2, Float, I32x1, I32x2, Int
+from taichi_cloth.ground.copies import DeviceArray, zeros
 from taichi_cloth.ground.errors import InputError
-from taichi_cloth.ground.vectors import keep
+from taichi_cloth.ground.vectors import keep, lanes
 
 from ..data.backdrop import OPEN, padded
 from ..data.camera import Camera
@@ -106,7 +108,8 @@ def join(meshes: Sequence[Mesh]) -> Mesh:
 
 def visible(mesh: Mesh, camera: Camera, *, chunks: int) -> tuple[NDArray[np.float32], NDArray[np.int32], NDArray]:
     """What is seen of a mesh: depth [m] (height, whole tiles), OPEN where nothing is; the triangle, -1 for none; and
-    for every triangle the rows of b0, b1, b2 (each times |D| / z) and 1 / z as a x + b y + c, shape (f, 12)."""
+    for every triangle the rows of b0, b1, b2 (each times |D| / z) and 1 / z as a x + b y + c, shape (f, 12). Depth and
+    triangle lie where kernels read them."""
     edges, boxes = _set_up(mesh, camera)
     width = padded(camera.width)
     bands = -(-camera.height // BAND)
@@ -117,8 +120,9 @@ def visible(mesh: Mesh, camera: Camera, *, chunks: int) -> tuple[NDArray[np.floa
     order = np.argsort(band, kind="stable")
     starts = np.searchsorted(band[order], np.arange(bands + 1)).astype(np.int32)
     lists = np.append(np.repeat(seen, many)[order], 0).astype(np.int32)
-    depth = np.full((camera.height, width), OPEN, np.float32)
-    face = np.full((camera.height, width), -1, np.int32)
+    depth, face = zeros((camera.height, width)), zeros((camera.height, width), np.int32)
+    if not isinstance(depth, DeviceArray):
+        depth[:], face[:] = OPEN, -1
     _raster(chunks, bands, camera.height, camera.near, starts, lists, edges, boxes, depth, face)
     return depth, face, edges
 
@@ -221,29 +225,50 @@ def _raster(
     depth_out: F32x2,
     face_out: I32x2,
 ):
-    """Nearest triangle of each pixel; of two at the same depth the first. Bands are dealt to threads in turn."""
+    """Nearest triangle of each pixel; of two at the same depth the first. Bands are dealt to threads in turn; on a
+    device a pixel has a thread."""
     keep(face_out, (0, 0), height)
-    for step in range(chunks * CHUNK_STEPS):
-        if step % CHUNK_STEPS == 0:
-            band = step // CHUNK_STEPS
-            while band < bands:
-                top = band * BAND
-                bottom = ti.min(top + BAND, height)
-                for i in range(starts[band], starts[band + 1]):
-                    f = lists[i]
-                    for y in range(ti.max(top, boxes[f, 2]), ti.min(bottom, boxes[f, 3])):
-                        v = y + 0.5
-                        w0 = edges[f, 1] * v + edges[f, 2]
-                        w1 = edges[f, 4] * v + edges[f, 5]
-                        w2 = edges[f, 7] * v + edges[f, 8]
-                        w3 = edges[f, 10] * v + edges[f, 11]
-                        for x in range(boxes[f, 0], boxes[f, 1]):
-                            u = x + 0.5
-                            inside = ti.min(edges[f, 0] * u + w0, edges[f, 3] * u + w1, edges[f, 6] * u + w2)
-                            inverse = edges[f, 9] * u + w3
-                            if inside >= 0.0 and inverse > 0.0:
-                                z = 1.0 / inverse
-                                if z > near and z < depth_out[y, x]:
-                                    depth_out[y, x] = z
-                                    face_out[y, x] = f
-                band += chunks
+    if ti.static(lanes() == 1):
+        for p in range(height * depth_out.shape[1]):
+            y, x = p // depth_out.shape[1], p % depth_out.shape[1]
+            if ti.static(runtime.resident()):
+                depth_out[y, x], face_out[y, x] = OPEN, -1
+            for i in range(starts[y // BAND], starts[y // BAND + 1]):
+                f = lists[i]
+                if boxes[f, 0] <= x and x < boxes[f, 1] and boxes[f, 2] <= y and y < boxes[f, 3]:
+                    v = y + 0.5
+                    w0 = edges[f, 1] * v + edges[f, 2]
+                    w1 = edges[f, 4] * v + edges[f, 5]
+                    w2 = edges[f, 7] * v + edges[f, 8]
+                    _cover(near, edges, f, x, y, w0, w1, w2, edges[f, 10] * v + edges[f, 11], depth_out, face_out)
+    else:
+        for step in range(chunks * CHUNK_STEPS):
+            if step % CHUNK_STEPS == 0:
+                band = step // CHUNK_STEPS
+                while band < bands:
+                    top = band * BAND
+                    bottom = ti.min(top + BAND, height)
+                    for i in range(starts[band], starts[band + 1]):
+                        f = lists[i]
+                        for y in range(ti.max(top, boxes[f, 2]), ti.min(bottom, boxes[f, 3])):
+                            v = y + 0.5
+                            w0 = edges[f, 1] * v + edges[f, 2]
+                            w1 = edges[f, 4] * v + edges[f, 5]
+                            w2 = edges[f, 7] * v + edges[f, 8]
+                            w3 = edges[f, 10] * v + edges[f, 11]
+                            for x in range(boxes[f, 0], boxes[f, 1]):
+                                _cover(near, edges, f, x, y, w0, w1, w2, w3, depth_out, face_out)
+                    band += chunks
+
+
+@ti.func
+def _cover(near, edges: F32x2, f, x, y, w0, w1, w2, w3, depth_out: F32x2, face_out: I32x2):
+    """Pixel x of a row by triangle f, where that is nearer. w0 to w3: of its functions, what hangs on the row."""
+    u = x + 0.5
+    inside = ti.min(edges[f, 0] * u + w0, edges[f, 3] * u + w1, edges[f, 6] * u + w2)
+    inverse = edges[f, 9] * u + w3
+    if inside >= 0.0 and inverse > 0.0:
+        z = 1.0 / inverse
+        if z > near and z < depth_out[y, x]:
+            depth_out[y, x] = z
+            face_out[y, x] = f

@@ -18,6 +18,7 @@ from .blend import blend_piece, blend_round
 from .compiling import left_to_llvm
 from .picture import Picture
 from .rows import BOTH, HALF, packed, row_of, shown, span
+from .sort import on_cpu
 
 __all__ = ["CHECK_EVERY", "clear", "count_opaque", "raster", "resolve_linear"]
 
@@ -184,7 +185,7 @@ def clear(tiles: Int, planes: Template):
 def count_opaque(picture: Picture, planes: Template) -> Int:
     """How many tiles let less than `opaque` pass everywhere."""
     count = 0
-    ti.loop_config(serialize=True)
+    ti.loop_config(serialize=ti.static(on_cpu()))
     for tile in range(picture.tiles):
         count += ti.cast(planes.most_passing(tile) < picture.opaque, ti.i32)
     return count

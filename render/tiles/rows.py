@@ -19,6 +19,7 @@ __all__ = [
     "row_of",
     "shown",
     "span",
+    "texel",
 ]
 
 LUT_STEPS = 4096
@@ -103,18 +104,53 @@ def packed(srgb: I32x1, red, green, blue):
 
 
 @ti.func
+def level_of(picture: Template, sprite, reach):
+    """First texel and width of the mip level of about four texels a pixel of a sprite."""
+    base = sprite * picture.sprite_texels
+    texels = picture.sprite_size
+    while ti.cast(texels, ti.f32) > 8.0 * reach and texels > 4:
+        base += texels * texels
+        texels = texels // 2
+    return base, texels
+
+
+@ti.func
+def bilinear(sheet: F32x1, base, texels, s, t):
+    """Alpha of a level of a sprite at s, t."""
+    half = 0.5 * ti.cast(texels, ti.f32)
+    column = (t + 1.0) * half - 0.5
+    row = (s + 1.0) * half - 0.5
+    left = ti.cast(ti.floor(column), ti.i32)
+    top = ti.cast(ti.floor(row), ti.i32)
+    f = column - ti.floor(column)
+    g = row - ti.floor(row)
+    value = 0.0
+    for j in ti.static(range(2)):
+        for i in ti.static(range(2)):
+            if 0 <= left + i < texels and 0 <= top + j < texels:  # outside the sprite nothing covers
+                weight = (f if ti.static(i == 1) else 1.0 - f) * (g if ti.static(j == 1) else 1.0 - g)
+                value += weight * sheet[base + (top + j) * texels + left + i]
+    return value
+
+
+@ti.func
+def texel(picture: Template, sheet: F32x1, sprite, reach, s, t):
+    """Alpha of one pixel from a sprite, as of `row_from_sprite`."""
+    value = 0.0
+    if ti.abs(s) < 1.0 and ti.abs(t) < 1.0:
+        base, texels = level_of(picture, sprite, reach)
+        value = bilinear(sheet, base, texels, s, t)
+    return value
+
+
+@ti.func
 def row_from_sprite(picture: Template, sheet: F32x1, sprite, reach, s0, t0, s_y, t_y, dy):
     """Alpha of 16 pixels of a row from a sprite, bilinear, from the mip level of about four texels a pixel.
 
     sheet: all levels of all sprites (see `sprites.SpriteSheet.pyramid`). Across the fibre is down the sprite, along
     it is right.
     """
-    base = sprite * picture.sprite_texels
-    texels = picture.sprite_size
-    while ti.cast(texels, ti.f32) > 8.0 * reach and texels > 4:
-        base += texels * texels
-        texels = texels // 2
-    half = 0.5 * ti.cast(texels, ti.f32)
+    base, texels = level_of(picture, sprite, reach)
     alpha = Vec16(0.0)
     # Only between the pixels where s and t are within -1..1.
     s_x = s0[1] - s0[0]
@@ -128,19 +164,7 @@ def row_from_sprite(picture: Template, sheet: F32x1, sprite, reach, s0, t0, s_y,
         s = s0[x] + s_y * dy
         t = t0[x] + t_y * dy
         if ti.abs(s) < 1.0 and ti.abs(t) < 1.0:
-            column = (t + 1.0) * half - 0.5
-            row = (s + 1.0) * half - 0.5
-            left = ti.cast(ti.floor(column), ti.i32)
-            top = ti.cast(ti.floor(row), ti.i32)
-            f = column - ti.floor(column)
-            g = row - ti.floor(row)
-            value = 0.0
-            for j in ti.static(range(2)):
-                for i in ti.static(range(2)):
-                    if 0 <= left + i < texels and 0 <= top + j < texels:  # outside the sprite nothing covers
-                        weight = (f if ti.static(i == 1) else 1.0 - f) * (g if ti.static(j == 1) else 1.0 - g)
-                        value += weight * sheet[base + (top + j) * texels + left + i]
-            alpha[x] = value
+            alpha[x] = bilinear(sheet, base, texels, s, t)
     return alpha
 
 

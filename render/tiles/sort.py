@@ -5,8 +5,11 @@ bins, and within a bin over the chunks, turns the counts into places; then each 
 order. Whatever the number of chunks, the result is the same stable sort.
 
 Taichi on a CPU gives each thread at least 512 iterations of a parallel loop and splits them evenly. A loop over
-chunks therefore runs CHUNK_STEPS iterations a chunk, of which the first does all the work.
+chunks therefore runs CHUNK_STEPS iterations a chunk, of which the first does all the work. On a device it runs
+WARP: so threads that take different ways do not wait for each other, and there are thousands of chunks.
 """
+
+from typing import Any
 
 import numpy as np
 import taichi as ti
@@ -14,15 +17,21 @@ from numpy.typing import NDArray
 from taichi.lang import impl
 
 from taichi_cloth.ground.arrays import I32x1, I32x2, I64x1, Int, Long
+from taichi_cloth.ground.copies import DeviceArray, zeros
 
 __all__ = [
     "BINS",
     "CHUNK_STEPS",
     "DEEPEST_KEY",
+    "GPU_CHUNKS",
+    "MOST_CHUNKS",
+    "MOST_COUNTS",
+    "Scan",
     "count_high",
+    "count_low",
     "count_tiles",
     "fill_tiles",
-    "places",
+    "on_cpu",
     "scatter_high",
     "scatter_low",
     "share",
@@ -37,34 +46,56 @@ DEEPEST_KEY = BINS * BINS - 1
 
 CHUNK_STEPS = 1024
 
-GPU_CHUNKS = 256
+WARP = 32
+"""Threads of a device that go the same way together."""
+
+GPU_CHUNKS, MOST_CHUNKS, MOST_COUNTS = 256, 4096, 1 << 24
+"""Chunks on a graphics device; and, where arrays stay there, at most, with so many counts in a histogram of all."""
 
 
 def usual_chunks() -> int:
     """Parts that work is cut into: one a thread of a CPU; many for a graphics device, where a part is one lane's."""
-    return int(impl.current_cfg().cpu_max_num_threads) if _on_cpu() else GPU_CHUNKS
+    return int(impl.current_cfg().cpu_max_num_threads) if on_cpu() else GPU_CHUNKS
 
 
-def _on_cpu() -> bool:
+def on_cpu() -> bool:
     return impl.current_cfg().arch in (ti.x64, ti.arm64)
 
 
-def places(histogram: NDArray[np.int32], chunks: int, bins: int, starts: NDArray[np.int32] | None = None) -> int:
-    """Replace counts by places, bin by bin and chunk by chunk; returns their total, and where each bin begins.
+def _steps() -> int:
+    return CHUNK_STEPS if on_cpu() else WARP
 
-    histogram: (chunks or more, bins or more). starts: (bins + 1 or more,). A graphics device would go through the
-    bins with one lane, so there it is done on the host.
-    """
-    if starts is None:
-        starts = np.empty(bins + 1, np.int32)
-    if _on_cpu():
-        return _scan(chunks, bins, histogram, starts)
-    counts = histogram[:chunks, :bins].T.ravel().astype(np.int64)
-    ends = np.cumsum(counts)
-    begins = (ends - counts).reshape(bins, chunks)
-    histogram[:chunks, :bins] = begins.T.astype(np.int32)
-    starts[: bins + 1] = np.append(begins[:, 0], ends[-1]).astype(np.int32)
-    return int(ends[-1])
+
+class Scan:
+    """Sums over the histograms of up to `chunks` chunks, of up to `bins` bins each."""
+
+    def __init__(self, chunks: int, bins: int) -> None:
+        self._part, self._total = zeros((min(PARTS, chunks), bins), np.int32), zeros(bins, np.int32)
+        self._group, self._starts = zeros(-(-bins // GROUP), np.int32), zeros(bins + 1, np.int32)
+
+    def places(self, histogram: NDArray[np.int32], chunks: int, bins: int, starts: Any = None) -> int:
+        """Replace counts by places, bin by bin and chunk by chunk; returns their total, and where each bin begins.
+
+        histogram: (chunks or more, bins or more). starts: (bins + 1 or more,). Where arrays do not stay on a graphics
+        device it is done on the host.
+        """
+        starts = self._starts if starts is None else starts
+        if on_cpu():
+            return _scan(chunks, bins, histogram, starts)
+        if isinstance(histogram, DeviceArray):
+            return _scan_at_once(chunks, bins, histogram, self._part, self._total, self._group, starts)
+        counts = histogram[:chunks, :bins].T.ravel().astype(np.int64)
+        ends = np.cumsum(counts)
+        begins = (ends - counts).reshape(bins, chunks)
+        histogram[:chunks, :bins] = begins.T.astype(np.int32)
+        starts[: bins + 1] = np.append(begins[:, 0], ends[-1]).astype(np.int32)
+        return int(ends[-1])
+
+
+PARTS = 64
+"""Into which chunks are cut where they are summed at once."""
+GROUP = 64
+"""Bins that are summed before those that come after."""
 
 
 @ti.func
@@ -89,14 +120,75 @@ def _scan(chunks: Int, bins: Int, histogram: I32x2, starts_out: I32x1) -> Long:
 
 
 @ti.kernel
+def _scan_at_once(
+    chunks: Int, bins: Int, histogram: I32x2, part: I32x2, total: I32x1, group: I32x1, starts_out: I32x1
+) -> Long:
+    """The same with a thread for each bin and part of the chunks."""
+    parts = part.shape[0]
+    for t in range(parts * bins):
+        own, k, run = t // bins, t % bins, 0
+        for chunk in range(share(chunks, own, parts), share(chunks, own + 1, parts)):  # pyright: ignore[reportArgumentType]
+            run += histogram[chunk, k]
+        part[own, k] = run
+    for k in range(bins):
+        run = 0
+        for own in range(parts):
+            here = part[own, k]
+            part[own, k] = run
+            run += here
+        total[k] = run
+    groups = (bins + GROUP - 1) // GROUP
+    for j in range(groups):
+        run = 0
+        for k in range(j * GROUP, ti.min((j + 1) * GROUP, bins)):
+            run += total[k]
+        group[j] = run
+    for k in range(bins + 1):
+        run = 0
+        for j in range(k // GROUP):
+            run += group[j]
+        for m in range(k // GROUP * GROUP, k):
+            run += total[m]
+        starts_out[k] = run
+    for t in range(parts * bins):
+        own, k = t // bins, t % bins
+        run = starts_out[k] + part[own, k]
+        for chunk in range(share(chunks, own, parts), share(chunks, own + 1, parts)):  # pyright: ignore[reportArgumentType]
+            here = histogram[chunk, k]
+            histogram[chunk, k] = run
+            run += here
+    everything = ti.cast(0, ti.i64)
+    ti.loop_config(serialize=True)
+    for j in range(groups):
+        everything += group[j]
+    return everything
+
+
+@ti.kernel
+def count_low(chunks: Int, block_count: Int, block_size: Int, keys: I32x1, histogram_out: I32x2):
+    """Histogram of the low 11 bits of the keys that there are, where `project` has not counted them."""
+    for step in range(chunks * ti.static(_steps())):
+        if step % ti.static(_steps()) != 0:
+            continue
+        chunk = step // ti.static(_steps())
+        for k in range(BINS):
+            histogram_out[chunk, k] = 0
+        first = share(block_count, chunk, chunks) * block_size
+        for i in range(first, share(block_count, chunk + 1, chunks) * block_size):
+            if keys[i] >= 0:
+                low = keys[i] & (BINS - 1)
+                histogram_out[chunk, low] = histogram_out[chunk, low] + 1
+
+
+@ti.kernel
 def scatter_low(
     chunks: Int, block_count: Int, block_size: Int, keys: I32x1, histogram: I32x2, order_out: I32x1, high_out: I32x1
 ):
     """First round: particles that have a key, by its low 11 bits; high_out takes its high bits along."""
-    for step in range(chunks * CHUNK_STEPS):
-        if step % CHUNK_STEPS != 0:
+    for step in range(chunks * ti.static(_steps())):
+        if step % ti.static(_steps()) != 0:
             continue
-        chunk = step // CHUNK_STEPS
+        chunk = step // ti.static(_steps())
         first = share(block_count, chunk, chunks) * block_size
         for i in range(first, share(block_count, chunk + 1, chunks) * block_size):
             key = keys[i]
@@ -111,10 +203,10 @@ def scatter_low(
 @ti.kernel
 def count_high(chunks: Int, count: Int, high: I32x1, histogram_out: I32x2):
     """Histogram of the high bits, in the order of the first round."""
-    for step in range(chunks * CHUNK_STEPS):
-        if step % CHUNK_STEPS != 0:
+    for step in range(chunks * ti.static(_steps())):
+        if step % ti.static(_steps()) != 0:
             continue
-        chunk = step // CHUNK_STEPS
+        chunk = step // ti.static(_steps())
         for k in range(BINS):
             histogram_out[chunk, k] = 0
         for i in range(share(count, chunk, chunks), share(count, chunk + 1, chunks)):  # pyright: ignore[reportArgumentType]
@@ -124,10 +216,10 @@ def count_high(chunks: Int, count: Int, high: I32x1, histogram_out: I32x2):
 @ti.kernel
 def scatter_high(chunks: Int, count: Int, high: I32x1, order: I32x1, histogram: I32x2, sorted_out: I32x1):
     """Second round: sorted_out has the particles from the nearest to the farthest."""
-    for step in range(chunks * CHUNK_STEPS):
-        if step % CHUNK_STEPS != 0:
+    for step in range(chunks * ti.static(_steps())):
+        if step % ti.static(_steps()) != 0:
             continue
-        chunk = step // CHUNK_STEPS
+        chunk = step // ti.static(_steps())
         for i in range(share(count, chunk, chunks), share(count, chunk + 1, chunks)):  # pyright: ignore[reportArgumentType]
             place = histogram[chunk, high[i]]
             histogram[chunk, high[i]] = place + 1
@@ -137,10 +229,10 @@ def scatter_high(chunks: Int, count: Int, high: I32x1, order: I32x1, histogram: 
 @ti.kernel
 def count_tiles(chunks: Int, count: Int, tiles_x: Int, tiles: Int, order: I32x1, boxes: I64x1, histogram_out: I32x2):
     """How many splats each tile gets from each chunk."""
-    for step in range(chunks * CHUNK_STEPS):
-        if step % CHUNK_STEPS != 0:
+    for step in range(chunks * ti.static(_steps())):
+        if step % ti.static(_steps()) != 0:
             continue
-        chunk = step // CHUNK_STEPS
+        chunk = step // ti.static(_steps())
         for k in range(tiles):
             histogram_out[chunk, k] = 0
         for i in range(share(count, chunk, chunks), share(count, chunk + 1, chunks)):  # pyright: ignore[reportArgumentType]
@@ -155,10 +247,10 @@ def count_tiles(chunks: Int, count: Int, tiles_x: Int, tiles: Int, order: I32x1,
 @ti.kernel
 def fill_tiles(chunks: Int, count: Int, tiles_x: Int, order: I32x1, boxes: I64x1, histogram: I32x2, list_out: I32x1):
     """The lists of all tiles, one after another, each from the nearest splat to the farthest."""
-    for step in range(chunks * CHUNK_STEPS):
-        if step % CHUNK_STEPS != 0:
+    for step in range(chunks * ti.static(_steps())):
+        if step % ti.static(_steps()) != 0:
             continue
-        chunk = step // CHUNK_STEPS
+        chunk = step // ti.static(_steps())
         for i in range(share(count, chunk, chunks), share(count, chunk + 1, chunks)):  # pyright: ignore[reportArgumentType]
             splat = order[i]
             box = boxes[splat]

@@ -7,7 +7,7 @@ from taichi_cloth.ground import runtime
 
 from ..plan.plan import Plan
 
-__all__ = ["device_of"]
+__all__ = ["cpu_for", "device_of"]
 
 
 def device_of(planned: Plan, arch: Any) -> Any:
@@ -17,4 +17,13 @@ def device_of(planned: Plan, arch: Any) -> Any:
         return arch
     line = f"taichi-cloth: --arch {arch}: {planned.lacks} has no parallel form yet; the whole run takes the CPU"
     print(line, file=sys.stderr)
+    return "cpu"
+
+
+def cpu_for(what: str, arch: Any) -> Any:
+    """The CPU, said in one line where another device was asked for: for what moves cloth in ways that know no other, or
+    times them."""
+    if arch == "cpu" or arch not in get_args(runtime.Arch):
+        return arch
+    print(f"taichi-cloth: --arch {arch}: {what} takes the CPU", file=sys.stderr)
     return "cpu"

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_cloth.ground import runtime
+from taichi_cloth.ground.copies import fetched
 from taichi_cloth.ground.errors import InputError, did_you_mean
 from taichi_cloth.ground.files import write_bytes
 
@@ -166,7 +167,7 @@ def _linear(shot: Shot, view: View) -> NDArray[np.float32]:
     rgba = shot.splatter.linear() if shot.linear is None else shot.linear
     through = 1 - rgba[..., 3:]
     if shot.backdrop is not None:
-        behind = shot.backdrop.colour[:, : shot.camera.width]
+        behind = fetched(shot.backdrop.colour)[:, : shot.camera.width]
     else:
         ends, height = view.background.ends(), shot.camera.height
         behind = ends[:3] + (ends[3:] - ends[:3]) * ((np.arange(height) + 0.5) / height)[:, None, None]

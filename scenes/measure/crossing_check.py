@@ -19,7 +19,9 @@ from taichi_cloth.ground import runtime
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.motion.simulation import Simulation
 
+from ..commands.device import device_of
 from ..models.moving_model import STATE
+from ..plan.plan import plan
 from ..prepare.garment_setup import dress, garment_simulation
 from ..prepare.sett import on_cells
 from ..prepare.sheet_setup import sheet_simulation, standing_in
@@ -88,7 +90,7 @@ def check(what: str, overrides: list[str], *, frames: int | None, arch: Any, thr
         count = frames or scene.output.frames
     if scene.subject not in ("cloth", "garment"):
         raise InputError(f"check: {what} has no cloth that moves; allowed: a scene of a [cloth] or a [garment]")
-    runtime.start(arch, threads=threads)
+    runtime.start(arch if arch == "cpu" else device_of(plan(scene), arch), threads=threads)
     skin, simulation = skin_of(scene)
     counts = []
     for frame in range(count):

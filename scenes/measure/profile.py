@@ -21,6 +21,7 @@ from ...render.data.camera import Camera, look_at
 from ...render.data.particles import Particles
 from ...render.data.sprites import SOFT
 from ...render.splat.splat import Splatter
+from ..commands.device import cpu_for
 from ..models.build import build
 from ..models.fabric_model import FabricModel
 from ..picture.view import View
@@ -52,6 +53,8 @@ def profile_lines(
     scene = load_scene(name, overrides)
     if scene.subject == "fabric":
         prepare_fabric(scene)
+    if scene.subject in ("cloth", "garment"):
+        arch = cpu_for("profile of cloth in motion", arch)
     started = runtime.start(arch, threads=threads, pin=True)
     yield f"{cpu_name()}, {cores()} cores; Taichi on {started.arch}, {started.threads} threads"
     yield f"medians of {repeats} (least to greatest)"

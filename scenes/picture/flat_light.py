@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_cloth.ground.copies import fetched, on_host
 from taichi_cloth.ground.particles import NORMAL
 
 from ...render.light.map_place import open_to
@@ -22,7 +23,8 @@ class _Unhidden:
 
     def on_particles(self, blocks: F32, light_out: F32, row: int, depth: float = 0.0) -> None:
         del blocks, depth
-        light_out[:, row : row + 2] = 1.0
+        with on_host(light_out) as light:
+            light[:, row : row + 2] = 1.0
 
 
 @dataclass(frozen=True)
@@ -33,9 +35,11 @@ class _SkyBefore:
 
     def on_particles(self, blocks: F32, light_out: F32, row: int, depth: float = 0.0) -> None:
         del depth
-        light_out[:, row : row + 2] = 1.0
-        light_out[:, row + 2] = 0.0
-        light_out[:, row + 3 : row + 6] = open_to(blocks[NORMAL : NORMAL + 3], self.up).swapaxes(0, 1)
+        normals = fetched(blocks[NORMAL : NORMAL + 3])
+        with on_host(light_out) as light:
+            light[:, row : row + 2] = 1.0
+            light[:, row + 2] = 0.0
+            light[:, row + 3 : row + 6] = open_to(normals, self.up).swapaxes(0, 1)
 
 
 @dataclass(frozen=True)

@@ -65,6 +65,7 @@ class View:
         self._stages: list[Stage | None] = []
         self._streamed: list[Streamed | None] = []
         self._meshes: list[Mesh | None] = []
+        self._fitted: CellStream | None = None
 
     def turntable(self, count: int, numbers: list[int]) -> Iterator[tuple[int, Image]]:
         """The views `numbers` out of `count` evenly spaced ones, all framed alike."""
@@ -161,7 +162,8 @@ class View:
                 assert isinstance(panel.particles, ParticleBlocks)
                 if isinstance(panel.source, CellStream):
                     panel.source.target = TARGET * self.scale
-                    panel.source.look = fit_look(panel.source, self.finish)
+                    if panel.source is not self._fitted:  # it stays the same while cloth moves
+                        panel.source.look, self._fitted = fit_look(panel.source, self.finish), panel.source
                 self._streamed.append(Streamed(splatter, panel.particles, floor=on, mesh=mesh))
                 self._stages.append(None)
                 continue

@@ -17,6 +17,7 @@ from taichi_cloth.detail.pieces import SURFACE
 from taichi_cloth.fabric.cells import CellCloth
 from taichi_cloth.fabric.surface import surface_points
 from taichi_cloth.ground.cache import digest, kept
+from taichi_cloth.ground.copies import fetched
 from taichi_cloth.ground.errors import InputError
 
 from ...render.data.blocks import ParticleBlocks
@@ -113,7 +114,7 @@ def _cell_at(cloth: CellCloth, camera: Camera, aim: tuple[float, float], mesh: M
     inside = (at[:, 2] > camera.near) & (pixel >= 0).all(axis=1) & (pixel < (camera.width, camera.height)).all(axis=1)
     shown = inside & (tilt > GRAZING) & _woven(cloth)
     if mesh is not None:
-        wall = visible(mesh, camera, chunks=2)[0]
+        wall = fetched(visible(mesh, camera, chunks=2)[0])
         x, y = np.where(inside[:, None], pixel, 0).T
         shown &= at[:, 2] < wall[y, x] + BEHIND
     if not shown.any():

@@ -33,7 +33,9 @@ from taichi_cloth.detail.patches import (
 from taichi_cloth.detail.surfels import guess_of, lay_surfels
 from taichi_cloth.detail.view import Pinhole, view_of
 from taichi_cloth.fabric.cells import CellCloth
-from taichi_cloth.ground.particles import HALF_LENGTH, LANES, POSITION, RADIUS, ROWS, fill_up
+from taichi_cloth.ground.copies import fetched, filled_up, paste, put, zeros
+from taichi_cloth.ground.particles import HALF_LENGTH, LANES, POSITION, RADIUS, ROWS
+from taichi_cloth.ground.vectors import chunk_count
 
 __all__ = ["SHEET", "TARGET", "CellStream", "Seen", "parted"]
 
@@ -237,7 +239,7 @@ class CellStream:
         total = woven + self.each * len(pieces)
         shape = ROWS, -(-total // LANES), LANES
         if self._batch.size < prod(shape):
-            self._batch, self._yarn = np.zeros(prod(shape), np.float32), np.zeros(shape[1] * LANES, np.int32)
+            self._batch, self._yarn = zeros(prod(shape)), zeros(shape[1] * LANES, np.int32)
         out = self._batch[: prod(shape)].reshape(shape)
         if not total:
             return out, 0
@@ -259,9 +261,9 @@ class CellStream:
             )  # fmt: skip
         if len(pieces):
             places = (pieces[:, None] * self.each + np.arange(self.each)).ravel()
-            out.reshape(ROWS, -1)[:, woven:total] = self.pieces[:, places]
-            self._yarn[woven:total] = -1
-        fill_up(out, total)
+            paste(out, woven, self.pieces[:, places])
+            put(self._yarn[woven:total], np.full(total - woven, -1, np.int32))
+        filled_up(out, total)
         return out, total
 
     def sample(self, most: int) -> F32:
@@ -275,18 +277,19 @@ class CellStream:
             grid = self._grid(patch, np.full(len(patch), np.sqrt(area * CAST / most)))
         counts = self._counts(self.cloth.pack(), patch, grid)
         seen = Seen(np.zeros((len(patch), 4), np.int16), counts, zero, patch, zero + 1.0, grid, None)
-        return self.lay(seen, np.arange(len(patch), dtype=np.int32))[0].copy()
+        return fetched(self.lay(seen, np.arange(len(patch), dtype=np.int32))[0]).copy()
 
     def numbers(self, seen: Seen, chosen: I32) -> tuple[I32, I32]:
         """The thread of each particle that `lay` makes of these, and its part; −1 of pieces."""
         _, total = self.lay(seen, chosen)
-        thread = self._yarn[:total].copy()
+        thread = fetched(self._yarn[:total]).copy()
         return thread, np.where(thread < 0, -1, self.parts[thread]).astype(np.int32)
 
 
 def _shared_out(chosen: I32, starts: NDArray[np.int64]) -> tuple[I32, I32, I32]:
     """First of the chosen of each chunk of work, so that all have about as many particles; the chosen; their starts."""
-    bounds = np.searchsorted(starts, np.linspace(starts[0], starts[-1], CHUNKS + 1).astype(np.int64)).astype(np.int32)
+    ends = np.linspace(starts[0], starts[-1], chunk_count(CHUNKS) + 1).astype(np.int64)
+    bounds = np.searchsorted(starts, ends).astype(np.int32)
     bounds[0], bounds[-1] = 0, len(chosen)
     return bounds, np.ascontiguousarray(chosen), starts.astype(np.int32)
 

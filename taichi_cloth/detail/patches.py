@@ -32,9 +32,10 @@ from taichi_cloth.ground.particles import (
     TANGENT,
     TILE,
 )
+from taichi_cloth.ground.vectors import chunk_count, chunk_steps
 
 __all__ = [
-    "CELL", "CHUNKS", "CHUNK_STEPS", "FIRST_END", "FIRST_PICK", "LAYERS", "LEVEL", "PANEL", "PATCH", "PATCH_ENDS",
+    "CELL", "CHUNKS", "FIRST_END", "FIRST_PICK", "LAYERS", "LEVEL", "PANEL", "PATCH", "PATCH_ENDS",
     "PATCH_PICKS", "count", "cut_away", "lay", "look", "look_at", "patch_block", "placed_block",
 ]  # fmt: skip
 
@@ -42,7 +43,6 @@ CELL, PANEL, FIRST_PICK, FIRST_END, PATCH_PICKS, PATCH_ENDS, LAYERS, LEVEL = ran
 """Numbers of a patch: its cell and panel, its first pick and end in the panel, how many of each, layers, level."""
 PATCH = 8
 CHUNKS = 16
-CHUNK_STEPS = 1024  # Taichi on a CPU gives a thread at least 512 iterations (see render/tiles/sort.py)
 
 
 @ti.kernel
@@ -163,10 +163,11 @@ def lay(
     stand. share: of each patch's particles that are drawn, 1 for all; the last of them fade (`thinning.FADE`). under:
     (3,) how far the cloth's right side lies above its middle, and how far warp ends and weft picks lie apart [m].
     """
-    for step in range(CHUNKS * CHUNK_STEPS):
-        if step % CHUNK_STEPS != 0:
+    for step in range(ti.static(chunk_count(CHUNKS) * chunk_steps())):
+        if step % ti.static(chunk_steps()) != 0:
             continue
-        for k in range(bounds[step // CHUNK_STEPS], bounds[step // CHUNK_STEPS + 1]):
+        chunk = step // ti.static(chunk_steps())
+        for k in range(bounds[chunk], bounds[chunk + 1]):
             q = chosen[k]
             p, at, last, e = patch[q, PANEL], starts[k], starts[k + 1], 0
             while at < last:

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from taichi_cloth.detail.pieces import surface
 from taichi_cloth.detail.view import View
+from taichi_cloth.ground.copies import fetched
 from taichi_cloth.ground.particles import LANES, ROWS, fill_up
 
 __all__ = ["Skins"]
@@ -50,7 +51,7 @@ class Skins:
         if self._batch.size < prod(shape):
             self._batch = np.zeros(prod(shape), np.float32)
         batch = self._batch[: prod(shape)].reshape(shape)
-        batch[:, :rows] = out
+        batch[:, :rows] = fetched(out)
         at = (starts + rows * LANES).astype(np.int32)
         surface(self.chunks, mine.astype(np.int32), at, seen.pieces, seen.grid, seen.view, self.skin, self.gain, batch)
         fill_up(batch, int(starts[-1]))

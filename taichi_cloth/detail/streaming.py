@@ -22,6 +22,7 @@ from taichi_cloth.fabric.frames import frames
 from taichi_cloth.fabric.laying import FabricPack, block_ends, lay_particle, row, template_size
 from taichi_cloth.fabric.templates import COLUMN
 from taichi_cloth.ground.arrays import F32x1, F32x2, F32x3, Float, I16x2, I32x1, Int
+from taichi_cloth.ground.copies import fetched, filled_up, zeros
 from taichi_cloth.ground.particles import (
     COLOUR,
     HALF_LENGTH,
@@ -33,8 +34,8 @@ from taichi_cloth.ground.particles import (
     ROWS,
     TANGENT,
     TILE,
-    fill_up,
 )
+from taichi_cloth.ground.vectors import chunk_count, chunk_steps
 
 __all__ = ["FabricStream", "Survey"]
 
@@ -44,7 +45,6 @@ GOLDEN = 0.6180339887498949
 ROOT_2 = 1779033703
 """The fraction of √2 in 32 bits: a block's multiple of it is where it begins on its template's ring."""
 LOG2 = log(2.0)
-CHUNK_STEPS = 1024  # Taichi on a CPU gives a thread at least 512 iterations (see render/sort.py)
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ class FabricStream:
         chunks: int = 2,
     ) -> None:
         bank = fabric.bank
-        self.fabric, self.chunks = fabric, int(chunks)
+        self.fabric, self.chunks = fabric, chunk_count(int(chunks))
         self.target = thinned_to(fabric.particles) if target is None else float(target)
         self.gains = gains or Gains(np.ones(1), np.tile(UNCHANGED, (1, 2, 1)))
         self.frame = frames(points)
@@ -129,7 +129,7 @@ class FabricStream:
         total = int(starts[-1])
         shape = ROWS, -(-total // LANES), LANES
         if self._batch.size < prod(shape):
-            self._batch = np.zeros(prod(shape), np.float32)
+            self._batch = zeros(prod(shape))
         out = self._batch[: prod(shape)].reshape(shape)
         if not total:
             return out, 0
@@ -143,7 +143,7 @@ class FabricStream:
             self.gains.at(survey.tilt),
             out,
         )
-        fill_up(out, total)
+        filled_up(out, total)
         return out, total
 
     def sample(self, most: int) -> F32:
@@ -154,7 +154,7 @@ class FabricStream:
         n, share = len(size), np.float32(min(FULL, FULL * most / max(1, self.fabric.particles)))
         counts = np.minimum(size, np.maximum(1, np.ceil(share * size))).astype(np.int32)
         survey = Survey(np.zeros((n, 4), np.int16), counts, np.zeros(n, np.float32), np.full(n, share), 1.0)
-        return self.lay(survey, np.arange(n, dtype=np.int32))[0].copy()
+        return fetched(self.lay(survey, np.arange(n, dtype=np.int32))[0]).copy()
 
     def numbers(self, survey: Survey, blocks: I32) -> tuple[I32, I32]:
         """The thread of each particle that `lay` makes of these blocks, and its family: 0 warp, 1 weft."""
@@ -231,10 +231,10 @@ def _lay(
 ):
     """Particles of chosen blocks, in groups. starts: (chosen + 1,) where each one's stand, and so how many they are.
     shares: λ of every block. sample: which of the templates' samples. gains: `Gains.at` of the view."""
-    for step in range(chunks * CHUNK_STEPS):
-        if step % CHUNK_STEPS != 0:
+    for step in range(chunks * ti.static(chunk_steps())):
+        if step % ti.static(chunk_steps()) != 0:
             continue
-        chunk = step // CHUNK_STEPS
+        chunk = step // ti.static(chunk_steps())
         total = ti.cast(chosen.shape[0], ti.i64)
         for i in range(ti.cast(total * chunk // chunks, ti.i32), ti.cast(total * (chunk + 1) // chunks, ti.i32)):  # pyright: ignore[reportArgumentType]
             b = chosen[i]

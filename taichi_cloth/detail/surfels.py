@@ -12,7 +12,7 @@ import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
 
-from taichi_cloth.detail.patches import CELL, CHUNK_STEPS, FIRST_END, FIRST_PICK, PANEL, PATCH_ENDS, PATCH_PICKS
+from taichi_cloth.detail.patches import CELL, FIRST_END, FIRST_PICK, PANEL, PATCH_ENDS, PATCH_PICKS
 from taichi_cloth.fabric.cell_blocks import cell_inside, cell_mean
 from taichi_cloth.fabric.cells import (
     COL,
@@ -31,6 +31,7 @@ from taichi_cloth.fabric.surface import surface_at
 from taichi_cloth.fabric.templates import COLUMN
 from taichi_cloth.ground.arrays import F32x1, F32x2, F32x3, I32x1, I32x2
 from taichi_cloth.ground.particles import COLOUR, HALF_LENGTH, LANES, NORMAL, OPENNESS, POSITION, RADIUS, TANGENT
+from taichi_cloth.ground.vectors import chunk_steps
 
 __all__ = ["AREA", "FLANKS", "OPEN", "TILTS", "TURNED", "WARP", "WEFT", "SheetLook", "guess_of", "lay_surfels"]
 
@@ -114,10 +115,11 @@ def lay_surfels(
     TILTS, 4), lean: (panels, 5), see `SheetLook`. eye: 1 and where it is [m], or 0 for the right side from above;
     then how far the surfels lie above the cloth's middle [m].
     """
-    for step in range((bounds.shape[0] - 1) * CHUNK_STEPS):
-        if step % CHUNK_STEPS != 0:
+    for step in range((bounds.shape[0] - 1) * ti.static(chunk_steps())):
+        if step % ti.static(chunk_steps()) != 0:
             continue
-        for k in range(bounds[step // CHUNK_STEPS], bounds[step // CHUNK_STEPS + 1]):
+        chunk = step // ti.static(chunk_steps())
+        for k in range(bounds[chunk], bounds[chunk + 1]):
             q = chosen[k]
             cell, p, rows, cols = patch[q, CELL], patch[q, PANEL], grid[q, 0], grid[q, 1]
             # Of a thread at the panel's edge there is no block beyond it.

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from taichi_cloth.fabric.repeat import RepeatBank, WeaveRepeat, bank_of
 from taichi_cloth.fabric.surface import nodes_of
 from taichi_cloth.ground.arrays import F32x1, F32x2, I32x1, I32x2, I64x1
+from taichi_cloth.ground.copies import sent
 from taichi_cloth.ground.errors import InputError
 
 __all__ = [
@@ -193,7 +194,9 @@ class CellCloth:
             "hem": np.zeros((1, 1), np.float32) if hem is None else np.ascontiguousarray(hem, np.float32),
             "grid": np.array([cols, *per_cell, self.bank.variants, self.bank.templates], np.int32),
         }
+        self._arrays = {name: sent(array) for name, array in self._arrays.items()}
         self.node: F32 = np.zeros((rows * cols, 12), np.float32)
+        self._node: F32 | None = None
 
     @property
     def crossings(self) -> int:
@@ -227,11 +230,13 @@ class CellCloth:
         """Lay the cloth on key points (rows, cols, 3) [m]. Raises InputError on another grid."""
         if points.shape != (*self.shape, 3):
             raise InputError(f"points: shape {points.shape}; allowed: {(*self.shape, 3)}")
-        self.node = nodes_of(points, self.present)
+        self.node, self._node = nodes_of(points, self.present), None
 
     def pack(self) -> Any:
         """The argument of a kernel, where no variable may have a member's name; made for each call."""
-        return _PACK(node=self.node, **self._arrays)
+        if self._node is None:
+            self._node = sent(self.node)
+        return _PACK(node=self._node, **self._arrays)
 
 
 def _packed(panels: tuple[CellPanel, ...]) -> tuple[I32, list[int]]:

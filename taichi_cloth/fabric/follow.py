@@ -33,7 +33,7 @@ from taichi_cloth.fabric.frames import frame_of_point
 from taichi_cloth.fabric.octets import octets_of
 from taichi_cloth.ground import runtime
 from taichi_cloth.ground.arrays import F32x3, I64x1, Int, Template
-from taichi_cloth.ground.copies import copy_in, copy_out
+from taichi_cloth.ground.copies import DeviceArray, copy_in, copy_out, fetched, put
 from taichi_cloth.ground.errors import InputError, did_you_mean
 from taichi_cloth.ground.particles import (
     COLOUR,
@@ -117,6 +117,7 @@ class FibreFollower:
         self._own = -(-slots // LANES)
         self.slots = (self._own - (-others // LANES)) * LANES
         self._spare = self._own * LANES - slots
+        self._stays = runtime.resident() and not others
         self._allocate(mask.size, len(self.kept), octets.ratio.size, octets.source.size)
         self._fill(self._present, mask)
         self._fill(self._record, np.stack(record, axis=1))
@@ -139,8 +140,11 @@ class FibreFollower:
         still = {RADIUS: bank.radius, HALF_LENGTH: bank.half_length, OPENNESS: bank.openness}
         rows = {row: values[particle] for row, values in still.items()}
         rows |= {COLOUR + c: shade[:, c] for c in range(3)}
+        still_groups = np.zeros(self.groups.shape, np.float32) if self._stays else self.groups
         for row, values in rows.items():
-            self.groups[row].reshape(-1)[self.particle_slots] = values
+            still_groups[row].reshape(-1)[self.particle_slots] = values
+        if self._stays:
+            put(self.groups, still_groups)
         if rule == "paper":
             if rest is None:
                 raise InputError('rest: missing; the rule "paper" keeps offsets in the axes of the cloth at rest')
@@ -165,13 +169,17 @@ class FibreFollower:
         self._filled = (self._present, self._record, self._pitch, self._start, self._ratio, self._bank, self._out)
         shape = (ROWS, self.slots // LANES, LANES)
         self._in_place = runtime.on_host()
-        if self._in_place:
+        if self._in_place or self._stays:
             self._address = np.zeros(len(self._filled), np.int64)
             self._locate(self._address)
+        if self._in_place:
             self.groups: F32 = self._seen(self._out)[: ROWS * self.slots].reshape(shape)
+        elif self._stays:
+            self.groups = DeviceArray.at(int(self._address[-1]), shape, np.float32, self._out)
         else:
             self.groups = np.zeros(shape, np.float32)
-        """All particles as the splatter's blocks, (ROWS, slots / 16, 16); valid until Taichi starts again."""
+        """All particles as the splatter's blocks, (ROWS, slots / 16, 16), on CUDA's devices there; valid until Taichi
+        starts again."""
 
     @ti.kernel
     def _locate(self, address_out: I64x1):
@@ -213,6 +221,10 @@ class FibreFollower:
         """
         with runtime.plain_code():  # half the time to compile, and as fast a frame
             self._move(self._checked(points), self._blocks)
+        if self._stays:
+            if self._spare:
+                self._gather_spare()
+            return self.groups
         if not self._in_place:
             for row in (POSITION, TANGENT, NORMAL):
                 copy_out(self._out, row * self.slots, self.groups[row : row + 3].reshape(-1))
@@ -223,7 +235,7 @@ class FibreFollower:
 
     def cloud(self) -> FibreCloud:
         """The particles as they lie now, as separate arrays: a copy, in the order of the blocks."""
-        rows = self.groups.reshape(ROWS, -1)[:, self.particle_slots]
+        rows = fetched(self.groups).reshape(ROWS, -1)[:, self.particle_slots]
         return FibreCloud.of_rows(rows)
 
     def _checked(self, points: NDArray) -> F32:
@@ -242,6 +254,14 @@ class FibreFollower:
             self._key_frame(point, k, self._frames)
         for b in range(blocks):
             self._block(b)
+
+    @ti.kernel
+    def _gather_spare(self):
+        """The octet that fills up the last group, to where something is."""
+        for k in range(OCTET):
+            for c in ti.static(range(3)):
+                last = ti.static((POSITION + c) * self.slots + self._own * LANES - OCTET)
+                self._out[last + k] = self._out[last - 1]
 
     @ti.func
     def _key_frame(self, point: F32x3, k, frames_out: Template):

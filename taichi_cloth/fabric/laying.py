@@ -11,6 +11,7 @@ from the cache) where the pack takes 0.02 to 0.1 s, and laid its million particl
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from numpy.typing import NDArray
 
 from taichi_cloth.fabric.templates import COLUMN
 from taichi_cloth.ground.arrays import F32x1, F32x2, I32x1, I64x1, Template
+from taichi_cloth.ground.copies import sent
 
 __all__ = ["FabricArrays", "FabricPack", "block_ends", "lay_particle", "row", "template_size"]
 
@@ -83,7 +85,12 @@ class FabricArrays:
     def pack(self) -> Any:
         """The argument of a kernel, where no variable may have a member's name. To be made for each call: it must not
         outlive a start of Taichi."""
-        return _PACK(**{name: getattr(self, name) for name in _TYPES})
+        return _PACK(**self._there)
+
+    @cached_property
+    def _there(self) -> dict[str, Any]:
+        """The arrays where kernels read them."""
+        return {name: sent(getattr(self, name)) for name in _TYPES}
 
 
 @ti.func

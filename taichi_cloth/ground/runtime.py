@@ -25,7 +25,7 @@ from taichi_cloth.ground.errors import InputError, did_you_mean
 from taichi_cloth.ground.source_text import read_once
 from taichi_cloth.ground.whole_vectors import kept_as_vectors
 
-__all__ = ["Arch", "Runtime", "generation", "on_host", "plain_code", "start", "threads"]
+__all__ = ["Arch", "Runtime", "generation", "on_host", "plain_code", "resident", "start", "threads"]
 
 Arch = Literal["cpu", "cuda", "vulkan", "metal", "gpu"]
 
@@ -54,6 +54,12 @@ def threads() -> int:
 def on_host() -> bool:
     """Whether kernels run on the CPU, where NumPy and Taichi see the same memory."""
     return bool(_started) and _started[-1].arch in ("x64", "arm64")
+
+
+def resident() -> bool:
+    """Whether kernels take arrays where they lie on the device (`copies.DeviceArray`), as CUDA's do. Other devices are
+    sent NumPy's arrays at each call."""
+    return bool(_started) and _started[-1].arch == "cuda"
 
 
 def start(arch: Arch = "cpu", *, threads: int | None = None, cache: bool = True, pin: bool = False) -> Runtime:

@@ -1,13 +1,17 @@
-"""Types of the arguments of kernels that take 16 particles, or 16 pixels of a tile's row, at once."""
+"""Types of the arguments of kernels that take 16 particles, or 16 pixels of a tile's row, at once.
+
+The same functions serve a graphics device, which takes one particle a thread: then `of_group` gives a vector of one.
+"""
 
 from typing import TYPE_CHECKING, Any
 
 import taichi as ti
 
+from taichi_cloth.ground import runtime
 from taichi_cloth.ground.arrays import Template
 from taichi_cloth.ground.particles import LANES, OCTET
 
-__all__ = ["Blocks", "Vec8", "Vec16", "keep"]
+__all__ = ["Blocks", "Vec8", "Vec16", "chunk_count", "chunk_steps", "each", "keep", "lanes", "of_group", "of_row"]
 
 Vec8: Any = ti.types.vector(OCTET, ti.f32)
 Vec16: Any = ti.types.vector(LANES, ti.f32)
@@ -27,3 +31,43 @@ def keep(array: Template, at: Template, size):
     """
     if size < 0:
         array[at] += 1
+
+
+def lanes() -> int:
+    """Particles at once, in what is being compiled: LANES on a CPU, 1 a thread of a device."""
+    return LANES if runtime.on_host() else 1
+
+
+def chunk_steps() -> int:
+    """Iterations of a loop over chunks of work for each chunk, of which the first does all of it: a CPU gives a thread
+    at least 512 iterations, and on a device threads that go different ways are best in warps of their own."""
+    return 1024 if runtime.on_host() else 32
+
+
+def chunk_count(usual: int) -> int:
+    """Chunks of work: `usual` on a CPU, thousands where a device holds the arrays."""
+    return max(usual, 4096) if runtime.resident() else usual
+
+
+@ti.func
+def of_group(groups: Template, row, b):
+    """A row (rows, groups) of the particles of group b; on a device of particle number b."""
+    if ti.static(lanes() == LANES):
+        return groups[row, b]
+    else:
+        return ti.Vector([groups[row, b // LANES][b % LANES]])
+
+
+@ti.func
+def of_row(groups: Template, b, row):
+    """The same of (groups, rows)."""
+    if ti.static(lanes() == LANES):
+        return groups[b, row]
+    else:
+        return ti.Vector([groups[b // LANES, row][b % LANES]])
+
+
+@ti.func
+def each(value):
+    """That number for each of the particles at once."""
+    return ti.Vector([value for _ in range(ti.static(lanes()))])

@@ -54,6 +54,14 @@ class LineSystems:
         return self.first + line * self.next_line + k * self.next_point
 
     @ti.func
+    def line(self, p):
+        """That element p is in."""
+        out = (p - self.first) // self.next_line
+        if ti.static(self.wide):
+            out = (p - self.first) % self.next_point
+        return out
+
+    @ti.func
     def piece_of(self, t) -> Any:
         """Line and piece that iteration t is of."""
         line, piece = t // self.pieces, t % self.pieces

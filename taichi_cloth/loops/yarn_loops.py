@@ -19,15 +19,16 @@ from taichi_cloth.sheet.sheet import PAD
 
 __all__ = ["YarnLoops"]
 
-FAMILIES = 2
+THREADS = 2
+"""Families of yarns, before those of chains."""
 FAR = 1e5
 """[m] that a strain limit lets a thread grow by where there is none, at least."""
 
 
 @ti.data_oriented
 class YarnLoops(FrameLoops):
-    """systems: of each family. late: of each line of the family at work, whether its factors are too old. seen: whether
-    a thread was strained so much in the last substep that the next is wild."""
+    """systems: of each family. late: of each line of the family at work, whether its factors are too old; 0 between two
+    sweeps. seen: whether a thread was strained so much in the last substep that the next is wild."""
 
     def __init__(
         self, frame: Frame, features: Features, packets: int, lanes: int, padded_shape: tuple[int, int]
@@ -38,13 +39,15 @@ class YarnLoops(FrameLoops):
         self.tight, self.missed = Largest(frame.size), Largest(frame.size)
         self.yarns.tight = self.tight.value  # each thread has its own place
         self.yarns.strained, self.yarns.differs = (ti.field(ti.f32, frame.size) for _ in range(2))
-        first = PAD * width
+        self.families, first = self.frame.families, PAD * width
+        # Chains along the diagonals are the columns of a grid that is one element wider, or narrower.
+        chains = ((width + 1, 2), (width - 1, 3))[: self.families - THREADS]
         self.systems = (
             LineSystems(self.yarns, 0, rows, width, (first, width, 1)),
             LineSystems(self.yarns, 1, width, rows, (first, 1, width)),
+            *(LineSystems(self.yarns, own, many, -(-rows * width // many), (first, 1, many)) for many, own in chains),
         )
-        self.late, self.seen = ti.field(ti.i32, max(rows, width)), ti.field(ti.i32, ())
-        self.width = width
+        self.late, self.seen = ti.field(ti.i32, max(one.lines for one in self.systems)), ti.field(ti.i32, ())
 
     def settings(self) -> Any:
         return int(self.frame.numbers[None].sweeps)
@@ -54,7 +57,7 @@ class YarnLoops(FrameLoops):
         yield self.kernel("soft", _soft), WIND, 1
         yield from self._touch(False)
         for sweep in range(sweeps):
-            for family in (1, 0) if odd else (0, 1):
+            for family in reversed(range(self.families)) if odd else range(self.families):
                 kind = family, sweep == 0, sweep == sweeps - 1
                 yield self.kernel(kind, lambda loops, kind=kind: _solve(loops, *kind)), (), 1
             yield from self._touch(True)
@@ -72,7 +75,7 @@ class YarnLoops(FrameLoops):
     @ti.func
     def begin(self, p):
         self.yarns.tight[p], self.yarns.strained[p] = 0.0, 0.0
-        for family in ti.static(range(FAMILIES)):
+        for family in ti.static(range(self.families)):
             s = p + family * self.frame.size
             self.yarns.pulled[s], self.yarns.held[s], self.yarns.tension[s] = 0.0, 0.0, 0.0
         if p == 0:
@@ -119,8 +122,6 @@ class YarnLoops(FrameLoops):
         for t in range(self.count):
             if t == 0:
                 self.seen[None] = 0
-            if t < system.lines:
-                self.late[t] = 0
             y.aim(self.frame, self.place(t), base, offset, y.numbers[family])
         # Where to push, and what is asked.
         for t in range(self.count):
@@ -134,7 +135,7 @@ class YarnLoops(FrameLoops):
                 y.differs[p] = 0.0
                 y.ask(self.frame, p, base, offset, p, carried, n, False)
                 if y.differs[p] > 0.0:
-                    self.late[self.line(family, p)] = 1
+                    self.late[system.line(p)] = 1
         # The systems: couplings and factors where they are made anew; pieces, their ends, pieces.
         for t in range(system.count):
             n = y.numbers[family]
@@ -152,6 +153,7 @@ class YarnLoops(FrameLoops):
         for line in range(system.lines):
             n = y.numbers[family]
             system.join(line, self.all_anew(n, first) or self.late[line] > 0)
+            self.late[line] = 0
         for t in range(system.count):
             system.up(t)
         # What they move.
@@ -163,14 +165,6 @@ class YarnLoops(FrameLoops):
             if ti.static(last):  # noqa: SIM102 (one is known when it is compiled)
                 if self.turn[NOW] % 2 == 1:
                     y.pull(self.frame, p, base, offset, p, n)
-
-    @ti.func
-    def line(self, family: Template, p):
-        """Of a family, that element p is of."""
-        out = p % self.width
-        if ti.static(family == 0):
-            out = p // self.width - PAD
-        return out
 
     def tightest(self) -> float:
         """As `YarnFrame.tightest`."""
@@ -186,7 +180,7 @@ class YarnLoops(FrameLoops):
     def _find_unsolved(self):
         for p in range(self.frame.size):
             most = 0.0
-            for family in ti.static(range(FAMILIES)):
+            for family in ti.static(range(THREADS)):
                 most = ti.max(most, self.yarns.unsolved(self.frame, p, family))
             self.missed.value[p] = most
 

@@ -121,10 +121,13 @@ class KernelSolver(Solver):
 
     @property
     def spread(self) -> bool:
-        """Whether a frame is gone through in parallel loops; said once Taichi runs."""
-        if self.lacks or self.clock is not None:
-            return False
-        return not runtime.on_host() or bool(self.sheet.present.sum() >= self.loops_from)
+        """Whether a frame is gone through in parallel loops; said once Taichi runs. Raises InputError on a device that
+        needs what it lacks: one of its threads would take minutes a frame."""
+        if not runtime.on_host():
+            if self.lacks:
+                raise InputError(f"{self.lacks}: no parallel form yet, as a device needs it; use --arch cpu")
+            return True
+        return not self.lacks and self.clock is None and bool(self.sheet.present.sum() >= self.loops_from)
 
     @property
     def remembered(self) -> int:

@@ -118,7 +118,7 @@ class Yarns(SpringSolver):
         springs, longest, cost = left_explicit(sheet.springs, longest_of, chains)
         self.choice, self.chains = choices[springs], cost > 1
         self.frame_of = ChainFrame if self.chains else YarnFrame
-        self.loops_of = None if self.chains else YarnLoops
+        self.loops_of = YarnLoops
         if step is not None and not 0 < step <= longest:
             raise InputError(f"solver.step: {step!r} s; allowed: above 0, at most {longest:.4g} s")
         substeps = self.choice.substeps(step or longest)

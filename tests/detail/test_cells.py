@@ -16,6 +16,7 @@ from taichi_cloth.fabric.layout import Detail, FabricLayout, drawn_density, fami
 from taichi_cloth.fabric.repeat import WeaveRepeat, bank_of, levels_of
 from taichi_cloth.fabric.surface import nodes_of, surface_points
 from taichi_cloth.fabric.templates import COLUMN
+from taichi_cloth.ground.copies import fetched
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.ground.particles import COLOUR, HALF_LENGTH, NORMAL, POSITION, RADIUS, ROWS, TANGENT
 from taichi_cloth.render.data.camera import frame
@@ -96,6 +97,7 @@ def all_particles(cells: CellCloth) -> np.ndarray:
     counts = stream._counts(cells.pack(), patch, grid)
     seen = Seen(np.zeros((len(patch), 4), np.int16), counts, none, patch, none + 1.0, grid, None)
     groups, count = stream.lay(seen, np.arange(len(patch), dtype=np.int32))
+    groups = fetched(groups)
     return groups.reshape(ROWS, -1)[:, :count].copy()
 
 
@@ -268,6 +270,7 @@ def seen_from(distance: float, size: int = 96) -> Any:
 
 def rows_of(stream: CellStream, one: Seen) -> np.ndarray:
     groups, count = stream.lay(one, np.arange(len(one.counts), dtype=np.int32))
+    groups = fetched(groups)
     return groups.reshape(ROWS, -1)[:, :count].copy()
 
 
@@ -290,6 +293,7 @@ def test_near_it_is_fibres_and_far_a_sheet_and_between_both_fade(streamed: CellS
         areas: list[float] = []
         for one in (both, whole):
             groups, count = streamed.lay(one, chosen)
+            groups = fetched(groups)
             rows = groups.reshape(ROWS, -1)[:, :count]
             areas.append(float((rows[RADIUS] * rows[HALF_LENGTH]).sum()))
         assert areas[0] / areas[1] == pytest.approx(wanted, abs=0.02)
@@ -352,7 +356,7 @@ def test_light_gets_to_surfels_one_by_one_and_along_fibres() -> None:
     for source, want in ((stream, False), (CellStream(cells, target=0.0), True)):
         seen = source.survey(replace(camera, focal=camera.focal / 3))
         assert bool((seen.grid[:, 0] > 0).all()) is not want
-        blocks, _ = source.lay(seen, np.flatnonzero(seen.counts).astype(np.int32))
+        blocks = fetched(source.lay(seen, np.flatnonzero(seen.counts).astype(np.int32))[0])
         assert chained(STREAMED, blocks) is want
 
 

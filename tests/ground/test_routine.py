@@ -56,6 +56,8 @@ def test_what_a_routine_changes_is_seen_by_its_caller(monkeypatch: pytest.Monkey
 
 
 def test_a_kernel_that_keeps_fields_in_registers_may_call_none() -> None:
+    if not runtime.on_host():
+        pytest.skip("on a device routines are copied")
     with pytest.raises(ti.TaichiCompilationError, match="add: what it changes would not be seen"):
         Sums().run()
 

@@ -29,6 +29,7 @@ CASES = {
     "verlet, friction within": (Verlet, {"within": True}),
     "yarns, wind": (Yarns, {"wind": True}),
     "yarns, limit": (Yarns, {"limit": True}),
+    "yarns, chains": (Yarns, {"wind": True, "chains": True}),
     "yarns, table": (Yarns, {"body": True}),
     "verlet, table": (Verlet, {"body": True}),
     "verlet, thin": (Verlet, {"body": True, "thin": True}),
@@ -61,7 +62,9 @@ def simulation(case: str, *, n: int = N, long: int = 0) -> Simulation:
     if lies:
         x = x[..., [0, 2, 1]] * np.array([1.0, 1.0, -1.0])
         x[..., 1] += 0.01 * x[..., 0]  # one edge arrives first, and nothing is decided by rounding
-    made = solver(sheet, forces, frame_rate=60, constraints=constraints_for(sheet, forces, answered=solver.answers))
+    held_by = constraints_for(sheet, forces, answered=solver.answers)
+    chains = {"chains": True} if asked.get("chains") else {}
+    made = solver(sheet, forces, frame_rate=60, constraints=held_by, **chains)
     return Simulation(sheet, made, forces=forces, positions=x, pins=() if lies else (Pins(held),))
 
 

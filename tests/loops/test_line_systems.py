@@ -85,7 +85,7 @@ def test_loops_give_the_bytes_of_the_kernel(monkeypatch: pytest.MonkeyPatch) -> 
 def test_loops_of_whole_yarns_give_the_motion_of_the_kernel(monkeypatch: pytest.MonkeyPatch) -> None:
     if not runtime.on_host():
         pytest.skip("on a device there are only loops")
-    for case in ("yarns, wind", "yarns, limit", "yarns, table"):
+    for case in ("yarns, wind", "yarns, chains", "yarns, limit", "yarns, table"):
         monkeypatch.setattr(Yarns, "loops_from", np.inf)
         kernel = moved(case, 8)
         monkeypatch.setattr(Yarns, "loops_from", 0)

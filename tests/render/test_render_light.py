@@ -8,6 +8,7 @@ import pytest
 import taichi as ti
 
 from taichi_cloth.ground.arrays import F32x2
+from taichi_cloth.ground.copies import fetched
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.ground.particles import LANES
 from taichi_cloth.render.data.blocks import pack
@@ -141,8 +142,9 @@ def test_a_faint_thread_takes_its_area_of_light_at_any_resolution(texel_radii: f
     one = replace(one, tangent=np.tile(along, (2, 1)))
     shadow_map, _ = shadow(one, texel_radii=texel_radii)
     _, width, height = shadow_map.levels[0]
-    there = shadow_map.nearest[: width * height] < 1e20
-    stopped = -np.log(shadow_map.through[: width * height][there, -1].astype(float)).sum() * shadow_map.texel**2
+    there = fetched(shadow_map.nearest)[: width * height] < 1e20
+    through = fetched(shadow_map.through)[: width * height][there, -1]
+    stopped = -np.log(through.astype(float)).sum() * shadow_map.texel**2
     assert stopped == pytest.approx(0.02 * pi * 0.001 * 0.004, rel=0.05)
 
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from taichi_cloth.ground.copies import fetched
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.render.data.backdrop import OPEN
 from taichi_cloth.render.data.camera import Camera, look_at
@@ -27,6 +28,12 @@ def quad(depth: float, half: float = 10.0, colour: tuple[float, float, float] = 
     return Mesh(corners, [[0, 1, 2], [0, 2, 3]], colour)
 
 
+def drawn(mesh: Mesh, view: Camera, chunks: int = 2) -> tuple[np.ndarray, np.ndarray]:
+    """Depth and triangles of `visible`."""
+    depth, face, _ = visible(mesh, view, chunks=chunks)
+    return fetched(depth), fetched(face)
+
+
 def rays(view: Camera) -> np.ndarray:
     """(h, w, 3), of length 1 along z."""
     x, y = np.meshgrid(np.arange(view.width) + 0.5, np.arange(view.height) + 0.5)
@@ -37,7 +44,7 @@ def test_slanted_plane_has_the_depth_of_its_rays() -> None:
     normal = np.array([0.3, -0.5, -1.0])
     across, down = np.cross(normal, [0.0, 1.0, 0.0]), np.cross(normal, np.cross(normal, [0.0, 1.0, 0.0]))
     corners = np.array([0, 0, 2.0]) + 9 * np.array([-across - down, across - down, across + down, down - across])
-    depth, face, _ = visible(Mesh(corners, [[0, 1, 2], [0, 2, 3]], (1, 1, 1)), camera(), chunks=2)
+    depth, face = drawn(Mesh(corners, [[0, 1, 2], [0, 2, 3]], (1, 1, 1)), camera())
     expected = 2 * normal[2] / (rays(camera()) @ normal)
     seen = (expected > 0.01) & (expected < 5)  # some of it is behind the camera
     assert seen.mean() > 0.7
@@ -50,7 +57,7 @@ def test_ball_has_the_depth_and_normals_of_a_sphere() -> None:
     ball = trimesh.creation.icosphere(5, radius=0.12)
     mesh = Mesh(ball.vertices, ball.faces, (1, 1, 1))
     np.testing.assert_allclose(np.asarray(mesh.normals), np.asarray(ball.vertices) / 0.12, atol=5e-3)
-    depth, face, _ = visible(mesh, view, chunks=2)
+    depth, face = drawn(mesh, view)
     ray = rays(view)
     middle, square = ray @ view.translation, (ray**2).sum(-1)
     inside = middle**2 - square * (view.translation @ view.translation - 0.12**2)
@@ -65,7 +72,7 @@ def test_covers_what_a_point_in_triangle_test_covers(chunks: int) -> None:
     random = np.random.default_rng(3)
     at = np.concatenate([random.uniform(-0.5, 0.5, (90, 2)), random.uniform(0.8, 1.6, (90, 1))], 1)
     mesh = Mesh(at, np.arange(90).reshape(-1, 3), (1, 1, 1))
-    depth, face, _ = visible(mesh, camera(), chunks=chunks)
+    depth, face = drawn(mesh, camera(), chunks)
     pixel = camera().project(at)
     best, oracle = np.full((48, 64), OPEN), np.full((48, 64), -1)
     y, x = np.mgrid[:48, :64] + 0.5
@@ -83,28 +90,28 @@ def test_covers_what_a_point_in_triangle_test_covers(chunks: int) -> None:
 def test_shared_edges_leave_no_gap() -> None:
     plane = trimesh.creation.icosphere(4, radius=1.0)  # seen from inside: every ray meets it
     view = look_at((0.1, 0.2, 0.05), (1.0, 0.3, 0.2), width=320, height=240, fov=70)
-    _, face, _ = visible(Mesh(plane.vertices, plane.faces, (1, 1, 1)), view, chunks=2)
+    _, face = drawn(Mesh(plane.vertices, plane.faces, (1, 1, 1)), view)
     assert (face[:, :320] >= 0).all()
 
 
 def test_triangles_astride_the_camera_and_without_area() -> None:
     floor = Mesh([[-50, 0.5, -50], [50, 0.5, -50], [0, 0.5, 90]], [[0, 1, 2]], (1, 1, 1))
-    depth, face, _ = visible(floor, camera(), chunks=2)
+    depth, face = drawn(floor, camera())
     down = rays(camera())[..., 1]
     seen = down > 0.5 / 40
     np.testing.assert_allclose(depth[:, :64][seen], 0.5 / down[seen], rtol=1e-4)
     assert (face[:, :64][down <= 0] == -1).all()
     line = Mesh([[0, 0, 1], [1, 0, 1], [2, 0, 1], [np.nan, 0, 1]], [[0, 1, 2], [0, 0, 1], [0, 1, 3]], (1, 1, 1))
-    assert (visible(line, camera(), chunks=2)[1] == -1).all()
+    assert (drawn(line, camera())[1] == -1).all()
     behind = quad(-1.0)
-    assert (visible(behind, camera(), chunks=2)[1] == -1).all()
+    assert (drawn(behind, camera())[1] == -1).all()
 
 
 def test_facing_square_is_lit_by_lamberts_law() -> None:
     light = Lighting(direction=(0, 0, 1), key=0.6, key_colour=(1, 1, 1), fill=0.0)  # towards the viewer
     backdrop = paint(camera(), mesh=quad(1.0, colour=(0.5, 0.25, 1.0)), lighting=light)
     assert backdrop is not None
-    np.testing.assert_allclose(backdrop.colour[20, 30], [0.3, 0.15, 0.6], rtol=1e-5)
+    np.testing.assert_allclose(fetched(backdrop.colour)[20, 30], [0.3, 0.15, 0.6], rtol=1e-5)
 
 
 @pytest.mark.parametrize("thread", [False, True])
@@ -174,7 +181,7 @@ def test_samples_smooth_the_outline_and_leave_the_depth() -> None:
     assert plain is not None
     assert smooth is not None
     assert (plain.wall == smooth.wall).all()
-    shares = smooth.colour[..., 0] / plain.colour[..., 0].max()
+    shares = fetched(smooth.colour)[..., 0] / fetched(plain.colour)[..., 0].max()
     area = 0.5 * abs(np.linalg.det(corners[1:, :2] - corners[0, :2])) * (camera.focal / 2.0) ** 2
     assert shares.sum() == pytest.approx(area, rel=5e-3)  # 16 samples a pixel of some 90 along the outline
     assert ((shares > 0.1) & (shares < 0.9)).sum() > 40

@@ -3,6 +3,7 @@
 import numpy as np
 import trimesh
 
+from taichi_cloth.ground.copies import fetched
 from taichi_cloth.render.data.camera import look_at
 from taichi_cloth.render.data.light import Lighting
 from taichi_cloth.render.data.particles import Particles
@@ -51,7 +52,8 @@ def test_patch_shadows_the_ball_beneath() -> None:
     assert dark is not None
     assert bare is not None
     column, row, _ = VIEW.project([[0, RADIUS, 0]])[0].astype(int)
-    assert dark.colour[row + 1, column].max() < 0.5 * bare.colour[row + 1, column].min()
+    one, other = fetched(dark.colour), fetched(bare.colour)
+    assert one[row + 1, column].max() < 0.5 * other[row + 1, column].min()
     splatter.render(VIEW, lighting=ABOVE, backdrop=dark)
     assert splatter.light.lookups == 2
 
@@ -80,6 +82,7 @@ def test_ball_shadows_the_patch_beneath() -> None:
     splatter.render(VIEW, lighting=ABOVE)
     light = splatter.light._light
     assert light is not None
+    light = fetched(light)
     key, sky = (light[:, k].reshape(-1)[: len(below)] for k in (0, 1))
     away = np.hypot(below.position[:, 0], below.position[:, 2])
     assert key[away < 0.9 * RADIUS].max() < 0.05

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from taichi_cloth.ground.copies import fetched
 from taichi_cloth.render.data.camera import Camera, look_at
 from taichi_cloth.render.data.light import Lighting
 from taichi_cloth.render.stage.paint import paint
@@ -30,7 +31,7 @@ def seen(mesh: Mesh, lighting: Lighting, place: tuple[float, float, float], came
     backdrop = paint(camera, mesh=mesh, lighting=lighting)
     assert backdrop is not None
     x, y, _ = camera.project([place])[0]
-    return backdrop.colour[int(y), int(x)].astype(np.float64)
+    return fetched(backdrop.colour)[int(y), int(x)].astype(np.float64)
 
 
 def test_beyond_the_terminator_skin_is_red_as_a_blurred_edge_is() -> None:

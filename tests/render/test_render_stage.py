@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from taichi_cloth.ground.copies import fetched
 from taichi_cloth.render.data.camera import look_at
 from taichi_cloth.render.data.light import Background, Lighting
 from taichi_cloth.render.data.particles import Particles
@@ -69,16 +70,16 @@ def test_floor_is_darkest_below_and_fades_into_the_background() -> None:
     assert np.abs(np.diff(light, axis=0))[: CELLS // 5].max() < 0.005
     backdrop = paint(view, stage=stage, lighting=OVERHEAD, background=Background(top=(0.8, 0.7, 0.6)))
     assert backdrop is not None
-    np.testing.assert_allclose(backdrop.colour[0, 0], (0.8, 0.7, 0.6), rtol=1e-4)
+    np.testing.assert_allclose(fetched(backdrop.colour)[0, 0], (0.8, 0.7, 0.6), rtol=1e-4)
     pixel = view.project([(0.3, stage.ground, -0.2)])[0]
-    assert backdrop.colour[int(pixel[1]), int(pixel[0])].max() < 0.3
+    assert fetched(backdrop.colour)[int(pixel[1]), int(pixel[0])].max() < 0.3
 
 
 def test_floor_is_not_seen_from_below_or_above_the_horizon() -> None:
     view = look_at((0.0, -0.3, 0.8), (0.0, 0.0, 0.0), width=64, height=48)
     backdrop = paint(view, stage=plate(0.05), background=Background(top=(0.5, 0.5, 0.5)))
     assert backdrop is not None
-    assert (backdrop.colour == 0.5).all()
+    assert (fetched(backdrop.colour) == 0.5).all()
 
 
 def test_floor_lies_under_a_mesh_too_and_under_nothing_there_is_none() -> None:
