@@ -7,8 +7,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from taichi_cloth.fabric.fabric import build_fabric
 from taichi_cloth.fabric.follow import FibreFollower
 from taichi_cloth.garment.sewn.weaving import Weaving
@@ -123,16 +121,14 @@ def scene_of(name: str) -> Scene:
     share = count(4, 7, 0.0) / 28
     fitting = [pair for pair in BY_HAND if pair[0] * pair[1] * share <= paper.particles]
     pair = max(fitting, key=lambda p: (p[0] * p[1], -abs(p[1] - 7)))
-    ends, found = 0.0, count(*pair, 0.0)
-    low, high = (ends, found), (640.0, count(*pair, 640.0))
-    tried = [low, high]
+    low, high = 0.0, 640.0
+    ends, found = low, count(*pair, low)
+    tried = [(ends, found)]
     while len(tried) < 13 and abs(found / paper.particles - 1) >= 0.005:
-        ends = float(np.interp(paper.particles, (low[1], high[1]), (low[0], high[0])))  # hairs add in proportion
+        ends = (low + high) / 2
         found = count(*pair, ends)
-        if found in (low[1], high[1]):
-            break
         tried.append((ends, found))
-        low, high = (tried[-1], high) if found < paper.particles else (low, tried[-1])
+        low, high = (ends, high) if found < paper.particles else (low, ends)
     # Hairs come in whole numbers: the paper's count may lie between two of ours.
     ends, found = min(tried, key=lambda one: abs(one[1] - paper.particles))
     points = dressed_parts(scene(*pair, ends)).garment.atlas.key_points
