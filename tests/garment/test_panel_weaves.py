@@ -1,5 +1,6 @@
 """Drafts on parts of a cloth and on panels of a garment: what lies on top where, in which colours, from which files."""
 
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -102,7 +103,9 @@ def test_the_side_of_a_mesh_that_lies_outside_has_the_colour_of_what_floats_ther
     np.testing.assert_allclose(found["left_back"], 0.5 * red + 0.5 * blue, atol=1e-6)
 
 
-def test_files_of_panels_are_meant_from_where_the_scene_lies(tmp_path: Path) -> None:
+def test_files_of_panels_are_meant_from_where_the_scene_lies(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for draft in ("own.wif", "other.wif"):
+        shutil.copy(WIF, tmp_path / draft)
     text = '[garment.weaves]\nfront = "own.wif"\nback = "plain"\n[garment.prints.front]\nfile = "print.png"\n'
     text += "[yarn]\n[weave]\n[body]\n"
     (tmp_path / "scene.toml").write_text(text)
@@ -111,6 +114,7 @@ def test_files_of_panels_are_meant_from_where_the_scene_lies(tmp_path: Path) -> 
     assert garment is not None
     assert garment.weaves == {"front": str(tmp_path / "own.wif"), "back": "plain"}
     assert garment.prints["front"].file == str(tmp_path / "print.png")
+    monkeypatch.chdir(tmp_path)  # an override's is meant from where the command runs
     garment = load_scene(name, ["garment.weaves.front=other.wif", 'garment.prints.front={file="here.png"}']).garment
     assert garment is not None
     assert garment.weaves["front"] == "other.wif"

@@ -1,6 +1,7 @@
 """Keys that name files: marked once in the schema, and what follows of the mark."""
 
 import re
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, get_args, get_origin
@@ -14,6 +15,7 @@ from taichi_cloth.scenes.scene.scene_files import file_hashes, file_keys
 from taichi_cloth.scenes.scene.schema import Scene
 from taichi_cloth.scenes.scene.section import NamesFile
 
+WIF = Path(__file__).parents[1] / "data" / "wif" / "schort.wif"
 FILE_WORDS = re.compile(r"\bfile\b|\bpath\b|\.[a-z]{3,4}\b|\b(PNG|OBJ|WIF|BVH|GLB|JSON)\b")
 """What the description of a key that names a file cannot do without."""
 KEYS = dict(file_keys())
@@ -66,6 +68,8 @@ def test_an_edited_file_changes_the_fingerprint(key: tuple[str, ...], mark: Name
 
 
 def test_a_path_in_a_scene_file_is_taken_from_where_that_lies(tmp_path: Path) -> None:
+    for draft in ("a.wif", "d.wif"):
+        shutil.copy(WIF, tmp_path / draft)
     (tmp_path / "mine.toml").write_text(
         '[garment]\npattern = "tee.json"\nweaves = { front = "a.wif", back = "plain" }\n'
         'prints = { front = { file = "p.png" } }\n[body]\nsource = "b.obj"\nmotion = "walk"\nprimitives = "fit.json"\n'
