@@ -214,11 +214,9 @@ def profile(
 ) -> None:
     """Time building and drawing: this scene, and the fixed work the paper's T-shirt sets. Medians."""
     if tables:
-        from .commands.device import cpu_for
         from .commands.progress import staged
         from .paper.tables import table_lines
 
-        arch = cpu_for("what --tables times", arch)
         with staged() as (each, say):
             for line in table_lines(frames=frames, quick=quick, out=out, arch=arch, threads=threads, each=each):
                 say(line)
@@ -271,10 +269,8 @@ def figures(
     threads: Threads = None,
 ) -> None:
     """Make the paper's Figures 1 to 16, on one page with captions and commands."""
-    from .commands.device import cpu_for
     from .paper.figures import make_figures
 
-    arch = cpu_for("figures", arch)
     status = make_figures(out=out, only=only, quick=quick, arch=arch, threads=threads)
     if status:
         raise typer.Exit(status)
@@ -289,10 +285,8 @@ def report(
     threads: Threads = None,
 ) -> None:
     """Error against run time of everything that is approximate: a page with diagrams, and the rows as CSV."""
-    from .commands.device import cpu_for
     from .studies.make import make_report
 
-    arch = cpu_for("report", arch)
     make_report(only=only, quick=quick, out=out, arch=arch, threads=threads)
 
 
@@ -304,10 +298,8 @@ def stability(
     threads: Threads = None,
 ) -> None:
     """Stiffness, steps, masses and starts that no one would wish for: stable, or refused with its line."""
-    from .commands.device import cpu_for
     from .stability.make import make_matrix
 
-    arch = cpu_for("stability", arch)
     status = make_matrix(out=out, quick=quick, arch=arch, threads=threads)
     if status:
         raise typer.Exit(status)

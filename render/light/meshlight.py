@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from taichi_cloth.ground import runtime
 from taichi_cloth.ground.arrays import F32x1, F32x2, F32x3, I32x2, Int
 from taichi_cloth.ground.copies import zeros
+from taichi_cloth.ground.vectors import CHUNK_STEPS
 
 from ..tiles.mesh import Mesh
-from ..tiles.sort import CHUNK_STEPS, share
+from ..tiles.sort import share
 from .deep_map import AWAY, EMPTY, ORIGIN, RIGHT, SCALE, UP, lift, lower
 
 __all__ = ["walls"]

@@ -17,10 +17,10 @@ import taichi as ti
 from taichi_cloth.ground import runtime
 from taichi_cloth.ground.arrays import F32x1, F32x2, F32x3, Float, I32x2, Int, Template
 from taichi_cloth.ground.particles import LANES, NORMAL, POSITION, RADIUS, TANGENT
-from taichi_cloth.ground.vectors import Blocks, Vec16, keep
+from taichi_cloth.ground.vectors import CHUNK_STEPS, Blocks, Vec16, keep
 
 from ..data.light_sizes import LAYERS
-from ..tiles.sort import CHUNK_STEPS, share
+from ..tiles.sort import share
 from .deep_map import AWAY, EMPTY, ORIGIN, RIGHT, SCALE, UP, deepen, laid, lift, lower
 from .fibre import decay
 from .map_place import LEANT

@@ -4,9 +4,9 @@ import taichi as ti
 
 from taichi_cloth.ground.arrays import F32x2, Float, I32x2, Int, Template
 from taichi_cloth.ground.particles import LANES, POSITION, RADIUS, TANGENT
-from taichi_cloth.ground.vectors import Blocks, Vec16
+from taichi_cloth.ground.vectors import CHUNK_STEPS, Blocks, Vec16
 
-from ..tiles.sort import CHUNK_STEPS, share
+from ..tiles.sort import share
 from .deep_map import AWAY, ORIGIN, RIGHT, SCALE, UP
 
 __all__ = ["stamp"]

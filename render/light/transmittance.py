@@ -22,10 +22,9 @@ import taichi as ti
 from taichi_cloth.ground import runtime
 from taichi_cloth.ground.arrays import F32x1, F32x2, F32x3, I32x1, I32x2, Int, Template
 from taichi_cloth.ground.particles import LANES
-from taichi_cloth.ground.vectors import Blocks, Vec16
+from taichi_cloth.ground.vectors import CHUNK_STEPS, Blocks, Vec16
 
 from ..data.light_sizes import LAYERS
-from ..tiles.sort import CHUNK_STEPS
 from .deep_map import EMPTY, DeepMap, deepen, laid, lower
 from .fibre import decay
 from .stamps import BEHIND, EDGE, OPTICAL, POINTS, REACH, S_X, S_Y, STEP_BEHIND, STEP_U, STEP_V, T_X, T_Y, WIDE, U, V

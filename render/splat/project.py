@@ -15,12 +15,12 @@ import taichi as ti
 
 from taichi_cloth.ground.arrays import F32x2, I32x1, I32x2, I64x1, Int, Template
 from taichi_cloth.ground.particles import LANES, NORMAL, POSITION, RADIUS, TANGENT, TILE
-from taichi_cloth.ground.vectors import Blocks, each, lanes, of_group
+from taichi_cloth.ground.vectors import CHUNK_STEPS, Blocks, each, lanes, of_group
 
 from ..light.shade import shade
 from ..light.view import COAT, DEPTH, EDGE, IMAGE, KEY_DIRECTION, LENS, SURFACE, TRANSLATION
 from ..tiles.compiling import left_to_llvm
-from ..tiles.sort import BINS, CHUNK_STEPS, DEEPEST_KEY, share
+from ..tiles.sort import BINS, DEEPEST_KEY, share
 
 __all__ = ["project"]
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from taichi_cloth.ground.copies import extent, fetched, put, sent, zeros
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.ground.particles import LANES, TILE
+from taichi_cloth.ground.runtime import on_host
 
 from ..data.backdrop import NO_WALL, Backdrop
 from ..data.blocks import Layout, ParticleBlocks, pack
@@ -34,7 +35,7 @@ from ..tiles.pixels import raster_pixels
 from ..tiles.planes import borrow
 from ..tiles.raster import clear, count_opaque, raster, resolve_linear
 from ..tiles.rows import LUT_STEPS
-from ..tiles.sort import on_cpu, usual_chunks
+from ..tiles.sort import usual_chunks
 from .drawn import RenderStats, SplatLists
 from .neutral import resolve_neutral
 from .project import project
@@ -252,7 +253,7 @@ class Splatter:
         )
         colours = (background or Background()).rows(self.height) if backdrop is None else sent(backdrop.colour)
         wall = NO_WALL if backdrop is None or backdrop.wall is None else sent(backdrop.wall)
-        draw = raster if on_cpu() else raster_pixels
+        draw = raster if on_host() else raster_pixels
         draw(
             self._features,
             self._picture,

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from taichi_cloth.ground import runtime
 from taichi_cloth.ground.copies import zeros
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.ground.particles import LANES
+from taichi_cloth.ground.runtime import on_host, resident
 
 from .sort import (
     BINS,
@@ -17,7 +17,6 @@ from .sort import (
     count_low,
     count_tiles,
     fill_tiles,
-    on_cpu,
     scatter_high,
     scatter_low,
 )
@@ -38,7 +37,7 @@ class TileLists:
 
     def __init__(self, chunks: int, tiles: int) -> None:
         bins = max(BINS, tiles)
-        self.chunks = max(GPU_CHUNKS, min(MOST_CHUNKS, MOST_COUNTS // bins)) if runtime.resident() else chunks
+        self.chunks = max(GPU_CHUNKS, min(MOST_CHUNKS, MOST_COUNTS // bins)) if resident() else chunks
         self.histogram, self._scan = zeros((self.chunks, bins), np.int32), Scan(self.chunks, bins)
         self.starts, self.entries = zeros(tiles + 1, np.int32), zeros(1, np.int32)
         self.reserve(1)
@@ -50,7 +49,7 @@ class TileLists:
 
     def sort(self, blocks: int) -> int:
         """Depth order of the splats of so many blocks of particles; returns how many are drawn."""
-        if not on_cpu():
+        if not on_host():
             count_low(self.chunks, blocks, LANES, self.keys, self.histogram)
         drawn = self._scan.places(self.histogram, self.chunks, BINS)
         scatter_low(self.chunks, blocks, LANES, self.keys, self.histogram, self._order, self._high)

@@ -22,11 +22,10 @@ from taichi_cloth.ground import runtime
 from taichi_cloth.ground.arrays import F32x2, Float, I32x1, I32x2, Int
 from taichi_cloth.ground.copies import DeviceArray, zeros
 from taichi_cloth.ground.errors import InputError
-from taichi_cloth.ground.vectors import keep, lanes
+from taichi_cloth.ground.vectors import CHUNK_STEPS, keep, lanes
 
 from ..data.backdrop import OPEN, padded
 from ..data.camera import Camera
-from .sort import CHUNK_STEPS
 
 __all__ = ["Mesh", "from_behind", "join", "normals_at", "visible"]
 

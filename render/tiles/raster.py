@@ -12,13 +12,13 @@ import taichi as ti
 
 from taichi_cloth.ground.arrays import F32x1, F32x2, F32x3, I32x1, I32x2, Int, Template
 from taichi_cloth.ground.particles import TILE
+from taichi_cloth.ground.runtime import on_host
 from taichi_cloth.ground.vectors import Blocks
 
 from .blend import blend_piece, blend_round
 from .compiling import left_to_llvm
 from .picture import Picture
 from .rows import BOTH, HALF, packed, row_of, shown, span
-from .sort import on_cpu
 
 __all__ = ["CHECK_EVERY", "clear", "count_opaque", "raster", "resolve_linear"]
 
@@ -185,7 +185,7 @@ def clear(tiles: Int, planes: Template):
 def count_opaque(picture: Picture, planes: Template) -> Int:
     """How many tiles let less than `opaque` pass everywhere."""
     count = 0
-    ti.loop_config(serialize=ti.static(on_cpu()))
+    ti.loop_config(serialize=ti.static(on_host()))
     for tile in range(picture.tiles):
         count += ti.cast(planes.most_passing(tile) < picture.opaque, ti.i32)
     return count

@@ -5,8 +5,8 @@ bins, and within a bin over the chunks, turns the counts into places; then each 
 order. Whatever the number of chunks, the result is the same stable sort.
 
 Taichi on a CPU gives each thread at least 512 iterations of a parallel loop and splits them evenly. A loop over
-chunks therefore runs CHUNK_STEPS iterations a chunk, of which the first does all the work. On a device it runs
-WARP: so threads that take different ways do not wait for each other, and there are thousands of chunks.
+chunks therefore runs `chunk_steps` iterations a chunk, of which the first does all the work. On a device they are a
+warp, so that threads that take different ways do not wait for each other, and there are thousands of chunks.
 """
 
 from typing import Any
@@ -18,10 +18,11 @@ from taichi.lang import impl
 
 from taichi_cloth.ground.arrays import I32x1, I32x2, I64x1, Int, Long
 from taichi_cloth.ground.copies import DeviceArray, zeros
+from taichi_cloth.ground.runtime import on_host
+from taichi_cloth.ground.vectors import chunk_steps
 
 __all__ = [
     "BINS",
-    "CHUNK_STEPS",
     "DEEPEST_KEY",
     "GPU_CHUNKS",
     "MOST_CHUNKS",
@@ -31,7 +32,6 @@ __all__ = [
     "count_low",
     "count_tiles",
     "fill_tiles",
-    "on_cpu",
     "scatter_high",
     "scatter_low",
     "share",
@@ -44,26 +44,13 @@ BINS = 2048
 DEEPEST_KEY = BINS * BINS - 1
 """Depth keys have 22 bits: two rounds of an 11-bit counting sort."""
 
-CHUNK_STEPS = 1024
-
-WARP = 32
-"""Threads of a device that go the same way together."""
-
 GPU_CHUNKS, MOST_CHUNKS, MOST_COUNTS = 256, 4096, 1 << 24
 """Chunks on a graphics device; and, where arrays stay there, at most, with so many counts in a histogram of all."""
 
 
 def usual_chunks() -> int:
     """Parts that work is cut into: one a thread of a CPU; many for a graphics device, where a part is one lane's."""
-    return int(impl.current_cfg().cpu_max_num_threads) if on_cpu() else GPU_CHUNKS
-
-
-def on_cpu() -> bool:
-    return impl.current_cfg().arch in (ti.x64, ti.arm64)
-
-
-def _steps() -> int:
-    return CHUNK_STEPS if on_cpu() else WARP
+    return int(impl.current_cfg().cpu_max_num_threads) if on_host() else GPU_CHUNKS
 
 
 class Scan:
@@ -80,7 +67,7 @@ class Scan:
         device it is done on the host.
         """
         starts = self._starts if starts is None else starts
-        if on_cpu():
+        if on_host():
             return _scan(chunks, bins, histogram, starts)
         if isinstance(histogram, DeviceArray):
             return _scan_at_once(chunks, bins, histogram, self._part, self._total, self._group, starts)
@@ -167,10 +154,10 @@ def _scan_at_once(
 @ti.kernel
 def count_low(chunks: Int, block_count: Int, block_size: Int, keys: I32x1, histogram_out: I32x2):
     """Histogram of the low 11 bits of the keys that there are, where `project` has not counted them."""
-    for step in range(chunks * ti.static(_steps())):
-        if step % ti.static(_steps()) != 0:
+    for step in range(chunks * ti.static(chunk_steps())):
+        if step % ti.static(chunk_steps()) != 0:
             continue
-        chunk = step // ti.static(_steps())
+        chunk = step // ti.static(chunk_steps())
         for k in range(BINS):
             histogram_out[chunk, k] = 0
         first = share(block_count, chunk, chunks) * block_size
@@ -185,10 +172,10 @@ def scatter_low(
     chunks: Int, block_count: Int, block_size: Int, keys: I32x1, histogram: I32x2, order_out: I32x1, high_out: I32x1
 ):
     """First round: particles that have a key, by its low 11 bits; high_out takes its high bits along."""
-    for step in range(chunks * ti.static(_steps())):
-        if step % ti.static(_steps()) != 0:
+    for step in range(chunks * ti.static(chunk_steps())):
+        if step % ti.static(chunk_steps()) != 0:
             continue
-        chunk = step // ti.static(_steps())
+        chunk = step // ti.static(chunk_steps())
         first = share(block_count, chunk, chunks) * block_size
         for i in range(first, share(block_count, chunk + 1, chunks) * block_size):
             key = keys[i]
@@ -203,10 +190,10 @@ def scatter_low(
 @ti.kernel
 def count_high(chunks: Int, count: Int, high: I32x1, histogram_out: I32x2):
     """Histogram of the high bits, in the order of the first round."""
-    for step in range(chunks * ti.static(_steps())):
-        if step % ti.static(_steps()) != 0:
+    for step in range(chunks * ti.static(chunk_steps())):
+        if step % ti.static(chunk_steps()) != 0:
             continue
-        chunk = step // ti.static(_steps())
+        chunk = step // ti.static(chunk_steps())
         for k in range(BINS):
             histogram_out[chunk, k] = 0
         for i in range(share(count, chunk, chunks), share(count, chunk + 1, chunks)):  # pyright: ignore[reportArgumentType]
@@ -216,10 +203,10 @@ def count_high(chunks: Int, count: Int, high: I32x1, histogram_out: I32x2):
 @ti.kernel
 def scatter_high(chunks: Int, count: Int, high: I32x1, order: I32x1, histogram: I32x2, sorted_out: I32x1):
     """Second round: sorted_out has the particles from the nearest to the farthest."""
-    for step in range(chunks * ti.static(_steps())):
-        if step % ti.static(_steps()) != 0:
+    for step in range(chunks * ti.static(chunk_steps())):
+        if step % ti.static(chunk_steps()) != 0:
             continue
-        chunk = step // ti.static(_steps())
+        chunk = step // ti.static(chunk_steps())
         for i in range(share(count, chunk, chunks), share(count, chunk + 1, chunks)):  # pyright: ignore[reportArgumentType]
             place = histogram[chunk, high[i]]
             histogram[chunk, high[i]] = place + 1
@@ -229,10 +216,10 @@ def scatter_high(chunks: Int, count: Int, high: I32x1, order: I32x1, histogram: 
 @ti.kernel
 def count_tiles(chunks: Int, count: Int, tiles_x: Int, tiles: Int, order: I32x1, boxes: I64x1, histogram_out: I32x2):
     """How many splats each tile gets from each chunk."""
-    for step in range(chunks * ti.static(_steps())):
-        if step % ti.static(_steps()) != 0:
+    for step in range(chunks * ti.static(chunk_steps())):
+        if step % ti.static(chunk_steps()) != 0:
             continue
-        chunk = step // ti.static(_steps())
+        chunk = step // ti.static(chunk_steps())
         for k in range(tiles):
             histogram_out[chunk, k] = 0
         for i in range(share(count, chunk, chunks), share(count, chunk + 1, chunks)):  # pyright: ignore[reportArgumentType]
@@ -247,10 +234,10 @@ def count_tiles(chunks: Int, count: Int, tiles_x: Int, tiles: Int, order: I32x1,
 @ti.kernel
 def fill_tiles(chunks: Int, count: Int, tiles_x: Int, order: I32x1, boxes: I64x1, histogram: I32x2, list_out: I32x1):
     """The lists of all tiles, one after another, each from the nearest splat to the farthest."""
-    for step in range(chunks * ti.static(_steps())):
-        if step % ti.static(_steps()) != 0:
+    for step in range(chunks * ti.static(chunk_steps())):
+        if step % ti.static(chunk_steps()) != 0:
             continue
-        chunk = step // ti.static(_steps())
+        chunk = step // ti.static(chunk_steps())
         for i in range(share(count, chunk, chunks), share(count, chunk + 1, chunks)):  # pyright: ignore[reportArgumentType]
             splat = order[i]
             box = boxes[splat]

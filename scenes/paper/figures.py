@@ -17,6 +17,7 @@ from taichi_cloth.ground.errors import InputError, Unstable
 from taichi_cloth.ground.files import write_bytes
 
 from ...render.image.image import write_png
+from ..commands.device import cpu_for
 from .figures_cloth import drape, fibre, springs, textured, twist, weaves
 from .figures_garment import body_parts, dressed_twice, magnified, moving, primitives, skirt_and_shirt, stretched
 
@@ -154,7 +155,7 @@ def make_figures(
     chosen = numbers_of(only)
     with OutputFolder(out) as held:
         held.refuse_foreign([*(figure.file for figure in chosen), INDEX])
-        runtime.start(arch, threads=threads)
+        runtime.start(cpu_for("figures", arch), threads=threads)
         held.make()
         held.claim([*(figure.file for figure in chosen), INDEX])
         failed = _draw(chosen, out, quick)

@@ -13,6 +13,7 @@ from taichi_cloth.garment.sewn.weaving import Weaving
 from taichi_cloth.ground import runtime
 from taichi_cloth.ground.errors import InputError, Unstable
 
+from ..commands.device import cpu_for
 from ..measure.frame_parts import clock_or_none
 from ..measure.machine import cores, cpu_name
 from ..prepare.garment_setup import Progress, dressed_parts, woven_garment
@@ -56,7 +57,7 @@ def table_lines(
         frames = QUICK_FRAMES if quick else FRAMES
     if not 2 <= frames <= 100_000:
         raise InputError(f"--frames: {frames}; allowed: 2 to 100000")
-    started = runtime.start(arch, threads=threads, pin=True)
+    started = runtime.start(cpu_for("what --tables times", arch), threads=threads, pin=True)
     load = f"; load {os.getloadavg()[0]:.1f} at the start" if hasattr(os, "getloadavg") else ""
     heading = [
         f"{cpu_name()}, {cores()} cores, {platform.system()}; "

@@ -8,6 +8,7 @@ from taichi_cloth.ground import runtime
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.ground.files import write_bytes
 
+from ..commands.device import cpu_for
 from ..commands.progress import progress
 from ..measure.page import csv_text
 from .garments import garment_cases
@@ -25,7 +26,7 @@ def make_matrix(*, out: Path, quick: bool = False, arch: Any = "cpu", threads: i
     """The exit status: 1 when a cell is neither stable nor refused. Starts Taichi. Raises InputError."""
     if not out.parent.is_dir():
         raise InputError(f"--out {out}: no such folder {out.parent}; make it first")
-    runtime.start(arch, threads=threads or 1)
+    runtime.start(cpu_for("stability", arch), threads=threads or 1)
     chosen, cases = cells(quick), [*program_cases(quick), *garment_cases(quick)]
     found: list[Outcome] = []
     with progress() as bar:

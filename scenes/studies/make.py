@@ -13,6 +13,7 @@ import taichi_cloth
 from taichi_cloth.ground import runtime
 from taichi_cloth.ground.errors import InputError, did_you_mean
 
+from ..commands.device import cpu_for
 from ..commands.progress import progress
 from ..measure.diagram import draw, require_matplotlib
 from ..measure.machine import cores, cpu_name
@@ -63,7 +64,7 @@ def make_report(*, only: str | None, quick: bool, out: Path, arch: Any = "cpu", 
     check_folder(out)
     require_matplotlib()
     begun, load = time.perf_counter(), _load()
-    started = runtime.start(arch, threads=threads or 1)
+    started = runtime.start(cpu_for("report", arch), threads=threads or 1)
     sections = []
     names = [name for name in names if name not in dict(left_out)]
     with progress() as bar:

@@ -11,10 +11,26 @@ from taichi_cloth.ground import runtime
 from taichi_cloth.ground.arrays import Template
 from taichi_cloth.ground.particles import LANES, OCTET
 
-__all__ = ["Blocks", "Vec8", "Vec16", "chunk_count", "chunk_steps", "each", "keep", "lanes", "of_group", "of_row"]
+__all__ = [
+    "CHUNK_STEPS",
+    "Blocks",
+    "Vec8",
+    "Vec16",
+    "chunk_count",
+    "chunk_steps",
+    "each",
+    "keep",
+    "lanes",
+    "of_group",
+    "of_row",
+]  # fmt: skip
 
 Vec8: Any = ti.types.vector(OCTET, ti.f32)
 Vec16: Any = ti.types.vector(LANES, ti.f32)
+
+CHUNK_STEPS, WARP = 1024, 32
+"""Iterations of a loop for each chunk of work on a CPU, which gives a thread at least 512 of them; and threads of a
+device that go the same way together."""
 
 if TYPE_CHECKING:
     Blocks = Any
@@ -39,9 +55,9 @@ def lanes() -> int:
 
 
 def chunk_steps() -> int:
-    """Iterations of a loop over chunks of work for each chunk, of which the first does all of it: a CPU gives a thread
-    at least 512 iterations, and on a device threads that go different ways are best in warps of their own."""
-    return 1024 if runtime.on_host() else 32
+    """Iterations of a loop over chunks of work for each chunk, of which the first does all of it; on a device threads
+    that go different ways are best in warps of their own."""
+    return CHUNK_STEPS if runtime.on_host() else WARP
 
 
 def chunk_count(usual: int) -> int:

@@ -49,10 +49,10 @@ def test_a_thread_a_pixel_draws_what_rows_of_a_tile_draw(
     wall = Mesh([(-9.0, -9.0, 1.2), (9.0, -9.0, 1.2), (0.0, 9.0, 1.2)], [(0, 1, 2)], (0.9, 0.1, 0.1))
     backdrop = paint(CAMERA, mesh=wall, background=background)
     for behind in (None, backdrop):
-        monkeypatch.setattr(splat, "on_cpu", lambda: True)
+        monkeypatch.setattr(splat, "on_host", lambda: True)
         rows = splatter.render(CAMERA, background=background, backdrop=behind).astype(int)
         of_rows = splatter.linear()
-        monkeypatch.setattr(splat, "on_cpu", lambda: False)
+        monkeypatch.setattr(splat, "on_host", lambda: False)
         pixels = splatter.render(CAMERA, background=background, backdrop=behind).astype(int)
         assert np.abs(pixels - rows).max() <= 1
         assert np.abs(splatter.linear() - of_rows).max() < 1e-5
@@ -60,7 +60,7 @@ def test_a_thread_a_pixel_draws_what_rows_of_a_tile_draw(
 
 
 def test_batches_leave_what_one_picture_does(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(splat, "on_cpu", lambda: False)
+    monkeypatch.setattr(splat, "on_host", lambda: False)
     drawn = cloud()
     order = np.argsort(drawn.position[:, 2])
     nearest = [
