@@ -42,6 +42,9 @@ class _SkyBefore:
             light[:, row + 3 : row + 6] = open_to(normals, self.up).swapaxes(0, 1)
 
 
+_UNHIDDEN, _BEFORE = _Unhidden(), {up: _SkyBefore(up) for up in (1.0, -1.0)}
+
+
 @dataclass(frozen=True)
 class FlatLight:
     """As `LightMaps`, on the right side of a cloth, 1, or on its wrong side, -1. count: of lights."""
@@ -51,11 +54,11 @@ class FlatLight:
 
     @property
     def lights(self) -> tuple[LookedUp | None, ...]:
-        return (_Unhidden(),) * self.count
+        return (_UNHIDDEN,) * self.count
 
     @property
     def sky(self) -> LookedUp:
-        return _SkyBefore(self.up)
+        return _BEFORE[self.up]
 
     def coarse(self, depth: float) -> float:
         del depth

@@ -21,14 +21,14 @@ from ...render.data.camera import Camera, frame
 from ...render.data.finish import Finish
 from ...render.data.light import KeyLight, Lighting
 from ...render.splat.splat import Splatter
-from ...render.splat.stream import stream
+from ...render.splat.stream import STREAMED
 from .flat_light import FlatLight
 
 __all__ = ["fit_look", "flat_piece", "seen_light"]
 
 F64 = NDArray[np.float64]
 
-VERSION = 6
+VERSION = 7
 """Of what is kept on disk: raised whenever the same cloth would come to another look."""
 SIZE = 256, 192
 AZIMUTH = 30.0
@@ -40,31 +40,38 @@ INNER = 0.6
 CELL = 20
 COARSEST = 1e3
 """Radius [px] that no fibre has: they are drawn at the coarsest level, which is what the sheet fades into."""
-ROUNDS = 5
+ROUNDS, STEADY = 5, 3e-3
+"""Rounds in which factors are found, at most, and by how much of itself none changes any more before."""
 SKY = 0.4
 """How much of the light comes from the sky before the cloth, beside 1 from lights."""
 CLEAR = 1e-3
 """Of light that passes through, less is taken for as much."""
-EVEN, DARK = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
-SKIES = tuple(
-    Lighting(key=0.0, fill=1.0, sky=sky, ground=ground, occlusion=True) for sky, ground in ((EVEN, DARK), (DARK, EVEN))
-)
-"""Before the right side and before the wrong one. What is behind cloth is mostly dark: a body, or its other layers."""
+AROUND = ((0.0, 1.0, 0.0, 0.3), *((0.8 * cos(2 * pi * k / 5), 0.6, 0.8 * sin(2 * pi * k / 5), 0.2) for k in range(5)))
+"""Directions and intensities of lights above the cloth and round it: a look is a mean over how light falls."""
+WHITE, BLACK, UNSEEN = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0), 1e-9
+"""UNSEEN: of a light that is there only so that all pictures are drawn by the same kernel."""
+ONE_LIGHT = Lighting()
 
 
-def _keys(side: int) -> Lighting:
-    """Lights all round above the right side (0) or the wrong one (1): a look is a mean over how light falls."""
+def _lightings(side: int, like: Lighting) -> list[Lighting]:
+    """The lights before the right side (0) or the wrong one (1), one after the other, and then the sky there, with
+    nothing behind: what is there is mostly dark, a body, or the cloth's other layers. With as many lights and a horizon
+    as `like` has, so that its kernel, which a picture needs anyway, draws them."""
     up = 1.0 - 2.0 * side
-    around = [(0.8 * cos(2 * pi * k / 5), 0.6 * up, 0.8 * sin(2 * pi * k / 5)) for k in range(5)]
-    others = tuple(KeyLight(direction=one, intensity=0.2, follows_camera=False, casts_shadow=True) for one in around)
-    return Lighting(
-        direction=(0.0, up, 0.0), key_follows_camera=False, key=0.3, key_colour=EVEN, fill=0.0, others=others,
+    sky, ground = (WHITE, BLACK) if side == 0 else (BLACK, WHITE)
+    unseen = KeyLight(direction=(0.0, up, 0.0), intensity=UNSEEN, follows_camera=False, casts_shadow=True)
+    base = Lighting(
+        key_follows_camera=False, key_colour=WHITE, fill=0.0, sky=sky, ground=ground,
+        horizon=None if like.horizon is None else sky, others=(unseen,) * len(like.others),
         shadows=True, occlusion=True,
     )  # fmt: skip
+    keys = [replace(base, direction=(x, up * y, z), key=strength) for x, y, z, strength in AROUND]
+    return [*keys, replace(base, direction=unseen.direction, key=UNSEEN, fill=1.0)]
 
 
-def fit_look(source: CellStream, finish: Finish) -> SheetLook:
-    """The look of the sheets of a cloth whose fibres have that finish."""
+def fit_look(source: CellStream, finish: Finish, like: Lighting = ONE_LIGHT) -> SheetLook:
+    """The look of the sheets of a cloth whose fibres have that finish. like: the lights of the picture that it is for,
+    whose kernel then draws it; they do not change it."""
     cloth = source.cloth
     guess = guess_of(cloth.bank, cloth.repeats)
     bank = cloth.bank
@@ -72,13 +79,15 @@ def fit_look(source: CellStream, finish: Finish) -> SheetLook:
     made_of = digest(VERSION, FLANKS, TURNED, finish, guess, source.pitch, *parts)
 
     def make() -> dict[str, NDArray]:
-        every = [_measured(cloth, number, source.pitch, guess, finish) for number in range(len(cloth.repeats))]
+        every = [_measured(cloth, number, source.pitch, guess, finish, like) for number in range(len(cloth.repeats))]
         return {"factor": np.stack(every).astype(np.float32)}
 
     return SheetLook(kept("sheet", made_of, make)[0]["factor"], guess.lean)
 
 
-def _measured(cloth: CellCloth, number: int, pitch: tuple[float, float], guess: SheetLook, finish: Finish) -> F64:
+def _measured(
+    cloth: CellCloth, number: int, pitch: tuple[float, float], guess: SheetLook, finish: Finish, like: Lighting
+) -> F64:
     """The factors of a repeat, (2, TILTS, 4)."""
     splatter = Splatter(*SIZE)
     fibres, sheet = (flat_piece(cloth, number, threads, pitch) for threads, _ in (FIBRES, SHEETS))
@@ -88,12 +97,13 @@ def _measured(cloth: CellCloth, number: int, pitch: tuple[float, float], guess: 
 
     def got(now: F64, side: int, elevation: float) -> F64:
         sheet.look.factor[number, side] = now  # seen so, all of it is at this angle
-        return seen_light(splatter, sheet, *_camera(sheet, elevation, SHEETS[1]), finish)
+        return seen_light(splatter, sheet, *_camera(sheet, elevation, SHEETS[1]), finish, like)
 
     for side in (0, 1):
         for t, tilt in enumerate(TILTS):
             elevation = degrees(asin(tilt)) * (1 - 2 * side)
-            want = seen_light(splatter, fibres, *_camera(fibres, elevation, FIBRES[1] * tilt**-0.33), finish)
+            camera = _camera(fibres, elevation, FIBRES[1] * tilt**-0.33)
+            want = seen_light(splatter, fibres, *camera, finish, like)
             start = out[side, max(t - 1, 0)].copy()
             out[side, t] = _solved(lambda now, at=(side, elevation): got(now, *at), want, start)
     return out
@@ -104,11 +114,13 @@ def _solved(got: Callable[[F64], F64], want: F64, start: F64) -> F64:
     openness alone cannot tell how far the sky counts, warp and weft are right for both together."""
     now = start.copy()
     for _ in range(ROUNDS):
-        have = np.maximum(got(now), 1e-6)
+        have, before = np.maximum(got(now), 1e-6), now.copy()
         now[AREA] *= log(max(1 - want[0], CLEAR)) / log(min(max(1 - have[0], CLEAR), 1 - CLEAR))
         lights, sky = (want[k].sum() / have[k].sum() for k in (slice(1, 3), slice(3, 5)))
         now[[WARP, WEFT]] *= (want[1:3] + SKY * want[3:]) / (have[1:3] + SKY * have[3:])
         now[OPEN] = np.clip(now[OPEN] * sky / lights, 0.1, 1.0)
+        if np.abs(now / before - 1.0).max() < STEADY:
+            break
     return now
 
 
@@ -151,14 +163,20 @@ def seen_light(
     camera: Camera,
     where: NDArray[np.bool_],
     finish: Finish,
+    like: Lighting = ONE_LIGHT,
 ) -> F64:
     """Coverage; of lights all round, what comes by the colour of warp and by that of weft; of the sky before the cloth,
-    likewise: means of those pixels. In the light that maps of a whole garment tell of (`FlatLight`)."""
-    means, side = [], int(camera.forward[1] > 0)
-    for lighting in (_keys(side), SKIES[side]):
-        splatter.light.hold(FlatLight(1.0 - 2.0 * side, len(lighting.lights)), each=True)
-        stream(splatter, camera, source, most=10**9, lighting=lighting, finish=finish)
+    likewise: means of those pixels. In the light that maps of a whole garment tell of (`FlatLight`). like: see
+    `fit_look`."""
+    side = int(camera.forward[1] > 0)
+    seen = source.survey(camera)
+    splatter.load_blocks(STREAMED, *source.lay(seen, np.flatnonzero(seen.counts).astype(np.int32)))
+    splatter.light.hold(FlatLight(1.0 - 2.0 * side, len(like.lights)), each=True)
+    means = []
+    for lighting in _lightings(side, like):
+        splatter.render(camera, lighting=lighting, finish=finish)
         means.append(splatter.linear()[where].mean(axis=0, dtype=np.float64))
     splatter.light.hold(None)
-    (red, green, blue, cover), sky = means
-    return np.array([cover, red - blue, green - blue, sky[0] - sky[2], sky[1] - sky[2]])
+    *keys, sky = means
+    red, green, blue, _ = np.sum(keys, axis=0)
+    return np.array([sky[3], red - blue, green - blue, sky[0] - sky[2], sky[1] - sky[2]])

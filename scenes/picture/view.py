@@ -163,7 +163,8 @@ class View:
                 if isinstance(panel.source, CellStream):
                     panel.source.target = TARGET * self.scale
                     if panel.source is not self._fitted:  # it stays the same while cloth moves
-                        panel.source.look, self._fitted = fit_look(panel.source, self.finish), panel.source
+                        panel.source.look = fit_look(panel.source, self.finish, self.lighting)
+                        self._fitted = panel.source
                 self._streamed.append(Streamed(splatter, panel.particles, floor=on, mesh=mesh))
                 self._stages.append(None)
                 continue

@@ -67,7 +67,7 @@ def zoom_cells(view: View, count: int, numbers: list[int]) -> Iterator[tuple[int
     first = orbit(panel.bounds, 1, width=width, height=height, start=section.azimuth_deg, **lens)[0]
     source, finish = model.source, view.finish
     source.target = TARGET
-    source.look = fit_look(source, finish)
+    source.look = fit_look(source, finish, view.lighting)
     near = NearCells(source, skin_in(scene))
     near.skins.gain = _skin_gain(near, finish)
     mesh = join(panel.meshes) if panel.meshes else None

@@ -11,10 +11,12 @@ from taichi_cloth.detail.cell_stream import TARGET, CellStream
 from taichi_cloth.ground.mixing import sent_back
 from taichi_cloth.render.data.camera import frame
 from taichi_cloth.render.data.finish import Finish, finish_for
+from taichi_cloth.render.data.light import Lighting
 from taichi_cloth.render.splat.splat import Splatter
 from taichi_cloth.render.splat.stream import stream
 from taichi_cloth.scenes.models.cell_fibres import sheet_fibres
 from taichi_cloth.scenes.picture import sheet_look
+from taichi_cloth.scenes.picture.flat_light import FlatLight
 from taichi_cloth.scenes.picture.sheet_look import FIBRES, SHEETS, SIZE, SKY, fit_look, seen_light
 from taichi_cloth.scenes.prepare.cell_layout import prepare_sheet
 from taichi_cloth.scenes.prepare.sett import on_cells
@@ -111,7 +113,9 @@ def test_each_stripe_has_its_colour_from_far_and_near(source: CellStream, finish
     points = piece.cloth.node[:, :3].astype(np.float64)
     low, high = points.min(axis=0), points.max(axis=0)
     base = frame(points, width=160, height=96, elevation=90.0, fov=4)
-    splatter, lighting, seen = Splatter(160, 96), sheet_look._keys(0), []
+    splatter, seen = Splatter(160, 96), []
+    splatter.light.hold(FlatLight(1.0, 1), each=True)
+    lighting = Lighting(key_follows_camera=False, shadows=True, occlusion=True)
     for pixels in (0.7, 4.0, 12.0):
         away = float(np.sqrt(source.pitch[0] * source.pitch[1])) * base.focal / pixels
         wide, high_up = (round(min(pixels * 0.3 * STRIPE, half)) for half in (80, 48))
