@@ -39,7 +39,7 @@ def plain_figure() -> Figure:
 
 
 def plain_landmarks() -> Landmarks:
-    """A woman of 1.70 m, of round numbers; rings of her trunk from crotch to shoulder."""
+    """A woman of 1.70 m, of round numbers; rings of her legs together and of her trunk, up to the shoulder."""
     height = {"floor": 0.0, "knee": 0.48, "crotch": 0.76, "hip": 0.85, "waist": 1.08, "underbust": 1.17, "bust": 1.24,
               "underarm": 1.25, "shoulder": 1.40, "neck": 1.44, "top": 1.70}  # fmt: skip
     girth = {"hip": 0.97, "waist": 0.72, "underbust": 0.79, "bust": 0.89, "neck": 0.34, "head": 0.57,
@@ -47,8 +47,8 @@ def plain_landmarks() -> Landmarks:
     depth = {"hip": (0.09, -0.13), "waist": (0.105, -0.085), "underbust": (0.105, -0.09), "bust": (0.12, -0.1),
              "neck": (0.05, -0.06), "top": (0.11, -0.095)}  # fmt: skip
     rings = []
-    for y in np.arange(0.77, 1.40, 0.01):
-        around = np.interp(y, [0.85, 1.08, 1.24, 1.40], [0.97, 0.72, 0.89, 0.95])
+    for y in np.arange(0.12, 1.40, 0.01):
+        around = np.interp(y, [0.12, 0.48, 0.75, 0.85, 1.08, 1.24, 1.40], [0.655, 0.775, 0.91, 0.97, 0.72, 0.89, 0.95])
         deep = np.interp(y, [0.85, 1.08, 1.24], [0.11, 0.095, 0.11])
         rings.append([y, around, around / np.pi - deep, deep, 0.0])
     arm = np.array([[0.17, 1.36, -0.01], [0.38, 1.17, -0.01], [0.56, 1.02, 0.03]])

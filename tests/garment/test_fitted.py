@@ -2,6 +2,7 @@
 should not be. Truth is told by the generator's own names of panels, which the code does not read."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from taichi_cloth.garment.fit.landmarks import Landmarks
 from taichi_cloth.garment.fit.limbs import _hanging
 from taichi_cloth.garment.fit.piece import Piece, Work, pieces_of
 from taichi_cloth.garment.fit.taped import landmarks_of
+from taichi_cloth.garment.fit.widen import widths
 from taichi_cloth.garment.pattern.curves import length
 from taichi_cloth.garment.pattern.garmentcode import read_garmentcode
 from taichi_cloth.garment.pattern.pattern import Course, Flat, Panel, Pattern, Seam, Side
@@ -23,7 +25,8 @@ from taichi_cloth.scenes.scene.body_section import BodySection, prepare_body
 
 RANDOM = sorted((Path(__file__).parents[1] / "data" / "patterns" / "random").glob("*.json"))
 TEN = RANDOM[3::11]
-SLEEVELESS = RANDOM[0].parents[1] / "dress_sleeveless.json"
+SLEEVELESS, PENCIL = (RANDOM[0].parents[1] / f"dress_{name}.json" for name in ("sleeveless", "pencil_specification"))
+LAPELS = [file for file in RANDOM if "Lapel" in file.stem]
 ARM, LOW, COLLAR = 0.14, 0.12, 0.16
 """How far a sleeve may start from the arm, a waist from the landmark, a collar from the neck [m]."""
 
@@ -50,7 +53,7 @@ def wrong(work: Work, worn: Landmarks) -> list[str]:
             out.append(f"{piece.name}: on {piece.part}")
         elif truth == "arm" and _off_arm(middle, worn) > ARM:
             out.append(f"{piece.name}: {100 * _off_arm(middle, worn):.0f} cm beside the arm")
-        elif truth == "head" and not worn.height["bust"] - 0.1 < w[:, 1].min() < worn.height["neck"] + COLLAR:
+        elif truth == "head" and not _at_neck(work, piece, worn):
             out.append(f"{piece.name}: from {w[:, 1].min():.2f} m")
         elif truth == "leg" and piece.part != ("leg_l" if middle[0] > 0 else "leg_r"):
             out.append(f"{piece.name}: on {piece.part}")
@@ -59,6 +62,13 @@ def wrong(work: Work, worn: Landmarks) -> list[str]:
         if any(k in piece.name for k in ("back", "btorso", "_b_")) and truth != "head" and w[:, 2].mean() > 0:
             out.append(f"{piece.name}: before")
     return out + _levels(work, worn)
+
+
+def _at_neck(work: Work, piece: Piece, worn: Landmarks) -> bool:
+    """Whether a collar begins where its neckline does, which is as low as the design has it."""
+    sewn = [(a, b) for a, b in work.pairs(piece.name) if work.pieces[b.panel].part == "trunk"]
+    low = min([worn.height["bust"], *(float(work.pieces[b.panel].worn(b.edge)[:, 1].min()) for _, b in sewn)])
+    return low - 0.1 < piece.worn()[:, 1].min() < worn.height["neck"] + COLLAR
 
 
 def _off_arm(middle: np.ndarray, worn: Landmarks) -> float:
@@ -259,3 +269,82 @@ def test_straps_over_a_bare_back_are_no_loop(tmp_path):
     strap["translation"] = [4, 104, -15]
     notes = fitted(own_pattern(tmp_path, document), plain_landmarks()).notes
     assert not any("widened" in note for note in notes)
+
+
+def skirt(hem: float, slit: bool) -> dict:
+    """Two panels from the waist of a file drafted from the floor to under the knee, 104 cm round at the hip, `hem`
+    below. slit: its sides are open from the hip down [cm]."""
+    document = band(104.0, 45.0)
+    for panel in document["pattern"]["panels"].values():
+        out, far = (104 - hem) / 4, 52.0
+        corner = [
+            [out, 0],
+            [far - out, 0],
+            [far - out / 2, 12],
+            [far, 40],
+            [far - 5, 63],
+            [5, 63],
+            [0, 40],
+            [out / 2, 12],
+        ]
+        panel |= {"vertices": corner, "edges": [{"endpoints": [k, (k + 1) % 8]} for k in range(8)]}
+    sides = (3, 5), (5, 3), (1, 7), (2, 6), (6, 2), (7, 1)
+    joined = [[{"panel": "wb_front", "edge": a}, {"panel": "wb_back", "edge": b}] for a, b in sides]
+    document["pattern"]["stitches"] = joined[:2] if slit else joined
+    return document
+
+
+@pytest.mark.parametrize(("hem", "slit", "widened"), [(60.0, False, True), (60.0, True, False), (90.0, False, False)])
+def test_a_hem_goes_round_both_legs(tmp_path, hem, slit, widened):
+    """As they stand, apart: one that is tighter is drawn into a knee or rides up. Over a slit it is none."""
+    worn = plain_landmarks()
+    pattern = fitted(own_pattern(tmp_path, skirt(hem, slit)), worn)
+    whole = sum(float(np.ptp(panel.edges[0][:, 0])) for panel in pattern.panels)
+    assert any("hem round both legs" in note for note in pattern.notes) == widened
+    assert (whole > 1.02 * worn.ring(0.45)[0]) == (widened or hem == 90.0)
+
+
+def test_an_armhole_is_no_ring():
+    """The pencil dress: its left front was taken for the sector of a yoke, and stood 6 cm over the right one."""
+    work, _, _ = placed(read_garmentcode(PENCIL), plain_landmarks())
+    left, right = work.pieces["left_ftorso"], work.pieces["right_ftorso"]
+    assert left.ring is None
+    assert left.worn()[:, 1].max() == pytest.approx(right.worn()[:, 1].max(), abs=0.01)
+
+
+def test_lapels_lie_on_the_fronts():
+    """However low the neckline reaches."""
+    worn = plain_landmarks()
+    for file in LAPELS:
+        work, _, _ = placed(read_garmentcode(file), worn)
+        collars = [piece for piece in work.pieces.values() if "collar" in piece.name]
+        assert {piece.part for piece in collars} <= {"head"}, file.stem
+        before = max(float(p.shift[2]) for p in work.of("trunk") if p.side == "front")
+        for piece in collars:
+            if piece.side == "front" and piece.worn()[:, 1].min() < worn.height["underarm"]:
+                assert before < piece.shift[2] < before + 0.03
+
+
+def test_a_dart_at_the_side_takes_nothing_of_a_width():
+    """It is closed; one at the hem takes what it is wide."""
+    corner = np.array([[0, 0], [0.3, 0], [0.3, 0.2], [0.15, 0.22], [0.3, 0.24], [0.3, 0.4], [0.0, 0.4], [0.0, 0.0]])
+    edges = tuple(corner[k : k + 2] for k in range(7))
+    panel = Panel("front", edges, Flat(np.eye(3), np.zeros(3)))
+    work = pieces_of(Pattern("dart", (panel,), (Seam(Side("front", 2), Side("front", 3), alike=False),)))
+    piece = work.pieces["front"]
+    piece.graded, piece.part = piece.edges, "trunk"
+    assert piece.notches == ((2, 3),)
+    np.testing.assert_allclose(widths(piece, np.array([0.1, 0.21, 0.22, 0.3])), 0.3)
+    level = Flat(np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]), np.zeros(3))  # the same dart, opening upwards
+    lying = pieces_of(replace(work.pattern, panels=(replace(panel, place=level),)))
+    assert lying.pieces["front"].notches == ()
+
+
+@pytest.mark.parametrize("file", [f for f in RANDOM if "_FittedShirt" in f.stem][::6], ids=lambda f: f.stem)
+def test_fitted_bodices_keep_their_shape(file):
+    """Their darts at the side, and levels that necklines and armholes reach down to, counted as too tight: panels came
+    to be half as wide again at the bust."""
+    work, _, _ = placed(read_garmentcode(file), plain_landmarks())
+    for piece in work.of("trunk"):
+        wide = [float(np.ptp(np.concatenate(edges) @ piece.rotation[0, :2])) for edges in (piece.edges, piece.graded)]
+        assert wide[1] < 1.15 * wide[0], piece.name

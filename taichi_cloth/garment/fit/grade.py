@@ -18,8 +18,9 @@ F64 = NDArray[np.float64]
 
 LYING = 0.3
 """Sine of a panel's slope under which it lies flat."""
-RING = 25.0
-"""Degrees by which the top edge of a sector of a ring turns, at least."""
+RING, LEANS = 25.0, 0.5
+"""Degrees by which the top edge of a sector of a ring turns, at least, and rise over run of its ends, at most, on the
+trunk: armholes turn, too."""
 BELOW, SLEEVED = 0.035, 0.05
 """Of an armhole's lowest point under the arm where the garment rests, at least, and with a sleeve in it [m]."""
 SEWN, FREE = 5.0, 1.0
@@ -119,7 +120,9 @@ def find_rings(work: Work) -> None:
         turn = float(np.degrees(np.angle(complex(*d[-1]) / complex(*d[0]))))
         rise = piece.rotation[1, :2]
         above = float((circle(piece.edges[k])[0] - piece.edges[k].mean(axis=0)) @ rise) > 0
-        if abs(turn) > RING and above and (piece.part == "skirt" or _beside(work, piece, k)):
+        ends = np.abs(np.diff(piece.world(k)[[0, -1]], axis=0)[0])
+        level = ends[1] < LEANS * max(float(ends[0]), float(ends[2]))
+        if abs(turn) > RING and above and (piece.part == "skirt" or (level and _beside(work, piece, k))):
             piece.ring = k
 
 

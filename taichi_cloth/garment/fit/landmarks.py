@@ -27,7 +27,8 @@ class Landmarks:
     height: from the floor, of HEIGHTS and of hip, underbust, bust. girth: of hip, waist, underbust, bust, neck, head,
     upper_arm, wrist, thigh, knee, ankle. depth: z of the front and of the back at hip, waist, underbust, bust, neck,
     top. shoulder: between the shoulders' joints. arm: (3, 3) of shoulder, elbow, wrist; leg: (3, 3) of hip joint, knee,
-    ankle; both left. rings: (n, 5) height, girth, half the breadth, half the depth and middle z of the trunk, upwards.
+    ankle; both left. rings: (n, 5) height, girth, half the breadth, half the depth and middle z of both legs and of the
+    trunk, upwards.
     """
 
     height: dict[str, float]
@@ -52,7 +53,7 @@ class Landmarks:
         )
 
     def ring(self, y: float) -> tuple[float, float, float, float]:
-        """Girth, half the breadth, half the depth and middle z of the trunk at a height [m]."""
+        """Girth, half the breadth, half the depth and middle z of trunk or both legs at a height [m]."""
         return tuple(float(np.interp(y, self.rings[:, 0], self.rings[:, k])) for k in range(1, 5))  # type: ignore[return-value]
 
 

@@ -53,6 +53,11 @@ def assign(work: Work, drafted: Landmarks) -> None:
             arms = {part for part in to if part.startswith("arm")}
             if aside and not piece.part.startswith("arm") and arms and "trunk" not in to:
                 piece.part = "arm_l" if piece.world()[:, 0].mean() > 0 else "arm_r"
+    for name, piece in work.pieces.items():  # a lapel is sewn to the collar and to one side of the trunk alone
+        to = [work.pieces[other.panel] for _, other in work.pairs(name)]
+        beyond = any(other.part != "head" and (other.part != "trunk" or other.side != piece.side) for other in to)
+        if piece.part == "trunk" and not beyond and any(other.part == "head" for other in to):
+            piece.part = "head"
     _trousers(work)
 
 

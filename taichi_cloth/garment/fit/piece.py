@@ -24,7 +24,7 @@ class Piece:
     """edges: polylines (k, 2), the outline counter-clockwise, right side towards the reader. graded: the same, for the
     body. rotation, at: of the drawn edges; `lift` is added to heights. shift: of the graded ones. part: trunk, head,
     skirt, arm_l, arm_r, leg_l, leg_r. side: front, back, left, right. tube: goes round its part alone,
-    sewn to itself."""
+    sewn to itself. notches: both edges of each dart that opens to the side, in their order."""
 
     panel: Panel
     edges: list[F64]
@@ -37,6 +37,7 @@ class Piece:
     shift: F64 = field(default_factory=lambda: np.zeros(3))
     ring: int | None = None
     tube: bool = False
+    notches: tuple[tuple[int, int], ...] = ()
 
     @property
     def name(self) -> str:
@@ -128,12 +129,29 @@ def pieces_of(pattern: Pattern) -> Work:
     pieces = {}
     for panel in pattern.panels:
         assert isinstance(panel.place, Flat)
+        notches = _notches(panel, seams)
         edges, rotation = [_dense(edge) for edge in panel.edges], panel.place.rotation.copy()
         if area(panel.outline) < 0:
             edges = [edge * np.array([-1.0, 1.0]) for edge in edges]
             rotation = rotation @ np.diag([-1.0, 1.0, -1.0])
-        pieces[panel.name] = Piece(panel, edges, rotation, panel.place.translation.copy())
+        pieces[panel.name] = Piece(panel, edges, rotation, panel.place.translation.copy(), notches=notches)
     return Work(pattern, pieces, seams)
+
+
+def _notches(panel: Panel, seams: tuple[Seam, ...]) -> tuple[tuple[int, int], ...]:
+    """Darts whose mouth is upright where the file has the panel."""
+    assert isinstance(panel.place, Flat)
+    out, n = [], len(panel.edges)
+    for seam in seams:
+        if not seam.first.panel == seam.second.panel == panel.name:
+            continue
+        a, b = seam.first.edge, seam.second.edge
+        if (a + 1) % n != b:
+            a, b = b, a
+        mouth = panel.place.rotation[:, :2] @ (panel.edges[b][-1] - panel.edges[a][0])
+        if (a + 1) % n == b and abs(mouth[1]) > np.hypot(mouth[0], mouth[2]):
+            out.append((a, b))
+    return tuple(out)
 
 
 def _dense(edge: F64) -> F64:

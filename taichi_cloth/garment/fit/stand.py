@@ -16,6 +16,8 @@ F64 = NDArray[np.float64]
 
 CLEAR = 0.03
 """[m]"""
+LAPEL = 0.01
+"""Of lapels over the fronts [m]."""
 SNUG = 0.012
 """Between the body and the top of a cone [m]."""
 
@@ -33,6 +35,8 @@ def stand(work: Work, worn: Landmarks) -> None:
         beside = piece.part == "skirt" and abs(float(w[:, 0].mean())) > 1.5 * radius
         if piece.part == "head":
             _by_the_head(piece, worn)
+            if abs(n[2]) > 0.7 and float(w[:, 1].min()) < worn.height["underarm"]:  # a lapel lies on the front
+                piece.shift[2] = front + LAPEL if n[2] > 0 else back - LAPEL
         elif abs(n[2]) > 0.9 and not beside:
             piece.shift[2] = front if n[2] > 0 else back
         elif piece.part == "skirt":  # one of many round the body: its top edge to the waist

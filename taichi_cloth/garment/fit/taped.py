@@ -20,6 +20,8 @@ F64 = NDArray[np.float64]
 ARMS = ("upper_arm", "forearm", "hand")
 STEP = 0.005
 """Between the heights that are looked at [m]."""
+ANKLES = 0.07
+"""Of the lowest tape round both legs, in statures: feet lie below."""
 HIP = 0.03, 0.07
 """Where the hip is looked for, over the crotch, in statures: below, the widest girth is that of the thighs' tops."""
 
@@ -67,8 +69,8 @@ def landmarks_of(body: Body) -> Landmarks:
         "top" if name == "head" else name: (float(p[:, 1].max()), float(p[:, 1].min())) for name, p in level.items()
     }
     rings = []
-    for y in np.arange(crotch + STEP, height["shoulder"], 2 * STEP):
-        p = skin.trunk(float(y))
+    for y in np.arange(ANKLES * tall, height["shoulder"], 2 * STEP):
+        p = skin.trunk(float(y)) if y > crotch + STEP else np.concatenate(skin.level(float(y)))[:, [0, 2]]
         low, high = p.min(axis=0), p.max(axis=0)
         rings.append([y, _tape(p), (high[0] - low[0]) / 2, (high[1] - low[1]) / 2, (high[1] + low[1]) / 2])
     return Landmarks(height, girth, depth, 2 * tips, arm, leg, np.array(rings))

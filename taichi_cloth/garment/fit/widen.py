@@ -12,6 +12,7 @@ from taichi_cloth.garment.fit.landmarks import Landmarks
 from taichi_cloth.garment.fit.piece import UP, Piece, Work, circle, crosses
 from taichi_cloth.garment.pattern.curves import length
 from taichi_cloth.garment.pattern.cut import intervals
+from taichi_cloth.garment.pattern.pattern import Side
 
 __all__ = ["EASE", "MORE", "raise_tight", "widen", "widths"]
 
@@ -19,7 +20,7 @@ F64 = NDArray[np.float64]
 
 EASE, MORE = 1.04, 0.02
 """Least girth of a loop of cloth over the body's there, and what is added to one that has to be widened [m]."""
-TIGHT = 1.0
+TIGHT = 0.88
 """Girth of a top over the body's under which it is rather raised than widened."""
 CLOSED = 0.4
 """Share of the body's girth under which the cloth of a level is no loop: the garment ends above or below."""
@@ -37,6 +38,8 @@ UNDER = 0.005
 KEPT, FADE = 0.01, 0.06
 """Over the highest of the levels that are looked at, to where it is widened like that, of a top up to its armholes; and
 then until it is not [m]."""
+UPRIGHT = 1.5
+"""Rise over run of the edges of a slit."""
 MOST = 1.5
 """Of a level at a time."""
 ROUNDS = 3
@@ -49,7 +52,8 @@ def widen(work: Work, worn: Landmarks) -> list[str]:
     crotch = worn.height["crotch"]
     armholes = worn.height["underarm"] - (SLEEVED if work.of("arm_l", "arm_r") else BELOW)
     for tier in _tiers(work, work.of("trunk", "skirt", "leg_l", "leg_r")):
-        notes += _levels(work, tier, worn, crotch + 0.01, armholes - UNDER, "trunk")
+        low = crotch + 0.01 if any(piece.part.startswith("leg") for piece in tier) else _closed_from(work, tier, crotch)
+        notes += _levels(work, tier, worn, low, min(armholes, _open_from(work, tier)) - UNDER, "trunk")
     low = crotch - 0.02
     for part in ("leg_l", "leg_r"):
         notes += _levels(work, work.of(part), worn, 0.12 * worn.height["top"], low, part)
@@ -113,11 +117,37 @@ def _tiers(work: Work, pieces: list[Piece]) -> list[list[Piece]]:
     return [[piece for piece, t in zip(pieces, tier, strict=True) if t == one] for one in sorted(set(tier))]
 
 
+def _closed_from(work: Work, tier: list[Piece], crotch: float) -> float:
+    """The height over which skirts go round both legs: over their slits [m]."""
+    sewn, slits = work.sewn(), [0.0]
+    for piece in tier:
+        for k in range(len(piece.graded)):
+            w = piece.worn(k)
+            rise, run = np.ptp(w[:, 1]), float(np.ptp(w[:, [0, 2]], axis=0).max())
+            if (piece.name, k) not in sewn and rise > UPRIGHT * run and w[:, 1].min() < crotch:
+                slits.append(float(w[:, 1].max()))
+    return max(slits)
+
+
+def _open_from(work: Work, tier: list[Piece]) -> float:
+    """The height up to which tops go round the body: the lowest point of their armholes and of their neckline [m]."""
+    seams = {own: work.pieces[to.panel].part for piece in tier for own, to in work.pairs(piece.name)}
+    sewn, low = work.sewn(), [np.inf]
+    for piece in tier:
+        middle = float(np.mean([piece.worn()[:, 1].min(), piece.worn()[:, 1].max()]))
+        for k in range(len(piece.graded)):
+            y = piece.worn(k)[:, 1]
+            on = seams.get(Side(piece.name, k), "trunk" if (piece.name, k) in sewn else "")
+            if piece.part == "trunk" and on[:4] in ("", "arm_", "head") and y.mean() > middle:
+                low.append(float(y.min()))
+    return min(low)
+
+
 def _levels(work: Work, pieces: list[Piece], worn: Landmarks, low: float, high: float, what: str) -> list[str]:
     if not pieces:
         return []
     own_heights = np.concatenate([piece.level(worn=True) for piece in pieces])
-    heights = np.arange(max(low, own_heights.min()), min(high, own_heights.max()) + STEP, STEP)
+    heights = np.arange(max(low, own_heights.min()), min(high, own_heights.max()), STEP)
     if len(heights) < 2:
         return []
     girth = np.array([_girth(worn, float(y), what) for y in heights])
@@ -158,6 +188,8 @@ def _levels(work: Work, pieces: list[Piece], worn: Landmarks, low: float, high: 
 def _named(y: float, worn: Landmarks, what: str) -> str:
     if what != "trunk":
         return {"leg_l": "left leg", "leg_r": "right leg"}.get(what, what)
+    if y < worn.height["crotch"]:
+        return "hem round both legs"
     return min(("hip", "waist", "underbust", "bust"), key=lambda name: abs(worn.height[name] - y))
 
 
@@ -180,7 +212,7 @@ def _frame(piece: Piece) -> tuple[F64, F64, float]:
 
 
 def widths(piece: Piece, heights: F64) -> F64:
-    """(n,) of a graded piece at heights [m]: darts are no cloth. Of a sector of a ring as its arcs are long."""
+    """(n,) of a graded piece at heights [m]: darts in it are no cloth. Of a sector of a ring as its arcs are long."""
     rise, across, steep = _frame(piece)
     out = np.zeros(len(heights))
     if piece.ring is not None:
@@ -192,7 +224,9 @@ def widths(piece: Piece, heights: F64) -> F64:
         return out
     if steep < 0.3:
         return out
-    outline = np.concatenate([edge[:-1] for edge in piece.graded])
+    starts, tips = {a for a, _ in piece.notches}, {b for _, b in piece.notches}  # sewn, side darts take nothing of it
+    kept = [edge[: 1 if k in starts else -1] for k, edge in enumerate(piece.graded) if k not in tips]
+    outline = np.concatenate(kept)
     ring = np.stack([outline @ across, outline @ rise], -1)
     low, high = float(ring[:, 1].min()), float(ring[:, 1].max())
     beyond = BEYOND / steep
@@ -211,7 +245,10 @@ def _whole(piece: Piece, rise: F64, across: F64, margin: float) -> tuple[float, 
     """
     lows, highs = [], []
     everything = np.concatenate(piece.graded) @ rise
-    for edge in piece.graded:
+    notches = {k for pair in piece.notches for k in pair}
+    for k, edge in enumerate(piece.graded):
+        if k in notches:
+            continue
         way = edge[-1] - edge[0]
         share = float(way @ across) / max(float(np.linalg.norm(way)), 1e-9)
         if share > 0.6:
