@@ -12,6 +12,7 @@ from figures import plain_landmarks
 from taichi_cloth.body.skin.skeleton import Pose, Skeleton
 from taichi_cloth.body.skin.skinning import Body
 from taichi_cloth.garment.fit.fitted import OVER_SHOULDERS, fitted, placed
+from taichi_cloth.garment.fit.grade import of_ring
 from taichi_cloth.garment.fit.landmarks import Landmarks
 from taichi_cloth.garment.fit.limbs import _hanging
 from taichi_cloth.garment.fit.piece import Piece, Work, pieces_of
@@ -348,3 +349,32 @@ def test_fitted_bodices_keep_their_shape(file):
     for piece in work.of("trunk"):
         wide = [float(np.ptp(np.concatenate(edges) @ piece.rotation[0, :2])) for edges in (piece.edges, piece.graded)]
         assert wide[1] < 1.15 * wide[0], piece.name
+
+
+def sector(turn: float) -> list[np.ndarray]:
+    """Edges of a sector of a ring of radius 0.1 to 0.6 m, its arc above its hem, over an angle [rad]."""
+    t = np.linspace(-turn / 2, turn / 2, 121)
+    arc = 0.1 * np.stack([np.sin(t), -np.cos(t)], -1)
+    return [6 * arc, np.stack([6 * arc[-1], arc[-1]]), arc[::-1], np.stack([arc[0], 6 * arc[0]])]
+
+
+def test_a_ring_grows_round_and_down_apart():
+    """Its angle stays, its arc and its length each have their own factor; both in one made it too long on the large."""
+    grown = of_ring(sector(2.0), 2, 1.3, lambda down: 0.8 * down)
+    assert length(grown[2]) == pytest.approx(1.3 * 0.2, rel=1e-3)
+    assert length(grown[1]) == pytest.approx(0.8 * 0.5)
+    assert length(grown[0]) == pytest.approx(2.0 * (0.13 + 0.4), rel=1e-3)
+
+
+def test_halves_of_a_wide_circle_skirt_are_no_trousers():
+    """Their side seams lie near the middle plane, as those within a leg do."""
+    front = sector(6.0)
+    back = [(edge * [-1, 1])[::-1] for edge in front[::-1]]  # counter-clockwise, seen from behind
+    places = [Flat(np.eye(3), np.array([0.02, 1.15, 0.2])), Flat(np.diag([-1.0, 1, -1]), np.array([0.02, 1.15, -0.2]))]
+    panels = tuple(
+        Panel(name, tuple(edges), place, label="leg")
+        for name, edges, place in zip(("front", "back"), (front, back), places, strict=True)
+    )
+    seams = (Seam(Side("front", 1), Side("back", 2), alike=False), Seam(Side("front", 3), Side("back", 0), alike=False))
+    work, _, _ = placed(Pattern("circle", panels, seams), plain_landmarks())
+    assert {piece.part for piece in work.pieces.values()} == {"skirt"}

@@ -1,8 +1,10 @@
 """Grading: each panel's outline as the body that wears it asks, and both sides of every seam alike.
 
 A panel is graded in its own plane, along its level and its rising direction, so that one that leans stays plane. What
-is a sector of a ring, as of a circle skirt, has one factor, or it is a ring no more.
+is a sector of a ring, as of a circle skirt, keeps its angle and has one factor round, or it is a ring no more.
 """
+
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +14,7 @@ from taichi_cloth.garment.fit.maps import Map, across, heights
 from taichi_cloth.garment.fit.piece import Piece, Work, circle, crosses, turned_towards
 from taichi_cloth.garment.pattern.curves import length
 
-__all__ = ["BELOW", "SLEEVED", "even_out", "find_rings", "grade", "top_edge"]
+__all__ = ["BELOW", "SLEEVED", "even_out", "find_rings", "grade", "of_ring", "top_edge"]
 
 F64 = NDArray[np.float64]
 
@@ -43,6 +45,9 @@ def grade(work: Work, drafted: Landmarks, worn: Landmarks, armhole: float | None
             k = top_edge(work, piece) if piece.ring is None else piece.ring
             f = float(wide(piece.level(k).max()))
             piece.graded = [edge * f for edge in piece.edges]
+            if piece.ring is not None:
+                ends = float(piece.world(k)[[0, -1], 1].mean())
+                piece.graded = of_ring(piece.edges, k, f, lambda down, top=ends: up(top) - up(top - down))
             old, new = piece.world(k)[[0, -1]].mean(axis=0), piece.graded[k][[0, -1]].mean(axis=0)
             there = np.array([old[0] * f, float(up(old[1])), old[2]])
             piece.shift = there - piece.rotation[:, :2] @ new
@@ -75,6 +80,18 @@ def grade(work: Work, drafted: Landmarks, worn: Landmarks, armhole: float | None
         elif abs(way[0]) <= 0.5 or (piece.part == "skirt" and abs(piece.normal[2]) < 0.9):
             shift[0] *= float(wide(middle))
         piece.shift = shift
+
+
+def of_ring(edges: list[F64], arc: int, wide: float, long: Callable[[F64], F64]) -> list[F64]:
+    """Edges of a sector of a ring, its angle kept, its arc `wide` times as long; long: from how far below the arc a
+    point lies to how far it comes to lie [m]."""
+    centre, radius = circle(edges[arc])
+    out = []
+    for edge in edges:
+        away = edge - centre
+        r = np.maximum(np.linalg.norm(away, axis=1), 1e-6)
+        out.append(wide * centre + away * ((wide * radius + long(r - radius)) / r)[:, None])
+    return out
 
 
 def _deepened(up: Map, armhole: float, worn: Landmarks, below: float) -> Map:

@@ -18,6 +18,8 @@ ASIDE = 0.21
 """Of a sleeve's middle from the middle plane, at least [m]."""
 SMALL = 0.035
 """Of a collar, at most [m²]."""
+OVER_MIDDLE = 0.5
+"""Of a half of trousers' reach to its own side, by which it may reach over the middle plane."""
 INNER = 0.35
 """Of a panel's reach from the middle plane within which an inner seam of trousers lies."""
 
@@ -90,10 +92,16 @@ def _is_arm(piece: Piece, h: dict[str, float]) -> bool:
     return apart and far and abs(piece.normal[2]) > 0.7 and high[1] > h["underbust"] and middle[1] > h["hip"]
 
 
+def _beside(piece: Piece) -> bool:
+    """Whether it lies on one side of the middle plane, but for a fork: halves of wide circle skirts lie on both."""
+    x = piece.world()[:, 0]
+    return min(float(x.max()), float(-x.min())) < OVER_MIDDLE * max(float(x.max()), float(-x.min()))
+
+
 def _trousers(work: Work) -> None:
     """Tubes for the legs: a front and a back of the same half that are sewn together on its inner side, and what is
     sewn to them in that half."""
-    low = {piece.name: piece for piece in work.of("skirt")}
+    low = {piece.name: piece for piece in work.of("skirt") if _beside(piece)}
     half = {name: float(np.sign(piece.world()[:, 0].mean())) for name, piece in low.items()}
     legs: set[str] = set()
     for a, b in work.joined():

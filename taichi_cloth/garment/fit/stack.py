@@ -39,10 +39,11 @@ def stack(work: Work) -> None:
         if a.panel not in number or b.panel not in number:
             continue
         weight = np.sqrt(work.pieces[a.panel].edge_length(a.edge))
-        if {work.pieces[s.panel].part for s in (a, b)} == {"head", "trunk"} and not _at_back(work, a, b):
-            weight *= 0.2  # a hood hangs on the neck's back; the front of a deep neckline lies lower
         first, second = work.at(a), work.at(b)
         upright = min(_steepness(first), _steepness(second)) > 1  # one side may lean: their upper ends meet
+        collar = {work.pieces[s.panel].part for s in (a, b)} == {"head", "trunk"}
+        if collar and not upright and not _at_back(work, a, b):
+            weight *= 0.2  # a hood hangs on the neck's back; the front of a deep neckline lies lower
         levels = [work.pieces[s.panel].level(s.edge) for s in (a, b)]
         heights = [y.max() if upright else y.mean() for y in levels]
         row = np.zeros(len(names))

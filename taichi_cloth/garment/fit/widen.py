@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
-from taichi_cloth.garment.fit.grade import BELOW, SLEEVED, even_out
+from taichi_cloth.garment.fit.grade import BELOW, SLEEVED, even_out, of_ring
 from taichi_cloth.garment.fit.landmarks import Landmarks
 from taichi_cloth.garment.fit.piece import UP, Piece, Work, circle, crosses
 from taichi_cloth.garment.pattern.curves import length
@@ -267,7 +267,7 @@ def _widened(piece: Piece, heights: F64, factor: F64) -> None:
         y = piece.level(worn=True)
         f = float(np.interp(np.linspace(y.min(), y.max(), 9), heights, factor).max())
         top = piece.worn(piece.ring)[[0, -1]].mean(axis=0)
-        piece.graded = [edge * f for edge in piece.graded]
+        piece.graded = of_ring(piece.graded, piece.ring, f, lambda down: down)
         piece.shift = piece.shift + (top - piece.worn(piece.ring)[[0, -1]].mean(axis=0)) * [0, 1, 0]
         return
     if steep < 0.3:
