@@ -15,18 +15,20 @@ from taichi_cloth.garment.fit.fitted import OVER_SHOULDERS, fitted, placed
 from taichi_cloth.garment.fit.grade import of_ring
 from taichi_cloth.garment.fit.landmarks import Landmarks
 from taichi_cloth.garment.fit.limbs import _hanging
-from taichi_cloth.garment.fit.piece import Piece, Work, pieces_of
+from taichi_cloth.garment.fit.piece import Piece, Work, arc_of, pieces_of
 from taichi_cloth.garment.fit.taped import landmarks_of
 from taichi_cloth.garment.fit.widen import widths
 from taichi_cloth.garment.pattern.curves import length
 from taichi_cloth.garment.pattern.garmentcode import read_garmentcode
-from taichi_cloth.garment.pattern.pattern import Course, Flat, Panel, Pattern, Seam, Side
+from taichi_cloth.garment.pattern.pattern import Cone, Course, Flat, Panel, Pattern, Seam, Side
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.scenes.scene.body_section import BodySection, prepare_body
 
 RANDOM = sorted((Path(__file__).parents[1] / "data" / "patterns" / "random").glob("*.json"))
+UNSEEN = sorted((RANDOM[0].parents[1] / "unseen").glob("*.json"))
 TEN = RANDOM[3::11]
 SLEEVELESS, PENCIL = (RANDOM[0].parents[1] / f"dress_{name}.json" for name in ("sleeveless", "pencil_specification"))
+GODETS = next(file for file in RANDOM if file.stem == "1186_StraightWB_GodetSkirt")
 LAPELS = [file for file in RANDOM if "Lapel" in file.stem]
 ARM, LOW, COLLAR = 0.14, 0.12, 0.16
 """How far a sleeve may start from the arm, a waist from the landmark, a collar from the neck [m]."""
@@ -130,12 +132,22 @@ def test_random_designs_stand_where_they_belong(file):
         assert (pattern.panel(hold.side.panel).label[:3]) in ("tru", "ski", "leg")
 
 
+BODIES = {
+    "woman": BodySection(),
+    "man": BodySection(gender="male"),
+    "child": BodySection(stature_cm=125, bust_cm=62, waist_cm=56, hip_cm=66),
+    "large": BodySection(bust_cm=130, waist_cm=120, hip_cm=135),
+}
+
+
 @pytest.mark.slow
-def test_random_designs_on_a_woman():
-    """At least nine of ten."""
-    worn = landmarks_of(prepare_body(BodySection()))
+@pytest.mark.parametrize("name", BODIES)
+@pytest.mark.parametrize("designs", [RANDOM, UNSEEN], ids=["random", "unseen"])
+def test_random_designs_on_bodies(designs, name):
+    """At least nine of ten stand right."""
+    worn = landmarks_of(prepare_body(BODIES[name]))
     bad = {}
-    for file in RANDOM:
+    for file in designs:
         try:
             work, _, _ = placed(read_garmentcode(file), worn)
             fitted(read_garmentcode(file), worn)
@@ -144,7 +156,7 @@ def test_random_designs_on_a_woman():
             found = [str(error)]
         if found:
             bad[file.stem] = found[0]
-    assert len(bad) <= 0.1 * len(RANDOM), bad
+    assert len(bad) <= 0.1 * len(designs), bad
 
 
 def t_posed(body: Body) -> Body:
@@ -367,7 +379,8 @@ def test_a_ring_grows_round_and_down_apart():
 
 
 def test_halves_of_a_wide_circle_skirt_are_no_trousers():
-    """Their side seams lie near the middle plane, as those within a leg do."""
+    """Their side seams lie near the middle plane, as those within a leg do. They hang on their inner arc, though their
+    side seams begin over it."""
     front = sector(6.0)
     back = [(edge * [-1, 1])[::-1] for edge in front[::-1]]  # counter-clockwise, seen from behind
     places = [Flat(np.eye(3), np.array([0.02, 1.15, 0.2])), Flat(np.diag([-1.0, 1, -1]), np.array([0.02, 1.15, -0.2]))]
@@ -378,3 +391,37 @@ def test_halves_of_a_wide_circle_skirt_are_no_trousers():
     seams = (Seam(Side("front", 1), Side("back", 2), alike=False), Seam(Side("front", 3), Side("back", 0), alike=False))
     work, _, _ = placed(Pattern("circle", panels, seams), plain_landmarks())
     assert {piece.part for piece in work.pieces.values()} == {"skirt"}
+    assert [piece.ring for piece in work.pieces.values()] == [2, 1]
+
+
+@pytest.mark.parametrize(
+    "file", [f for f in RANDOM if "WB_SkirtCircle" in f.stem or "WB_AsymmSkirtCircle" in f.stem][::2]
+)
+def test_halves_of_a_circle_skirt_hang_half_round(file):
+    """Under a waistband, too, which is no part of its loop; and where arcs are cut as the bodice over them is."""
+    pattern = fitted(read_garmentcode(file), plain_landmarks())
+    cones = [panel.place for panel in pattern.panels if isinstance(panel.place, Cone)]
+    assert len(cones) == 2
+    for cone in cones:
+        assert cone.share == pytest.approx(0.5, abs=0.08)
+
+
+def test_an_arc_is_whole_where_it_is_cut():
+    hem, right, arc, left = sector(2.0)
+    cut = [hem, right, arc[:31], arc[30:], left]
+    for k in (2, 3):
+        np.testing.assert_allclose(arc_of(cut, k), arc)
+    t = np.linspace(-0.3, 0.3, 61)
+    top = 2.0 * np.stack([np.sin(t), -np.cos(t)], -1)  # of a tier 6 cm high: its hem lies near the same arc
+    low = [1.03 * top, np.stack([1.03 * top[-1], top[-1]]), top[::-1], np.stack([top[0], 1.03 * top[0]])]
+    np.testing.assert_allclose(arc_of(low, 2), top[::-1])
+
+
+def test_godets_start_where_they_are_let_in():
+    work, _, _ = placed(read_garmentcode(GODETS), plain_landmarks())
+    godets = [piece for piece in work.pieces.values() if piece.name.startswith("ins_")]
+    assert len(godets) >= 4
+    for piece in godets:
+        seams = [(piece.worn(a.edge), work.pieces[b.panel].worn(b.edge)) for a, b in work.pairs(piece.name)]
+        gap = np.mean([there.mean(axis=0) - own.mean(axis=0) for own, there in seams], axis=0)
+        assert np.linalg.norm(gap[:2]) < 1e-3  # both stand before the body, or behind

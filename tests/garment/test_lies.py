@@ -12,7 +12,7 @@ import pytest
 
 pytest.importorskip("ezdxf")
 
-from taichi_cloth.garment.sewn.lies import crossed, free_loops, lies, lying_faults
+from taichi_cloth.garment.sewn.lies import _axis, _turns, crossed, free_loops, lies, lying_faults
 from taichi_cloth.garment.sewn.misfit import misfit
 from taichi_cloth.garment.sewn.sew import Worn
 from taichi_cloth.scenes.prepare.garment_setup import Parts, dressed_parts
@@ -60,6 +60,21 @@ def test_what_slid_down_or_hangs_round_the_neck_has_slipped(name, way, said):
     moved = made.garment.atlas.start() + np.array([0.0, way, 0.0])
     assert f"lies {said} where it belongs (allowed 10)" in faults(made, moved)
     assert "where it belongs" not in faults(made, made.garment.atlas.start() + np.array([0.0, way / 6, 0.0]))
+
+
+def test_a_wide_cuff_goes_round_its_own_leg():
+    """It starts half before the other leg; round both it would go no more once it is worn."""
+    made = parts("trousers")
+    t = np.linspace(0, 2 * np.pi, 60, endpoint=False)
+    names = made.body.skeleton.names
+    knee = made.body.skeleton.joints[names.index("shin_l")]
+    circle = np.stack([np.cos(t), 0 * t, np.sin(t)], -1)
+    start = knee - [0.06, 0.1, 0] + 0.2 * circle
+    assert _turns(start, *_axis(start, made.primitives, "leg_l")) == 1
+    worn = knee - [0, 0.1, 0] + 0.065 * circle
+    assert _turns(worn, *_axis(start, made.primitives, "leg_l")) == 1
+    assert _turns(worn, *_axis(start, made.primitives, "")) == 0
+    assert _turns(worn * [-1, 1, 1], *_axis(start, made.primitives, "leg_l")) == 0
 
 
 def test_a_sleeve_on_the_other_arm_is_astray():

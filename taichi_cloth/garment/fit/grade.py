@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from taichi_cloth.garment.fit.landmarks import Landmarks
 from taichi_cloth.garment.fit.maps import Map, across, heights
-from taichi_cloth.garment.fit.piece import Piece, Work, circle, crosses, turned_towards
+from taichi_cloth.garment.fit.piece import UP, Piece, Work, arc_of, circle, crosses, turned_towards
 from taichi_cloth.garment.pattern.curves import length
 
 __all__ = ["BELOW", "SLEEVED", "even_out", "find_rings", "grade", "of_ring", "top_edge"]
@@ -25,6 +25,8 @@ RING, LEANS = 25.0, 0.5
 trunk: armholes turn, too."""
 BELOW, SLEEVED = 0.035, 0.05
 """Of an armhole's lowest point under the arm where the garment rests, at least, and with a sleeve in it [m]."""
+WITHIN = 1.05
+"""Of the outer arc's radius, within which the inner one's circle lies: hems longer behind have another centre."""
 SEWN, FREE = 5.0, 1.0
 """How much an edge keeps to the length it should have when corners are moved."""
 
@@ -45,10 +47,14 @@ def grade(work: Work, drafted: Landmarks, worn: Landmarks, armhole: float | None
             k = top_edge(work, piece) if piece.ring is None else piece.ring
             f = float(wide(piece.level(k).max()))
             piece.graded = [edge * f for edge in piece.edges]
+            line, new = piece.edges[k], piece.graded[k]
             if piece.ring is not None:
-                ends = float(piece.world(k)[[0, -1], 1].mean())
-                piece.graded = of_ring(piece.edges, k, f, lambda down, top=ends: up(top) - up(top - down))
-            old, new = piece.world(k)[[0, -1]].mean(axis=0), piece.graded[k][[0, -1]].mean(axis=0)
+                line = arc_of(piece.edges, k)
+                top = float(piece.level(k).mean())
+                piece.graded = of_ring(piece.edges, k, f, lambda down, top=top: up(top) - up(top - down))
+                new = arc_of(piece.graded, k)
+            old = piece.rotation[:, :2] @ line[[0, -1]].mean(axis=0) + piece.at + piece.lift * UP
+            new = new[[0, -1]].mean(axis=0)
             there = np.array([old[0] * f, float(up(old[1])), old[2]])
             piece.shift = there - piece.rotation[:, :2] @ new
             continue
@@ -132,15 +138,36 @@ def top_edge(work: Work, piece: Piece) -> int:
 def find_rings(work: Work) -> None:
     """Which pieces are sectors of rings, as of a circle skirt or a yoke: a deep arc at the top, its middle above it."""
     for piece in work.of("skirt", "trunk"):
-        k = top_edge(work, piece)
-        d = np.diff(piece.edges[k], axis=0)
-        turn = float(np.degrees(np.angle(complex(*d[-1]) / complex(*d[0]))))
+        k = _inner(piece, top_edge(work, piece))
         rise = piece.rotation[1, :2]
-        above = float((circle(piece.edges[k])[0] - piece.edges[k].mean(axis=0)) @ rise) > 0
-        ends = np.abs(np.diff(piece.world(k)[[0, -1]], axis=0)[0])
+        arc = arc_of(piece.edges, k)
+        above = float((circle(arc)[0] - arc.mean(axis=0)) @ rise) > 0
+        ends = np.abs(piece.rotation[:, :2] @ (arc[-1] - arc[0]))
         level = ends[1] < LEANS * max(float(ends[0]), float(ends[2]))
-        if abs(turn) > RING and above and (piece.part == "skirt" or (level and _beside(work, piece, k))):
+        turns = abs(_turn(piece.edges[k])) > RING
+        if turns and above and (piece.part == "skirt" or (level and _beside(work, piece, k))):
             piece.ring = k
+
+
+def _turn(edge: F64) -> float:
+    """Degrees by which an edge (k, 2) turns from its start to its end."""
+    d = np.diff(edge, axis=0)
+    z = d[:, 0] + 1j * d[:, 1]
+    return float(np.degrees(np.angle(z[1:] / z[:-1]).sum()))
+
+
+def _inner(piece: Piece, k: int) -> int:
+    """Of two arcs, one's circle within the other's, the inner one: of a sector wider than half a turn the middle of the
+    hem may lie over the waist, and what it is sewn to under its own middle."""
+    if abs(_turn(piece.edges[k])) <= RING:
+        return k
+    centre, radius = circle(piece.edges[k])
+    for j, edge in enumerate(piece.edges):
+        other, own = circle(edge)
+        within = float(np.linalg.norm(other - centre)) + own < WITHIN * radius
+        if abs(_turn(edge)) > RING and own < radius and within:
+            k, radius = j, own
+    return k
 
 
 def _beside(work: Work, piece: Piece, k: int) -> bool:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from taichi_cloth.garment.pattern.curves import length
 from taichi_cloth.garment.pattern.pattern import Flat, Panel, Pattern, Seam, Side, area, crossing
 
-__all__ = ["UP", "Piece", "Work", "circle", "crosses", "pieces_of", "turned_towards"]
+__all__ = ["UP", "Piece", "Work", "arc_of", "circle", "crosses", "pieces_of", "turned_towards"]
 
 F64 = NDArray[np.float64]
 
@@ -17,6 +17,10 @@ UP = np.array([0.0, 1.0, 0.0])
 
 FINE = 0.02
 """Longest straight part of an edge: where widths change with height it is graded into a curve [m]."""
+
+
+ON_ARC = 0.05, 0.015
+"""From an arc within which edges lie on it, in radii and [m]: tiers of wide skirts are lower than a share of theirs."""
 
 
 @dataclass(eq=False)
@@ -70,7 +74,7 @@ class Piece:
         xy = np.concatenate([e[:-1] for e in edges]) if edge is None else edges[edge]
         if self.ring is None:
             return xy @ self.rotation[1, :2] + shift[1]
-        arc = edges[self.ring]
+        arc = arc_of(edges, self.ring)
         centre, radius = circle(arc)
         ends = float((arc[[0, -1]] @ self.rotation[1, :2]).mean() + shift[1])
         return ends - (np.linalg.norm(xy - centre, axis=1) - radius)
@@ -119,6 +123,25 @@ def circle(arc: F64) -> tuple[F64, float]:
         return (a + c) / 2 + np.array([0.0, 1e3]), 1e3
     centre = np.linalg.solve(rows, np.array([b @ b - a @ a, c @ c - a @ a]))
     return centre, float(np.linalg.norm(a - centre))
+
+
+def arc_of(edges: list[F64], k: int) -> F64:
+    """(n, 2) of the arc that edge k is of, with what lies on the same circle before and after it: files cut an arc
+    where what it is sewn to ends."""
+    centre, radius = circle(edges[k])
+    n = len(edges)
+
+    def on_it(j: int) -> bool:
+        away = np.linalg.norm(edges[j % n] - centre, axis=1) - radius
+        return bool(np.abs(away).max() < min(ON_ARC[0] * radius, ON_ARC[1]))
+
+    first = last = k
+    while last - first < n - 2 and on_it(first - 1):
+        first -= 1
+    while last - first < n - 2 and on_it(last + 1):
+        last += 1
+    parts = [edges[j % n] for j in range(first, last + 1)]
+    return np.concatenate([*(part[:-1] for part in parts[:-1]), parts[-1]])
 
 
 def pieces_of(pattern: Pattern) -> Work:

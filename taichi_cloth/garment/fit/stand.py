@@ -5,8 +5,8 @@ from numpy.typing import NDArray
 
 from taichi_cloth.garment.fit.grade import top_edge
 from taichi_cloth.garment.fit.landmarks import Landmarks
-from taichi_cloth.garment.fit.piece import Piece, Work, circle
-from taichi_cloth.garment.fit.widen import widths
+from taichi_cloth.garment.fit.piece import Piece, Work, arc_of, circle
+from taichi_cloth.garment.fit.widen import tiers, widths
 from taichi_cloth.garment.pattern.curves import along, length
 from taichi_cloth.garment.pattern.pattern import Cone, Flat, Wrap
 
@@ -43,6 +43,22 @@ def stand(work: Work, worn: Landmarks) -> None:
             there = piece.worn(top_edge(work, piece)).mean(axis=0) - [0, 0, middle]
             flat = n[[0, 2]] / max(float(np.linalg.norm(n[[0, 2]])), 1e-6)
             piece.shift[[0, 2]] += flat * (1.3 * radius + CLEAR) - there[[0, 2]]
+    for piece in work.of("skirt", "trunk"):
+        _in_its_slit(work, piece)
+
+
+def _in_its_slit(work: Work, piece: Piece) -> None:
+    """A godet, whose seams are all with one panel of its own side, comes to where it is let in: files have all of a
+    panel's side by side, and far under it."""
+    pairs = work.pairs(piece.name)
+    to = {other.panel for _, other in pairs}
+    if len(pairs) < 2 or len(to) > 1 or work.pieces[min(to)].side != piece.side:
+        return
+    panel = work.pieces[min(to)]
+    if panel.panel.area < 2 * piece.panel.area:
+        return
+    gap = np.mean([panel.worn(b.edge).mean(axis=0) - piece.worn(a.edge).mean(axis=0) for a, b in pairs], axis=0)
+    piece.shift = piece.shift + gap * [1, 1, 0]
 
 
 def start_of(work: Work, piece: Piece, worn: Landmarks) -> tuple[list[F64], Flat | Cone | Wrap]:
@@ -53,10 +69,11 @@ def start_of(work: Work, piece: Piece, worn: Landmarks) -> tuple[list[F64], Flat
         return _round_arm(piece, worn) if piece.part.startswith("arm") else _round_body(piece, worn)
     if piece.ring is None or piece.part != "skirt" or abs(piece.normal[2]) < 0.9:
         return piece.graded, flat
-    arc = piece.graded[piece.ring]
+    arc = arc_of(piece.graded, piece.ring)
     top = float(piece.level(piece.ring, worn=True).mean())
     own = length(arc)
-    loop = sum(float(widths(other, np.array([top - 0.01]))[0]) for other in work.of("skirt", "trunk"))
+    beside = next(tier for tier in tiers(work, work.of("skirt", "trunk")) if piece in tier)
+    loop = sum(float(widths(other, np.array([top - 0.01]))[0]) for other in beside)
     if loop < 1.2 * own or own < 0.05:
         return piece.graded, flat
     centre, radius = circle(arc)

@@ -9,12 +9,12 @@ from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
 from taichi_cloth.garment.fit.grade import BELOW, SLEEVED, even_out, of_ring
 from taichi_cloth.garment.fit.landmarks import Landmarks
-from taichi_cloth.garment.fit.piece import UP, Piece, Work, circle, crosses
+from taichi_cloth.garment.fit.piece import UP, Piece, Work, arc_of, circle, crosses
 from taichi_cloth.garment.pattern.curves import length
 from taichi_cloth.garment.pattern.cut import intervals
 from taichi_cloth.garment.pattern.pattern import Side
 
-__all__ = ["EASE", "MORE", "raise_tight", "widen", "widths"]
+__all__ = ["EASE", "MORE", "raise_tight", "tiers", "widen", "widths"]
 
 F64 = NDArray[np.float64]
 
@@ -51,12 +51,13 @@ def widen(work: Work, worn: Landmarks) -> list[str]:
     notes = []
     crotch = worn.height["crotch"]
     armholes = worn.height["underarm"] - (SLEEVED if work.of("arm_l", "arm_r") else BELOW)
-    for tier in _tiers(work, work.of("trunk", "skirt", "leg_l", "leg_r")):
+    for tier in tiers(work, work.of("trunk", "skirt", "leg_l", "leg_r")):
         low = crotch + 0.01 if any(piece.part.startswith("leg") for piece in tier) else _closed_from(work, tier, crotch)
         notes += _levels(work, tier, worn, low, min(armholes, _open_from(work, tier)) - UNDER, "trunk")
     low = crotch - 0.02
     for part in ("leg_l", "leg_r"):
-        notes += _levels(work, work.of(part), worn, 0.12 * worn.height["top"], low, part)
+        for tier in tiers(work, work.of(part)):  # a cuff is a loop of its own
+            notes += _levels(work, tier, worn, 0.12 * worn.height["top"], low, part)
     collars = [piece for piece in work.of("head") if abs(piece.normal[2]) > 0.7]
     if collars:
         notes += _levels(work, collars, worn, worn.height["neck"] - 0.05, worn.height["neck"] + 0.2, "neck")
@@ -67,7 +68,7 @@ def raise_tight(work: Work, worn: Landmarks) -> list[str]:
     """Skirts and trousers whose top is too tight where seams would hang them, as under a long bodice that is gathered
     onto them, go up to where they fit, and what they hang on is shortened below the arms."""
     low, waist = worn.height["crotch"], worn.height["waist"]
-    for tier in _tiers(work, work.of("skirt", "leg_l", "leg_r", "trunk")):
+    for tier in tiers(work, work.of("skirt", "leg_l", "leg_r", "trunk")):
         top = max(float(piece.level(worn=True).max()) for piece in tier)
         if tier[0].part == "trunk" or not low < top < waist - 0.02:
             continue
@@ -100,7 +101,7 @@ def _shortened(piece: Piece, under: float, by: float) -> None:
     piece.graded = out
 
 
-def _tiers(work: Work, pieces: list[Piece]) -> list[list[Piece]]:
+def tiers(work: Work, pieces: list[Piece]) -> list[list[Piece]]:
     """Pieces that go round the body side by side: a waistband's, a skirt's. Seams between them run over most of the
     height of one of them, not along its top or bottom."""
     number = {piece.name: k for k, piece in enumerate(pieces)}
@@ -219,8 +220,9 @@ def widths(piece: Piece, heights: F64) -> F64:
         level = piece.level(worn=True)
         low, high = float(level.min()), float(level.max())
         there = (heights >= low - BEYOND) & (heights <= high + BEYOND)
-        radius = circle(piece.graded[piece.ring])[1]
-        out[there] = length(piece.graded[piece.ring]) * (1 + (high - heights[there]) / max(radius, 1e-3))
+        arc = arc_of(piece.graded, piece.ring)
+        radius = circle(arc)[1]
+        out[there] = length(arc) * (1 + (high - heights[there]) / max(radius, 1e-3))
         return out
     if steep < 0.3:
         return out
@@ -266,9 +268,9 @@ def _widened(piece: Piece, heights: F64, factor: F64) -> None:
     if piece.ring is not None:
         y = piece.level(worn=True)
         f = float(np.interp(np.linspace(y.min(), y.max(), 9), heights, factor).max())
-        top = piece.worn(piece.ring)[[0, -1]].mean(axis=0)
+        top = float(piece.level(piece.ring, worn=True).mean())
         piece.graded = of_ring(piece.graded, piece.ring, f, lambda down: down)
-        piece.shift = piece.shift + (top - piece.worn(piece.ring)[[0, -1]].mean(axis=0)) * [0, 1, 0]
+        piece.shift = piece.shift + (top - float(piece.level(piece.ring, worn=True).mean())) * UP
         return
     if steep < 0.3:
         return

@@ -121,7 +121,7 @@ def lying_faults(garment: Garment, positions: NDArray, primitives: Sequence[Prim
     if creased.folded > FOLDED:
         out.append(f"{creased.panel} has folds {creased.folded:.1f} times as long as it is wide (allowed {FOLDED:g})")
     for loop in free_loops(garment, positions, primitives):
-        if loop.worn != loop.placed:
+        if loop.worn < loop.placed or loop.worn > max(loop.placed, 1):  # wide armholes are placed beside the arm
             panels = ", ".join(dict.fromkeys(side.panel for side in loop.sides))
             out.append(f"the free edge of {panels} goes {loop.worn} times round its limb, not {loop.placed}")
     through = crossed(garment, positions)
@@ -143,7 +143,8 @@ def free_loops(garment: Garment, positions: NDArray, primitives: Sequence[Primit
     out = []
     for loop in _loops(garment):
         placed, worn = (np.concatenate([_edge(garment, s, x)[::way] for s, way in loop]) for x in (start, positions))
-        axis = _axis(placed, primitives)
+        labels = {garment.pattern.panel(side.panel).label for side, _ in loop}
+        axis = _axis(placed, primitives, min(labels) if len(labels) == 1 else "")
         out.append(Loop(tuple(side for side, _ in loop), _turns(placed, *axis), _turns(worn, *axis)))
     return out
 
@@ -203,25 +204,32 @@ def _edge(garment: Garment, side: Side, positions: NDArray) -> F64:
     return np.einsum("nkc,nk->nc", np.asarray(positions, np.float64)[nodes[..., 0], nodes[..., 1]], weights)
 
 
-def _axis(line: F64, primitives: Sequence[Primitive]) -> tuple[F64, F64]:
-    """A point (3,) and the way (3,) of the limb that a loop (k, 3) lies round: that of most of its points; of both legs
-    the trunk's, upright."""
+def _axis(line: F64, primitives: Sequence[Primitive], label: str) -> tuple[F64, F64]:
+    """A point (3,) and the way (3,) of the limb that a loop (k, 3) lies round: that of its panels' label, else that of
+    most of its points; of both legs the trunk's, upright."""
     limb_of = {JOINTS.index(name): limb for limb, names in LIMBS.items() for name in names}
     limbs = [limb_of[p.bone] for p in primitives]
     nearest = [limbs[k] for k in nearest_distance(primitives, line)[2]]
     share = {limb: nearest.count(limb) / len(nearest) for limb in LIMBS}
     limb = max(share, key=lambda name: share[name])
-    if min(share["leg_l"], share["leg_r"]) > BOTH or limb == "trunk":
+    if label.startswith(("arm", "leg")):  # a wide cuff reaches over to the other leg where it starts
+        limb = label
+    elif min(share["leg_l"], share["leg_r"]) > BOTH:
+        limb = "trunk"
+    if limb == "trunk":
         own = [p for p, name in zip(primitives, limbs, strict=True) if name == "trunk"]
         ends = np.array([(p.start, p.end) for p in own]).reshape(-1, 3)
         height = float(line[:, 1].mean())
         near = np.exp(-(((ends[:, 1] - height) / 0.15) ** 2)) + 1e-9
         return (near / near.sum()) @ ends, np.array([0.0, 1.0, 0.0])
-    own = [p for p, name in zip(primitives, limbs, strict=True) if name == limb]
-    ends = np.array([(p.start, p.end) for p in own]).reshape(-1, 3)
-    far = ends[np.linalg.norm(ends - ends.mean(axis=0), axis=1).argsort()[-2:]]
-    way = np.linalg.svd(ends - ends.mean(axis=0))[2][0] if len(ends) > 2 else far[1] - far[0]
-    return ends.mean(axis=0), way / max(float(np.linalg.norm(way)), 1e-9)
+    middle, best = line.mean(axis=0), (np.inf, line.mean(axis=0), np.array([0.0, 1.0, 0.0]))
+    for p, name in zip(primitives, limbs, strict=True):
+        way = p.end - p.start
+        if name != limb or JOINTS[p.bone].startswith("foot") or not way.any():  # a foot lies across its leg
+            continue
+        at = p.start + float(np.clip((middle - p.start) @ way / (way @ way), 0.0, 1.0)) * way
+        best = min(best, (float(np.linalg.norm(middle - at)), at, way / np.linalg.norm(way)), key=lambda one: one[0])
+    return best[1:]
 
 
 def _turns(line: F64, point: F64, way: F64) -> int:

@@ -41,9 +41,11 @@ def misfit(garment: Garment, worn: Worn, primitives: Sequence[Primitive] = ()) -
         where = f"at ({x:.2f}, {y:.2f}, {z:.2f}) m"
         faults.append(f"threads of {name} are {100 * worn.taut:.1f} % longer {where} (allowed {100 * TAUT:g})")
     if faults and (darts := [width for seam in garment.pattern.seams if (width := _narrow(garment, seam))]):
-        cell = max(garment.atlas.spacing)
+        apart = min(darts) / 2
+        wanted = sum(panel.area for panel in garment.pattern.panels) / apart**2
         faults.append(
-            f"its darts, from {1e3 * min(darts):.0f} mm wide, want key points closer than {1e3 * cell:.0f} mm"
+            f"its darts, from {1e3 * min(darts):.0f} mm wide, want key points {1e3 * apart:.0f} mm apart: "
+            f"garment.key_points={10 * round(wanted / 10)}"
         )
     return "; ".join(faults) or None
 
