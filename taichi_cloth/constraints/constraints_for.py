@@ -31,7 +31,7 @@ def constraints_for(
     """
     out: list[Constraint] = [*ties]
     if forces.self_contact is not None:
-        out.append(LayerContact(sheet, forces.self_contact, outline))
+        out.append(LayerContact(sheet, forces.self_contact, outline, keeps=not ties))
     if forces.strain_limit is not None and "strain_limit" not in answered:
         out.append(ThreadLimit(sheet))
     if forces.body is not None:

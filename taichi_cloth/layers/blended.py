@@ -7,7 +7,7 @@ import taichi as ti
 from taichi_cloth.ground.arrays import Float, Template
 from taichi_cloth.ground.routine import routine
 
-__all__ = ["Blended"]
+__all__ = ["Blended", "across", "back"]
 
 ROOM, NODES = 6, 8
 """Contacts for each blend, and key points of one in the mean, at most."""
@@ -19,10 +19,36 @@ them apart would take their key points far, and shake them. Those of layers that
 at least. That the others do not pass through each other is proven all the same."""
 
 
+ANCHORED, YIELDS = 0.05, 5e-5
+"""Share of how far a contact has slid from its anchor that it goes back in a substep, if friction can; and how far it
+slides before the anchor is dragged along [m]. Friction that only stops speeds lets what rests creep."""
+
+
+@ti.func
+def across(way, n):
+    """What of a way is across n."""
+    return way - way.dot(n) * n
+
+
+@ti.func
+def back(contacts: Template, c, place, step, n):
+    """By how much the step of a contact differs, across its direction, from that of what is held at its anchor, which
+    is dragged along where that is too far [m]. contacts: `Contacts` or `Blended`. place, step: Σ w x and Σ w s."""
+    for axis in ti.static(range(3)):
+        if contacts.holds[c] == 0:
+            contacts.anchor[axis][c] = place[axis] - step[axis]
+    contacts.holds[c] = 1
+    slid = across(place - ti.Vector([contacts.anchor[axis][c] for axis in ti.static(range(3))]), n)
+    most = ti.min(YIELDS / ti.sqrt(slid.norm_sqr() + 1e-20), 1.0)
+    for axis in ti.static(range(3)):
+        contacts.anchor[axis][c] = contacts.anchor[axis][c] + (1.0 - most) * slid[axis]
+    return (1.0 - ANCHORED) * across(step, n) + ANCHORED * most * slid
+
+
 @ti.data_oriented
 class Blended:
     """start, node, weight: of each contact. point: [corner], as in its pair. normal, rubbed: [axis]. kept, share,
-    pushed: as of `Contacts`. overflow: contacts without room."""
+    pushed, holds, anchor: as of `Contacts`. overflow: contacts without room."""
 
     count: Any
     start: Any
@@ -35,7 +61,8 @@ class Blended:
 
         self.start, self.point = ti.field(ti.i32, self.room + 1), [ti.field(ti.i32, self.room) for _ in range(4)]
         self.node, self.weight = ti.field(ti.i32, NODES * self.room), ti.field(ti.f32, NODES * self.room)
-        self.normal, self.rubbed = fields(3), fields(3)
+        self.normal, self.rubbed, self.anchor = fields(3), fields(3), fields(3)
+        self.holds = ti.field(ti.i32, self.room)
         self.kept, self.share, self.pushed = fields(3)
         self.count, self.overflow = ti.field(ti.i32, ()), ti.field(ti.i32, ())
 
@@ -63,8 +90,8 @@ class Blended:
                 for axis in ti.static(range(3)):
                     self.normal[axis][c] = normal[axis]
                 self.kept[c], self.share[c] = pairs.kept[pair], 1.0 / yields
-                before.recall(self, pairs, pair, c)
                 self.start[c + 1] = used
+                before.recall(points, self, pairs, pair, c)
                 self.count[None] = c + 1
         else:
             self.overflow[None] = self.overflow[None] + 1
@@ -82,6 +109,21 @@ class Blended:
             self.node[used], self.weight[used] = p, w
             out = used + 1
         return out
+
+    @ti.func
+    def place(self, points: Template, c):
+        """Σ w x of a contact [m]."""
+        out = ti.Vector([0.0, 0.0, 0.0])
+        for m in range(self.start[c], self.start[c + 1]):
+            p, w = self.node[m], self.weight[m]
+            out += w * ti.Vector([points.position[axis][p] for axis in ti.static(range(3))])
+        return out
+
+    @ti.func
+    def slid(self, points: Template, c):
+        """As of `Contacts`."""
+        n = ti.Vector([self.normal[axis][c] for axis in ti.static(range(3))])
+        return across(self.place(points, c) - ti.Vector([self.anchor[axis][c] for axis in ti.static(range(3))]), n)
 
     @routine
     def warm(self, points: Template, part: Float):
@@ -114,9 +156,8 @@ class Blended:
             gap = n.dot(apart) - self.kept[c]
             if gap < 0.0 or was > 0.0:
                 held = ti.Vector([self.rubbed[0][c], self.rubbed[1][c], self.rubbed[2][c]])
-                along = step.dot(n)
-                push = ti.max(was - along, 0.0)
-                rub = held - (step - along * n)
+                push = ti.max(was - step.dot(n), 0.0)
+                rub = held - back(self, c, apart, step, n)
                 rub *= ti.min(friction * push / ti.sqrt(rub.norm_sqr() + 1e-20), 1.0)
                 change = ((push - was) * n + rub - held) * self.share[c]
                 move = change + mended * self.share[c] * ti.max(-gap, 0.0) * n

@@ -13,18 +13,21 @@ import taichi as ti
 
 from taichi_cloth.ground.arrays import Float, Int, Template
 from taichi_cloth.ground.routine import routine
-from taichi_cloth.layers.blended import Blended
+from taichi_cloth.layers.blended import Blended, across, back
 from taichi_cloth.layers.nearest import EDGES, FACES, gather
 from taichi_cloth.motion.stencil import listed, load, store
 from taichi_cloth.sheet.sheet import LANES
 
-__all__ = ["AWAKE", "Contacts"]
+__all__ = ["AWAKE", "SAVED", "Contacts"]
 
 ROOM = 12
 """Contacts, for each key point."""
 
 AWAKE = 0.2
 """Share of the thickness beyond it up to which pairs are looked at for the next interval."""
+
+SAVED = 12
+"""Numbers of a contact that a state keeps."""
 
 WARM = 1.0
 """Share of what a contact pushed and rubbed in a substep that it begins the next with."""
@@ -38,37 +41,45 @@ class Pushes:
     """What contacts pushed and rubbed in the last substep of an interval, for those of the next: their list is made
     anew, and what bears a stack would have to be found anew with it. Room for so many, of elements up to `size`.
 
-    point: [corner]. pushed, rubbed: as of `Contacts`. first: of each element, from 1, of those whose first point it is;
-    next: of each of these."""
+    point: [corner]. pushed, rubbed: as of `Contacts`. slid: [axis], from where it was anchored [m]. first: of each
+    element, from 1, of those whose first point it is; next: of each of these."""
 
     count: Any
 
     def __init__(self, room: int, size: int) -> None:
         self.point = [ti.field(ti.i32, room) for _ in range(4)]
-        self.pushed, self.rubbed = ti.field(ti.f32, room), [ti.field(ti.f32, room) for _ in range(3)]
+        self.pushed = ti.field(ti.f32, room)
+        self.rubbed, self.slid = ([ti.field(ti.f32, room) for _ in range(3)] for _ in range(2))
         self.next, self.first, self.count = ti.field(ti.i32, room), ti.field(ti.i32, size), ti.field(ti.i32, ())
 
     @routine
-    def take(self, contacts: Template):
-        """Those that push, of `Contacts` or `Blended`."""
+    def take(self, points: Template, contacts: Template):
+        """Those of `Contacts` or `Blended` that hold."""
         at = self.count[None]
         for c in range(contacts.count[None]):
-            if contacts.pushed[c] > 0.0:
+            if contacts.holds[c] != 0:
+                slid = contacts.slid(points, c)
                 for corner in ti.static(range(4)):
                     self.point[corner][at] = contacts.point[corner][c]
                 for axis in ti.static(range(3)):
-                    self.rubbed[axis][at] = contacts.rubbed[axis][c]
-                self.pushed[at], p = contacts.pushed[c], contacts.point[0][c]
-                self.next[at], self.first[p] = self.first[p], at + 1
+                    self.rubbed[axis][at], self.slid[axis][at] = contacts.rubbed[axis][c], slid[axis]
+                self.pushed[at] = contacts.pushed[c]
+                self.list(at)
                 at += 1
         self.count[None] = at
 
     @ti.func
-    def recall(self, contacts: Template, pairs: Template, pair, c):
+    def list(self, at):
+        p = self.point[0][at]
+        self.next[at], self.first[p] = self.first[p], at + 1
+
+    @ti.func
+    def recall(self, points: Template, contacts: Template, pairs: Template, pair, c):
         """Contact c, of a near pair, begins with what that pushed; friction along its new direction is left out."""
         for corner in ti.static(range(4)):
             contacts.point[corner][c] = pairs.point[corner][pair]
-        pushed, rubbed = 0.0, ti.Vector([0.0, 0.0, 0.0])
+        pushed, holds = 0.0, 0
+        rubbed, slid = ti.Vector([0.0, 0.0, 0.0]), ti.Vector([0.0, 0.0, 0.0])
         at = self.first[contacts.point[0][c]]
         while at != 0:
             k, alike = at - 1, True
@@ -77,11 +88,46 @@ class Pushes:
             if alike:
                 n = ti.Vector([contacts.normal[axis][c] for axis in ti.static(range(3))])
                 was = ti.Vector([self.rubbed[axis][k] for axis in ti.static(range(3))])
-                pushed, rubbed = self.pushed[k], was - was.dot(n) * n
+                pushed, rubbed, holds = self.pushed[k], was - was.dot(n) * n, 1
+                slid = ti.Vector([self.slid[axis][k] for axis in ti.static(range(3))])
             at = ti.select(alike, 0, self.next[k])
-        contacts.pushed[c] = pushed
+        contacts.pushed[c], contacts.holds[c] = pushed, holds
+        place = contacts.place(points, c)
         for axis in ti.static(range(3)):
-            contacts.rubbed[axis][c] = rubbed[axis]
+            contacts.rubbed[axis][c], contacts.anchor[axis][c] = rubbed[axis], place[axis] - slid[axis]
+
+    @ti.func
+    def load(self, values: Template, first):
+        """After `save`, of a state."""
+        width = values.shape[2]
+        for c in range(values.shape[1] * width):
+            i, j = c // width, c % width
+            if values[first + 11, i, j] > 0.0:
+                at = self.count[None]
+                for corner in ti.static(range(4)):
+                    self.point[corner][at] = ti.cast(values[first + corner, i, j], ti.i32)
+                self.pushed[at] = values[first + 4, i, j]
+                for axis in ti.static(range(3)):
+                    self.rubbed[axis][at] = values[first + 5 + axis, i, j]
+                    self.slid[axis][at] = values[first + 8 + axis, i, j]
+                self.list(at)
+                self.count[None] = at + 1
+
+    @ti.func
+    def save(self, values: Template, first):
+        """Into planes of a state from a first one on, as many as there is room for."""
+        width = values.shape[2]
+        for c in range(values.shape[1] * width):
+            i, j = c // width, c % width
+            there = c < self.count[None]
+            values[first + 11, i, j] = ti.select(there, 1.0, 0.0)
+            if there:
+                for corner in ti.static(range(4)):
+                    values[first + corner, i, j] = ti.cast(self.point[corner][c], ti.f32)
+                values[first + 4, i, j] = self.pushed[c]
+                for axis in ti.static(range(3)):
+                    values[first + 5 + axis, i, j] = self.rubbed[axis][c]
+                    values[first + 8 + axis, i, j] = self.slid[axis][c]
 
     @ti.func
     def clear(self):
@@ -94,8 +140,9 @@ class Pushes:
 @ti.data_oriented
 class Contacts:
     """point, weight: [corner]. normal: [axis]. kept: distance [m]. share: 1/Σ w²/m [kg]. pushed, rubbed: in this
-    substep [m]. blended: those of points that are blends. before: what those of the last interval pushed. overflow:
-    contacts without room. most: of the frame. turns: whether any was in this substep."""
+    substep [m]. holds: 1 since it pushed first; anchor: [axis], Σ w x there, or where that has been dragged to [m].
+    blended: those of points that are blends. before: what those of the last interval pushed. overflow: contacts without
+    room. most: of the frame. turns: whether any was in this substep."""
 
     count: Any
 
@@ -107,7 +154,8 @@ class Contacts:
             return [ti.field(ti.f32, self.room + LANES) for _ in range(count)]
 
         self.point = [ti.field(ti.i32, self.room + LANES) for _ in range(4)]
-        self.weight, self.normal, self.rubbed = fields(4), fields(3), fields(3)
+        self.weight, self.normal, self.rubbed, self.anchor = fields(4), fields(3), fields(3), fields(3)
+        self.holds = ti.field(ti.i32, self.room + LANES)
         self.kept, self.share, self.pushed = fields(3)
         self.count, self.overflow, self.most, self.turns = (ti.field(ti.i32, ()) for _ in range(4))
         self.friction, self.mend, self.margin = (ti.field(ti.f32, ()) for _ in range(3))
@@ -222,7 +270,7 @@ class Contacts:
                 for axis in ti.static(range(3)):
                     self.normal[axis][at] = self.found[2 + axis][lane]
                 self.kept[at], self.share[at] = pairs.kept[pair], 1.0 / yields
-                self.before.recall(self, pairs, pair, at)
+                self.before.recall(points, self, pairs, pair, at)
                 out = at + 1
             else:
                 self.overflow[None] = self.overflow[None] + 1
@@ -245,13 +293,21 @@ class Contacts:
     def next(self, points: Template, beside: Template, ahead: Float):
         """Those of the next interval, `ahead` substeps long: of what is awake. They begin with what the same pairs
         pushed at the end of the last one."""
-        self.before.take(self)
-        self.before.take(self.blended)
+        self.before.take(points, self)
+        self.before.take(points, self.blended)
         self.clear()
         for kind in range(FACES, EDGES + 1):
             self.meet(points, beside, kind, ahead)
         self.before.clear()
         self.fill_up()
+
+    @ti.func
+    def keep(self, points: Template, values: Template, first):
+        """In planes of a state from a first one on, until the next frame."""
+        self.before.take(points, self)
+        self.before.take(points, self.blended)
+        self.before.save(values, first)
+        self.before.clear()
 
     @ti.func
     def clear(self):
@@ -298,18 +354,33 @@ class Contacts:
         self.blended.respond(points, self.friction[None], mended)
 
     @ti.func
+    def place(self, points: Template, c):
+        """Σ w x of a contact [m]."""
+        out = ti.Vector([0.0, 0.0, 0.0])
+        for corner in ti.static(range(4)):
+            p, w = self.point[corner][c], self.weight[corner][c]
+            out += w * ti.Vector([points.position[axis][p] for axis in ti.static(range(3))])
+        return out
+
+    @ti.func
+    def slid(self, points: Template, c):
+        """How far a contact is from its anchor, across its direction [m]."""
+        n = ti.Vector([self.normal[axis][c] for axis in ti.static(range(3))])
+        return across(self.place(points, c) - ti.Vector([self.anchor[axis][c] for axis in ti.static(range(3))]), n)
+
+    @ti.func
     def part(self, x: Template, s: Template, inverse: Template, c, gap, mended):
         """One contact: its push and friction of the substep anew."""
         n = ti.Vector([self.normal[0][c], self.normal[1][c], self.normal[2][c]])
         held = ti.Vector([self.rubbed[0][c], self.rubbed[1][c], self.rubbed[2][c]])
         was = self.pushed[c]
-        step = ti.Vector([0.0, 0.0, 0.0])
+        place, step = ti.Vector([0.0, 0.0, 0.0]), ti.Vector([0.0, 0.0, 0.0])
         for corner in ti.static(range(4)):
             p, w = self.point[corner][c], self.weight[corner][c]
+            place += w * ti.Vector([x[0][p], x[1][p], x[2][p]])
             step += w * ti.Vector([s[0][p], s[1][p], s[2][p]])
-        along = step.dot(n)
-        push = ti.max(was - along, 0.0)
-        rub = held - (step - along * n)
+        push = ti.max(was - step.dot(n), 0.0)
+        rub = held - back(self, c, place, step, n)
         rub *= ti.min(self.friction[None] * push / ti.sqrt(rub.norm_sqr() + 1e-20), 1.0)
         change = ((push - was) * n + rub - held) * self.share[c]
         move = change + mended * self.share[c] * ti.max(-gap, 0.0) * n

@@ -9,7 +9,7 @@ import taichi as ti
 
 from taichi_cloth.ground.arrays import Template
 from taichi_cloth.ground.errors import InputError
-from taichi_cloth.layers.contacts import AWAKE
+from taichi_cloth.layers.contacts import AWAKE, SAVED
 from taichi_cloth.layers.layer_fields import NUMBERS, LayerFields
 from taichi_cloth.layers.outline import Outline, Tables
 from taichi_cloth.layers.tangles import Tangles
@@ -45,7 +45,8 @@ one with less are looked at more closely."""
 
 class LayerContact(SharedConstraint):
     """The contact of one sheet with itself. options: see `SelfContact`. outline: of a sheet whose cells are not all
-    whole, or that is sewn. Raises InputError on a thickness that is more than key points can keep."""
+    whole, or that is sewn. keeps: contacts from frame to frame, where no other constraint keeps anything. Raises
+    InputError on a thickness that is more than key points can keep."""
 
     fields_of = LayerFields
     known_as = "cloth on cloth"
@@ -53,7 +54,9 @@ class LayerContact(SharedConstraint):
     whole = True
     stops = True
 
-    def __init__(self, sheet: Sheet, options: SelfContact, outline: Outline | None = None) -> None:
+    def __init__(
+        self, sheet: Sheet, options: SelfContact, outline: Outline | None = None, *, keeps: bool = False
+    ) -> None:
         s, self._sheet, self._tangles, self._tangled = sheet.springs, sheet, Tangles(sheet, outline), True
         spacing = min(s.spacing_x, s.spacing_y)
         if options.thickness > 4 * spacing:
@@ -77,6 +80,7 @@ class LayerContact(SharedConstraint):
         }
         named |= {str(level): least for level, least in enumerate(LEAST_SLACK)}
         self._numbers = np.array([named[name] for name in NUMBERS], np.float32)
+        self.keeps = SAVED if keeps else 0
         self._inverse, self._tables = sheet.padded(sheet.inverse_mass).ravel(), Tables(sheet, outline, self._size)
 
     @property
@@ -101,6 +105,10 @@ class LayerContact(SharedConstraint):
         self.fields.start(
             max(1, self._longest // share), max(1, self._free // share), self._substeps, USE * CAREFUL**self._halved
         )
+
+    def rescale(self, state: SheetState, share: float) -> None:
+        if self.keeps:
+            state.values[4 - self.keeps : 8 - self.keeps] *= share * share
 
     def _untangle(self, state: SheetState) -> None:
         """Lets off what passes through other cloth, and moves it a little towards where it does not."""
@@ -144,7 +152,8 @@ class LayerContact(SharedConstraint):
     def stop(self, state: SheetState, done: int) -> int:
         if done and self.fields.unproven[None] and self._halved < HALVINGS:
             return self._substeps  # it will be taken again
-        return int(self.fields.stop(state.values, done))
+        kept = len(state.values) - self.keeps if self.keeps else -1
+        return int(self.fields.stop(state.values, done, kept))
 
     @ti.func
     def before(self, points: Template, done, n: Template):

@@ -154,8 +154,9 @@ class LayerFields:
             self.clock.end(name, 0)
 
     @ti.kernel
-    def stop(self, values: F32x3, done: Int) -> Int:
-        """Between two intervals. values: of a `SheetState`. Returns up to which substep the next goes."""
+    def stop(self, values: F32x3, done: Int, kept: Int) -> Int:
+        """Between two intervals. values: of a `SheetState`. Returns up to which substep the next goes. kept: the plane
+        of values from which on contacts are kept from frame to frame, or −1."""
         ti.loop_config(serialize=True)
         for _ in range(1):
             if ti.static(self.timed):
@@ -164,9 +165,13 @@ class LayerFields:
             self.blends.refresh(self)
             self.stamp("copies")
             if done == 0:
+                if kept >= 0:
+                    self.contacts.before.load(values, kept)
                 self.open(self)
             else:
                 self.close(self, done)
+                if done == self.substeps[None] and kept >= 0:
+                    self.contacts.keep(self, values, kept)
                 self.copy(values, False)
                 self.stamp("copies")
         return self.ends[None]

@@ -97,7 +97,8 @@ def stack(panels: int) -> tuple[Sheet, NDArray]:
 
 @pytest.mark.parametrize("kind", SOLVERS)
 def test_ten_sheets_stay_on_each_other(kind: type[Verlet] | type[Yarns]) -> None:
-    """Whole thicknesses apart, at rest: below 1 mm/s, and 1 mm of creep, in the second and third second."""
+    """Whole thicknesses apart, at rest: below 1 mm/s, and 0.1 mm of creep, in the second and third second (1 mm on
+    whole yarns); and a frame follows from the state that it begins with."""
     sheet, x = stack(10)
     forces = Forces(self_contact=SelfContact(thickness=THICKNESS), plane=Plane(gap=THICKNESS))
     solver = kind(sheet, forces, threads=1, constraints=constraints_for(sheet, forces))
@@ -111,6 +112,12 @@ def test_ten_sheets_stay_on_each_other(kind: type[Verlet] | type[Yarns]) -> None
         speeds.append(60 * np.sqrt(((simulation.positions - before)[present] ** 2).sum(-1).mean()))
     now = simulation.positions
     assert np.mean(speeds) < 1e-3
-    assert np.linalg.norm((now - lay)[present], axis=-1).max() < 1e-3
+    assert np.linalg.norm((now - lay)[present], axis=-1).max() < (1e-4 if kind is Verlet else 1e-3)
     assert now[present][:, 1].max() == pytest.approx(10 * THICKNESS, abs=0.3 * THICKNESS)
     assert find_crossings(now.reshape(-1, 3), sheet.triangles).count == 0
+    state = simulation.state.values.copy()
+    simulation.step()
+    after = simulation.state.values.copy()
+    simulation.state.values[:] = state
+    simulation.step()
+    assert np.array_equal(simulation.state.values, after)
