@@ -40,6 +40,9 @@ SHARED = {
     "worn": ("body", "garment"),
 }
 """Folders and files whose tests run in one process; those of any other file run in one, too."""
+EVERYDAY = "not slow"
+"""Tests of every day take longer to compile kernels than to run them, so theirs are drafts; slow ones run what the
+program runs (`ground/test_draft.py`: to the same bytes)."""
 GROUPS = {place: name for name, places in SHARED.items() for place in places}
 
 
@@ -68,7 +71,8 @@ def pytest_collection_finish() -> None:
 @pytest.fixture(scope="session", autouse=True)
 def taichi_runtime(pytestconfig: pytest.Config) -> runtime.Runtime:
     try:
-        return runtime.start(pytestconfig.getoption("arch") or "cpu")
+        everyday = pytestconfig.getoption("markexpr") == EVERYDAY
+        return runtime.start(pytestconfig.getoption("arch") or "cpu", draft=everyday)
     except InputError as error:  # such a device is not here
         pytest.skip(str(error))
 

@@ -89,16 +89,16 @@ def _panel(axis: Any, study: Study, lines: dict[str, list[Row]], methods: Sequen
         if method == study.floor:
             axis.axhline(study.error.scale * line[0].error, color="0.55", ls="--", lw=1.2, label=line[0].knob)
             continue
+        k = methods.index(method)
+        colour = COLOURS[k % len(COLOURS)]
         if all(row.error == 0 for row in line):
-            axis.axvline(study.time.scale * line[0].seconds, color="0.35", ls=":", lw=1.6, label=method)
+            axis.axvline(study.time.scale * line[0].seconds, color=colour, ls=":", lw=1.8, label=method)
             continue
         exact = [row for row in line if row.error == 0]
         drawn = [row for row in line if isfinite(row.error) and isfinite(row.seconds) and row.error > 0]
-        k = methods.index(method)
         x, y = ([scale * v for v in values] for scale, values in (
             (study.time.scale, [row.seconds for row in drawn]), (study.error.scale, [row.error for row in drawn])
         ))  # fmt: skip
-        colour = COLOURS[k % len(COLOURS)]
         axis.plot(x, y, color=colour, marker=MARKERS[k % len(MARKERS)], ms=5, lw=1.6, label=method)
         for row, a, b in zip(drawn, x, y, strict=True):
             if row.default:

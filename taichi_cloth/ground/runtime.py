@@ -32,10 +32,12 @@ Arch = Literal["cpu", "cuda", "vulkan", "metal", "gpu"]
 
 @dataclass(frozen=True)
 class Runtime:
-    """What was started: the device's name in Taichi ("x64", "cuda", …) and the CPU threads it may use."""
+    """What was started: the device's name in Taichi ("x64", "cuda", …), the CPU threads it may use, and whether long
+    kernels are drafts."""
 
     arch: str
     threads: int
+    draft: bool = False
 
 
 _started: list[Runtime] = []  # all starts of this process, the last one valid
@@ -62,12 +64,16 @@ def resident() -> bool:
     return bool(_started) and _started[-1].arch == "cuda"
 
 
-def start(arch: Arch = "cpu", *, threads: int | None = None, cache: bool = True, pin: bool = False) -> Runtime:
+def start(
+    arch: Arch = "cpu", *, threads: int | None = None, cache: bool = True, pin: bool = False, draft: bool = False
+) -> Runtime:
     """Start Taichi on `arch`. Kernels compiled before, in this or an earlier process, come from the cache.
 
     threads: CPU threads for kernels; None takes the processors this process may run on.
     cache: keep compiled kernels on disk between processes (Taichi's offline cache).
     pin: tie each worker thread to one processor, which steadies timings on virtual machines (Linux only).
+    draft: long kernels (`plain_code`) are compiled without Taichi's search for what is reckoned twice, 40 to 75 % of
+        compiling; they run half as fast, to the same bytes. For tests, which run them for moments.
 
     Raises InputError when the name is unknown, the device is not there, or `threads` is below 1.
     """
@@ -102,7 +108,7 @@ def start(arch: Arch = "cpu", *, threads: int | None = None, cache: bool = True,
         raise InputError(f"--arch {arch}: no such device on this machine (Taichi fell back to {got}); use --arch cpu")
     if pin and workers > 1:
         _pin(sorted(_thread_ids() - before)[-workers:])
-    _started.append(Runtime(arch=got, threads=workers))
+    _started.append(Runtime(arch=got, threads=workers, draft=draft))
     return _started[-1]
 
 
@@ -116,14 +122,19 @@ def plain_code(*, routines: bool = False, kept: bool = True, whole: bool = False
     of this one. whole: on a CPU vectors stay whole (`whole_vectors.py`, which says of which kernels).
     """
     config = current_cfg()
-    before = config.cfg_optimization, config.cache_loop_invariant_global_vars, config.offline_cache
-    config.cfg_optimization, config.cache_loop_invariant_global_vars = False, before[1] and not routines
-    config.offline_cache = before[2] and kept
+    names = "cfg_optimization", "cache_loop_invariant_global_vars", "offline_cache", "opt_level"
+    before = {name: getattr(config, name) for name in names}
+    config.cfg_optimization = False
+    config.cache_loop_invariant_global_vars = config.cache_loop_invariant_global_vars and not routines
+    config.offline_cache = config.offline_cache and kept
+    if _started and _started[-1].draft:
+        config.opt_level = 0  # with the other off, the search is all that hangs on it
     try:
         with kept_as_vectors() if whole and on_host() else contextlib.nullcontext():
             yield
     finally:
-        config.cfg_optimization, config.cache_loop_invariant_global_vars, config.offline_cache = before
+        for name, value in before.items():
+            setattr(config, name, value)
 
 
 def _line_of(context: Any, node: Any) -> str:
