@@ -173,11 +173,11 @@ def pattern(
 def fabric(
     scene: Annotated[str, typer.Argument(help="A built-in scene, a .toml file, or a draft as a .wif file.")],
     overrides: Overrides = None,
-    length: Annotated[float | None, typer.Option("--length", help="Of the piece, finished [m].")] = None,
-    width: Annotated[float | None, typer.Option("--width", help="Of the piece, finished [m].")] = None,
+    length: Annotated[float | None, typer.Option("--length", help="Of the piece, finished, in metres.")] = None,
+    width: Annotated[float | None, typer.Option("--width", help="Of the piece, finished, in metres.")] = None,
     shrinkage_length: Annotated[float, typer.Option(help="In finishing, of the length on the loom [%].")] = 0.0,
     shrinkage_width: Annotated[float, typer.Option(help="In finishing, of the width on the loom [%].")] = 0.0,
-    waste: Annotated[float, typer.Option("--waste", help="Warp left at both ends of the loom [m].")] = 0.0,
+    waste: Annotated[float, typer.Option("--waste", help="Warp left at both ends of the loom, in metres.")] = 0.0,
     measured: Annotated[Path | None, typer.Option("--measured", help="A .toml file of measured properties.")] = None,
     drape: Annotated[
         bool, typer.Option("--drape", help="Drape a disc of it over Cusick's support, simulated.")
