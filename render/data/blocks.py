@@ -145,18 +145,31 @@ def pack(particles: Particles, *, textured: bool) -> tuple[Layout, NDArray[np.fl
         values = np.asarray(values, np.float32)
         columns += [*values.T] if values.ndim == 2 else [values]
 
+    drawn = None if _all_drawn(particles, columns) else _drawn(particles, columns)
+    blocks = np.zeros((layout.rows, -(-count // LANES), LANES), np.float32)
+    for row, column in enumerate(columns):
+        values = column if drawn is None else np.where(drawn, column, np.float32(0))
+        blocks[row].reshape(-1)[:count] = values
+    positions = particles.position if drawn is None else particles.position[drawn]
+    box = np.stack([positions.min(axis=0), positions.max(axis=0)]) if len(positions) else np.zeros((2, 3))
+    return layout, blocks, box.astype(np.float64)
+
+
+def _drawn(particles: Particles, columns: list[NDArray[np.float32]]) -> NDArray[np.bool_]:
+    """Which of them are, (n,)."""
     drawn = particles.radius > 0
     for column in columns:
         drawn &= np.isfinite(column)
     if particles.half_length is not None:
         drawn &= particles.half_length > 0
-    drawn &= np.abs(particles.position).max(axis=1, initial=0) < FARTHEST
-    everything = bool(drawn.all())
+    return drawn & (np.abs(particles.position).max(axis=1, initial=0) < FARTHEST)
 
-    blocks = np.zeros((layout.rows, -(-count // LANES), LANES), np.float32)
-    for row, column in enumerate(columns):
-        values = column if everything else np.where(drawn, column, np.float32(0))
-        blocks[row].reshape(-1)[:count] = values
-    positions = particles.position if everything else particles.position[drawn]
-    box = np.stack([positions.min(axis=0), positions.max(axis=0)]) if len(positions) else np.zeros((2, 3))
-    return layout, blocks, box.astype(np.float64)
+
+def _all_drawn(particles: Particles, columns: list[NDArray[np.float32]]) -> bool:
+    """Whether all of them surely are, found without looking at each: a sum is finite only of values that are."""
+    least = [one.min(initial=1) for one in (particles.radius, particles.half_length) if one is not None]
+    return (
+        min(least) > 0
+        and all(np.isfinite(column.sum()) for column in columns)
+        and float(np.abs(particles.position).max(initial=0)) < FARTHEST
+    )

@@ -27,11 +27,14 @@ from .map_place import blind
 from .occlusion import SkyMaps, occlude
 from .shade import Shading
 from .shadow import ShadowMap, cast
-from .thin import chained, spread, thin
+from .thin import chain_step, spread, thin
 from .view import MOST_OTHERS
 
 __all__ = ["NO_LIGHT", "Held", "LightMaps", "LookedUp", "ParticleLight", "shading_of"]
 
+APART = 0.4
+"""Depths of a cloth, about as many crossings, by which particles along a fibre are apart that are looked up: farther
+apart, crowns would take a share of the light that gets to the bends under them."""
 NO_LIGHT = np.ones((1, 1, LANES), np.float32)
 """What `project` gets where no map of light is needed."""
 
@@ -114,12 +117,13 @@ class ParticleLight:
         self._sky: SkyMaps | None = None
         self._few: dict[int, NDArray[np.float32]] = {}
         self._mesh: Mesh | None = None
-        self._chained: bool | None = None
+        self._step: float | None = None
+        """From one particle of a chain to the next [m], 0 where there are no chains; None where it is not known yet."""
 
     def forget(self, mesh: Mesh | None = None) -> None:
         """The particles have changed: what is known of them is void. mesh: stands among the new ones."""
         self._known, self._maps, self._sky, self._few = {}, {}, None, {}
-        self._mesh, self._chained = mesh, None
+        self._mesh, self._step = mesh, None
 
     def hold(self, maps: Held | None, *, each: bool = False) -> None:
         """From now on look up all particles in these maps, whatever is loaded; None makes maps of what is loaded.
@@ -199,7 +203,7 @@ class ParticleLight:
                 raise InputError("light: the maps that are held have none for this light; cast them with it")
             known = self._known.get(row)
             if known is None or known[0] is not one or known[1] != depth:
-                few, stride = (blocks, 1) if self._each else self._thinned(layout, blocks, stride)
+                few, stride = (blocks, 1) if self._each else self._thinned(layout, blocks, stride, depth)
                 if stride == 1:
                     one.on_particles(blocks, light, row, depth)
                 else:
@@ -215,12 +219,19 @@ class ParticleLight:
         known, _ = self._known.get(0, (None, 0.0))
         return known if isinstance(known, ShadowMap) else None
 
-    def _thinned(self, layout: Layout, blocks: NDArray[np.float32], stride: int) -> tuple[NDArray[np.float32], int]:
-        """Every stride-th particle and the stride: fewer of round ones, which are short; 1 where they are no chains."""
+    def _thinned(
+        self, layout: Layout, blocks: NDArray[np.float32], stride: int, depth: float = 0.0
+    ) -> tuple[NDArray[np.float32], int]:
+        """Every stride-th particle and the stride: fewer of round ones, which are short; 1 where they are no chains; in
+        a cloth `depth` [m] thick no farther apart than a part of it."""
         stride = stride if layout.elliptic else min(stride, ROUND_STRIDE)
-        if self._chained is None:
-            self._chained = chained(layout, blocks)
-        if not self._chained:
+        if self._step is None:
+            self._step = chain_step(layout, blocks) or 0.0
+        if not self._step:
+            return blocks, 1
+        while depth > 0 and stride > 1 and stride * self._step > APART * depth:
+            stride //= 2
+        if stride == 1:
             return blocks, 1
         if stride not in self._few:
             known = max((k for k in self._few if stride % k == 0), default=1)

@@ -1,6 +1,6 @@
 """Fewer particles for light: every so many along a fibre, and what was found for those, for all between them.
 
-Where neighbours in a block follow one another along a fibre and overlap (`chained`), light hardly differs from one
+Where neighbours in a block follow one another along a fibre and overlap (`chain_step`), light hardly differs from one
 to the next. Where a fibre ends and another begins among the 16 of a block the distance says so: what lies between two
 samples takes theirs by 1 / distance^2.
 
@@ -20,23 +20,21 @@ from taichi_cloth.ground.vectors import keep
 
 from ..data.blocks import Layout
 
-__all__ = ["chained", "spread", "thin"]
+__all__ = ["chain_step", "spread", "thin"]
 
 
-def chained(layout: Layout, blocks: NDArray[np.float32]) -> bool:
-    """Whether most neighbours of up to 64 blocks, spread evenly, are nearer than half their length, or a radius, and
-    none is a piece of a sheet."""
+def chain_step(layout: Layout, blocks: NDArray[np.float32]) -> float | None:
+    """From one to the next of a chain [m], the median of up to 64 blocks, spread evenly; None where not most neighbours
+    are nearer than half their length, or a radius, or some are pieces of a sheet."""
     if not blocks.shape[1]:
-        return False
+        return None
     sample = every(blocks, max(1, blocks.shape[1] // 64))
     if layout.elliptic and ((sample[RADIUS] > 0) & (sample[RADIUS] == sample[layout.half_length_row])).any():
-        return False
+        return None
     there = (sample[RADIUS, :, 1:] > 0) & (sample[RADIUS, :, :-1] > 0)
-    apart = np.linalg.norm(np.diff(sample[POSITION : POSITION + 3], axis=2), axis=0)
-    return bool(
-        there.any()
-        and np.mean((apart < sample[layout.half_length_row if layout.elliptic else RADIUS, :, 1:])[there]) > 0.5
-    )
+    apart = np.linalg.norm(np.diff(sample[POSITION : POSITION + 3], axis=2), axis=0)[there]
+    near = apart < sample[layout.half_length_row if layout.elliptic else RADIUS, :, 1:][there]
+    return float(np.median(apart[near])) if len(near) and near.mean() > 0.5 else None
 
 
 @ti.kernel
