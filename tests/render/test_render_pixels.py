@@ -36,10 +36,19 @@ def cloud(count: int = 3000) -> Particles:
     )
 
 
-@pytest.mark.parametrize("elliptic", [True, False])
-@pytest.mark.parametrize(("profile", "textured"), [(CRISP, False), (SOFT, False), (CRISP, True)])
+@pytest.mark.parametrize(
+    ("profile", "textured", "elliptic"),
+    [
+        (CRISP, False, True),
+        (SOFT, False, False),
+        (CRISP, True, True),
+        pytest.param(CRISP, False, False, marks=pytest.mark.slow),  # each compiles two kernels
+        pytest.param(SOFT, False, True, marks=pytest.mark.slow),
+        pytest.param(CRISP, True, False, marks=pytest.mark.slow),
+    ],
+)
 def test_a_thread_a_pixel_draws_what_rows_of_a_tile_draw(
-    elliptic: bool, profile: Profile, textured: bool, monkeypatch: pytest.MonkeyPatch
+    profile: Profile, textured: bool, elliptic: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Within one of 255: where little light is left a tile and a pixel end elsewhere."""
     sheet = SpriteSheet(np.stack([round_sprite()])) if textured else None

@@ -162,6 +162,7 @@ def test_threads_cannot_give_back_more_than_was_lost() -> None:
     assert energy_made(np.array([8.0, 1.0, 1.0, 6.0]), np.array([0.0, 0.0, 50.0, 50.0])) == 5.0
 
 
+@pytest.mark.slow  # a kernel of its own
 def test_a_blow_that_threads_take_at_their_limit_makes_no_energy(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(kernel_solver, "WORTH_THREADS", 0)  # the kernel of the tests of whole yarns
     found = ran(Cell(start="dropped", stiffness=1e2, limited=True))

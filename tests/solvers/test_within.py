@@ -208,7 +208,7 @@ def test_cells_pull_as_their_energy_says(solver: type) -> None:
     assert np.abs(forces - expected).max() < 2e-3 * np.abs(expected).max()
 
 
-@pytest.mark.parametrize("solver", [Verlet, Yarns])
+@pytest.mark.parametrize("solver", [Verlet, pytest.param(Yarns, marks=pytest.mark.slow)])
 def test_cloth_that_was_bent_stays_bent_by_hb_over_b(solver: type) -> None:
     """Let go at twice that curvature in thick air, it comes to rest where bending no longer overcomes friction."""
     material = replace(CLOTH, shear_friction=0.0, locking=0.0, torsion=0.0, air_damping=200.0)
