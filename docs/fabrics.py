@@ -70,11 +70,8 @@ factor near 1.9, and their filaments may be finer than the nominal 1.7 dtex: fin
 without fibre, weave, mass or counts stand here so that nobody looks for them. V8 counts as stated, but its ends are
 inferred from the 93 to 95 an inch that its source gives for its plain cloths.
 
-Discs of rows P are of the program before its cells sheared by arcs (below), which took between 0.3 and 0.9 points of
-the others at their spacings.
-
 **Which of the two is wrong, the disc or the construction?** Discs of what was *measured* tell: four of five lie within
-6 points (the fifth, P5, is 15 too low, and the factor near 1.9 of rows P is in its B), where by their constructions
+7 points (the fifth, P5, is 16 too low, and the factor near 1.9 of rows P is in its B), where by their constructions
 three of the same five lie within 12. So it is not how the disc bends, rubs and shears that fails, but what is predicted
 for a cloth whose counts, sett and filaments nobody states.
 
