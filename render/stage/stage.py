@@ -146,14 +146,13 @@ def stage_under(particles: Particles | ParticleBlocks, mesh: Mesh | None = None)
 
     The lowest five thousandths of the particles may reach through it: single hairs do not lift a cloth.
     """
-    each = 1
+    each = step = 1
     if isinstance(particles, ParticleBlocks):
         particles, each = particles.some(SAMPLES)
     elif len(particles) > MANY:
-        each = -(-len(particles) // MANY) | 1  # odd: no step over a crossing, of which there are mostly an even number
-    every = slice(None, None, 1 if isinstance(particles, ParticleBlocks) else each)
-    place, radius, half_length = particles.position[every], particles.radius[every], particles.half_length
-    half_length = None if half_length is None else half_length[every]
+        each = step = -(-len(particles) // MANY) | 1  # odd: of a crossing there are mostly an even number
+    place, radius, half_length = particles.position[::step], particles.radius[::step], particles.half_length
+    half_length = None if half_length is None else half_length[::step]
     drawn = np.isfinite(place).all(axis=1) & (radius > 0) & np.isfinite(radius)
     place, radius = place[drawn].astype(np.float64), radius[drawn].astype(np.float64)
     area = np.pi * radius**2

@@ -7,7 +7,7 @@ import taichi as ti
 from taichi_cloth.ground.arrays import Float, Template
 from taichi_cloth.ground.routine import routine
 
-__all__ = ["Blended", "across", "back"]
+__all__ = ["Blended", "across", "back", "slid"]
 
 ROOM, NODES = 6, 8
 """Contacts for each blend, and key points of one in the mean, at most."""
@@ -43,6 +43,13 @@ def back(contacts: Template, c, place, step, n):
     for axis in ti.static(range(3)):
         contacts.anchor[axis][c] = contacts.anchor[axis][c] + (1.0 - most) * slid[axis]
     return (1.0 - ANCHORED) * across(step, n) + ANCHORED * most * slid
+
+
+@ti.func
+def slid(contacts: Template, points: Template, c):
+    """How far a contact is from its anchor, across its direction [m]. contacts: as of `back`."""
+    n = ti.Vector([contacts.normal[axis][c] for axis in ti.static(range(3))])
+    return across(contacts.place(points, c) - ti.Vector([contacts.anchor[axis][c] for axis in ti.static(range(3))]), n)
 
 
 @ti.data_oriented
@@ -118,12 +125,6 @@ class Blended:
             p, w = self.node[m], self.weight[m]
             out += w * ti.Vector([points.position[axis][p] for axis in ti.static(range(3))])
         return out
-
-    @ti.func
-    def slid(self, points: Template, c):
-        """As of `Contacts`."""
-        n = ti.Vector([self.normal[axis][c] for axis in ti.static(range(3))])
-        return across(self.place(points, c) - ti.Vector([self.anchor[axis][c] for axis in ti.static(range(3))]), n)
 
     @routine
     def warm(self, points: Template, part: Float):

@@ -13,7 +13,7 @@ import taichi as ti
 
 from taichi_cloth.ground.arrays import Float, Int, Template
 from taichi_cloth.ground.routine import routine
-from taichi_cloth.layers.blended import Blended, across, back
+from taichi_cloth.layers.blended import Blended, across, back, slid
 from taichi_cloth.layers.nearest import EDGES, FACES, gather
 from taichi_cloth.motion.stencil import listed, load, store
 from taichi_cloth.sheet.sheet import LANES
@@ -58,11 +58,11 @@ class Pushes:
         at = self.count[None]
         for c in range(contacts.count[None]):
             if contacts.holds[c] != 0:
-                slid = contacts.slid(points, c)
+                way = slid(contacts, points, c)
                 for corner in ti.static(range(4)):
                     self.point[corner][at] = contacts.point[corner][c]
                 for axis in ti.static(range(3)):
-                    self.rubbed[axis][at], self.slid[axis][at] = contacts.rubbed[axis][c], slid[axis]
+                    self.rubbed[axis][at], self.slid[axis][at] = contacts.rubbed[axis][c], way[axis]
                 self.pushed[at] = contacts.pushed[c]
                 self.list(at)
                 at += 1
@@ -79,7 +79,7 @@ class Pushes:
         for corner in ti.static(range(4)):
             contacts.point[corner][c] = pairs.point[corner][pair]
         pushed, holds = 0.0, 0
-        rubbed, slid = ti.Vector([0.0, 0.0, 0.0]), ti.Vector([0.0, 0.0, 0.0])
+        rubbed, way = ti.Vector([0.0, 0.0, 0.0]), ti.Vector([0.0, 0.0, 0.0])
         at = self.first[contacts.point[0][c]]
         while at != 0:
             k, alike = at - 1, True
@@ -88,13 +88,13 @@ class Pushes:
             if alike:
                 n = ti.Vector([contacts.normal[axis][c] for axis in ti.static(range(3))])
                 was = ti.Vector([self.rubbed[axis][k] for axis in ti.static(range(3))])
-                pushed, rubbed, holds = self.pushed[k], was - was.dot(n) * n, 1
-                slid = ti.Vector([self.slid[axis][k] for axis in ti.static(range(3))])
+                pushed, rubbed, holds = self.pushed[k], across(was, n), 1
+                way = ti.Vector([self.slid[axis][k] for axis in ti.static(range(3))])
             at = ti.select(alike, 0, self.next[k])
         contacts.pushed[c], contacts.holds[c] = pushed, holds
         place = contacts.place(points, c)
         for axis in ti.static(range(3)):
-            contacts.rubbed[axis][c], contacts.anchor[axis][c] = rubbed[axis], place[axis] - slid[axis]
+            contacts.rubbed[axis][c], contacts.anchor[axis][c] = rubbed[axis], place[axis] - way[axis]
 
     @ti.func
     def load(self, values: Template, first):
@@ -361,12 +361,6 @@ class Contacts:
             p, w = self.point[corner][c], self.weight[corner][c]
             out += w * ti.Vector([points.position[axis][p] for axis in ti.static(range(3))])
         return out
-
-    @ti.func
-    def slid(self, points: Template, c):
-        """How far a contact is from its anchor, across its direction [m]."""
-        n = ti.Vector([self.normal[axis][c] for axis in ti.static(range(3))])
-        return across(self.place(points, c) - ti.Vector([self.anchor[axis][c] for axis in ti.static(range(3))]), n)
 
     @ti.func
     def part(self, x: Template, s: Template, inverse: Template, c, gap, mended):
