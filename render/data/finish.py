@@ -80,10 +80,10 @@ FINISHES: dict[str, Finish] = {
         tint=0.5,
         sheen=0.05,
         roundness=0.85,
-        spread=22,
-        reflect=0.03,
+        spread=10,
+        reflect=0.07,
         transmit=0.10,
-        internal=0.06,
+        internal=0.02,
     ),
     "linen": Finish(
         fibre=0.50,
@@ -170,7 +170,8 @@ FINISHES: dict[str, Finish] = {
         internal=0.1,
     ),
 }
-"""Presets by material, chosen by eye: cotton is matte, wool has a soft rim, silk a bright narrow highlight."""
+"""Presets by material, chosen by eye: cotton is matte, wool has a soft rim, silk a bright narrow highlight; but for the
+lobes of cotton, which are as a path tracer has them (`docs/appearance.md`)."""
 
 
 def finish_for(material: str) -> Finish:

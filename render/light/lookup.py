@@ -37,19 +37,21 @@ def _nearest(levels: I32x2, level, u, v, nearest: F32x1):
 
 @ti.func
 def _bilinear(deep: Template, levels: I32x2, level, u, v, depth, nearest: F32x1, through: F32x2):
-    """Transmittance at u, v [texels of the finest level] and a depth [m]: four texels at once, without branches."""
+    """Transmittance at u, v [texels of the finest level] and a depth [m]: four texels at once."""
     near, cell, f, g = _nearest(levels, level, u, v, nearest)
-    # Between which two layers the place lies, in each of the four texels.
-    at = ti.max(layer_of(ti.max(depth - near, 0.0), deep) - 1.0, 0.0)
-    low = ti.min(ti.cast(at, ti.i32), ti.static(LAYERS - 2))
-    part = ti.min(at - low, 1.0)
-    # Along the depth in each texel, then across the four.
     value = ti.Vector([1.0, 1.0, 1.0, 1.0])
-    for k in ti.static(range(4)):
-        texel = cell + k // 2 * levels[level, 1] + k % 2
-        here = through[texel, low[k]]  # pyright: ignore[reportIndexIssue]
-        there = through[texel, low[k] + 1]  # pyright: ignore[reportIndexIssue]
-        value[k] = ti.select(at[k] > 0.0, here + part[k] * (there - here), 1.0)  # undefined where nothing is behind  # pyright: ignore[reportIndexIssue]
+    if depth > near.min():  # mostly not outside a cloth
+        # Between which two layers the place lies, in each of the four texels.
+        at = ti.max(layer_of(ti.max(depth - near, 0.0), deep) - 1.0, 0.0)
+        low = ti.min(ti.cast(at, ti.i32), ti.static(LAYERS - 2))
+        part = ti.min(at - low, 1.0)
+        # Along the depth in each texel, then across the four.
+        for k in ti.static(range(4)):
+            texel = cell + k // 2 * levels[level, 1] + k % 2
+            here = through[texel, low[k]]  # pyright: ignore[reportIndexIssue]
+            there = through[texel, low[k] + 1]  # pyright: ignore[reportIndexIssue]
+            # Undefined where nothing is behind.
+            value[k] = ti.select(at[k] > 0.0, here + part[k] * (there - here), 1.0)  # pyright: ignore[reportIndexIssue]
     return (1.0 - g) * (value[0] + f * (value[1] - value[0])) + g * (value[2] + f * (value[3] - value[2]))
 
 

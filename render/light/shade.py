@@ -14,7 +14,7 @@ from taichi_cloth.ground.vectors import Blocks, each, of_group, of_row
 
 from .bulk import OF_KEY, OF_SKY, SHUT, weight
 from .fibre import lobes
-from .view import BULK, COAT, DOME, EDGE, EYE, FIBRE, GROUND, KEY_DIRECTION, LOBES, OTHERS, SKY, SURFACE
+from .view import BULK, COAT, DOME, DYE, EDGE, EYE, FIBRE, GROUND, KEY_DIRECTION, LOBES, OTHERS, SKY, SURFACE
 
 __all__ = ["PLAIN", "Shading", "rise", "shade"]
 
@@ -112,6 +112,12 @@ def _sky(shading: Template, view: F32x2, up):
 
 
 @ti.func
+def _dyed(view: F32x2, colour):
+    """The a of a bulk's colour (see `bulk.dyed`)."""
+    return ti.max(colour * view[DYE, 0] - view[DYE, 1], 0.0)
+
+
+@ti.func
 def _before(albedo, seen):
     """Of the sky before a cloth, what a particle in it sends on that sees a share of it."""
     return weight(OF_SKY[0], albedo) + seen * weight(OF_SKY[1], albedo)
@@ -204,6 +210,7 @@ def shade(layout: Template, shading: Template, particles: Blocks, light: Blocks,
             seen, before, behind = of_row(light, b, sky), of_row(light, b, sky + 1), of_row(light, b, sky + 2)
             bx, by, bz = of_row(light, b, sky + 3), of_row(light, b, sky + 4), of_row(light, b, sky + 5)
         seen *= 1.0 - view[BULK, 1] * (1.0 - opening)
+        albedo_r, albedo_g, albedo_b = _dyed(view, albedo_r), _dyed(view, albedo_g), _dyed(view, albedo_b)
         albedo = albedo_r, albedo_g, albedo_b
         red, green, blue = _from_sky(shading, view, by, vy - 2.0 * t_v * ty, albedo, seen, before, behind)
     else:
@@ -233,8 +240,7 @@ def shade(layout: Template, shading: Template, particles: Blocks, light: Blocks,
         lambert = ti.max(n_l, 0.0)
         lit = lambert + view[FIBRE, 0] * (sin_l * facing - lambert)
         # How much of the light gets here, past what casts shadows and past the particle's own neighbours.
-        rim = sheen
-        passed = each(1.0)
+        rim, passed = sheen, each(1.0)
         if ti.static(layout.openness):
             rim *= opening
         if ti.static(shading.shadows[k] >= 0):

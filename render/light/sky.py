@@ -212,29 +212,32 @@ def _sum_up(cell, depth_out: Blocks, counts: I32x2):
 
 
 @ti.func
-def _optical(front, depth, c, fine, ends: F32x2, depth_of: F32x2):
-    """What stops light between a depth [m] of texel c and its nearer end, or its farther one: as of whole layers."""
-    f = depth - ends[0, c]
-    g = ends[1, c] - depth
-    optical = 0.0
-    if (front and f > 0.0) or (not front and g > 0.0):  # never where the texel is empty
+def _passing(how: Template, front, depth, cell, width, near, far, fine, depth_of: F32x2, walls: F32x2):
+    """What passes between a depth [m] and the nearer ends of the four texels from `cell` on, or their farther ones: as
+    of whole layers. near, far: those ends [m]."""
+    through = ti.Vector([1.0, 1.0, 1.0, 1.0])
+    f, g = depth - near, far - depth
+    inside = f
+    if not front:
+        inside = g
+    if inside.max() > 0.0:  # mostly not outside a cloth, and never where all four are empty
         k = _coordinate(ti.max(f, 0.0), ti.max(g, 0.0), fine)
-        k = ti.max(k - 1.0, 0.0) if front else ti.min(k + 1.0, 16.0)
-        low = ti.min(ti.cast(k, ti.i32), LAYERS - 1)
-        before = depth_of[c, ti.max(low - 1, 0)] * ti.cast(low > 0, ti.f32)
-        optical = before + (k - low) * (depth_of[c, low] - before)
-        if not front:
-            optical = depth_of[c, LAYERS - 1] - optical
-    return optical
-
-
-@ti.func
-def _passing(how: Template, front, depth, c, fine, ends: F32x2, depth_of: F32x2, walls: F32x2):
-    """What passes between a depth [m] of texel c and its nearer end, or its farther one."""
-    through = decay(_optical(front, depth, c, fine, ends, depth_of))
-    if ti.static(how.walled):  # noqa: SIM102
-        if (front and depth > walls[0, c]) or (not front and depth < walls[1, c]):
-            through = 0.0
+        k = ti.min(ti.max(k + (-1.0 if front else 1.0), 0.0), 16.0)
+        low = ti.min(ti.cast(k, ti.i32), ti.static(LAYERS - 1))
+        optical = ti.Vector([0.0, 0.0, 0.0, 0.0])
+        for j in ti.static(range(4)):
+            c = cell + j // 2 * width + j % 2
+            layer = low[j]  # pyright: ignore[reportIndexIssue]
+            before = depth_of[c, ti.max(layer - 1, 0)] * ti.cast(layer > 0, ti.f32)
+            optical[j] = before + (k[j] - layer) * (depth_of[c, layer] - before)  # pyright: ignore[reportIndexIssue]
+            if not front:
+                optical[j] = depth_of[c, LAYERS - 1] - optical[j]
+        through = ti.select(inside > 0.0, decay(optical), 1.0)
+    if ti.static(how.walled):
+        for j in ti.static(range(4)):
+            c = cell + j // 2 * width + j % 2
+            if (front and depth > walls[0, c]) or (not front and depth < walls[1, c]):
+                through[j] = 0.0  # pyright: ignore[reportIndexIssue]
     return through
 
 
@@ -281,16 +284,18 @@ def _seen(
         s = u - left
         t = v - top
         # What passes on the way out there, of four texels.
-        passing, outside, opposite = 0.0, 0.0, 0.0
-        for j in ti.static(range(4)):
-            part = (s if ti.static(j % 2 == 1) else 1.0 - s) * (t if ti.static(j // 2 == 1) else 1.0 - t)
-            c = maps[m, 0] + (top + j // 2) * width + left + j % 2
-            passing += part * _passing(how, front, depth - moved, c, reading[FINE], ends, depth_of, walls)
-            if ti.static(how.bulk):
-                outside += part * _passing(how, front, depth - moved - farther, c, reading[FINE], ends, depth_of, walls)
-                opposite += part * _passing(
-                    how, not front, depth + moved + farther, c, reading[FINE], ends, depth_of, walls
-                )
+        cell = maps[m, 0] + top * width + left
+        part = ti.Vector([(1.0 - s) * (1.0 - t), s * (1.0 - t), (1.0 - s) * t, s * t])
+        near = ti.Vector([ends[0, cell], ends[0, cell + 1], ends[0, cell + width], ends[0, cell + width + 1]])
+        far = ti.Vector([ends[1, cell], ends[1, cell + 1], ends[1, cell + width], ends[1, cell + width + 1]])
+        at = depth - moved
+        passing = part.dot(_passing(how, front, at, cell, width, near, far, reading[FINE], depth_of, walls))
+        outside, opposite = 0.0, 0.0
+        if ti.static(how.bulk):
+            at -= farther
+            outside = part.dot(_passing(how, front, at, cell, width, near, far, reading[FINE], depth_of, walls))
+            at = depth + moved + farther
+            opposite = part.dot(_passing(how, not front, at, cell, width, near, far, reading[FINE], depth_of, walls))
         total += cosine * passing
         weight += cosine
         if ti.static(how.bulk):

@@ -7,7 +7,7 @@ from ..data.camera import Camera
 from ..data.finish import Finish
 from ..data.light import Lighting
 from ..tiles.sort import DEEPEST_KEY
-from .bulk import BODY
+from .bulk import BODY, SURFACE_SHARE
 
 __all__ = ["MOST_OTHERS", "VIEW_ROWS", "new_view", "set_bulk", "set_finish", "set_view"]
 
@@ -29,7 +29,8 @@ MOST_OTHERS = 8
 DOME = OTHERS + 2 * MOST_OTHERS  # how much the zenith differs from the horizon
 BULK = DOME + 1  # what highlights leave of a bulk's light; share of what maps do not show; the sky's highlights
 COAT = BULK + 1  # how far these have the fibre's colour; gain of lights that maps do not tell apart; limb darkening
-VIEW_ROWS = COAT + 1
+DYE = COAT + 1  # of what is left to the dye of a bulk's colour: gain, and what is taken off after it
+VIEW_ROWS = DYE + 1
 
 LIMB_DARKENING = 0.5
 """How much darker the sides of a round thread are than its middle, at roundness 1."""
@@ -41,6 +42,12 @@ BULK_SHADE = 0.32
 """That share in a cloth within which light goes from fibre to fibre: its fibres that are seen from above and from the
 side lose 0.14 of a light in front of them, at a mean openness of 0.55 (plain weave and satin of all fibres)."""
 
+OPEN = 0.55
+"""Mean share of the sky that fibres of a cloth see, so far as highlights of the sky are taken off its dye."""
+
+LEAVING = 0.4
+"""Of what surfaces of fibres mirror of the sky, the share that leaves a cloth without its colour; the rest is sent on
+into it. By the path tracer a mass of fibres whose surfaces mirror 0.08 sends back `SURFACE_SHARE`."""
 UNRESOLVED = 0.22
 """More of a light, where maps are too coarse for the direction that is open between yarns, and their normals, which
 lean farther, stand for it: a plain weave has 0.80 of its light without."""
@@ -108,4 +115,8 @@ def set_bulk(view: NDArray[np.float32], finish: Finish, coarse: float, blind: fl
     view[EDGE, 1] = BULK_SHADE * coarse
     view[BULK] = body, coarse * (1.0 + blind * (SEEN - 1.0)), 1.0 - body
     more = UNRESOLVED + blind * (OF_CLOTH - UNRESOLVED)
-    view[COAT, :2] = 1.0 - finish.reflect / max(lobes, 1e-6), 1.0 + more * coarse
+    uncoloured = LEAVING * finish.reflect / max(lobes, 1e-6)
+    view[COAT, :2] = 1.0 - uncoloured, 1.0 + more * coarse
+    shine = OPEN * (1.0 - body)
+    surface = (SURFACE_SHARE * body + uncoloured * shine) / (body + shine)
+    view[DYE, :2] = 1.0 / (1.0 - surface), surface / (1.0 - surface)

@@ -11,13 +11,14 @@ import numpy as np
 import pytest
 
 from taichi_cloth.ground import runtime
+from taichi_cloth.render.light.bulk import SURFACE_SHARE, dyed
 from taichi_cloth.scenes.__main__ import _status
 from taichi_cloth.scenes.measure import likeness as likenesses
 from taichi_cloth.scenes.measure.likeness import Likeness, likeness, luminance, shown_alike
 from taichi_cloth.scenes.studies import make
 from taichi_cloth.scenes.studies.appearance import LIMITS, outside, row_of, section
 from taichi_cloth.scenes.studies.looks.cases import CASES, PLAIN, fibre_starts
-from taichi_cloth.scenes.studies.looks.path_traced import absorption
+from taichi_cloth.scenes.studies.looks.path_traced import absorption, in_no_light
 
 SIDE = 60
 
@@ -96,7 +97,38 @@ def test_a_thick_mass_of_fibres_that_absorb_nothing_is_white() -> None:
     assert (np.diff(found) > 0).all()
     # Chiang et al. 2016, equation 9, the other way round, at the azimuthal roughness of 0.4
     scale = 5.969 - 0.215 * 0.4 + 2.532 * 0.4**2 - 10.73 * 0.4**3 + 5.574 * 0.4**4 + 0.245 * 0.4**5
-    np.testing.assert_allclose(np.exp(-np.sqrt(found) * scale), [1.0, 0.6, 0.15])
+    np.testing.assert_allclose(np.exp(-np.sqrt(found) * scale), dyed([1.0, 0.6, 0.15]))
+    assert (absorption([0.0, SURFACE_SHARE]) == absorption(0.01)).all()  # as dark as it gets
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("spread", [25.0, 90.0])
+def test_a_thick_mass_of_fibres_has_the_colour_that_was_asked_for(spread: float, tmp_path: Path) -> None:
+    """By the path tracer, under an even sky: straight fibres of diameter 1 fill 0.4 of it, within so many degrees of
+    one direction."""
+    mi = pytest.importorskip("mitsuba")
+    mi.set_variant("scalar_rgb")
+    colours, wide, deep = np.array([0.02, 0.1, 0.4]), 260.0, 130.0
+    rng = np.random.default_rng(3)
+    along, curves = np.linspace(-0.6 * wide, 0.6 * wide, 6), tmp_path / "fibres.txt"
+    with curves.open("w") as out:
+        for _ in range(int(0.4 * wide * deep / (np.pi / 4))):
+            y, z, turn = (
+                rng.uniform(-deep, 0),
+                rng.uniform(-wide / 2, wide / 2),
+                np.radians(rng.uniform(-spread, spread)),
+            )
+            out.writelines(f"{s * np.cos(turn):.3f} {y:.3f} {z + s * np.sin(turn):.3f} 0.5\n" for s in along)
+            out.write("\n")
+    look = mi.ScalarTransform4f().look_at([70, 1000, 120], [0, 0, 0], [0, 0, 1])
+    film = {"type": "hdrfilm", "width": 32, "height": 32, "rfilter": {"type": "box"}}
+    eye = {"type": "perspective", "fov": 2.0, "near_clip": 1.0, "far_clip": 1e6, "to_world": look, "film": film}
+    lit = {"sensor": eye, "sky": {"type": "constant", "radiance": {"type": "rgb", "value": [1.0, 1.0, 1.0]}}}
+    found = np.array(mi.render(mi.load_dict({**in_no_light(curves, colours), **lit}), spp=16))[..., :3].mean(
+        axis=(0, 1)
+    )
+    assert found[0] == pytest.approx(SURFACE_SHARE, abs=0.01)  # lighter than was asked: as dark as it gets
+    np.testing.assert_allclose(found[1:], colours[1:], rtol=0.15)
 
 
 def test_fibres_are_told_apart_by_gaps_between_their_particles() -> None:

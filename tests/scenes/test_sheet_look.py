@@ -81,7 +81,7 @@ def test_a_sheet_sends_back_what_a_mesh_of_the_same_cloth_does(source: CellStrea
     camera, where = sheet_look._camera(sheet, degrees(asin(tilt)), SHEETS[1])
     cover, *of_lights, warp, weft = seen_light(Splatter(*SIZE), sheet, camera, where, finish)
     assert sum(of_lights) / cover == pytest.approx(sent_back(1.0) * (0.3 + 5 * 0.2 * 0.6), rel=0.1)
-    assert (warp + weft) / cover == pytest.approx(sent_back(1.0), rel=0.1)
+    assert (warp + weft) / cover == pytest.approx(sent_back(1.0), rel=0.12)
 
 
 def test_between_the_angles_at_which_it_is_measured_it_is_not_far_off(source: CellStream, finish: Finish) -> None:

@@ -2,7 +2,8 @@
 
 Fibres are B-spline curves with its `hair` BSDF (Chiang, Bitterli, Tappan, Burley, "A practical and controllable hair
 and fur model for production path tracing", CGF 35(2), 2016), at the absorption at which a thick mass of them has the
-case's colour (their equation 9); a distant light and an even sky, or an even half of one.
+case's colour (their equation 9, less what the surfaces of fibres send back); a distant light and an even sky, or an
+even half of one.
 """
 
 import tempfile
@@ -16,11 +17,12 @@ from numpy.typing import ArrayLike, NDArray
 from taichi_cloth.ground.cache import digest, kept
 
 from ....render.data.light import Colour
+from ....render.light.bulk import dyed
 from .cases import FOV, Case, Subject
 
-__all__ = ["absorption", "path_traced"]
+__all__ = ["absorption", "in_no_light", "path_traced"]
 
-VERSION = 1
+VERSION = 2
 """Of the code in this file, so that pictures that another one made are not taken for its own."""
 UNIT = 1e5
 """Units of the path tracer's scene in a metre: 10 µm each, for its tolerances are absolute."""
@@ -28,15 +30,18 @@ ALONG, ACROSS, INDEX = 0.35, 0.4, 1.55
 """Roughness along and across the fibre, and index of refraction of cellulose."""
 BOUNCES, ROULETTE = 200, 40
 """At most, and from which on paths are ended by chance."""
+BLACKEST = 1e-4
+"""Of the colours of equation 9, whose absorption has no end at 0."""
 SKY_ROWS = 64
 """Rows of the picture of a sky of two halves."""
 
 
 def absorption(colour: ArrayLike) -> NDArray[np.float64]:
-    """Absorption in a fibre of radius 1 at which a thick mass of fibres has a colour above 0 (Chiang et al., eq. 9)."""
+    """Absorption in a fibre of radius 1 at which a thick mass of fibres has a colour: Chiang et al., eq. 9, of `dyed`,
+    as it leaves out what surfaces send back: by it alone a mass of 0.02 is one of 0.05, and of 0.05 one of 0.08."""
     powers = ACROSS ** np.arange(6)
     scale = powers @ [5.969, -0.215, 2.532, -10.73, 5.574, 0.245]
-    return (np.log(np.asarray(colour, np.float64)) / scale) ** 2
+    return (np.log(np.maximum(dyed(colour), BLACKEST)) / scale) ** 2
 
 
 def path_traced(subject: Subject, samples: int, threads: int) -> tuple[NDArray[np.float64], float]:
@@ -87,10 +92,8 @@ def _scene(mi: Any, subject: Subject, curves: Path) -> dict[str, Any]:
     case, camera = subject.case, subject.camera
     eye, to_world = UNIT * camera.eye, mi.ScalarTransform4f()
     film = {"type": "hdrfilm", "width": subject.size, "height": subject.size, "pixel_format": "rgba"}
-    fibre = {"type": "hair", "longitudinal_roughness": ALONG, "azimuthal_roughness": ACROSS, "scale_tilt": 0.0}
     out: dict[str, Any] = {
-        "type": "scene",
-        "integrator": {"type": "path", "max_depth": BOUNCES, "rr_depth": ROULETTE, "hide_emitters": True},
+        **in_no_light(curves, case.colour),
         "sensor": {
             "type": "perspective",
             "fov": FOV,
@@ -102,11 +105,6 @@ def _scene(mi: Any, subject: Subject, curves: Path) -> dict[str, Any]:
             ),
             "film": {**film, "rfilter": {"type": "box"}},
         },
-        "fibres": {
-            "type": "bsplinecurve",
-            "filename": str(curves),
-            "bsdf": {**fibre, "int_ior": INDEX, "sigma_a": _rgb(absorption(case.colour))},
-        },
     }
     if case.key > 0:
         towards = np.array(case.towards) / np.linalg.norm(case.towards)
@@ -115,6 +113,20 @@ def _scene(mi: Any, subject: Subject, curves: Path) -> dict[str, Any]:
     if case.fill > 0:
         out["sky"] = _sky(mi, case)
     return out
+
+
+def in_no_light(curves: Path, colour: ArrayLike) -> dict[str, Any]:
+    """Fibres of a colour, and how their light is traced."""
+    fibre = {"type": "hair", "longitudinal_roughness": ALONG, "azimuthal_roughness": ACROSS, "scale_tilt": 0.0}
+    return {
+        "type": "scene",
+        "integrator": {"type": "path", "max_depth": BOUNCES, "rr_depth": ROULETTE, "hide_emitters": True},
+        "fibres": {
+            "type": "bsplinecurve",
+            "filename": str(curves),
+            "bsdf": {**fibre, "int_ior": INDEX, "sigma_a": _rgb(absorption(colour))},
+        },
+    }
 
 
 def _sky(mi: Any, case: Case) -> dict[str, Any]:
