@@ -14,7 +14,6 @@ from pydantic import ValidationError
 
 from taichi_cloth.body.files.mesh_reading import FORMATS, read_mesh
 from taichi_cloth.crossings.crossings import Crossings, find_crossings
-from taichi_cloth.garment.sewn.joined import joined_points
 from taichi_cloth.ground import runtime
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.motion.simulation import Simulation
@@ -62,8 +61,7 @@ def skin_of(scene: Scene) -> tuple[Skin, Simulation]:
     dressed = dress(scene)
     surface = dressed.garment.surface
     names = [piece.panel.name for piece in dressed.garment.atlas.panels]
-    same = joined_points(dressed.garment, surface)
-    skin = Skin(lambda x: surface.points(x)[0], surface.faces, same, surface.panel[surface.faces[:, 0]], names)
+    skin = Skin(lambda x: surface.points(x)[0], surface.faces, surface.same, surface.panel[surface.faces[:, 0]], names)
     return skin, garment_simulation(scene, dressed)
 
 

@@ -61,7 +61,7 @@ __all__ = [
     "woven_garment",
 ]
 
-VERSION = 30
+VERSION = 31
 """Of what is kept on disk: raised whenever the same scene would come to another rest."""
 
 Progress = Callable[[str, int, int], None]

@@ -9,7 +9,7 @@ from taichi_cloth.ground.routine import routine
 
 __all__ = ["Blended", "across", "back", "slid"]
 
-ROOM, NODES = 6, 8
+ROOM, NODES = 6, 24
 """Contacts for each blend, and key points of one in the mean, at most."""
 
 

@@ -13,7 +13,7 @@ from taichi_cloth.ground.routine import routine
 
 __all__ = ["Blends"]
 
-NODES = 8
+NODES = 16
 """Key points of a blend, of all of them in the mean at most."""
 
 

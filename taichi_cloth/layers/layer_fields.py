@@ -231,6 +231,7 @@ class LayerFields:
         ahead = ti.cast(self.horizon[None] - self.paths.since[None], ti.f32)
         self.stamp("paths")
         self.tree.cells(points, self.paths, ahead, whole)
+        self.pieces.reach(points, self.paths, self.tree, ahead)
         self.tree.rise(whole)
         self.tree.fit(whole)
         self.stamp("boxes")
@@ -253,6 +254,7 @@ class LayerFields:
         self.pieces.find(points, self.paths, self.tree, self.search, self.near, reach)
         self.stamp("near pieces")
         self.tree.settle(points, self.paths)
+        self.pieces.settle(points, self.paths, self.tree)
         self.stamp("boxes")
 
     @ti.func

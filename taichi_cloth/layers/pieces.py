@@ -8,9 +8,10 @@ from taichi_cloth.ground.arrays import F32x2, Float, I32x2, Int, Template
 from taichi_cloth.ground.routine import routine
 from taichi_cloth.layers.near_pairs import NEAR_SEAMS
 from taichi_cloth.layers.nearest import EDGES, FACES, gather
-from taichi_cloth.layers.outline import MEETS, PIECES
+from taichi_cloth.layers.outline import MEETS, PIECES, SEWN
 from taichi_cloth.layers.paths import CELL, EAST, NORTH, POINT
 from taichi_cloth.layers.search import element
+from taichi_cloth.layers.tree import NONE
 from taichi_cloth.motion.stencil import load
 from taichi_cloth.sheet.sheet import LANES
 
@@ -25,7 +26,11 @@ class Pieces:
     """first: (3, elements + 1), where the points, faces and threads of a cell's pieces begin; point, face, edge: of
     them. label: of each element: those of one number are one. panel: from 1. flat, seam: see `Outline`. cell_seam: the
     least of a cell. queue: [corner], of pairs that wait. cell: [side], of
-    them. within: how near they are to be, squared [m²]."""
+    them. within: how near they are to be, squared [m²].
+
+    Corners that are sewn are blends of key points of several panels, and lie beyond the cells that they are corners of.
+    now, pace, off: of each blend, as of `Paths`. spent: 1 of those of which anything gets a new path. clear: how far
+    they may be off [m]. beyond: how far any of a cell's are off, at most [m]."""
 
     waiting: Any
     first: Any
@@ -42,6 +47,9 @@ class Pieces:
         self.within = ti.field(ti.f32, QUEUE + LANES)
         self.cell = [ti.field(ti.i32, QUEUE) for _ in range(2)]
         self.waiting = ti.field(ti.i32, ())
+        self.now, self.pace = ([ti.field(ti.f32, blends) for _ in range(3)] for _ in range(2))
+        self.off, self.clear = ti.field(ti.f32, blends), ti.field(ti.f32, blends)
+        self.spent, self.beyond = ti.field(ti.i32, blends), ti.field(ti.f32, size)
 
     @ti.func
     def take(self, first: I32x2, points: I32x2, faces: I32x2, edges: I32x2, elements: F32x2):
@@ -65,6 +73,63 @@ class Pieces:
             self.cell_seam[p] = elements[4, p]
 
     @routine
+    def reach(self, points: Template, paths: Template, tree: Template, ahead: Float):
+        """After `Tree.cells`: boxes of cells go round corners that are sewn, and what their paths follow from is a
+        part of them. ahead: substeps until the horizon."""
+        for k in range(points.blends.count[None]):
+            self.clear[k], self.spent[k], off = NONE, 0, ti.Vector([0.0, 0.0, 0.0])
+            now, pace = ti.Vector([0.0, 0.0, 0.0]), ti.Vector([0.0, 0.0, 0.0])
+            for m in range(points.blends.start[k], points.blends.start[k + 1]):
+                q, w = points.blends.node[m], points.blends.weight[m]
+                self.spent[k] = self.spent[k] | paths.spent[q]
+                for axis in ti.static(range(3)):
+                    now[axis] += w * paths.now[axis][q]
+                    pace[axis] += w * paths.pace[axis][q]
+                    off[axis] += w * paths.off[axis][q]
+            self.off[k] = off.norm()  # pyright: ignore[reportOptionalCall]
+            for axis in ti.static(range(3)):
+                self.now[axis][k], self.pace[axis][k] = now[axis], ahead * pace[axis]
+        for p in range(paths.count[None] * LANES):
+            if (paths.has[p] & SEWN) != 0:
+                self.beyond[p] = 0.0
+                for f in range(self.first[1, p], self.first[1, p + 1]):
+                    for corner in ti.static(range(3)):
+                        k = points.blends.of[self.face[corner][f]]
+                        if k >= 0:
+                            self.reach_to(tree, p, k)
+
+    @ti.func
+    def reach_to(self, tree: Template, p, k):
+        """The box of cell p round blend k."""
+        for axis in ti.static(range(3)):
+            for bound, at in ti.static(((axis, self.now[axis]), (axis + 3, self.pace[axis]))):
+                tree.low[bound][p] = ti.min(tree.low[bound][p], at[k])
+                tree.high[bound][p] = ti.max(tree.high[bound][p], at[k])
+        self.beyond[p] = ti.max(self.beyond[p], self.off[k])
+        if self.spent[k] != 0:
+            tree.stale[p], tree.clear[p], tree.slack[p] = 1, NONE, NONE
+
+    @routine
+    def settle(self, points: Template, paths: Template, tree: Template):
+        """After `Tree.settle`: key points have no more room than the cells have of which they carry corners."""
+        for p in range(paths.count[None] * LANES):
+            if (paths.has[p] & SEWN) != 0:
+                for f in range(self.first[1, p], self.first[1, p + 1]):
+                    for corner in ti.static(range(3)):
+                        k = points.blends.of[self.face[corner][f]]
+                        if k >= 0:
+                            self.clear[k] = ti.min(self.clear[k], tree.clear[p])
+        for k in range(points.blends.count[None]):
+            for m in range(points.blends.start[k], points.blends.start[k + 1]):
+                q = points.blends.node[m]
+                paths.room[q] = ti.max(paths.room[q], 1.0 / (self.clear[k] * self.clear[k]))
+
+    @ti.func
+    def strayed(self, paths: Template, p, width):
+        """How far corners of cell p and of its pieces are off, at most [m]."""
+        return ti.max(paths.strayed(p, width), ti.select((paths.has[p] & SEWN) != 0, self.beyond[p], 0.0))
+
+    @routine
     def find(self, points: Template, paths: Template, tree: Template, search: Template, near: Template, reach: Float):
         """After `NearPairs.find`: the same of pieces, behind what that has found."""
         width, self.waiting[None] = points.row[None], 0
@@ -77,7 +142,7 @@ class Pieces:
                     for axis in ti.static(range(3)):
                         slow, fast = ti.static(tree.low[axis + 3], tree.high[axis + 3])
                         approach += ti.max(fast[p] - slow[q], fast[q] - slow[p], 0.0) ** 2
-                    off = paths.strayed(p, width) + paths.strayed(q, width)
+                    off = self.strayed(paths, p, width) + self.strayed(paths, q, width)
                     within = (reach + off + ti.sqrt(approach)) ** 2
                     if kind == FACES:
                         self.ask_faces(paths, near, p, q, within)

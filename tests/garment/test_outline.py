@@ -9,7 +9,6 @@ from taichi_cloth.constraints.constraints_for import constraints_for
 from taichi_cloth.garment.pattern.cut import cut
 from taichi_cloth.garment.pattern.pattern import Flat, Panel, Pattern, Seam, Side
 from taichi_cloth.garment.sewn.garment import Garment
-from taichi_cloth.garment.sewn.joined import joined_points
 from taichi_cloth.garment.sewn.surface import Surface
 from taichi_cloth.layers.outline import MEETS, PIECES, Tables, crossings_of
 from taichi_cloth.layers.paths import CELL, EAST, NORTH, POINT
@@ -94,24 +93,29 @@ def test_points_are_blends_of_the_triangle_they_are_in() -> None:
     assert np.abs(off).max() < 1e-6
 
 
-def test_points_of_both_sides_are_in_each_group() -> None:
-    """Along a seam: groups are no longer than two ties are apart, of points of both panels, and one of another group is
-    never nearer than a hundredth of a cell."""
+def test_both_sides_of_a_seam_have_the_same_points() -> None:
+    """Wherever key points are: each point of a seam is one of both panels, as far along it on either and in one place,
+    none nearer to the next than a twentieth of a cell; and the surface ends nowhere but where panels do."""
     garment = two_squares()
-    surface = Surface(garment.atlas)
-    same = joined_points(garment, surface)
-    edge = np.flatnonzero(np.bincount(same)[same] > 1)
-    at = np.zeros(len(surface.flat))
-    for number, grain in ((0, 0.3), (1, -0.2)):
-        mine = surface.panel == number
-        s, c = np.sin(grain), np.cos(grain)
-        at[mine] = -s * surface.flat[mine, 0] + c * surface.flat[mine, 1]
-    for group in np.unique(same[edge]):
-        members = np.flatnonzero(same == group)
-        assert set(surface.panel[members]) == {0, 1}
-        assert np.ptp(at[members]) <= 1.01 * SPACING
-        others = edge[same[edge] != group]
-        assert np.abs(at[others][:, None] - at[members]).min() > 0.01 * SPACING
+    surface = garment.surface
+    points = surface.places(np.random.default_rng(2).normal(size=(*garment.atlas.shape, 3)))
+    sewn = np.flatnonzero(np.bincount(surface.same)[surface.same] > 1)
+    one, other = sewn[np.argsort(surface.same[sewn], kind="stable")].reshape(-1, 2).T
+    assert (surface.panel[one] != surface.panel[other]).all()
+    assert np.abs(points[one] - points[other]).max() < 1e-9
+    along = []
+    for side in (one, other):
+        turn = np.where(surface.panel[side] == 0, 0.3, -0.2)
+        along.append(-np.sin(turn) * surface.flat[side, 0] + np.cos(turn) * surface.flat[side, 1])
+    assert np.abs(along[0] - along[1]).max() < 0.01 * SPACING
+    assert np.diff(np.sort(along[0])).min() > 0.05 * SPACING
+    assert np.ptp(along[0]) == pytest.approx(SIDE)
+    edges = np.concatenate([surface.faces[:, [i, j]] for i, j in ((0, 1), (1, 2), (2, 0))])
+    _, first, count = np.unique(np.sort(surface.same[edges], axis=1), axis=0, return_index=True, return_counts=True)
+    border = np.diff(surface.flat[edges[first[count == 1]]], axis=1)
+    assert np.linalg.norm(border, axis=2).sum() == pytest.approx(6 * SIDE, rel=1e-3)
+    u, v = (np.diff(surface.flat[surface.faces[:, [0, k]]], axis=1)[:, 0] for k in (1, 2))
+    assert (u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]).min() > 0
 
 
 def test_tables_have_all_triangles_edges_and_points_once() -> None:

@@ -8,8 +8,6 @@ import pytest
 from taichi_cloth.garment.pattern.cut import cut
 from taichi_cloth.garment.pattern.pattern import Flat, Panel, Pattern, Seam, Side
 from taichi_cloth.garment.sewn.garment import Garment
-from taichi_cloth.garment.sewn.joined import joined_points
-from taichi_cloth.garment.sewn.surface import Surface
 from taichi_cloth.motion.simulation import Simulation
 from taichi_cloth.scenes.__main__ import main
 from taichi_cloth.scenes.models.moving_model import STATE
@@ -97,8 +95,8 @@ def test_points_along_a_seam_are_one_and_no_others() -> None:
     panels = [Panel(name, tuple(ring[k : k + 2] for k in range(4)), Flat(np.eye(3), np.zeros(3))) for name in "ab"]
     pattern = Pattern("two", tuple(panels), (Seam(Side("a", 1), Side("b", 3), alike=False),))
     garment = Garment(pattern, cut(pattern, (0.015, 0.015)), named_material("cotton-shirting"))
-    surface = Surface(garment.atlas)
-    same = joined_points(garment, surface)
+    surface = garment.surface
+    same = surface.same
     first, second = (np.flatnonzero(surface.panel == k) for k in (0, 1))
     right, left = first[surface.flat[first, 0] > 0.2 - 1e-9], second[surface.flat[second, 0] < 1e-9]
     assert len(right) > 10

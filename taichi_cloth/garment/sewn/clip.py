@@ -17,13 +17,14 @@ LEAST = 1e-7
 """Area of a triangle, in cells, below which it is left out."""
 
 
-def clipped(piece: CutPanel) -> tuple[F64, I64, I64, I64]:
+def clipped(piece: CutPanel, outline: F64) -> tuple[F64, I64, I64, I64]:
     """Points (n, 2) in cells from the panel's first key point, columns first; column and row (n, 2) of a cell that each
     is in; triangles (m, 3); and column and row (m, 2) of theirs.
 
-    Two triangles a cell, along the diagonal from its first key point: whole ones inside, parts of them on the outline.
+    outline: (k, 2) of the cloth, in grain coordinates [m]. Two triangles a cell, along the diagonal from its first key
+    point: whole ones inside, parts of them on the outline.
     """
-    outline = (piece.outline() - piece.origin) / np.asarray(piece.spacing)
+    outline = (outline - piece.origin) / np.asarray(piece.spacing)
     cut, inside = _crossed(outline, piece.share.shape), _inside(outline, piece.share.shape)
     number: dict[tuple[float, float], int] = {}
     points: Ring = []

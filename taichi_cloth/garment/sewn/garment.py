@@ -13,6 +13,7 @@ from taichi_cloth.garment.pattern.curves import along, length
 from taichi_cloth.garment.pattern.cut import Atlas, turned
 from taichi_cloth.garment.pattern.hems import with_hems
 from taichi_cloth.garment.pattern.pattern import Pattern, Side
+from taichi_cloth.garment.sewn.joined import SeamLine, seam_lines
 from taichi_cloth.garment.sewn.own_outline import outline_of
 from taichi_cloth.garment.sewn.surface import Surface
 from taichi_cloth.layers.outline import Outline
@@ -68,7 +69,12 @@ class Garment:
     @cached_property
     def surface(self) -> Surface:
         """What is drawn of it."""
-        return Surface(self.atlas)
+        return Surface(self.atlas, self.seam_lines)
+
+    @cached_property
+    def seam_lines(self) -> list[SeamLine]:
+        """All seams in the flat pattern."""
+        return seam_lines(self.pattern, self.atlas)
 
     @cached_property
     def outline(self) -> Outline:

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taichi_cloth.garment.sewn.joined import joined_points, seam_distance
+from taichi_cloth.garment.sewn.joined import seam_distance
 from taichi_cloth.layers.outline import Outline
 
 if TYPE_CHECKING:
@@ -15,16 +15,16 @@ __all__ = ["outline_of"]
 
 def outline_of(garment: "Garment") -> Outline:
     """Of all panels, sewn."""
-    surface = garment.surface
+    surface, atlas = garment.surface, garment.atlas
     return Outline(
         blend=surface.blend,
         corner=surface.corner,
         faces=surface.faces,
         cell=surface.cell,
-        flat=surface.lattice * np.asarray(garment.atlas.spacing),
+        flat=surface.lattice * np.asarray(atlas.spacing),
         panel=surface.panel,
-        same=joined_points(garment, surface),
-        seam=seam_distance(garment, surface),
+        same=surface.same,
+        seam=seam_distance(garment.seam_lines, surface.panel, surface.flat, min(atlas.spacing)),
         ghosts=surface.ghosts,
         ghost_blend=surface.ghost_blend,
     )

@@ -4,7 +4,11 @@ what contact keeps apart.
 Each cell is two triangles, along the diagonal from (i, j) to (i + 1, j + 1); those that an outline crosses are clipped
 by it (`clip.py`), so that the cloth is a part of the same two triangles there. Where a cell is left out of the sheet,
 as it has next to no cloth, its corners go on straight from the cells beside it, as the threads that are drawn there do.
+
+Along a seam both panels have the same points (`joined.py`), which are where the mean of both is: the surface is closed.
 """
+
+from itertools import pairwise
 
 import numpy as np
 import taichi as ti
@@ -14,7 +18,8 @@ from scipy.sparse import csr_array, vstack
 from taichi_cloth.fabric.frames import frame_of_point
 from taichi_cloth.garment.pattern.cut import Atlas
 from taichi_cloth.garment.sewn.clip import clipped
-from taichi_cloth.ground.arrays import F32x1, F32x2, F32x3, I32x1
+from taichi_cloth.garment.sewn.joined import SeamLine, cut_outlines, joined, mean_of
+from taichi_cloth.ground.arrays import F32x2, F32x3, I32x1
 
 __all__ = ["Surface"]
 
@@ -25,45 +30,55 @@ I64 = NDArray[np.int64]
 
 
 class Surface:
-    """Triangles of all panels.
+    """Triangles of all panels. seams: that they are sewn by.
 
     faces: (m, 3). cell: (m,) of which cell each is, by the number of its first key point.
     panel: (n,) number of the panel each point is of. flat: (n, 2) where in it, in grain coordinates [m].
     lattice: (n, 2) where in the atlas, in cells, columns first. corner: (n,) number of the key point that a point is,
-    simulated or not; −1 where it is none. blend: (n, key points), of which simulated ones it consists.
+    simulated or not; −1 where it is none. same: (n,) points of one number are sewn together, and in one place. blend:
+    (n, key points), of which simulated ones it consists.
     ghosts: (g,) numbers of the corners of cells that are not simulated. ghost_blend: (g, key points).
     """
 
-    def __init__(self, atlas: Atlas) -> None:
+    def __init__(self, atlas: Atlas, seams: list[SeamLine] | None = None) -> None:
         self.shape, cols = atlas.shape, atlas.shape[1]
         made, count = [], 0
-        for number, piece in enumerate(atlas.panels):
+        outlines, cuts = cut_outlines(atlas, seams or [])
+        for number, (piece, outline) in enumerate(zip(atlas.panels, outlines, strict=True)):
             first = np.array([piece.col, piece.row])
-            at, within, triangles, of = clipped(piece)
+            at, within, triangles, of = clipped(piece, outline)
             flat, owner = piece.origin + at * piece.spacing, np.full(len(at), number, np.int32)
             made.append((at + first, within + first, triangles + count, (of + first) @ [1, cols], owner, flat))
             count += len(at)
-        self.lattice, cells, faces, self.cell, self.panel, self.flat = (
-            np.concatenate(parts) for parts in zip(*made, strict=True)
-        )
-        self.faces: I32 = faces.astype(np.int32)
-        nodes, shares = _in_cell(self.lattice, cells, cols)
-        most = shares.argmax(axis=1)
-        self.corner: I64 = np.where(shares.max(axis=1) == 1.0, nodes[np.arange(count), most], -1)
+        lattice, cells, faces, cell, panel, flat = (np.concatenate(parts) for parts in zip(*made, strict=True))
+        nodes, shares = _in_cell(lattice, cells, cols)
+        corner = np.where(shares.max(axis=1) == 1.0, nodes[np.arange(count), shares.argmax(axis=1)], -1)
         present = atlas.present().ravel()
-        self.ghosts, self.ghost_blend = _ghosts(atlas, self.cell, present)
+        self.ghosts, self.ghost_blend = _ghosts(atlas, cell, present)
         size, there = present.size, np.flatnonzero(present)
         on_grid = csr_array((shares.ravel(), (np.repeat(np.arange(count), 3), nodes.ravel())), shape=(count, size))
         own = csr_array((np.ones(len(there)), (np.arange(len(there)), there)), shape=(len(there), size))
         rows = np.zeros(size, np.int64)
         rows[there], rows[self.ghosts] = np.arange(len(there)), len(there) + np.arange(len(self.ghosts))
-        self.blend = csr_array(on_grid @ csr_array(vstack([own, self.ghost_blend]))[rows])
-        self.blend.eliminate_zeros()
-        self._largest = np.array([self.blend.indices[a + np.argmax(self.blend.data[a:b])] for a, b in
-                                  zip(self.blend.indptr[:-1], self.blend.indptr[1:], strict=True)])  # fmt: skip
+        blend = csr_array(on_grid @ csr_array(vstack([own, self.ghost_blend]))[rows])
+        # What becomes one: where it is in its own panel, and where it is.
+        one = joined(atlas, seams or [], cuts, panel, flat, faces, cell)
+        used, index = np.unique(one.faces, return_inverse=True)
+        self.faces: I32 = index.reshape(-1, 3).astype(np.int32)
+        self.cell: I64 = one.cells
+        some = np.zeros(int(one.own.max()) + 1, np.int64)
+        some[one.own] = np.arange(count)
+        some, mine = some[used], csr_array(mean_of(one.own, one.share)[used])
+        self.lattice, self.flat, self.panel, self.same = mine @ lattice, mine @ flat, panel[some], one.same[some]
+        self.corner: I64 = np.where(np.bincount(one.same)[self.same] == 1, corner[some], -1)
+        self.blend, self._own = csr_array((mean_of(one.same, one.share) @ blend)[self.same]), csr_array(mine @ blend)
+        for each in (self.blend, self._own):
+            each.data = each.data.round(9)
+            each.eliminate_zeros()
+        starts = self._own.indptr
+        self._largest = np.array([self._own.indices[a + np.argmax(self._own.data[a:b])] for a, b in
+                                  pairwise(starts)])  # fmt: skip
         self._present = np.ascontiguousarray(present, np.int32)
-        self._starts, self._nodes = (np.ascontiguousarray(a, np.int32) for a in (self.blend.indptr, self.blend.indices))
-        self._shares = self.blend.data.astype(np.float32)
 
     def nearest(self, values: NDArray) -> NDArray:
         """(n,) of values at the key points (rows, cols): that with the largest part in each point."""
@@ -75,12 +90,13 @@ class Surface:
 
     def points(self, positions: NDArray) -> tuple[F32, F32]:
         """(n, 3) points [m] and smooth unit normals of key points (rows, cols, 3) [m]: both are blends of those at the
-        key points, the normals as in `normals.vertex_normals`. Taichi is running."""
-        x, n = np.ascontiguousarray(positions, np.float32), len(self.lattice)
+        key points, the normals as in `normals.vertex_normals`, and of the own panel at a seam. Taichi is running."""
+        x = np.ascontiguousarray(positions, np.float32)
         at_key = np.empty((self._present.size, 3), np.float32)
-        points, normals = np.empty((n, 3), np.float32), np.empty((n, 3), np.float32)
-        _surface(x, self._present, self._starts, self._nodes, self._shares, at_key, points, normals)
-        return points, normals
+        _normals(x, self._present, at_key)
+        normals = self._own @ at_key
+        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-15)
+        return self.places(x).astype(np.float32), normals.astype(np.float32)
 
 
 def _in_cell(at: F64, cells: I64, cols: int) -> tuple[I64, F64]:
@@ -115,30 +131,9 @@ def _ghosts(atlas: Atlas, cells: I64, present: NDArray[np.bool_]) -> tuple[I64, 
 
 
 @ti.kernel
-def _surface(
-    key: F32x3,
-    present: I32x1,
-    starts: I32x1,
-    nodes: I32x1,
-    shares: F32x1,
-    at_key_out: F32x2,
-    point_out: F32x2,
-    normal_out: F32x2,
-):
-    """starts, nodes, shares: of each point, the key points it consists of."""
+def _normals(key: F32x3, present: I32x1, at_key_out: F32x2):
+    """Of key points."""
     for k in range(present.shape[0]):
         _here, _weft, _warp, normal = frame_of_point(key, present, k)
         for c in ti.static(range(3)):
             at_key_out[k, c] = normal[c]
-    for p in range(point_out.shape[0]):
-        point, normal = ti.Vector([0.0, 0.0, 0.0]), ti.Vector([0.0, 0.0, 0.0])
-        for m in range(starts[p], starts[p + 1]):
-            k, share = nodes[m], shares[m]
-            i, j = k // key.shape[1], k % key.shape[1]
-            for c in ti.static(range(3)):
-                point[c] += share * key[i, j, c]
-                normal[c] += share * at_key_out[k, c]
-        normal /= ti.sqrt(ti.max(normal.dot(normal), 1e-30))
-        for c in ti.static(range(3)):
-            point_out[p, c] = point[c]
-            normal_out[p, c] = normal[c]
