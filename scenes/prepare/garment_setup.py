@@ -64,6 +64,13 @@ __all__ = [
 VERSION = 31
 """Of what is kept on disk: raised whenever the same scene would come to another rest."""
 
+BETWEEN, FOLDED = 2.0, 0.125
+"""Thicknesses, and of the spacing, that limbs leave cloth on either side of the middle between them, at least: the
+sides of a seam that folds there keep twice the latter."""
+GIVEN_BACK = 0.1
+"""How fast a body in motion lets out what other cloth has pushed into it [m/s]: layers that a limb parts faster than
+they part each other would pass through each other."""
+
 Progress = Callable[[str, int, int], None]
 
 
@@ -243,12 +250,15 @@ def garment_simulation(
             return dressed.body.bone_transforms(moves.pose(time))
 
         colliders = replace(colliders, motion=bones_at, name=name)
-    garment, worn = dressed.garment, dressed.worn
+    garment, worn, forces = dressed.garment, dressed.worn, garment_forces(scene, dressed)
     if still:  # meets what it met when it came to rest, and is let out as fast, or it begins with a jerk of 10 mm/s
         colliders = replace(colliders, spared=worn.spared if worn.spared.size else None, recovery=RECOVERY)
     else:
         colliders = replace(colliders, spared=spared(garment.atlas, worn.positions, dressed.primitives, moving=True))
-    forces = replace(garment_forces(scene, dressed), body=colliders)
+        if forces.self_contact is not None:
+            between = max(BETWEEN * forces.self_contact.thickness, FOLDED * min(garment.atlas.spacing))
+            colliders = replace(colliders, between=between, recovery=GIVEN_BACK)
+    forces = replace(forces, body=colliders)
     places = garment.holds()[2]
     solver = scene.solver or SolverSection()
     bones = np.full(len(places), bearer(places, dressed.primitives) if len(places) else -1)

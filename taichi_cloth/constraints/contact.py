@@ -124,6 +124,7 @@ class Contact(SharedConstraint):
             "every": every,
             "friction": body.friction,
             "most_turn": TURN,
+            "between": -1.0 if body.between is None else body.between,
         }
 
     def fill(self, state: SheetState) -> None:

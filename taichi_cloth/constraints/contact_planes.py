@@ -33,8 +33,10 @@ PLANE = 8
 """Numbers of a plane for each key point: its normal at the look, from 0; from the anchor, OFFSET: how far the plane is,
 and PLACE: where the key point was; LASTS: how far it may slide from there [m]."""
 OFFSET, PLACE, LASTS = 3 * LANES, 4 * LANES, 7 * LANES
-ENTRY = 4
-"""Numbers of an entry for each key point: normal and offset now."""
+ENTRY, GAP = 5, 4 * LANES
+"""Numbers of an entry for each key point: normal and offset now, and how far off they are kept."""
+FACED = 8
+"""Primitives that some key points of a packet are spared from and that it may come near, at most."""
 SOON = 6
 """Substeps. What may touch within them gets its planes now: a response to them costs a fifth of a look."""
 GROWTH = 1.25  # of the approach to a surface until the next look at it
@@ -71,6 +73,9 @@ class Planes(BodySurface):
         self.entries = ti.field(ti.i32, parts * line)
         self.entry_block, self.entry_of = ti.field(ti.i32, blocks * SLOTS), ti.field(ti.i32, blocks * SLOTS)
         self.entry = ti.field(ti.f32, blocks * SLOTS * ENTRY * LANES)
+        # What key points are spared from: of a packet, and of each the nearest, its normal and how far off it is [m].
+        self.faces, self.faced = ti.field(ti.i32, blocks), ti.field(ti.i32, blocks * FACED)
+        self.facing = [ti.field(ti.f32, size) for _ in range(4)]
 
     @ti.kernel
     def take_constant(self, values: F32x1, spared: I32x1):
@@ -93,7 +98,7 @@ class Planes(BodySurface):
         # The packet: the box of its free key points, that of their steps, the longest step.
         low, high = ti.Vector([1e30, 1e30, 1e30]), ti.Vector([-1e30, -1e30, -1e30])
         fastest, slow, fast = 0.0, ti.Vector([1e30, 1e30, 1e30]), ti.Vector([-1e30, -1e30, -1e30])
-        spared = -1  # by every key point of the packet
+        spared, some = -1, 0  # by every key point of the packet, and by any
         for k in range(packet * LANES, (packet + 1) * LANES):
             if points.inverse_mass[k] > 0.0:
                 here, step = ti.Vector([0.0, 0.0, 0.0]), ti.Vector([0.0, 0.0, 0.0])
@@ -103,7 +108,10 @@ class Planes(BodySurface):
                 slow, fast = ti.min(slow, step), ti.max(fast, step)
                 fastest = ti.max(fastest, step.norm_sqr())
                 spared &= self.spared[k]
-        count, soonest = 0, 1 << 24
+                some |= self.spared[k]
+        count, faces, soonest = 0, 0, 1 << 24
+        if self.between[None] < 0.0:
+            some = 0
         if low[0] < 1e29:  # pyright: ignore[reportIndexIssue]
             # How near a box must be to be met before the next walk; the packet as a ball that moves.
             wait = self.wait[None]
@@ -121,15 +129,19 @@ class Planes(BodySurface):
                     node = self.skip[node]
                 else:
                     i = self.leaf[node]
-                    i |= -((spared >> self.bone(ti.max(i, 0))) & 1)  # stays -1 where it is
-                    if i >= 0:
+                    bone = self.bone(ti.max(i, 0))
+                    met, faced = 1 - ((spared >> bone) & 1), (some >> bone) & 1
+                    if i >= 0 and (met | faced) == 1:
                         # A leaf: how fast the ball slips over it at most, and so when it could touch first.
                         here = middle - self.anchor(i)
                         u, v, w = self.slip(i, here[0], here[1], here[2], step[0], step[1], step[2])  # pyright: ignore[reportIndexIssue]
                         slip = ti.sqrt(u * u + v * v + w * w) + spread + radius * self.turn(i).norm()
                         rate = self.spare_step[None] + GROWTH * slip
                         free = (self.apart(points, part, packet, i) - self.gap[None]) / rate
-                        if free < wait:
+                        if free < wait and faced == 1 and faces < FACED:
+                            self.faced[packet * FACED + faces] = i
+                            faces += 1
+                        if free < wait and met == 1:
                             due = done + ti.max(int(free), 0)
                             self.list[packet * self.capacity + count] = i
                             self.due[packet * self.capacity + count] = due
@@ -137,6 +149,7 @@ class Planes(BodySurface):
                             count += 1
                     node += 1
         self.count[packet], self.next[packet], self.used[packet] = count, soonest, 0
+        self.faces[packet] = faces
 
     @ti.func
     def apart(self, points: Template, part, packet, i):
@@ -330,9 +343,13 @@ class Planes(BodySurface):
                 self.refresh(points, part, packet, done)
             used = self.used[packet]
             if used != 0:
+                if self.faces[packet] > 0:
+                    self.face(points, part, packet)
                 for k in range(KEPT + 1):
                     if (used >> k) & 1 == 1:
                         self.enter(packet * SLOTS + k, e, packet, done)
+                        if self.faces[packet] > 0:
+                            self.give_way(points, e)
                         e += 1
         self.entries[part * self.line] = e
 
@@ -348,3 +365,41 @@ class Planes(BodySurface):
         for k in ti.static(range(3)):
             store(self.entry, q + k * LANES, m[k, 0] * x + m[k, 1] * y + m[k, 2] * z)
         store(self.entry, q + OFFSET, load(self.plane, o + OFFSET))
+        store(self.entry, q + GAP, 0.0 * x + self.gap[None])
+
+    @routine
+    def face(self, points: Template, part: Int, packet: Int):
+        """What each key point of a packet is spared from, the nearest."""
+        a, q = points.lanes(packet * LANES), self.scratch_of(part)
+        for p in range(packet * LANES, (packet + 1) * LANES):
+            self.facing[3][p] = 1e6
+        for m in range(packet * FACED, packet * FACED + self.faces[packet]):
+            i = self.faced[m]
+            x, y, z = relative(points.position, a, self.anchor(i))
+            self.measure(i, q, x, y, z)
+            for k in range(LANES):
+                p = packet * LANES + k
+                if (self.spared[p] >> self.bone(i)) & 1 == 1 and self.scratch[q + k] < self.facing[3][p]:
+                    for axis in ti.static(range(3)):
+                        self.facing[axis][p] = self.scratch[q + (axis + 1) * LANES + k]
+                    self.facing[3][p] = self.scratch[q + k]
+
+    @routine
+    def give_way(self, points: Template, e: Int):
+        """An entry's planes, where what key points are spared from faces them: no farther than to where those are as
+        deep in the one as in the other, less what is left between.
+
+        At a distance d, and b of what faces them, whose normals have the cosine c, a push by s takes them to d + s and
+        b + c s: both are (b − c d) / (1 − c).
+        """
+        o, c, first = self.lanes_of(e, ENTRY), self.anchor(self.entry_of[e]), self.entry_block[e] * LANES
+        for k in range(LANES):
+            p, d, along = first + k, -self.entry[o + OFFSET + k], 0.0
+            for axis in ti.static(range(3)):
+                n = self.entry[o + axis * LANES + k]
+                d += n * (points.position[axis][p] - c[axis])
+                along += n * self.facing[axis][p]
+            middle = (self.facing[3][p] - along * d) / ti.max(1.0 - along, 0.1) - self.between[None]
+            opposed = ti.min(ti.max(-2.0 * along, 0.0), 1.0)
+            gap = self.gap[None]
+            self.entry[o + GAP + k] = gap - opposed * ti.max(gap - middle, 0.0)

@@ -6,7 +6,7 @@ primitive.
 
 import taichi as ti
 
-from taichi_cloth.constraints.contact_planes import ENTRY, OFFSET, SLOTS, Planes
+from taichi_cloth.constraints.contact_planes import ENTRY, GAP, OFFSET, SLOTS, Planes
 from taichi_cloth.ground.arrays import Int, Template
 from taichi_cloth.ground.routine import routine
 from taichi_cloth.motion.crew import LINE, PARTS
@@ -71,7 +71,7 @@ class Response(Planes):
         ax, ay, az = load(self.entry, o), load(self.entry, o + LANES), load(self.entry, o + 2 * LANES)
         nx, ny, nz = ax + t[1] * az - t[2] * ay, ay + t[2] * ax - t[0] * az, az + t[0] * ay - t[1] * ax
         x, y, z = px - c[0], py - c[1], pz - c[2]
-        d = nx * x + ny * y + nz * z - load(self.entry, o + OFFSET)
+        d, gap = nx * x + ny * y + nz * z - load(self.entry, o + OFFSET), load(self.entry, o + GAP)
         # The slip (u, v, w): the step less that of the surface there.
         u, v, w = dx - shift[0], dy - shift[1], dz - shift[2]
         x, y, z = x - 0.5 * u, y - 0.5 * v, z - 0.5 * w  # half-way along the step
@@ -81,10 +81,10 @@ class Response(Planes):
             w - turn[0] * y + turn[1] * x,
         )
         if ti.static(points.sums):
-            self.respond_anew(points, a, self.lanes_of(e, SUMS), again, d, nx, ny, nz, u, v, w)
+            self.respond_anew(points, a, self.lanes_of(e, SUMS), again, gap - d, nx, ny, nz, u, v, w)
         else:
             # The push takes the approach whole, and of what was deep before `recovery`.
-            depth = ti.max(self.gap[None] - d, 0.0)
+            depth = ti.max(gap - d, 0.0)
             approach = ti.max(-(u * nx + v * ny + w * nz), 0.0)
             push = ti.min(depth, approach + self.recovery[None])
             pressed = ti.min(push, approach)
@@ -98,9 +98,10 @@ class Response(Planes):
             store(points.step[2], a, dz + z - out * nz)
 
     @ti.func
-    def respond_anew(self, points: Template, a, o, again, d, nx, ny, nz, u, v, w):
+    def respond_anew(self, points: Template, a, o, again, depth, nx, ny, nz, u, v, w):
         """The same where it is asked several times in a substep: what the plane has pushed, pressed and rubbed in it so
-        far, from o of `sum` on, may grow or be taken back. again: 0 the first time in a substep, then 1."""
+        far, from o of `sum` on, may grow or be taken back. again: 0 the first time in a substep, then 1. depth: how far
+        they are inside what the plane keeps free [m]."""
         # What it has done so far: the push, what of it pressed, and friction [m].
         had, held = again * load(self.sum, o), again * load(self.sum, o + LANES)
         fx, fy, fz = load(self.sum, o + 2 * LANES), load(self.sum, o + 3 * LANES), load(self.sum, o + 4 * LANES)
@@ -108,7 +109,7 @@ class Response(Planes):
         # The push that keeps key points out, and of it what presses: what was deep before is let out slowly.
         along = u * nx + v * ny + w * nz
         approach = ti.max(held - along, 0.0)
-        push = ti.min(ti.max(had + self.gap[None] - d, 0.0), approach + self.recovery[None])
+        push = ti.min(ti.max(had + depth, 0.0), approach + self.recovery[None])
         pressed = ti.min(push, approach)
         gx, gy, gz = rub_anew(nx, ny, nz, pressed, self.friction[None], u, v, w, fx, fy, fz)
         store(self.sum, o, push)

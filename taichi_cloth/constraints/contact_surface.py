@@ -41,7 +41,10 @@ class Row:
     BOX, BONE, COUNT = 26, 32, 40
 
 
-SETTINGS = ("solids", "wait", "spare_step", "gap", "recovery", "thinnest", "every", "friction", "most_turn", "boxes")
+SETTINGS = (
+    *("solids", "wait", "spare_step", "gap", "recovery", "thinnest", "every", "friction", "most_turn", "between"),
+    "boxes",
+)
 """What holds for all primitives in a frame, in the order in which `Contact.begin` writes it into the last row."""
 
 BOX = 6
@@ -71,6 +74,7 @@ class BodySurface:
             self.every,  # substeps between two looks
             self.friction,  # Coulomb's µ
             self.most_turn,  # that a plane may turn from its look on [rad]
+            self.between,  # see `Colliders`; below 0: nothing gives way [m]
             self.boxes,  # nodes of the tree
         ) = self.settings
         self.skip = ti.field(ti.i32, 2 * capacity)

@@ -74,7 +74,7 @@ class Blended:
         self.count, self.overflow = ti.field(ti.i32, ()), ti.field(ti.i32, ())
 
     @ti.func
-    def add(self, points: Template, pairs: Template, before: Template, pair, weights, normal):
+    def add(self, points: Template, pairs: Template, before: Template, pair, weights, normal, kept):
         """A near pair as a contact. weights: of its four points. before: what those of the last interval pushed."""
         c = self.count[None]
         begin = self.start[c]
@@ -96,7 +96,7 @@ class Blended:
             if yields > FIRM * most:
                 for axis in ti.static(range(3)):
                     self.normal[axis][c] = normal[axis]
-                self.kept[c], self.share[c] = pairs.kept[pair], 1.0 / yields
+                self.kept[c], self.share[c] = kept, 1.0 / yields
                 self.start[c + 1] = used
                 before.recall(points, self, pairs, pair, c)
                 self.count[None] = c + 1

@@ -74,6 +74,18 @@ class Blends:
         return out
 
     @ti.func
+    def at_start(self, points: Template, paths: Template, p):
+        """Where element p was at the start of the interval."""
+        out, k = ti.Vector([0.0, 0.0, 0.0]), self.of[p]
+        if k >= 0:
+            for m in range(self.start[k], self.start[k + 1]):
+                for axis in ti.static(range(3)):
+                    out[axis] += self.weight[m] * paths.was[axis][self.node[m]]
+        else:
+            out = ti.Vector([paths.was[0][p], paths.was[1][p], paths.was[2][p]])
+        return out
+
+    @ti.func
     def move(self, points: Template, p, way, change):
         """Element p by a way, and its step by a change; if it is a blend by what it consists of."""
         x, s = ti.static(points.position, points.step)

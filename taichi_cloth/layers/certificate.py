@@ -2,10 +2,15 @@
 
 If one direction n parts two convex bodies at both ends, min n·a > max n·b, it parts them all along the straight paths
 between, as n·(a − b) changes linearly. So no point has passed through a face, and no edge through an edge, and whatever
-the substeps between have done, the sheet at the end of the interval meets itself no more than at its start. Pairs that
-n does not part are pushed apart until it does; points that do not come apart go back to where the interval began, where
-all is well.
+the substeps between have done, the sheet at the end of the interval meets itself no more than at its start.
+
+Two edges that all but touch are parted by few directions, and when they turn by as many degrees as those span, by none
+all the way. So where n fails the way is gone in steps: from where they are to as far as the direction between their
+nearest places parts them, and on from there with a new one (`follow`). Pairs that are not parted even so are pushed
+apart along the last of these; points that do not come apart go back to where the interval began, where all is well.
 """
+
+from typing import Any
 
 import taichi as ti
 
@@ -18,10 +23,6 @@ from taichi_cloth.sheet.sheet import LANES
 
 __all__ = ["Certificate"]
 
-PARTED, SHARE = 2e-5, 0.25
-"""How far apart a pair is at least [m], and of what it is kept apart where that is less: small pieces of cells lie near
-each other."""
-
 PUSHED, STILL_PARTED = 5.0, 0.5
 """How far those are pushed that are not, over that; and what is asked of points that went back: rounding has its
 share."""
@@ -29,16 +30,31 @@ share."""
 PUSHES, ROUNDS = 12, 60
 """Sweeps that push, and sweeps in all."""
 
-PUSH, BACK = 1, 2
+LOOK, PUSH, BACK = 0, 1, 2
+
+STEPS, RESERVE, ROOM = 24, 0.2, 1024
+"""On the way of a pair, at most; what is left of how far it is apart at the end of one; pairs that are followed."""
+
+DEEP = 0.005
+"""Of the spacing, that a pair may have passed through and is pushed back all the same: more would draw threads long,
+and an interval of several substeps is taken again."""
 
 
 @ti.data_oriented
 class Certificate:
-    """bad: pairs that are not parted after a sweep. pushed, returned: of the frame, pairs that had to be."""
+    """bad, deep: pairs that are not parted after a sweep, and of these such as have passed each other by more than
+    DEEP. pushed, returned: of the frame, pairs that had to be."""
 
     def __init__(self) -> None:
-        self.bad, self.pushed, self.returned = (ti.field(ti.i32, ()) for _ in range(3))
-        self.room = ti.field(ti.f32, LANES)
+        self.bad, self.deep, self.pushed, self.returned = (ti.field(ti.i32, ()) for _ in range(4))
+        self.room, self.most = ti.field(ti.f32, LANES), ti.field(ti.f32, ())
+        # Corners of a pair at the start of the interval and at its end; pairs that were followed, and the last
+        # direction on the way of each.
+        self.place = ti.field(ti.f32, (2, 4, 3))
+        self.followed, self.last = ti.field(ti.i32, ROOM), ti.field(ti.f32, (ROOM, 3))
+        self.count: Any = ti.field(ti.i32, ())
+        # The last direction of that which was followed last, and how far it is apart along it at the end.
+        self.way, self.end = ti.field(ti.f32, 3), ti.field(ti.f32, ())
 
     @routine
     def sweep(
@@ -47,13 +63,14 @@ class Certificate:
         paths: Template,
         contacts: Template,
         pairs: Template,
+        nearest: Template,
         kind: Int,
         remedy: Int,
         ahead: Float,
     ):
         """All pairs of a kind. remedy: what is done with those that are not parted. ahead: how long the next interval
         may be over how long this was: pairs that may touch in it are awake."""
-        begin, awake, bad = pairs.first(kind), pairs.first_awake(kind), 0
+        begin, awake, bad, deep = pairs.first(kind), pairs.first_awake(kind), 0, 0
         part = ti.select(remedy == BACK, STILL_PARTED, 1.0)
         for packet in range(pairs.packets(kind)):
             at = listed(begin + packet * LANES)
@@ -75,21 +92,89 @@ class Certificate:
                     pair = at + k
                     pairs.awake[awake] = pair
                     awake += 1
-                    least = ti.min(PARTED, SHARE * pairs.kept[pair])
-                    if pairs.apart[pair] < part * least and pairs.kept[pair] > 0.0:
+                    least = pairs.least[pair]
+                    alright = pairs.apart[pair] >= part * least or pairs.kept[pair] <= 0.0
+                    if not alright:
+                        alright = self.follow(points, paths, pairs, nearest, kind, pair, part * least) == 1
+                    if not alright:
                         bad += 1
+                        deep += ti.select(self.end[None] < -self.most[None], 1, 0)
                         if remedy == PUSH:
                             self.push(points, pairs, kind, pair, PUSHED * least)
                         elif remedy == BACK:
                             self.put_back(points, paths, pairs, pair)
         self.bad[None] = self.bad[None] + bad
+        self.deep[None] = self.deep[None] + deep
         contacts.close(pairs, kind, awake)
 
     @routine
+    def follow(
+        self,
+        points: Template,
+        paths: Template,
+        pairs: Template,
+        nearest: Template,
+        kind: Int,
+        pair: Int,
+        least: Float,
+    ) -> Int:
+        """Whether a pair has not met on its straight way from the start of the interval, and is at least so far apart
+        at its end [m]: then it is listed, with the direction that it has there.
+
+        How far two convex bodies are apart along one direction is concave in time. So where it is a now and b < a at
+        the end, it is not below a share of a up to that share of a/(a − b) of what is left of the way.
+        """
+        for corner in ti.static(range(4)):
+            p = pairs.point[corner][pair]
+            start = points.blends.at_start(points, paths, p)
+            for axis in ti.static(range(3)):
+                self.place[0, corner, axis], self.place[1, corner, axis] = start[axis], points.position[axis][p]
+        self.end[None] = pairs.apart[pair]
+        for axis in ti.static(range(3)):
+            self.way[axis] = pairs.normal[axis][pair]
+        time, out, step, at = 0.0, 0, 0, self.count[None]
+        while step < STEPS and at < ROOM:
+            for corner in ti.static(range(4)):
+                for axis in ti.static(range(3)):
+                    here, there = self.place[0, corner, axis], self.place[1, corner, axis]
+                    store(nearest.place[corner][axis], 0, ti.Vector([here + time * (there - here)] * LANES))
+            nearest.find(kind)
+            nearest.part(kind)
+            now, end = 0.0, 0.0
+            for when in ti.static(range(2)):
+                low, high = 1e9, -1e9
+                for corner in ti.static(range(4)):
+                    along = 0.0
+                    for axis in ti.static(range(3)):
+                        here = nearest.place[corner][axis][0] if ti.static(when == 0) else self.place[1, corner, axis]
+                        along += nearest.normal[axis][0] * here
+                    low = ti.select(corner < kind, ti.min(low, along), low)
+                    high = ti.select(corner < kind, high, ti.max(high, along))
+                if ti.static(when == 0):
+                    now = low - high
+                else:
+                    end = low - high
+            step += 1
+            if now > 0.0:
+                self.end[None] = end
+                for axis in ti.static(range(3)):
+                    self.way[axis] = nearest.normal[axis][0]
+                out = ti.select(end >= least, 1, 0)
+            if out == 1 or now < 0.5 * least:
+                step = STEPS
+            else:
+                time += (1.0 - time) * (1.0 - RESERVE) * now / ti.max(now - end, 1e-9)
+        if out == 1:
+            self.followed[at], self.count[None] = pair, at + 1
+            for axis in ti.static(range(3)):
+                self.last[at, axis] = self.way[axis]
+        return out
+
+    @routine
     def push(self, points: Template, pairs: Template, kind: Int, pair: Int, apart: Float):
-        """To both sides of the middle between them, so far apart, and what approaches stops."""
+        """To both sides of the middle between them, so far apart, and what approaches stops. After `follow`."""
         x, s, inverse = ti.static(points.position, points.step, points.inverse_mass)
-        n = ti.Vector([pairs.normal[0][pair], pairs.normal[1][pair], pairs.normal[2][pair]])
+        n = ti.Vector([self.way[0], self.way[1], self.way[2]])
         least, most, up, down, free_up, free_down = 1e9, -1e9, 0.0, 0.0, 0.0, 0.0
         for corner in ti.static(range(4)):
             p = pairs.point[corner][pair]
@@ -122,17 +207,31 @@ class Certificate:
         self.returned[None] = self.returned[None] + 1
 
     @routine
-    def settle(self, points: Template, paths: Template, contacts: Template, near: Template, ahead: Float):
-        """Sweeps until all pairs are parted, or no sweep is left: then `bad` are not."""
+    def settle(self, points: Template, paths: Template, contacts: Template, near: Template, ahead: Float, long: Int):
+        """Sweeps until all pairs are parted, or no sweep is left: then `bad` are not. Where after a long interval
+        any have passed each other by much the first sweep leaves them as they are, and `deep` says so."""
         rounds, bad = 0, 1
+        self.most[None] = DEEP * ti.min(near.spacing[0], near.spacing[1])
         while bad > 0 and rounds < ROUNDS:
             remedy = ti.select(rounds < PUSHES, PUSH, BACK)
+            if rounds == 0 and long == 1:
+                remedy = LOOK
             self.bad[None] = 0
+            self.deep[None] = 0
+            self.count[None] = 0
             for kind in range(FACES, EDGES + 1):
-                self.sweep(points, paths, contacts, near.pairs, kind, remedy, ahead)
+                self.sweep(points, paths, contacts, near.pairs, near.nearest, kind, remedy, ahead)
             bad = self.bad[None]
-            if bad > 0:
+            if bad > 0 and remedy != LOOK:
                 points.blends.refresh(points)
             if rounds == 0:
                 self.pushed[None] = self.pushed[None] + bad
+            if remedy != LOOK:
+                self.deep[None] = 0
+            elif self.deep[None] > 0:
+                bad = 0
             rounds += 1
+        some = ti.select(self.deep[None] == 0, self.count[None], 0)
+        for k in range(some):
+            for axis in ti.static(range(3)):
+                near.pairs.normal[axis][self.followed[k]] = self.last[k, axis]

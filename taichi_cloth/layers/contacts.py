@@ -14,6 +14,7 @@ import taichi as ti
 from taichi_cloth.ground.arrays import Float, Int, Template
 from taichi_cloth.ground.routine import routine
 from taichi_cloth.layers.blended import Blended, across, back, slid
+from taichi_cloth.layers.near_pairs import FOLDED, HINGE, NEAR_SEAMS
 from taichi_cloth.layers.nearest import EDGES, FACES, gather
 from taichi_cloth.motion.stencil import listed, load, store
 from taichi_cloth.sheet.sheet import LANES
@@ -159,7 +160,7 @@ class Contacts:
         self.kept, self.share, self.pushed = fields(3)
         self.count, self.overflow, self.most, self.turns = (ti.field(ti.i32, ()) for _ in range(4))
         self.friction, self.mend, self.margin = (ti.field(ti.f32, ()) for _ in range(3))
-        self.found = [ti.field(ti.f32, LANES) for _ in range(9)]
+        self.found = [ti.field(ti.f32, LANES) for _ in range(10)]
         self.inside = ti.field(ti.i32, LANES)
 
     @routine
@@ -215,16 +216,17 @@ class Contacts:
             w0 = ti.select(on_face, one, 1.0 - s)
             w1 = ti.select(on_face, s + t - 1.0, s)
             w2 = ti.select(on_face, -s, t - 1.0)
-            distance = ti.sqrt(load(nearest.square, 0) + 1e-20)
             # Of slivers it may be a way that does not part them: then the one that does stays, and they do not answer.
-            parts = load(nearest.beyond, 0) > 0.5 * distance
+            parts = load(nearest.beyond, 0) > 0.5 * ti.sqrt(load(nearest.square, 0) + 1e-20)
             within = ti.select(parts, load(nearest.inside, 0), 0)
-            x = ti.select(parts, load(nearest.way[0], 0) / distance, gather(pairs.normal[0], at))
-            y = ti.select(parts, load(nearest.way[1], 0) / distance, gather(pairs.normal[1], at))
-            z = ti.select(parts, load(nearest.way[2], 0) / distance, gather(pairs.normal[2], at))
+            x = ti.select(parts, load(nearest.normal[0], 0), gather(pairs.normal[0], at))
+            y = ti.select(parts, load(nearest.normal[1], 0), gather(pairs.normal[1], at))
+            z = ti.select(parts, load(nearest.normal[2], 0), gather(pairs.normal[2], at))
+            distance = x * load(nearest.way[0], 0) + y * load(nearest.way[1], 0) + z * load(nearest.way[2], 0)
             distance = ti.select(parts, distance, gather(pairs.apart, at))
-            rate = ti.Vector([0.0] * LANES)
+            rate, sewn = ti.Vector([0.0] * LANES), ti.Vector([0.0] * LANES)
             for corner, p, w in ti.static(((0, i, w0), (1, j, w1), (2, k, w2), (3, m, -t))):
+                sewn += ti.abs(w) * gather(points.pieces.seam, p)
                 step = x * gather(points.step[0], p) + y * gather(points.step[1], p) + z * gather(points.step[2], p)
                 rate += w * step
                 store(self.found[5 + corner], 0, w)
@@ -233,12 +235,16 @@ class Contacts:
             for axis, v in ti.static(((2, x), (3, y), (4, z))):
                 store(self.found[axis], 0, v)
             store(self.inside, 0, within)
+            cap, wide = gather(pairs.cap, at), FOLDED * ti.min(beside.spacing[0], beside.spacing[1])
+            tent = ti.select(on_face, 1.0, 0.5) * HINGE * ti.max(ti.min(sewn, wide - sewn), 0.0)
+            least = ti.max(tent, ti.max(ti.min(cap, 0.5 * sewn), NEAR_SEAMS))
+            store(self.found[9], 0, ti.min(gather(pairs.kept, at), least))
             for lane in range(LANES):
                 pair = pairs.awake[begin + lane * runs + run]
                 for axis in ti.static(range(3)):
                     pairs.normal[axis][pair] = self.found[2 + axis][lane]
                 pairs.apart[pair] = self.found[0][lane]
-                if self.found[1][lane] < pairs.kept[pair] and self.inside[lane] == 1:
+                if self.found[1][lane] < self.found[9][lane] and self.inside[lane] == 1:
                     made = self.add_any(points, pairs, pair, lane, made)
         self.count[None] = made
 
@@ -254,7 +260,7 @@ class Contacts:
         else:
             weights = ti.Vector([self.found[5 + corner][lane] for corner in ti.static(range(4))])
             normal = ti.Vector([self.found[2 + axis][lane] for axis in ti.static(range(3))])
-            self.blended.add(points, pairs, self.before, pair, weights, normal)
+            self.blended.add(points, pairs, self.before, pair, weights, normal, self.found[9][lane])
         return out
 
     @ti.func
@@ -269,7 +275,7 @@ class Contacts:
                     self.weight[corner][at] = self.found[5 + corner][lane]
                 for axis in ti.static(range(3)):
                     self.normal[axis][at] = self.found[2 + axis][lane]
-                self.kept[at], self.share[at] = pairs.kept[pair], 1.0 / yields
+                self.kept[at], self.share[at] = self.found[9][lane], 1.0 / yields
                 self.before.recall(points, self, pairs, pair, at)
                 out = at + 1
             else:

@@ -10,8 +10,9 @@ import taichi as ti
 from taichi_cloth.ground.arrays import Template
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.layers.contacts import AWAKE, SAVED
-from taichi_cloth.layers.layer_fields import NUMBERS, LayerFields
+from taichi_cloth.layers.layer_fields import NUMBERS, SHIFT, LayerFields
 from taichi_cloth.layers.outline import Outline, Tables
+from taichi_cloth.layers.paths import HOLD
 from taichi_cloth.layers.tangles import Tangles
 from taichi_cloth.layers.tree import levels_of
 from taichi_cloth.motion.capacity import capacity_of, class_of
@@ -67,7 +68,7 @@ class LayerContact(SharedConstraint):
         most = max(options.thickness, FOLD * spacing)
         self._size, self._levels = capacity_of(sheet.padded_shape, LEAST), levels_of(*sheet.padded_shape)
         self._width, self._longest, self._free, self._halved = sheet.width, 1, 1, 0
-        self._substeps, self._step = 1, 0.0
+        self._substeps, self._step, self._remembered = 1, 0.0, np.zeros(0, np.float32)
         named = {
             "thickness": options.thickness,
             "friction": options.friction,
@@ -77,6 +78,7 @@ class LayerContact(SharedConstraint):
             "spacing_x": s.spacing_x,
             "spacing_y": s.spacing_y,
             "most": most,
+            "held": 1.0 if outline is None else HOLD,
         }
         named |= {str(level): least for level, least in enumerate(LEAST_SLACK)}
         self._numbers = np.array([named[name] for name in NUMBERS], np.float32)
@@ -149,11 +151,18 @@ class LayerContact(SharedConstraint):
                 )
         return ""
 
-    def stop(self, state: SheetState, done: int) -> int:
+    def stop(self, state: SheetState, done: int) -> tuple[int, int]:
         if done and self.fields.unproven[None] and self._halved < HALVINGS:
-            return self._substeps  # it will be taken again
+            return done, self._substeps  # it will be taken again
         kept = len(state.values) - self.keeps if self.keeps else -1
-        return int(self.fields.stop(state.values, done, kept))
+        until, begun = divmod(int(self.fields.stop(state.values, done, kept)), SHIFT)
+        # What is remembered of key points beside where they are, and their steps.
+        remembered = state.values[6 : len(state.values) - self.keeps]
+        if remembered.size and begun < done:
+            remembered[:] = self._remembered
+        elif remembered.size:
+            self._remembered = remembered.copy()
+        return begun, until
 
     @ti.func
     def before(self, points: Template, done, n: Template):
@@ -165,5 +174,7 @@ class LayerContact(SharedConstraint):
         if points.sums or done % 2 == 1:
             if contacts.turns[None] == 0:
                 contacts.warm(points)
+                if self.fields.paths.held[None] < 1.0:
+                    self.fields.paths.hold_all(points, done + 1 - self.fields.began[None])
             contacts.turns[None] = 1
             contacts.respond(points, MEND_SUMMED if ti.static(points.sums) else MEND)

@@ -33,7 +33,7 @@ from taichi_cloth.motion.stage_clock import StageClock
 from taichi_cloth.motion.stencil import load, store
 from taichi_cloth.sheet.sheet import LANES
 
-__all__ = ["NUMBERS", "LayerFields"]
+__all__ = ["NUMBERS", "SHIFT", "LayerFields"]
 
 NEXT, FAR, SHARE = 2, 14, 0.12
 """Intervals that a search of all is good for, at least and at most; and for how much of the room that key points use up
@@ -45,7 +45,12 @@ TURNS, MOST_SPENT = 2, 0.2
 all at most. If that is not enough all is searched."""
 ENOUGH = 0.95
 """Share that others may come to in the next interval after a search of some."""
-NUMBERS = ("thickness", "friction", "reach", "coarse", "margin", "spacing_x", "spacing_y", "most", "0", "1", "2", "3")
+SHIFT = 1 << 13
+"""More than a frame has substeps."""
+NUMBERS = (
+    *("thickness", "friction", "reach", "coarse", "margin", "spacing_x", "spacing_y", "most", "held"),
+    *("0", "1", "2", "3"),
+)
 """What `LayerFields.take` is told, the last by the levels of patches."""
 
 
@@ -55,7 +60,8 @@ class LayerFields:
     clock: is told where parts end. position, step, inverse_mass, row: as of `Stencil`, between substeps. use: share of
     room and slack that a search is used for. began, ends: substeps at which the interval did and is over. horizon:
     substeps that the search of all is good for. longest, free: of intervals. substeps: of the frame. searches: of all;
-    renewals: of some; intervals, unproven, pulled: of the frame."""
+    renewals: of some; intervals, unproven, pulled, retaken: of the frame.
+    allowed: how long intervals may be, since one was taken again."""
 
     def __init__(self, size: int, blends: int, clock: StageClock | None = None) -> None:
         self.holder: object = None
@@ -72,8 +78,8 @@ class LayerFields:
         self.began, self.ends, self.horizon, self.longest, self.free, self.substeps = (
             ti.field(ti.i32, ()) for _ in range(6)
         )
-        self.searches, self.renewals, self.intervals, self.unproven, self.pulled = (
-            ti.field(ti.i32, ()) for _ in range(5)
+        self.searches, self.renewals, self.intervals, self.unproven, self.pulled, self.retaken, self.allowed = (
+            ti.field(ti.i32, ()) for _ in range(7)
         )
 
     @ti.kernel
@@ -92,12 +98,12 @@ class LayerFields:
             self.tree.take(levels, 1.0 / numbers[5], 1.0 / numbers[6])
             self.near.take(width)
             self.near.thickness[None], self.near.edge_share[None] = numbers[0], EDGE_SHARE
-            self.near.most[None] = numbers[7]
+            self.near.most[None], self.paths.held[None] = numbers[7], numbers[8]
             self.near.spacing[0], self.near.spacing[1] = numbers[5], numbers[6]
             self.contacts.friction[None], self.contacts.margin[None] = numbers[1], numbers[4]
             self.reach[None], self.coarse[None] = numbers[2], numbers[3]
             for level in range(LEVELS):
-                self.search.least[level] = numbers[8 + ti.min(level, 3)]
+                self.search.least[level] = numbers[9 + ti.min(level, 3)]
 
     @ti.kernel
     def take_outline(
@@ -146,6 +152,7 @@ class LayerFields:
         self.intervals[None] = 0
         self.unproven[None] = 0
         self.pulled[None] = 0
+        self.retaken[None] = 0
 
     @ti.func
     def stamp(self, name: Template):
@@ -155,8 +162,10 @@ class LayerFields:
 
     @ti.kernel
     def stop(self, values: F32x3, done: Int, kept: Int) -> Int:
-        """Between two intervals. values: of a `SheetState`. Returns up to which substep the next goes. kept: the plane
-        of values from which on contacts are kept from frame to frame, or −1."""
+        """Between two intervals. values: of a `SheetState`. Returns up to which substep the next goes, times SHIFT,
+        plus from which: an earlier one than `done` where the last is taken again. kept: the plane of values from which
+        on contacts are kept from frame to frame, or −1."""
+        begun = done
         ti.loop_config(serialize=True)
         for _ in range(1):
             if ti.static(self.timed):
@@ -169,12 +178,15 @@ class LayerFields:
                     self.contacts.before.load(values, kept)
                 self.open(self)
             else:
+                before = self.retaken[None]
                 self.close(self, done)
-                if done == self.substeps[None] and kept >= 0:
+                if self.retaken[None] > before:
+                    begun = self.began[None]
+                elif done == self.substeps[None] and kept >= 0:
                     self.contacts.keep(self, values, kept)
                 self.copy(values, False)
                 self.stamp("copies")
-        return self.ends[None]
+        return self.ends[None] * SHIFT + begun
 
     @ti.func
     def copy(self, values: Template, here: Template):
@@ -198,6 +210,7 @@ class LayerFields:
         self.search_all(points, 0.0, self.substeps[None])
         self.paths.keep(points)
         most = ti.select(self.alone(), self.free[None], self.longest[None])
+        self.allowed[None] = self.free[None]
         self.begin(points, 0, ti.min(most, self.substeps[None]), True)
 
     @ti.func
@@ -271,32 +284,47 @@ class LayerFields:
 
     @routine
     def close(self, points: Template, done: Int):
-        """The interval that ends with `done` substeps of the frame, and the start of the next."""
+        """The interval that ends with `done` substeps of the frame, and the start of the next. A long one in which
+        anything left its room, or passed through other cloth by much, is taken again, half as long: to put it back
+        would draw its threads long, and they would throw it further."""
         span = done - self.began[None]
         self.paths.since[None] = self.paths.since[None] + span
         self.paths.measure(points)
         used, before = self.paths.used[None], self.certificate.pushed[None]
-        if used > 0.999:
-            self.paths.pull_back(points, span)
-            self.blends.refresh(points)
-            self.pulled[None] = self.pulled[None] + 1
-        ahead = ti.cast(self.longest[None], ti.f32) / span
+        long = span > ti.max(self.longest[None] // 2, 1)
+        again = used > 0.999 and long
         self.stamp("paths")
-        self.certificate.settle(points, self.paths, self.contacts, self.near, ahead)
-        if used > 0.999 or self.certificate.pushed[None] > before:
-            self.paths.measure(points)
-        if self.paths.used[None] > 1.0 or self.certificate.bad[None] > 0:
-            self.unproven[None] = self.unproven[None] + 1
-        self.stamp("proof")
-        left = self.substeps[None] - done
-        if left > 0:
-            self.go_on(points, done, left, span)
+        if not again:
+            if used > 0.999:
+                self.paths.pull_back(points, span)
+                self.blends.refresh(points)
+                self.pulled[None] = self.pulled[None] + 1
+            ahead = ti.cast(self.longest[None], ti.f32) / span
+            self.certificate.settle(points, self.paths, self.contacts, self.near, ahead, ti.cast(long, ti.i32))
+            again = self.certificate.deep[None] > 0
+        if again:
+            self.certificate.pushed[None] = before
+            self.paths.go_back(points, span)
+            self.blends.refresh(points)
+            self.retaken[None] = self.retaken[None] + 1
+            self.allowed[None] = span // 2
+            self.begin(points, self.began[None], span // 2, True)
+        else:
+            if used > 0.999 or self.certificate.pushed[None] > before:
+                self.paths.measure(points)
+            if self.paths.used[None] > 1.0 or self.certificate.bad[None] > 0:
+                self.unproven[None] = self.unproven[None] + 1
+            self.stamp("proof")
+            self.allowed[None] = ti.min(self.allowed[None] + ti.max(1, self.allowed[None] // 4), self.free[None])
+            left = self.substeps[None] - done
+            if left > 0:
+                self.go_on(points, done, left, span)
 
     @ti.func
     def go_on(self, points: Template, done, left, span):
         """The next interval; before it a search, of all or of what has used up its room."""
         most = ti.select(self.alone(), self.free[None], self.longest[None])
-        wanted = ti.min(most, left)
+        wanted = ti.min(ti.min(most, self.allowed[None]), left)
         length = ti.max(1, ti.min(wanted, ti.cast(self.use[None] / ti.max(self.paths.rate[None], 1e-5), ti.i32)))
         whole, anew, turn = self.paths.since[None] + length > self.horizon[None], False, 0
         while not whole and turn <= TURNS:

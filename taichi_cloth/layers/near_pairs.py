@@ -15,13 +15,21 @@ from taichi_cloth.layers.search import element
 from taichi_cloth.motion.stencil import load, near, store
 from taichi_cloth.sheet.sheet import LANES
 
-__all__ = ["BESIDE", "NEAR_SEAMS", "NearPairs", "Pairs"]
+__all__ = ["BESIDE", "FOLDED", "HINGE", "NEAR_SEAMS", "NearPairs", "Pairs"]
 
 FACE_ROOM, EDGE_ROOM = 16, 48
 """Pairs, for each key point."""
 
 NEAR_SEAMS = 8e-6
 """That pairs are kept apart at least beside a seam [m]."""
+
+PARTED, SHARE = 2e-5, 0.25
+"""How far apart a pair is at least [m], and of what it is kept apart where that is less: small pieces of cells lie near
+each other."""
+
+HINGE = 0.125
+"""Share of how far parts are from each other by way of a seam that they are kept apart at least: no seam folds by more
+than to 14°, where the cells beside it would have less freedom than the pairs between them ask for."""
 
 FOLDED = 4.0
 """Spacings in the flat sheet, from one side of the tightest fold to the other."""
@@ -49,9 +57,9 @@ class Pairs:
         room = faces + edges + 2 * LANES
         self.point = [ti.field(ti.i32, room) for _ in range(4)]
         self.normal = [ti.field(ti.f32, room) for _ in range(3)]
-        self.kept, self.apart = (ti.field(ti.f32, room) for _ in range(2))
+        self.kept, self.cap, self.least, self.apart = (ti.field(ti.f32, room) for _ in range(4))
         self.cell = [ti.field(ti.i32, room) for _ in range(2)]
-        self._all = [*self.point, *self.normal, self.kept, self.apart, *self.cell]
+        self._all = [*self.point, *self.normal, self.kept, self.cap, self.least, self.apart, *self.cell]
         self.awake = ti.field(ti.i32, room + 2 * LANES)
         self.count, self.woken = ti.field(ti.i32, 3), ti.field(ti.i32, 3)
 
@@ -168,8 +176,22 @@ class NearPairs:
             j = ti.cast(ti.max(ti.abs(p % width - q % width) - 1, 0), ti.f32) * self.spacing[0]
             flat, least = ti.sqrt(i * i + j * j), ti.min(self.spacing[0], self.spacing[1])
             out = ti.min(self.in_fold(flat, out), ti.max(0.5 * flat, SHALLOW * least))
+        return out
+
+    @ti.func
+    def across(self, points: Template, width, p, q):
+        """How far parts of two cells are from each other by way of a seam at least; far, where they are nearer in the
+        flat sheet."""
         seams = ti.static(points.pieces.cell_seam)
-        return ti.min(out, ti.max(0.5 * (seams[p] + seams[q]), NEAR_SEAMS))
+        out = seams[p] + seams[q]
+        near_by = ti.max(ti.abs(p // width - q // width), ti.abs(p % width - q % width)) <= 4
+        return out, near_by and self.panel[p] == self.panel[q]
+
+    @ti.func
+    def tent(self, sewn):
+        """How far apart cloth is kept that is so far from each other by way of a seam: no seam folds flat."""
+        wide = FOLDED * ti.min(self.spacing[0], self.spacing[1])
+        return HINGE * ti.max(ti.min(sewn, wide - sewn), 0.0)
 
     @ti.func
     def owns(self, paths: Template, p, bit):
@@ -188,7 +210,7 @@ class NearPairs:
         return one > 0 and one == self.tangle[q] and (far > one % BESIDE or self.panel[p] != self.panel[q])
 
     @ti.func
-    def keep(self, kind, at, k, kept, share, points: Template, p, q):
+    def keep(self, kind, at, k, kept, share, points: Template, p, q, sewn, beside):
         """One more pair, from lane k of what was found, of cells p and q, unless they are tangled. share: of the
         thickness that such pairs keep at most. Returns how many there are."""
         pairs, out, tangled = self.pairs, at, self.tangled(p, q)
@@ -199,7 +221,12 @@ class NearPairs:
                 pairs.point[corner][pair] = points[corner]
             for axis in ti.static(range(3)):
                 pairs.normal[axis][pair] = self.nearest.normal[axis][k]
-            pairs.kept[pair] = self.drawn_apart(kept, share, p, q, k)
+            cap = self.drawn_apart(kept, share, p, q, k)
+            wide = FOLDED * ti.min(self.spacing[0], self.spacing[1])
+            pairs.cap[pair], pairs.kept[pair] = cap, cap
+            if not beside:
+                pairs.kept[pair] = ti.max(cap, share * self.tent(ti.max(sewn, 0.5 * wide)))
+            pairs.least[pair] = ti.min(PARTED, SHARE * ti.min(cap, share * ti.max(0.5 * sewn, NEAR_SEAMS)))
             out = at + 1
         elif not tangled:
             self.overflow[None] = self.overflow[None] + 1
@@ -305,7 +332,8 @@ class NearPairs:
                         apart = self.differ(points, a, c) & self.differ(points, a, d)
                         if apart & self.differ(points, a, e):
                             kept = self.kept_apart(points, width, a, b)
-                            found = self.keep(FACES, found, lane, kept, 1.0, (a, c, d, e), a, b)
+                            sewn, beside = self.across(points, width, a, b)
+                            found = self.keep(FACES, found, lane, kept, 1.0, (a, c, d, e), a, b, sewn, beside)
         return found
 
     @routine
@@ -333,5 +361,6 @@ class NearPairs:
                             # A rim bears what hangs over it: no point of that is above a face.
                             if (paths.has[a] & rims[e]) | (paths.has[b] & rims[f]) == 0:
                                 share = self.edge_share[None]
-                            found = self.keep(EDGES, found, lane, share * kept, share, (c, d, g, h), a, b)
+                            sewn, beside = self.across(points, width, a, b)
+                            found = self.keep(EDGES, found, lane, share * kept, share, (c, d, g, h), a, b, sewn, beside)
         return found

@@ -79,7 +79,7 @@ class Nearest:
     corners of two cells, one behind the other [m]. way: [axis], from the nearest place of the second to that of the
     first [m]; square: of it. share: of the last two corners on the face, or along both edges. inside: 1 where the
     nearest place is inside the face, and of all edges. normal: [axis], unit vector that parts them. beyond: how far the
-    first are beyond the second along `way` [m]."""
+    first are beyond the second along it [m]."""
 
     def __init__(self) -> None:
         def fields(count: int) -> list[ti.Field]:
@@ -164,10 +164,10 @@ class Nearest:
         n = cross(u, v)
         scale = ti.select(dot(side, n) < 0.0, -1.0, 1.0) / ti.sqrt(dot(n, n) + 1e-30)
         across = (n[0] * scale, n[1] * scale, n[2] * scale)
-        better = self.apart(kind, j, k, m, across) > beyond
+        other = self.apart(kind, j, k, m, across)
         for axis in ti.static(range(3)):
-            store(self.normal[axis], 0, ti.select(better, across[axis], unit[axis]))
-        store(self.beyond, 0, beyond)
+            store(self.normal[axis], 0, ti.select(other > beyond, across[axis], unit[axis]))
+        store(self.beyond, 0, ti.max(beyond, other))
 
     @ti.func
     def either(self, first, one: Template, other: Template):

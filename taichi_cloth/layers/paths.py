@@ -14,7 +14,7 @@ from taichi_cloth.ground.routine import routine
 from taichi_cloth.motion.stencil import largest, load, near, store
 from taichi_cloth.sheet.sheet import LANES
 
-__all__ = ["CELL", "EAST", "NORTH", "POINT", "Paths"]
+__all__ = ["CELL", "EAST", "HOLD", "NORTH", "POINT", "Paths"]
 
 CELL, EAST, NORTH, POINT = 1, 2, 4, 8
 """Bits of what belongs to an element of the padded grid: both triangles of its cell and the thread across them, the
@@ -23,20 +23,25 @@ threads to the next key point of its row and of its column, the key point itself
 FULL = 0.998
 """Share of its room, squared, to which a key point is pulled back that has used up more."""
 
+HOLD = 0.85
+"""Share of its room at which a key point is held within an interval, before its threads are solved: pulled back at the
+end they would be drawn long."""
+
 ROUNDS = 3
 """In which that is done: what is pulled back at one place may be too much at the next."""
 
 
 @ti.data_oriented
 class Paths:
-    """Of padded grids of up to `size` key points. has: `CELL` and so on. was: at the start of the interval [m]. begin,
-    pace: path since the last search of all, where it is at its start [m] and its step [m a substep]. now: where it is
-    at the last search [m]. off: from the path [m]. room, turn: 1 over the square of how far key points may be off [m],
-    and of how much the difference of two that a thread joins may be off [m]; 0 where there is none. renewed: substep at
-    which the path was, from that search on. use: which share of room or turn is used up. fast: of it, how much a
-    substep. used, rate: the largest of these. spent: 1 of key points that get a new path. count: packets of lanes.
-    since: substeps since the search of all. rough: how
-    much the paces of key points differ from those of their paths, in the root of the mean square [m]."""
+    """Of padded grids of up to `size` key points. has: `CELL` and so on. was, went: place and step at the start of an
+    interval [m]. begin, pace: path since the last search of all, where it is at its start [m] and its step [m a
+    substep]. now: where it is at the last search [m]. off: from the path [m]. room, turn: 1 over the square of how far
+    key points may be off [m], and of how much the difference of two that a thread joins may be off [m]; 0 where there
+    is none. renewed: substep at which the path was, from that search on. use: which share of room or turn is used up.
+    fast: of it, how much a substep. used, rate: the largest of these. spent: 1 of key points that get a new path.
+    count: packets of lanes. since: substeps since the search of all. held: share of their room at which key points are
+    held, or 1. rough: how much the paces of key points differ from those of their paths, in the root of the mean
+    square [m]."""
 
     count: Any  # its number is the bound of loops: type checkers would take it for a matrix
 
@@ -44,11 +49,11 @@ class Paths:
         def fields(count: int) -> list[ti.Field]:
             return [ti.field(ti.f32, size) for _ in range(count)]
 
-        self.was, self.begin, self.now, self.pace, self.off, self._own = (fields(3) for _ in range(6))
+        self.was, self.went, self.begin, self.now, self.pace, self.off, self._own = (fields(3) for _ in range(7))
         self.room, self.turn_east, self.turn_north, self.there, self.renewed, self.use, self.fast = fields(7)
         self.has, self.spent = ti.field(ti.i32, size), ti.field(ti.i32, size)
         self.count, self.since = ti.field(ti.i32, ()), ti.field(ti.i32, ())
-        self.used, self.rate, self.rough = (ti.field(ti.f32, ()) for _ in range(3))
+        self.used, self.rate, self.rough, self.held = (ti.field(ti.f32, ()) for _ in range(4))
 
     @ti.func
     def packet(self, e):
@@ -61,6 +66,17 @@ class Paths:
             p = self.packet(e)
             for axis in ti.static(range(3)):
                 store(self.was[axis], p, load(points.position[axis], p))
+                store(self.went[axis], p, load(points.step[axis], p))
+
+    @routine
+    def go_back(self, points: Template, span: Int):
+        """To where the interval started, `span` substeps ago."""
+        self.since[None] = self.since[None] - span
+        for e in range(self.count[None]):
+            p = self.packet(e)
+            for axis in ti.static(range(3)):
+                store(points.position[axis], p, load(self.was[axis], p))
+                store(points.step[axis], p, load(self.went[axis], p))
 
     @routine
     def spend_all(self):
@@ -174,6 +190,26 @@ class Paths:
             store(self.fast, p, rate)
             most, fast = ti.max(most, used), ti.max(fast, rate)
         self.used[None], self.rate[None] = largest(most), largest(fast)
+
+    @routine
+    def hold_all(self, points: Template, done: Int):
+        """Within an interval, those that have used up `held` of their room are held there. done: substeps of the
+        interval. points: of the solver."""
+        time, most = ti.cast(self.since[None] + done, ti.f32), self.held[None] ** 2
+        for e in range(self.count[None]):
+            p = self.packet(e)
+            total = ti.Vector([0.0] * LANES)
+            for axis in ti.static(range(3)):
+                off = load(points.position[axis], p) - load(self.begin[axis], p) - time * load(self.pace[axis], p)
+                total += off * off
+            total *= load(self.room, p)
+            if largest(total) > most:
+                free = ti.select(load(points.inverse_mass, p) > 0.0, 1.0, 0.0)
+                share = free * (1.0 - ti.min(ti.sqrt(most / ti.max(total, 1e-9)), 1.0))
+                for axis in ti.static(range(3)):
+                    off = load(points.position[axis], p) - load(self.begin[axis], p) - time * load(self.pace[axis], p)
+                    store(points.position[axis], p, load(points.position[axis], p) - share * off)
+                    store(points.step[axis], p, load(points.step[axis], p) - share * off)
 
     @routine
     def pull_back(self, points: Template, span: Int):

@@ -249,19 +249,21 @@ class Pieces:
                 w = group * LANES + k
                 if near.nearest.square[k] < self.within[w]:
                     a, b, c, d = self.queue[0][w], self.queue[1][w], self.queue[2][w], self.queue[3][w]
-                    kept, share = 0.0, 1.0
+                    kept, share, flat, sewn = 0.0, 1.0, 0.0, 0.0
                     if kind == FACES:
                         flat = ti.min(self.beside(a, b, c), ti.min(self.beside(a, c, d), self.beside(a, d, b)))
                         sewn = self.seam[a] + ti.min(self.seam[b], ti.min(self.seam[c], self.seam[d]))
-                        kept = self.kept_apart(near, a, b, flat, sewn)
+                        kept = self.kept_apart(near, a, b, flat)
                     else:
                         one, other = ti.min(self.beside(a, c, d), self.beside(b, c, d)), self.beside(c, a, b)
                         flat = ti.min(one, ti.min(other, self.beside(d, a, b)))
                         sewn = ti.min(self.seam[a], self.seam[b]) + ti.min(self.seam[c], self.seam[d])
-                        kept = self.kept_apart(near, a, c, flat, sewn)
+                        kept = self.kept_apart(near, a, c, flat)
                         share = near.edge_share[None]
                     kept *= share
-                    found = near.keep(kind, found, k, kept, share, (a, b, c, d), self.cell[0][w], self.cell[1][w])
+                    p, q = self.cell[0][w], self.cell[1][w]
+                    beside = near.panel[p] == near.panel[q] and flat < sewn
+                    found = near.keep(kind, found, k, kept, share, (a, b, c, d), p, q, sewn, beside)
         near.end(kind, found, points.row[None])
         self.waiting[None] = 0
 
@@ -275,9 +277,9 @@ class Pieces:
         return (c - share * b).norm()  # pyright: ignore[reportOptionalCall]
 
     @ti.func
-    def kept_apart(self, near: Template, p, q, flat, sewn):
+    def kept_apart(self, near: Template, p, q, flat):
         """How far parts of panels are kept apart: as `NearPairs.kept_apart` of cells."""
         out = near.thickness[None]
         if self.panel[p] == self.panel[q]:
             out = ti.min(near.in_fold(flat, out), 0.5 * flat)
-        return ti.max(ti.min(out, 0.5 * sewn), NEAR_SEAMS)
+        return ti.max(out, NEAR_SEAMS)

@@ -34,7 +34,8 @@ class Constraint:
     and to compile.
     repeated: called after each substep, after those that are not, and with the others that are as often as the strain
     limit asks: what one of them changes the next answers. They are whole, and keep the sheet to one thread.
-    stops: it also works between substeps, by `stop`, and may want a frame taken again, see `again`.
+    stops: it also works between substeps, by `stop`, and may want a frame taken again, see `again`. At most one of a
+    solver does.
     fault: what is wrong with the last frame, where it stops.
     remembers: numbers of each key point that it keeps in the state from frame to frame, by `open` and `close`; above 0
     it has a `warm_start`. At most one constraint of a solver may.
@@ -83,10 +84,11 @@ class Constraint:
     def end(self, state: SheetState) -> None:
         """On the host, after each frame: the place to report that a capacity was too small."""
 
-    def stop(self, state: SheetState, done: int) -> int:
+    def stop(self, state: SheetState, done: int) -> tuple[int, int]:
         """On the host, where `done` substeps of the frame are over, none at first: changes the state in place. Returns
-        up to which substep to go on until it is asked again; at the end of the frame it does not matter."""
-        return done
+        from which substep to go on, `done` or one that it has put the state back to, and up to which until it is asked
+        again; at the end of the frame the latter does not matter."""
+        return done, done
 
     def again(self) -> bool:
         """On the host, after `end`: whether the frame is to be taken again from its start, which `begin` then tells."""

@@ -170,19 +170,19 @@ class KernelSolver(Solver):
             one.begin(state, forces)
         threads, begin = self._pace.threads(), perf_counter()
         routines = bool(self.constraints) or not self.springs_are_threads
-        done, pausing = 0, [one for one in self.constraints if one.stops]
+        done, pausing = 0, next((one for one in self.constraints if one.stops), None)
         # Plain code: half the time to compile, and as fast a frame. With a clock it is of this process alone.
         plain = partial(runtime.plain_code, routines=routines, kept=self.clock is None)
         with plain(whole=frame.loops is None):
-            while done < self.substeps:
-                until = min([self.substeps, *(one.stop(state, done) for one in pausing)])
+            while True:
+                done, until = (done, self.substeps) if pausing is None else pausing.stop(state, done)
+                if done == self.substeps:
+                    break
                 if frame.loops is not None:
                     frame.loops.run(state.values, wind, change, self.substeps)
                 else:
                     frame.run(state.values, *wind, *change, done, until, threads, self.features)  # pyright: ignore[reportCallIssue]
                 done = until
-            for one in pausing:
-                one.stop(state, done)
             took = perf_counter() - begin
         with plain():
             self.look(frame)

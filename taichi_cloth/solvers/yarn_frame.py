@@ -46,6 +46,9 @@ class YarnFrame(Frame):
     ) -> None:
         super().__init__(size, threads, constraints, clock, slips)
         self.yarns = WholeYarns(size, self.families)
+        whole = [one for one in constraints if one.whole and not one.parts and not one.paired]
+        self.last = [one for one in whole if one.stops and any(other.parts for other in constraints)]
+        self.first = [one for one in whole if one not in self.last]
         self.pressed = [ti.field(ti.f32, self.size) for _ in (BALL, FLOOR)]
         self.rubbed = [[ti.field(ti.f32, self.size) for _ in range(3)] for _ in (BALL, FLOOR)]
 
@@ -93,9 +96,10 @@ class YarnFrame(Frame):
 
     @ti.func
     def correct_all(self, thread, stage, ended, turn, turns, done, values: Template, n: Template, features: Template):
-        """Stages: ties, fixed shapes, the body; at the end of a substep what is not summed. Returns as `in_parts`."""
+        """Stages: ties, fixed shapes, the body; at the end of a substep what is not summed. Cloth on cloth comes after
+        a body: what two limbs pinch gives way into them, not through other cloth. Returns as `in_parts`."""
         here, goal = stage, ended
-        for one in ti.static([one for one in self.constraints if one.whole and not one.parts and not one.paired]):
+        for one in ti.static(self.first):
             here, goal = self.correct(one, thread, here, goal, done, n)
         if ti.static(features.sphere or features.plane):
             here, goal = self.in_parts(self.touch_all, thread, here, goal, done, 0, 0.0, values, n, features)
@@ -115,6 +119,8 @@ class YarnFrame(Frame):
         if turn == turns and done % 2 == 1:
             for one in ti.static([one for one in self.constraints if one.paired]):
                 here, goal = self.correct(one, thread, here, goal, done, n)
+        for one in ti.static(self.last):
+            here, goal = self.correct(one, thread, here, goal, done, n)
         return here, goal
 
     @ti.func

@@ -55,6 +55,10 @@ LONG, SLACK = 0.0295, 1.01
 """Strain up to which it does not matter what a thread pulls, and that which a crimped one is left beside ties
 (`longest_beside`) times a hair, if that is more: of crimp that gives 3 % by itself no sweep takes it back."""
 
+LAYERED, KEEPS = 1.3, 0.2
+"""What LONG may be more by, and time [s] in place of CALM, where cloth meets cloth: what two limbs pinch is pulled
+about, and a frame that is taken again is searched again, which costs more than a sweep."""
+
 GAIN = 0.95
 """Share of that which one sweep more has to come below, or it is not worth its time."""
 
@@ -109,6 +113,7 @@ class Yarns(SpringSolver):
     ) -> None:
         self.sweeps, self._fewest, self._calm, self._futile = sweeps, sweeps, 0, 0
         self.tight, self.unsolved, self._before = 0.0, 0.0, inf
+        self._layered = any(one.stops for one in constraints)
         choices: dict[Springs, StepChoice] = {}
 
         def longest_of(springs: Springs) -> float:
@@ -147,6 +152,7 @@ class Yarns(SpringSolver):
         squared = self.numbers["structural_x"] / s.structural_x  # h², less what the air takes meanwhile
         shared = {"mass": mass, "damped": m.fibre_damping / self.step}
         straight, left, out = s.drawn(m), longest_beside(m), []
+        longest = LONG * (LAYERED if self._layered else 1.0)
         for step, weight, constant, drawn, rest, stiff, crimp, most in (
             ((0, 1), east, s.structural_x, straight.structural_x, s.spacing_x, m.drawn_weft, m.crimp_weft, left[0]),
             ((1, 0), north, s.structural_y, straight.structural_y, s.spacing_y, m.drawn_warp, m.crimp_warp, left[1]),
@@ -160,7 +166,7 @@ class Yarns(SpringSolver):
                 "crimp": at,
                 "offset": at * (1 - constant / drawn),
                 "bound": rest * limit.strain if limit else NEVER,
-                "long": rest * max(LONG, SLACK * most if stiff > 0 else 0.0),
+                "long": rest * max(longest, SLACK * most if stiff > 0 else 0.0),
                 "calm": 1 / (rest * WILD + (at if stiff > 0 else 0.0)),
             }
             out.append(Family(step, weight, numbers | shared))
@@ -202,7 +208,8 @@ class Yarns(SpringSolver):
 
     def _sweep_more(self, still: bool) -> bool:
         """Whether the last frame is to be taken again with a sweep more. still: see `_still`."""
-        patience = ceil((STAYS if still else CALM) * self.frame_rate)
+        calm = KEEPS if self._layered else CALM
+        patience = ceil((STAYS if still else calm) * self.frame_rate)
         gained, wanted = self.unsolved < GAIN * self._before, self.unsolved > UNSOLVED
         if wanted and gained and self.sweeps < MOST_SWEEPS and self._futile == 0:
             self._before, self._calm = self.unsolved, 0

@@ -146,3 +146,22 @@ def test_cloth_between_an_arm_and_the_chest_is_not_torn(sparing):
     assert (largest < 0.005) == sparing, f"{largest:.4f}"
     if not sparing:
         assert largest > 0.02
+
+
+@pytest.mark.parametrize("between", [None, 5e-4])
+def test_limbs_that_face_each_other_give_way_to_cloth_between_them(between):
+    """A patch lies on one limb; another, which it does not meet, reaches 6 mm into that from above. It lies at the gap,
+    or as far from the middle between both as these leave it."""
+    sheet = patches(np.ones((ROWS - 1, COLS - 1), bool))
+    positions = sheet.flat()[..., [0, 2, 1]] + [-0.12, 0.002, -0.04]
+    chest, arm = (
+        Primitive(kind="sphere", start=y * UP, end=y * UP, radii=(5.0, 5.0), bone=bone)
+        for y, bone in ((-5.0, CHEST), (4.994, ARM))
+    )
+    bits = np.full((ROWS, COLS), 1 << ARM, np.int32)
+    body = Colliders(primitives=(chest, arm), gap=0.001, spared=bits, between=between)
+    simulation = simulate(sheet, forces=Forces(body=body), positions=positions)
+    for _ in range(8):
+        simulation.step()
+    own, other = (nearest_distance([p], simulation.positions.reshape(-1, 3))[0] for p in (chest, arm))
+    np.testing.assert_allclose(own, 0.001 if between is None else other - 2 * between, atol=1e-4)

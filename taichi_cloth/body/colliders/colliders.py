@@ -59,6 +59,8 @@ class Colliders:
     get no speed by it [m/s].
     spared: (rows, cols) int32 of one sheet's key points, bits 1 << bone of the bones that each does not meet
     (`garment/limbs.py`); None: all meet all, and nothing is spent on it.
+    between: where key points that do not meet one limb lie between it and another that they meet, how far from the
+    middle these leave them at least, and give way themselves [m]; None: each keeps out what it meets.
     """
 
     primitives: tuple[Primitive, ...] = ()
@@ -70,6 +72,7 @@ class Colliders:
     beyond: tuple[float, ...] = ()
     recovery: float = 1.0
     spared: NDArray[np.int32] | None = field(default=None, repr=False)
+    between: float | None = None
 
     def __post_init__(self) -> None:
         if not self.primitives and not self.grids:
@@ -121,7 +124,7 @@ class Colliders:
         """A hash of what cloth meets. Of a motion that has no name, where it leads in the first seconds."""
         moves = [self.name] if self.name or self.motion is None else [self.at(t) for t in (0.0, 0.1, 0.37, 1.0, 2.3)]
         grids = [(g.origin, g.spacing, g.values, g.part, g.bone) for g in self.grids]
-        spared = () if self.spared is None else (self.spared,)
+        spared = tuple(one for one in (self.spared, self.between) if one is not None)
         return digest(
             list(self.primitives), grids, moves, self.friction, self.gap, list(self.beyond), self.recovery, *spared
         )

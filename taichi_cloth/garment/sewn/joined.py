@@ -138,7 +138,7 @@ def _joined(cell: float, seams: list[SeamLine], shares: list[F64], groups: list[
         inner[[0, -1]] = True  # an end of a seam is where it ends
         for side, (number, line) in enumerate(zip(seam.panels, seam.lines, strict=True)):
             mine = np.flatnonzero(panel == number)
-            apart, found = KDTree(flat[mine]).query(along(line, at))
+            apart, found = map(np.asarray, KDTree(flat[mine]).query(along(line, at)))
             there = apart < FOUND * cell
             on = mine[found[there]]
             share[on] = np.maximum(share[on], inner[there])
@@ -151,7 +151,7 @@ def _joined(cell: float, seams: list[SeamLine], shares: list[F64], groups: list[
     for mine, at, line, of_own, of_same in near:  # beside a seam
         off = mine[~sewn[mine]]
         fine, places = _fine(line, cell)
-        apart, found = KDTree(places).query(flat[off])
+        apart, found = map(np.asarray, KDTree(places).query(flat[off]))
         close = apart < BESIDE * cell
         at_cut = np.abs(fine[found[close]][:, None] - at).argmin(axis=1)
         points.append(off[close])
