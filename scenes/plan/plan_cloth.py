@@ -13,9 +13,9 @@ from ..prepare.sheet_setup import choice_of, forces_of, moved_by, sheet_of, solv
 from ..scene.schema import Scene
 from .plan import MATERIAL
 
-__all__ = ["force_stages", "material_stage", "sheet_stages", "solver_stages", "thin_limbs", "within_stages"]
+__all__ = ["LAYERS", "force_stages", "material_stage", "sheet_stages", "solver_stages", "thin_limbs", "within_stages"]
 
-THIN, WITHIN_CLOTH = "thin limbs", "within cloth"
+LAYERS, THIN, WITHIN_CLOTH = "cloth on cloth", "thin limbs", "within cloth"
 
 
 def thin_limbs(body: Colliders, diagonal: float) -> tuple[dict[str, str], dict[str, str]]:
@@ -58,10 +58,10 @@ def force_stages(forces: Forces, gaps: SheetGaps) -> tuple[dict[str, str], dict[
     if limit:
         built["strain limit"] = f"{100 * limit.strain:g} %, {limit.passes} passes a substep"
     if layers:
-        built["cloth on cloth"] = f"{gaps.layers.said}; friction {layers.friction:g}"
+        built[LAYERS] = f"{gaps.layers.said}; friction {layers.friction:g}"
     keys = {"wind": "wind", "strain limit": "strain_limit"}
     left = {stage: f"the scene has no [forces.{key}]" for stage, key in keys.items() if stage not in built}
-    return built, left if layers else left | {"cloth on cloth": "the scene leaves forces.self_contact out"}
+    return built, left if layers else left | {LAYERS: "the scene leaves forces.self_contact out"}
 
 
 def material_stage(scene: Scene) -> dict[str, str]:

@@ -16,9 +16,10 @@ from ..prepare.garment_setup import (
     woven_garment,
 )
 from ..prepare.weave_layout import Prepared
-from ..scene.cloth_schema import SolverSection
+from ..scene.cloth_schema import ForcesSection, SolverSection
+from ..scene.garment_schema import CLEAR
 from ..scene.schema import Scene
-from .plan_cloth import force_stages, material_stage, solver_stages, thin_limbs, within_stages
+from .plan_cloth import LAYERS, force_stages, material_stage, solver_stages, thin_limbs, within_stages
 
 __all__ = ["garment_stages"]
 
@@ -60,6 +61,8 @@ def garment_stages(scene: Scene) -> tuple[dict[str, str], dict[str, str], int, S
     ):
         built |= more_built
         left |= more_left
+    if section.pattern not in CLEAR and "self_contact" not in (scene.forces or ForcesSection()).model_fields_set:
+        left[LAYERS] = "panels of this pattern may start through each other; forces.self_contact={} asks for it"
     cloth, prepared = None, None
     if section.representation == "fibre":
         prepared = prepare_garment(scene, atlas)

@@ -9,7 +9,7 @@ from taichi_cloth.fabric.follow_rule import FollowRule
 from .cloth_schema import MaterialName, MeasuredFile, PropertiesSection
 from .section import DRAFT_FILE, PATTERN_FILE, PICTURE_FILE, Positive, Section
 
-__all__ = ["GarmentSection", "PanelColours", "PrintSection"]
+__all__ = ["CLEAR", "GarmentSection", "PanelColours", "PrintSection"]
 
 
 class PanelColours(Section):
@@ -26,6 +26,10 @@ class PrintSection(Section):
     width_cm: Positive | None = Field(default=None, description="default: as wide as the panel [cm]")
     right_cm: float = Field(default=0.0, description="of its middle from the panel's, seen from the right side [cm]")
     up_cm: float = Field(default=0.0, description="of its middle from the panel's [cm]")
+
+
+CLEAR = ("tshirt", "skirt")
+"""Patterns whose garments rest clear of themselves, and so are kept from passing through themselves as they move."""
 
 
 class GarmentSection(Section):

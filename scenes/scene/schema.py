@@ -17,7 +17,7 @@ from taichi_cloth.yarn.yarn import Direction
 from ...render.image.tone import Tone
 from .body_section import BodySection
 from .cloth_schema import ClothSection, ForcesSection, SolverSection
-from .garment_schema import GarmentSection
+from .garment_schema import CLEAR, GarmentSection
 from .section import DRAFT_FILE, SPRITE_FILE, Positive, Section, Share
 
 __all__ = [
@@ -284,6 +284,13 @@ class Output(Section):
         return self
 
 
+def _pattern(garment: object) -> object:
+    """Of a [garment], as it is stated or by default; None where there is none."""
+    if isinstance(garment, dict):
+        return garment.get("pattern", GarmentSection().pattern)
+    return garment.pattern if isinstance(garment, GarmentSection) else None
+
+
 class Scene(Section):
     """A whole scene. `subject` is what it shows: the last thing it names."""
 
@@ -307,9 +314,9 @@ class Scene(Section):
 
     @model_validator(mode="before")
     @classmethod
-    def layers_of_sheets_meet(cls, data: object) -> object:
-        """A [cloth] that says nothing of `forces.self_contact` has it."""
-        if not isinstance(data, dict) or data.get("cloth") is None:
+    def layers_meet(cls, data: object) -> object:
+        """A [cloth] that says nothing of `forces.self_contact` has it, and so has a [garment] of a pattern in CLEAR."""
+        if not isinstance(data, dict) or (data.get("cloth") is None and _pattern(data.get("garment")) not in CLEAR):
             return data
         forces = data.get("forces")
         if forces is None or (isinstance(forces, dict) and "self_contact" not in forces):

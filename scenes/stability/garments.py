@@ -84,7 +84,7 @@ def _worn(
     start: Callable[[F32], F32] | None = None,
 ) -> str:
     """cycle: poses at times [s], instead of the scene's motion. start: key points (rows, cols, 3) [m] from worn."""
-    scene = load_scene(name, [f"garment.key_points={POINTS}", *changes])
+    scene = load_scene(name, [f"garment.key_points={POINTS}", "forces.self_contact=false", *changes])
     dressed = dress(scene)
     if start is not None:
         dressed = replace(dressed, worn=replace(dressed.worn, positions=start(dressed.worn.positions)))

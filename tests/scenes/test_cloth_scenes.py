@@ -253,9 +253,13 @@ def test_a_scene_asks_for_a_strain_limit_and_may_leave_out_cloth_on_cloth() -> N
         assert stages["strain limit"].built is limited
         assert stages["cloth on cloth"].built is meets
     assert "forces.self_contact" in stages["cloth on cloth"].why
+    whole = {stage.name: stage for stage in plan(load_scene("dress", ["garment.representation=mesh"])).stages}
+    assert "asks for it" in whole["cloth on cloth"].why
     left = load_scene("drape", [*PLANNED, *without])
     again = Scene.model_validate(json.loads(left.model_dump_json(exclude_unset=True)))  # as a run is left to be resumed
-    for one, said in ((left, False), (again, False), (load_scene("tshirt", ["forces.self_contact=true"]), True)):
+    asked = (load_scene("dress", ["forces.self_contact=true"]), True), (load_scene("skirt"), True)
+    paper = load_scene(scene_file("tshirt")), False
+    for one, said in ((left, False), (again, False), paper, *asked):
         assert one.forces is not None
         assert (one.forces.self_contact is not None) is said
 

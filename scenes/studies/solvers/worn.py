@@ -12,7 +12,7 @@ from ...scene.load import load_scene
 
 __all__ = ["SECONDS", "rows"]
 
-SCENE = "skirt"
+SCENE, ALONE = "skirt", "forces.self_contact=false"
 SECONDS = 0.3
 """Simulated time [s] after which the error is taken."""
 
@@ -23,8 +23,8 @@ FINEST = 8
 
 def rows() -> Iterator[Row]:
     """Errors of all key points [m], root mean square."""
-    dressed = dress(load_scene(SCENE))
-    own = garment_simulation(load_scene(SCENE), dressed).solver.step
+    dressed = dress(load_scene(SCENE, [ALONE]))
+    own = garment_simulation(load_scene(SCENE, [ALONE]), dressed).solver.step
     panel = f"skirt, {SECONDS:g} s of walking"
     best, _, _ = _run(dressed, own / FINEST)
     nearly, _, step = _run(dressed, 2 * own / FINEST)
@@ -47,6 +47,6 @@ def rows() -> Iterator[Row]:
 
 def _run(dressed: Dressed, step: float) -> tuple[NDArray[np.float64], float, float]:
     """Key points (n, 3) [m] at the end, CPU time [s] a simulated second, and the step [s]."""
-    scene = load_scene(SCENE, ["body.motion=walk", f"solver.step_ms={1e3 * step}"])
+    scene = load_scene(SCENE, [ALONE, "body.motion=walk", f"solver.step_ms={1e3 * step}"])
     simulation, cost = timed(lambda: garment_simulation(scene, dressed), SECONDS)
     return simulation.positions[simulation.sheet.present].astype(np.float64), cost, simulation.solver.step
