@@ -93,6 +93,7 @@ def mechanics_of(section: YarnSection, scene: Scene) -> FibreMechanics:
         "modulus": own.modulus_n_per_tex,
         "flexural": own.flexural_mn_mm2_per_tex2,
         "friction": own.friction,
+        "rubbing": own.friction,
     }
     return replace(fibre, **{key: value for key, value in stated.items() if value is not None})
 

@@ -4,14 +4,15 @@
   T and the fibre's tex t; the lower bound. Bonded into one rod they make R·T²/φ², with φ the packing; the upper.
 - A yarn lies χ times above the lower bound. χ: 3 for spun cellulosics, fitted to a cotton measured by KES after the
   correction of crossings; 1 for wool and filament. Size and resin raise it (`FINISHES`): raw denim asks for 8.
-- Where threads of the other family press a yarn, it cannot slip (Peirce's free length; Abbott, Grosberg & Leaf; de
-  Jong & Postle): of each pitch the share f = i·d·n, i changes of face a crossing, d the other's diameter, n its
-  threads a mm; at most 0.75. Fibres slicker than cotton are held as much less. A family's rigidity a width then is
-  n·χ·R·T·t / ((1 + c)·(1 − f)); 1 + c is that of a yarn bent along its crimped path (Livesey & Owen 1964).
+- Where a yarn is wrapped around threads of the other family, it is pressed and cannot slip; the rest is its free length
+  (Peirce 1937, l − Dθ; Abbott, Grosberg & Leaf 1973; de Jong & Postle): the share f = i·D·θ/l is held, i changes of
+  face a crossing, D the sum of both diameters, θ the weave angle, l the yarn from crossing to crossing; at most 0.75.
+  Fibres slicker than cotton are held as much less. A family's rigidity a width then is n·χ·R·T·t / ((1 + c)·(1 − f)); 1
+  + c is that of a yarn bent along its crimped path (Livesey & Owen 1964).
 - The couple that must be overcome before fibres slip (Grosberg 1966), HB = n·i·µ·k·V·d/2, from the force of a crossing
-  of set yarns V = 8·B·θ/p² (Olofsson 1964), B one yarn's, d its diameter. k is the part of that force which cloth keeps
-  after it has relaxed: 0.13 gives 2HB/B as KES finds them within a factor of 1.5, 1.05 a cm for a cotton broad cloth
-  and 0.49 for a wool tropical (Matsudaira et al. 2015), taken as Ne 40 poplin and as 2/60 Nm plain.
+  of set yarns V = 8·B·θ/p² (Olofsson 1964), B one yarn's, d its diameter, µ of fibre on fibre. k is the part of that
+  force which cloth keeps after it has relaxed: 0.13 gives 2HB as KES finds it within a factor of 1.8, 1.22 mN for a
+  cotton broad cloth and 0.32 for a wool tropical (Matsudaira et al. 2015), taken as Ne 40 poplin and as 2/60 Nm plain.
 """
 
 from dataclasses import dataclass
@@ -72,20 +73,19 @@ def one_yarn(family: ThreadFamily, finish: str) -> float:
     return cohesion(family.fibre, finish) * family.fibre.flexural * family.tex * family.single_fibre
 
 
-def pressed(family: ThreadFamily, other: ThreadFamily) -> float:
+def pressed(family: ThreadFamily) -> float:
     """Share f of a thread's length where those that it crosses hold its fibres."""
-    share = min(family.turns * family.other_diameter * other.per_mm, LARGEST_PRESSED)
-    return share * min(family.fibre.friction / FIBRE_MECHANICS["cotton"].friction, 1.0)
+    wrapped = family.angle * (family.diameter + family.other_diameter)
+    share = min(family.turns * wrapped / family.leg, LARGEST_PRESSED)
+    return share * min(family.fibre.slipping / FIBRE_MECHANICS["cotton"].slipping, 1.0)
 
 
 def family_bending(cloth: Construction) -> tuple[float, float]:
     """Bending rigidity of the cloth when the warp, and when the weft, is bent [µN·m]."""
-    warp, weft = cloth.families
-    first, second = (
-        own.per_mm * one_yarn(own, cloth.finish) / ((1.0 + own.crimp) * (1.0 - pressed(own, other)))
-        for own, other in ((warp, weft), (weft, warp))
+    warp, weft = (
+        own.per_mm * one_yarn(own, cloth.finish) / ((1.0 + own.crimp) * (1.0 - pressed(own))) for own in cloth.families
     )
-    return first, second
+    return warp, weft
 
 
 def crossing_force(family: ThreadFamily) -> float:
@@ -99,7 +99,7 @@ def crossing_force(family: ThreadFamily) -> float:
 def family_couple(cloth: Construction) -> tuple[float, float]:
     """Frictional couple HB a width of cloth, half of KES's 2HB, of the warp and of the weft [mN = mN·mm/mm]."""
     warp, weft = (
-        own.per_mm * own.turns * own.fibre.friction * crossing_force(own) * own.diameter / 2.0 for own in cloth.families
+        own.per_mm * own.turns * own.fibre.slipping * crossing_force(own) * own.diameter / 2.0 for own in cloth.families
     )
     return warp, weft
 

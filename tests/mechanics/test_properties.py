@@ -13,6 +13,7 @@ from taichi_cloth.mechanics.bending import (
     crossing_force,
     family_bending,
     family_couple,
+    pressed,
     yarn_bending,
 )
 from taichi_cloth.mechanics.construction import CLOSEST, Construction, usual_loss
@@ -73,11 +74,22 @@ def test_free_fibres_bend_by_mass_and_fineness_alone() -> None:
         cloth(fibre=fibre_mechanics("wool")),
     )
     for made in (coarse, fine):
-        for own, other, bending in zip(made.families, made.families[::-1], family_bending(made), strict=True):
-            held = own.turns * other.diameter * other.per_mm * 0.24 / 0.36  # wool slips more easily than cotton
+        for own, bending in zip(made.families, family_bending(made), strict=True):
+            wrapped = own.angle * (own.diameter + own.other_diameter)  # Peirce's D·θ
+            held = own.turns * wrapped / own.leg * 0.24 / 0.26  # wool slips more easily than cotton
             free = own.fibre.flexural * own.mass * own.single_fibre / (1 + own.crimp)
             assert bending * (1 - held) == pytest.approx(free, rel=1e-9)
     assert [f.mass for f in coarse.families] == pytest.approx([f.mass for f in fine.families])
+
+
+def test_a_weft_that_lies_straight_is_hardly_held() -> None:
+    """Peirce's free length: a thread is held where it is wrapped around others. The fewer picks the straighter they
+    lie; the warp has its own way around them."""
+    shares = [[pressed(own) for own in cloth(sett=(37.0, picks)).families] for picks in (8.0, 16.0, 24.0, 32.0)]
+    warp, weft = zip(*shares, strict=True)
+    assert sorted(warp) == list(warp)
+    assert sorted(weft) == list(weft)
+    assert weft[0] < 0.06 < 0.25 < weft[-1]
 
 
 def test_a_yarn_lies_between_sliding_and_bonded_fibres() -> None:
@@ -175,7 +187,7 @@ def test_friction_of_bending_grows_with_the_force_of_crossings() -> None:
     own = made.families[0]
     expected = KEPT * 8 * 3.0 * 0.19 * 20.0 * 0.17 * own.angle / own.pitch**2
     assert crossing_force(own) == pytest.approx(expected)
-    slick = replace(made, warp_fibre=replace(COTTON, friction=0.18))
+    slick = replace(made, warp_fibre=replace(COTTON, rubbing=0.13))
     assert family_couple(slick)[0] == pytest.approx(0.5 * family_couple(made)[0])
     assert family_couple(slick)[1] == family_couple(made)[1]
 

@@ -223,11 +223,12 @@ def test_a_blend_and_ones_own_fibre_data_reach_the_cloth() -> None:
     mixed = construction_of(make_scene(SHIRTING | {"fibre": {"blend": {"cotton": 65, "polyester": 35}}}))
     assert mixed.warp_fibre.name == "cotton 65 polyester 35"
     assert mixed.warp.fibre_density == pytest.approx(1 / (0.65 / 1520 + 0.35 / 1380))
-    assert mixed.warp_fibre.flexural == pytest.approx(0.65 * 0.19 + 0.35 * 0.42)
-    own = {"modulus_n_per_tex": 6.0, "flexural_mn_mm2_per_tex2": 0.38, "friction": 0.36, "fineness_dtex": 0.85}
+    assert mixed.warp_fibre.flexural == pytest.approx(0.65 * 0.19 + 0.35 * 0.46)
+    own = {"modulus_n_per_tex": 6.0, "flexural_mn_mm2_per_tex2": 0.38, "friction": 0.3, "fineness_dtex": 0.85}
     stiff = construction_of(make_scene(SHIRTING | {"fibre": own}))
-    found = (stiff.warp_fibre.modulus, stiff.warp_fibre.flexural, stiff.families[0].single_fibre)
-    assert found == pytest.approx((6.0, 0.38, 0.085))
+    fibre = stiff.warp_fibre
+    assert (fibre.modulus, fibre.flexural, fibre.slipping) == (6.0, 0.38, 0.3)
+    assert stiff.families[0].single_fibre == pytest.approx(0.085)
     assert stiff.areal_density == pytest.approx(cotton.areal_density)
     with pytest.raises(InputError, match=r"fibre.blend: unknown fibre 'coton'; known: .*did you mean \"cotton\""):
         construction_of(make_scene(SHIRTING | {"fibre": {"blend": {"coton": 65}}}))
