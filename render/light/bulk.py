@@ -29,8 +29,9 @@ import numpy as np
 import taichi as ti
 
 from taichi_cloth.ground.arrays import Template
+from taichi_cloth.ground.mixing import SURFACE_SHARE
 
-__all__ = ["BODY", "OF_KEY", "OF_SKY", "SHUT", "SURFACE_SHARE", "dyed", "weight"]
+__all__ = ["BODY", "OF_KEY", "OF_SKY", "SHUT", "dyed", "weight"]
 
 OF_KEY = (
     (0.008, 0.963, -0.604, 0.082),
@@ -45,9 +46,6 @@ OF_SKY = (
     (0.0, 0.327, 1.537, -1.135),
 )
 """b, c0, c1, c2 of the weights."""
-
-SURFACE_SHARE = 0.031
-"""What a thick mass of the fibres that were fitted sends back before light gets to their dye, of any colour."""
 
 SHUT = 0.85
 """How much less of a light behind a cloth gets to its fibres that see all of the sky before it: to a flat cloth, too,

@@ -3,13 +3,15 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_cloth.ground.mixing import SURFACE_SHARE
+
 from ..data.camera import Camera
 from ..data.finish import Finish
 from ..data.light import Lighting
 from ..tiles.sort import DEEPEST_KEY
-from .bulk import BODY, SURFACE_SHARE
+from .bulk import BODY
 
-__all__ = ["MOST_OTHERS", "VIEW_ROWS", "new_view", "set_bulk", "set_finish", "set_view"]
+__all__ = ["MOST_OTHERS", "VIEW_ROWS", "new_view", "set_bulk", "set_finish", "set_view", "surface_share"]
 
 ROTATION = 0  # world to camera, three rows
 TRANSLATION = 3  # world to camera [m]
@@ -110,13 +112,23 @@ def set_bulk(view: NDArray[np.float32], finish: Finish, coarse: float, blind: fl
     cloth alone, see `map_place.blind`; with no maps it is not known either."""
     if finish.depth <= 0:
         return
-    lobes = finish.reflect + finish.transmit + finish.internal if finish.model == "marschner" else 0.0
-    body = min((1.0 - lobes) / BODY, 1.0)
+    body, uncoloured = _left(finish)
     view[EDGE, 1] = BULK_SHADE * coarse
     view[BULK] = body, coarse * (1.0 + blind * (SEEN - 1.0)), 1.0 - body
     more = UNRESOLVED + blind * (OF_CLOTH - UNRESOLVED)
-    uncoloured = LEAVING * finish.reflect / max(lobes, 1e-6)
     view[COAT, :2] = 1.0 - uncoloured, 1.0 + more * coarse
-    shine = OPEN * (1.0 - body)
-    surface = (SURFACE_SHARE * body + uncoloured * shine) / (body + shine)
+    surface = surface_share(finish)
     view[DYE, :2] = 1.0 / (1.0 - surface), surface / (1.0 - surface)
+
+
+def surface_share(finish: Finish) -> float:
+    """What a thick mass of such fibres sends back of the sky before light gets to their dye, of any colour."""
+    body, uncoloured = _left(finish)
+    shine = OPEN * (1.0 - body)
+    return (SURFACE_SHARE * body + uncoloured * shine) / (body + shine)
+
+
+def _left(finish: Finish) -> tuple[float, float]:
+    """What highlights leave of a bulk's light, and the share of the sky's highlights that has no colour."""
+    lobes = finish.reflect + finish.transmit + finish.internal if finish.model == "marschner" else 0.0
+    return min((1.0 - lobes) / BODY, 1.0), LEAVING * finish.reflect / max(lobes, 1e-6)

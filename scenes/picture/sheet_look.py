@@ -16,10 +16,12 @@ from taichi_cloth.detail.cell_stream import CellStream
 from taichi_cloth.detail.surfels import AREA, FLANKS, OPEN, TILTS, TURNED, WARP, WEFT, SheetLook, guess_of
 from taichi_cloth.fabric.cells import CellCloth, CellPanel, CellThreads
 from taichi_cloth.ground.cache import digest, kept
+from taichi_cloth.ground.mixing import SURFACE_SHARE
 
 from ...render.data.camera import Camera, frame
 from ...render.data.finish import Finish
 from ...render.data.light import KeyLight, Lighting
+from ...render.light.view import surface_share
 from ...render.splat.splat import Splatter
 from ...render.splat.stream import STREAMED
 from .flat_light import FlatLight
@@ -28,7 +30,7 @@ __all__ = ["fit_look", "flat_piece", "seen_light"]
 
 F64 = NDArray[np.float64]
 
-VERSION = 8
+VERSION = 9
 """Of what is kept on disk: raised whenever the same cloth would come to another look."""
 SIZE = 256, 192
 AZIMUTH = 30.0
@@ -44,6 +46,8 @@ ROUNDS, STEADY = 5, 3e-3
 """Rounds in which factors are found, at most, and by how much of itself none changes any more before."""
 SKY = 0.4
 """How much of the light comes from the sky before the cloth, beside 1 from lights."""
+LITTLE = 0.01
+"""Light of warp or weft, and a factor of it, of which less is no matter: of a family that is not seen from one side."""
 CLEAR = 1e-3
 """Of light that passes through, less is taken for as much."""
 AROUND = ((0.0, 1.0, 0.0, 0.3), *((0.8 * cos(2 * pi * k / 5), 0.6, 0.8 * sin(2 * pi * k / 5), 0.2) for k in range(5)))
@@ -90,7 +94,8 @@ def _measured(
 ) -> F64:
     """The factors of a repeat, (2, TILTS, 4)."""
     splatter = Splatter(*SIZE)
-    fibres, sheet = (flat_piece(cloth, number, threads, pitch) for threads, _ in (FIBRES, SHEETS))
+    dark = surface_share(finish)
+    fibres, sheet = (flat_piece(cloth, number, threads, pitch, dark=dark) for threads, _ in (FIBRES, SHEETS))
     fibres.target, fibres.sheets = COARSEST, False
     sheet.look = SheetLook(guess.factor.copy(), guess.lean)
     out = guess.factor[number].astype(np.float64)
@@ -117,7 +122,8 @@ def _solved(got: Callable[[F64], F64], want: F64, start: F64) -> F64:
         have, before = np.maximum(got(now), 1e-6), now.copy()
         now[AREA] *= log(max(1 - want[0], CLEAR)) / log(min(max(1 - have[0], CLEAR), 1 - CLEAR))
         lights, sky = (want[k].sum() / have[k].sum() for k in (slice(1, 3), slice(3, 5)))
-        now[[WARP, WEFT]] *= (want[1:3] + SKY * want[3:]) / (have[1:3] + SKY * have[3:])
+        ratio = (want[1:3] + SKY * want[3:] + LITTLE) / (have[1:3] + SKY * have[3:] + LITTLE)
+        now[[WARP, WEFT]] = np.maximum(now[[WARP, WEFT]] * ratio, LITTLE)
         now[OPEN] = np.clip(now[OPEN] * sky / lights, 0.1, 1.0)
         if np.abs(now / before - 1.0).max() < STEADY:
             break
@@ -125,14 +131,21 @@ def _solved(got: Callable[[F64], F64], want: F64, start: F64) -> F64:
 
 
 def flat_piece(
-    cloth: CellCloth, number: int, threads: int, pitch: tuple[float, float], colours: NDArray | None = None
+    cloth: CellCloth,
+    number: int,
+    threads: int,
+    pitch: tuple[float, float],
+    colours: NDArray | None = None,
+    *,
+    dark: float = SURFACE_SHARE,
 ) -> CellStream:
     """A flat piece of so many threads each way, woven as a repeat says. colours: of its warp ends and then of its weft
-    picks, `CELL` for each cell and one more of both, (n, 3); None: red and green, by which they are told apart."""
+    picks, `CELL` for each cell and one more of both, (n, 3); None: red and green, by which they are told apart, over
+    the `dark` that none is darker than: else the little that a mixture has of one would be nothing."""
     cells = -(-threads // CELL)
     shape = cells + 1, cells + 1
     count = cells * CELL + 1
-    probe = np.repeat(np.eye(3)[:2], count, axis=0) if colours is None else colours
+    probe = np.maximum(np.repeat(np.eye(3)[:2], count, axis=0), dark) if colours is None else colours
     panel = CellPanel(0, 0, *shape, number)
     dyed = CellThreads.whole(np.asarray(probe, np.float32))
     piece = CellCloth(shape, (CELL, CELL), cloth.repeats, (panel,), dyed, bank=cloth.bank)

@@ -1,6 +1,6 @@
 """Colours side by side, mixed by the light that they send back: a thin cloth of a bulk's colour c sends back
 
-    r(c) = c (DARK - LESS c^2)
+    r(c) = c (DARK - LESS c^2), of a darker one than SURFACE_SHARE as of that,
 
 of what falls on it, within 8 % of a plain weave of cotton at 0.06 to 0.95 under a path tracer (half a sky, and a light
 from 45 degrees), see `docs/appearance.md`; the rest is swallowed or shines through. So a sheet of black and white
@@ -9,9 +9,13 @@ threads is darker than one whose threads all have the mean colour. Plain arithme
 
 from typing import Any
 
+import numpy as np
 import taichi as ti
 
-__all__ = ["colour_in_kernel", "sent_back", "sent_back_in_kernel"]
+__all__ = ["SURFACE_SHARE", "colour_in_kernel", "sent_back", "sent_back_in_kernel"]
+
+SURFACE_SHARE = 0.031
+"""What a thick mass of cotton fibres sends back before light gets to their dye, of any colour: none is darker."""
 
 DARK, LESS = 0.83, 0.2135
 TURNS = 4
@@ -20,13 +24,15 @@ TURNS = 4
 
 def sent_back(colour: Any) -> Any:
     """r(c): share of the light that a thin cloth of a colour sends back."""
-    return colour * (DARK - LESS * colour * colour)
+    seen = np.maximum(colour, SURFACE_SHARE)
+    return seen * (DARK - LESS * seen * seen)
 
 
 @ti.func
 def sent_back_in_kernel(colour):
     """As `sent_back`, in a kernel."""
-    return colour * (DARK - LESS * colour * colour)
+    seen = ti.max(colour, SURFACE_SHARE)
+    return seen * (DARK - LESS * seen * seen)
 
 
 @ti.func
@@ -35,5 +41,5 @@ def colour_in_kernel(share):
     most = ti.min(share, DARK - LESS)
     colour = most / DARK
     for _ in ti.static(range(TURNS)):
-        colour -= (sent_back_in_kernel(colour) - most) / (DARK - 3.0 * LESS * colour * colour)
+        colour -= (colour * (DARK - LESS * colour * colour) - most) / (DARK - 3.0 * LESS * colour * colour)
     return colour + (share - most) / (DARK - 3.0 * LESS)

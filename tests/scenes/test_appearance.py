@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from taichi_cloth.ground import runtime
-from taichi_cloth.render.light.bulk import SURFACE_SHARE, dyed
+from taichi_cloth.ground.mixing import SURFACE_SHARE
+from taichi_cloth.render.light.bulk import dyed
 from taichi_cloth.scenes.__main__ import _status
 from taichi_cloth.scenes.measure import likeness as likenesses
 from taichi_cloth.scenes.measure.likeness import Likeness, likeness, luminance, shown_alike

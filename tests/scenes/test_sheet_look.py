@@ -131,3 +131,17 @@ def test_each_stripe_has_its_colour_from_far_and_near(source: CellStream, finish
         seen.append(np.array(stripes))
     for one in seen[1:]:
         assert one / one[1].mean() == pytest.approx(seen[0] / seen[0][1].mean(), rel=0.08, abs=0.004)
+
+
+def test_a_family_that_is_hardly_seen_from_one_side_has_a_look_from_the_next_angle_on() -> None:
+    """Of what a mixture has of one as much is lost as its dark is: where nothing of it is seen, no factor follows."""
+
+    def seen(now: np.ndarray) -> np.ndarray:
+        lights = np.maximum(now[1:3] - [0.1, 0.02], 0.0)
+        return np.array([1 - np.exp(-now[0]), *lights, *(now[3] * lights)])
+
+    now = np.array([1.0, 0.7, 0.25, 0.8])
+    for weft in (0.0, 0.03, 0.05, 0.15):
+        want = seen(np.array([2.0, 0.8, weft, 0.6]))
+        now = sheet_look._solved(seen, want, now)
+        assert seen(now) == pytest.approx(want, abs=0.01)
