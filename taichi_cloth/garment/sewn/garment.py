@@ -72,6 +72,11 @@ class Garment:
         return Surface(self.atlas, self.seam_lines)
 
     @cached_property
+    def apart(self) -> Surface:
+        """Its panels, each by itself: what lies where before anything is sewn, and how each lies in what is."""
+        return Surface(self.atlas)
+
+    @cached_property
     def seam_lines(self) -> list[SeamLine]:
         """All seams in the flat pattern."""
         return seam_lines(self.pattern, self.atlas)

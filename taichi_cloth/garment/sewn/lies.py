@@ -73,10 +73,10 @@ class Loop:
 
 def lies(garment: Garment, positions: NDArray, primitives: Sequence[Primitive]) -> list[Lie]:
     """Of each panel. positions: key points (rows, cols, 3) [m] on the body at rest that primitives stand for."""
-    outline = garment.outline
-    at, start = outline.places(positions), outline.places(garment.atlas.start())
-    faces, owner = outline.faces, outline.panel[outline.faces[:, 0]]
-    a, b, c = (outline.flat[faces[:, k]] for k in range(3))
+    cloth = garment.apart
+    at, start = cloth.places(positions), cloth.places(garment.atlas.start())
+    faces, owner = cloth.faces, cloth.panel[cloth.faces[:, 0]]
+    a, b, c = (cloth.flat[faces[:, k]] for k in range(3))
     area = np.abs(_cross(b - a, c - a)) / 2
     corner = at[faces]
     middle, normal = corner.mean(axis=1), np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
@@ -133,7 +133,7 @@ def lying_faults(garment: Garment, positions: NDArray, primitives: Sequence[Prim
 
 
 def crossed(garment: Garment, positions: NDArray) -> float:
-    """Pairs of triangles that pass through each other, over all triangles."""
+    """Pairs of triangles that pass through each other, over all triangles, of what is sewn: closed along its seams."""
     return crossings_of(garment.outline, positions).count / max(len(garment.outline.faces), 1)
 
 
