@@ -90,16 +90,19 @@ def check(what: str, overrides: list[str], *, frames: int | None, arch: Any, thr
         raise InputError(f"check: {what} has no cloth that moves; allowed: a scene of a [cloth] or a [garment]")
     runtime.start(arch if arch == "cpu" else device_of(plan(scene), arch), threads=threads)
     skin, simulation = skin_of(scene)
-    counts = []
+    counts, let_off = [], 0
     for frame in range(count):
         if frame:
             simulation.step()
+            let_off += simulation.solver.let_off
         found = skin.crossings(simulation.positions)
         counts.append(found.count)
         if found.count:
             yield _line(f"frame {frame}", found, len(skin.faces), skin)
     if left and count == left[0] + 1 and not np.array_equal(left[1], simulation.state.values):
         yield f"{kept} was left by another version of this program, or on another device: this is the same scene, anew"
+    if let_off:
+        yield f"{let_off:,} pairs could not be kept apart, and were let off"
     yield _summary(counts, len(skin.faces))
     return any(counts)
 

@@ -1,5 +1,6 @@
 """A garment worn by a body (paper 4): sewn once, then moved with it."""
 
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 
@@ -250,7 +251,8 @@ class GarmentModel(MovingModel):
         if self._moments is None or self.simulation.frame in self._moments.moments:
             return
         bones = self.dressed.body.bone_transforms(self.motion.pose(self.simulation.time))
-        self._moments.moments[self.simulation.frame] = self._watch.at(self.simulation.positions, bones)
+        moment = replace(self._watch.at(self.simulation.positions, bones), let_off=self.simulation.solver.let_off)
+        self._moments.moments[self.simulation.frame] = moment
         self._moments.write(self._said)
 
     @cached_property

@@ -214,7 +214,7 @@ class ForcesSection(Section):
     strain_limit: StrainLimitSection | None = Field(default=None, description="threads that grow no longer (Provot)")
     self_contact: SelfContactSection | None = Field(
         default=None,
-        description="cloth does not pass through cloth; a [cloth] and a skirt have it unless it is false",
+        description="cloth does not pass through cloth; a [cloth], a T-shirt and a skirt have it unless it is false",
     )
 
     @field_validator("self_contact", mode="before")

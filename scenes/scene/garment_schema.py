@@ -28,9 +28,9 @@ class PrintSection(Section):
     up_cm: float = Field(default=0.0, description="of its middle from the panel's [cm]")
 
 
-CLEAR = ("skirt",)
-"""Patterns whose garments rest clear of themselves and come through each built-in motion so, with next to no pair that
-has to be pushed: they are kept from passing through themselves as they move."""
+CLEAR = ("tshirt", "skirt")
+"""Patterns whose garments rest clear of themselves and come through each built-in motion so: they are kept from passing
+through themselves as they move."""
 
 
 class GarmentSection(Section):

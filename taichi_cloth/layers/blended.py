@@ -4,7 +4,7 @@ from typing import Any
 
 import taichi as ti
 
-from taichi_cloth.ground.arrays import Float, Template
+from taichi_cloth.ground.arrays import Float, Int, Template
 from taichi_cloth.ground.routine import routine
 
 __all__ = ["Blended", "across", "back", "slid"]
@@ -13,11 +13,11 @@ ROOM, NODES = 6, 24
 """Contacts for each blend, and key points of one in the mean, at most."""
 
 
-FIRM = 0.2
-"""Σ w²/m of a contact, over the largest 1/m, below which it is none: its sides are so nearly the same blend that moving
-them apart would take their key points far, and shake them. Those of layers that have no key point in common have 0.33
-at least. That the others do not pass through each other is proven all the same."""
-
+FIRM, TOUCHING, WEAK = 0.2, 5.0, 0.02
+"""Σ w²/m of a contact, over the largest 1/m, below which it answers only where its sides all but touch, so many times
+as far apart as a proof asks for: they are so nearly the same blend that mending more depth would take their key points
+far, and shake them. Those of layers that have no key point in common have 0.33 at least. And below which there is none:
+that these do not pass through each other is proven all the same."""
 
 ANCHORED, YIELDS = 0.05, 5e-5
 """Share of how far a contact has slid from its anchor that it goes back in a substep, if friction can; and how far it
@@ -74,29 +74,77 @@ class Blended:
         self.count, self.overflow = ti.field(ti.i32, ()), ti.field(ti.i32, ())
 
     @ti.func
+    def gather(self, points: Template, pairs: Template, pair, weights: Template, begin):
+        """The key points of a pair and their weights, from `begin` on, where the next contact would be. weights: of its
+        four points. Returns where they end."""
+        used = begin
+        for corner in ti.static(range(4)):
+            p, w = pairs.point[corner][pair], weights[corner]
+            if w != 0.0:
+                used = self.put_point(points, p, w, begin, used)
+        return used
+
+    @routine
+    def put_point(self, points: Template, p: Int, w: Float, begin: Int, used: Int) -> Int:
+        """All key points of one point. Returns how many there are."""
+        out, k = used, points.blends.of[p]
+        if k >= 0:
+            for m in range(points.blends.start[k], points.blends.start[k + 1]):
+                out = self.put(begin, out, points.blends.node[m], w * points.blends.weight[m])
+        else:
+            out = self.put(begin, out, p, w)
+        return out
+
+    @ti.func
+    def yields(self, points: Template, begin, end):
+        """Σ w²/m of key points, and the largest 1/m of them [1/kg]."""
+        out, most = 0.0, 0.0
+        for m in range(begin, end):
+            out += self.weight[m] ** 2 * points.inverse_mass[self.node[m]]
+            most = ti.max(most, points.inverse_mass[self.node[m]])
+        return out, most
+
+    @ti.func
+    def part(self, points: Template, pairs: Template, pair, weights: Template, n: Template, apart):
+        """Moves the key points of a near pair so that its sides, where they are nearest, are so far apart along n, and
+        do not approach. Both sides of a seam are blends of the same key points: one side after the other would take
+        them back and forth."""
+        begin = self.start[self.count[None]]
+        end = begin
+        if begin < (NODES - 1) * self.room:
+            end = self.gather(points, pairs, pair, weights, begin)
+        yields, most = self.yields(points, begin, end)
+        gap, rate = apart, 0.0
+        for m in range(begin, end):
+            for axis in ti.static(range(3)):
+                gap -= self.weight[m] * n[axis] * points.position[axis][self.node[m]]
+                rate -= self.weight[m] * n[axis] * points.step[axis][self.node[m]]
+        scale = ti.select(most > 0.0, 1.0 / ti.max(yields, WEAK * most + 1e-20), 0.0)
+        for m in range(begin, end):
+            q = self.node[m]
+            share = scale * self.weight[m] * points.inverse_mass[q]
+            for axis in ti.static(range(3)):
+                x, s = ti.static(points.position[axis], points.step[axis])
+                x[q] = x[q] + share * ti.max(gap, 0.0) * n[axis]
+                s[q] = s[q] + share * ti.max(rate, 0.0) * n[axis]
+        for corner in ti.static(range(4)):
+            k = points.blends.of[pairs.point[corner][pair]]
+            if k >= 0:
+                points.blends.refresh_one(points, k)
+
+    @ti.func
     def add(self, points: Template, pairs: Template, before: Template, pair, weights, normal, kept):
         """A near pair as a contact. weights: of its four points. before: what those of the last interval pushed."""
         c = self.count[None]
         begin = self.start[c]
-        used = begin
         if c < self.room and begin < (NODES - 1) * self.room:
-            for corner in ti.static(range(4)):
-                p, w = pairs.point[corner][pair], weights[corner]
-                if w != 0.0:
-                    k = points.blends.of[p]
-                    if k >= 0:
-                        for m in range(points.blends.start[k], points.blends.start[k + 1]):
-                            used = self.put(begin, used, points.blends.node[m], w * points.blends.weight[m])
-                    else:
-                        used = self.put(begin, used, p, w)
-            yields, most = 0.0, 0.0
-            for m in range(begin, used):
-                yields += self.weight[m] ** 2 * points.inverse_mass[self.node[m]]
-                most = ti.max(most, points.inverse_mass[self.node[m]])
-            if yields > FIRM * most:
+            used = self.gather(points, pairs, pair, weights, begin)
+            yields, most = self.yields(points, begin, used)
+            if yields > WEAK * most:
                 for axis in ti.static(range(3)):
                     self.normal[axis][c] = normal[axis]
-                self.kept[c], self.share[c] = kept, 1.0 / yields
+                self.kept[c] = ti.select(yields > FIRM * most, kept, ti.min(kept, TOUCHING * pairs.least[pair]))
+                self.share[c] = 1.0 / yields
                 self.start[c + 1] = used
                 before.recall(points, self, pairs, pair, c)
                 self.count[None] = c + 1

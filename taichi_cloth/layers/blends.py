@@ -52,15 +52,20 @@ class Blends:
     def refresh(self, points: Template):
         """Where they are, and their steps."""
         for k in range(self.count[None]):
-            x, s = ti.Vector([0.0, 0.0, 0.0]), ti.Vector([0.0, 0.0, 0.0])
-            for m in range(self.start[k], self.start[k + 1]):
-                p, w = self.node[m], self.weight[m]
-                for axis in ti.static(range(3)):
-                    x[axis] += w * points.position[axis][p]
-                    s[axis] += w * points.step[axis][p]
+            self.refresh_one(points, k)
+
+    @ti.func
+    def refresh_one(self, points: Template, k):
+        """Blend number k."""
+        x, s = ti.Vector([0.0, 0.0, 0.0]), ti.Vector([0.0, 0.0, 0.0])
+        for m in range(self.start[k], self.start[k + 1]):
+            p, w = self.node[m], self.weight[m]
             for axis in ti.static(range(3)):
-                points.position[axis][self.at[k]] = x[axis]
-                points.step[axis][self.at[k]] = s[axis]
+                x[axis] += w * points.position[axis][p]
+                s[axis] += w * points.step[axis][p]
+        for axis in ti.static(range(3)):
+            points.position[axis][self.at[k]] = x[axis]
+            points.step[axis][self.at[k]] = s[axis]
 
     @ti.func
     def place(self, points: Template, p):

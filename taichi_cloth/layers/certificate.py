@@ -8,6 +8,7 @@ Two edges that all but touch are parted by few directions, and when they turn by
 all the way. So where n fails the way is gone in steps: from where they are to as far as the direction between their
 nearest places parts them, and on from there with a new one (`follow`). Pairs that are not parted even so are pushed
 apart along the last of these; points that do not come apart go back to where the interval began, where all is well.
+What does not come apart even so is let off in the end: it may pass through, and is drawn apart (`tangles.py`).
 """
 
 from typing import Any
@@ -30,7 +31,7 @@ share."""
 PUSHES, ROUNDS = 12, 60
 """Sweeps that push, and sweeps in all."""
 
-LOOK, PUSH, BACK = 0, 1, 2
+LOOK, PUSH, BACK, LET_OFF = 0, 1, 2, 3
 
 STEPS, RESERVE, ROOM = 24, 0.2, 1024
 """On the way of a pair, at most; what is left of how far it is apart at the end of one; pairs that are followed."""
@@ -43,18 +44,21 @@ and an interval of several substeps is taken again."""
 @ti.data_oriented
 class Certificate:
     """bad, deep: pairs that are not parted after a sweep, and of these such as have passed each other by more than
-    DEEP. pushed, returned: of the frame, pairs that had to be."""
+    DEEP. pushed, returned, let_off: of the frame, pairs that had to be. lets: whether those are let off that nothing
+    parts."""
 
     def __init__(self) -> None:
         self.bad, self.deep, self.pushed, self.returned = (ti.field(ti.i32, ()) for _ in range(4))
+        self.let_off, self.lets = ti.field(ti.i32, ()), ti.field(ti.i32, ())
         self.room, self.most = ti.field(ti.f32, LANES), ti.field(ti.f32, ())
         # Corners of a pair at the start of the interval and at its end; pairs that were followed, and the last
         # direction on the way of each.
         self.place = ti.field(ti.f32, (2, 4, 3))
         self.followed, self.last = ti.field(ti.i32, ROOM), ti.field(ti.f32, (ROOM, 3))
         self.count: Any = ti.field(ti.i32, ())
-        # The last direction of that which was followed last, and how far it is apart along it at the end.
-        self.way, self.end = ti.field(ti.f32, 3), ti.field(ti.f32, ())
+        # The last direction of that which was followed last, where along both sides, as of `Nearest`, and how far it is
+        # apart along it at the end.
+        self.way, self.share, self.end = ti.field(ti.f32, 3), ti.field(ti.f32, 2), ti.field(ti.f32, ())
 
     @routine
     def sweep(
@@ -62,16 +66,16 @@ class Certificate:
         points: Template,
         paths: Template,
         contacts: Template,
-        pairs: Template,
-        nearest: Template,
+        near: Template,
         kind: Int,
         remedy: Int,
         ahead: Float,
     ):
         """All pairs of a kind. remedy: what is done with those that are not parted. ahead: how long the next interval
         may be over how long this was: pairs that may touch in it are awake."""
+        pairs = near.pairs
         begin, awake, bad, deep = pairs.first(kind), pairs.first_awake(kind), 0, 0
-        part = ti.select(remedy == BACK, STILL_PARTED, 1.0)
+        part = ti.select(remedy >= BACK, STILL_PARTED, 1.0)
         for packet in range(pairs.packets(kind)):
             at = listed(begin + packet * LANES)
             x, y, z = load(pairs.normal[0], at), load(pairs.normal[1], at), load(pairs.normal[2], at)
@@ -95,14 +99,16 @@ class Certificate:
                     least = pairs.least[pair]
                     alright = pairs.apart[pair] >= part * least or pairs.kept[pair] <= 0.0
                     if not alright:
-                        alright = self.follow(points, paths, pairs, nearest, kind, pair, part * least) == 1
+                        alright = self.follow(points, paths, pairs, near.nearest, kind, pair, part * least) == 1
                     if not alright:
                         bad += 1
                         deep += ti.select(self.end[None] < -self.most[None], 1, 0)
                         if remedy == PUSH:
-                            self.push(points, pairs, kind, pair, PUSHED * least)
+                            self.push(points, contacts, pairs, kind, pair, PUSHED * least)
                         elif remedy == BACK:
                             self.put_back(points, paths, pairs, pair)
+                        elif remedy == LET_OFF:
+                            near.let_off(pair)
         self.bad[None] = self.bad[None] + bad
         self.deep[None] = self.deep[None] + deep
         contacts.close(pairs, kind, awake)
@@ -155,6 +161,9 @@ class Certificate:
                 else:
                     end = low - high
             step += 1
+            if now > 0.0 or step == 1:
+                for side in ti.static(range(2)):
+                    self.share[side] = nearest.share[side][0]
             if now > 0.0:
                 self.end[None] = end
                 for axis in ti.static(range(3)):
@@ -171,8 +180,23 @@ class Certificate:
         return out
 
     @routine
-    def push(self, points: Template, pairs: Template, kind: Int, pair: Int, apart: Float):
-        """To both sides of the middle between them, so far apart, and what approaches stops. After `follow`."""
+    def push(self, points: Template, contacts: Template, pairs: Template, kind: Int, pair: Int, apart: Float):
+        """So far apart, and what approaches stops. After `follow`."""
+        blends = 0
+        for corner in ti.static(range(4)):
+            blends += ti.select(points.blends.of[pairs.point[corner][pair]] >= 0, 1, 0)
+        if blends == 0:
+            self.push_sides(points, pairs, kind, pair, apart)
+        else:
+            s, t, n = self.share[0], self.share[1], ti.Vector([self.way[0], self.way[1], self.way[2]])
+            weights = ti.Vector([1.0 - s, s, t - 1.0, -t])
+            if kind == FACES:
+                weights = ti.Vector([1.0, s + t - 1.0, -s, -t])
+            contacts.blended.part(points, pairs, pair, weights, n, apart)
+
+    @ti.func
+    def push_sides(self, points: Template, pairs: Template, kind, pair, apart):
+        """To both sides of the middle between them."""
         x, s, inverse = ti.static(points.position, points.step, points.inverse_mass)
         n = ti.Vector([self.way[0], self.way[1], self.way[2]])
         least, most, up, down, free_up, free_down = 1e9, -1e9, 0.0, 0.0, 0.0, 0.0
@@ -208,19 +232,21 @@ class Certificate:
 
     @routine
     def settle(self, points: Template, paths: Template, contacts: Template, near: Template, ahead: Float, long: Int):
-        """Sweeps until all pairs are parted, or no sweep is left: then `bad` are not. Where after a long interval
-        any have passed each other by much the first sweep leaves them as they are, and `deep` says so."""
+        """Sweeps until all pairs are parted, or no sweep is left: then `bad` are not, or are let off. Where after a
+        long interval any have passed each other by much the first sweep leaves them as they are, and `deep` says so."""
         rounds, bad = 0, 1
         self.most[None] = DEEP * ti.min(near.spacing[0], near.spacing[1])
         while bad > 0 and rounds < ROUNDS:
             remedy = ti.select(rounds < PUSHES, PUSH, BACK)
             if rounds == 0 and long == 1:
                 remedy = LOOK
+            elif rounds == ROUNDS - 1 and self.lets[None] == 1:
+                remedy = LET_OFF
             self.bad[None] = 0
             self.deep[None] = 0
             self.count[None] = 0
             for kind in range(FACES, EDGES + 1):
-                self.sweep(points, paths, contacts, near.pairs, near.nearest, kind, remedy, ahead)
+                self.sweep(points, paths, contacts, near, kind, remedy, ahead)
             bad = self.bad[None]
             if bad > 0 and remedy != LOOK:
                 points.blends.refresh(points)
@@ -231,6 +257,9 @@ class Certificate:
             elif self.deep[None] > 0:
                 bad = 0
             rounds += 1
+            if remedy == LET_OFF:
+                self.let_off[None] = self.let_off[None] + bad
+                self.bad[None] = 0
         some = ti.select(self.deep[None] == 0, self.count[None], 0)
         for k in range(some):
             for axis in ti.static(range(3)):

@@ -14,7 +14,7 @@ import taichi as ti
 from taichi_cloth.ground.arrays import Float, Int, Template
 from taichi_cloth.ground.routine import routine
 from taichi_cloth.layers.blended import Blended, across, back, slid
-from taichi_cloth.layers.near_pairs import FOLDED, HINGE, NEAR_SEAMS
+from taichi_cloth.layers.near_pairs import NEAR_SEAMS
 from taichi_cloth.layers.nearest import EDGES, FACES, gather
 from taichi_cloth.motion.stencil import listed, load, store
 from taichi_cloth.sheet.sheet import LANES
@@ -235,8 +235,7 @@ class Contacts:
             for axis, v in ti.static(((2, x), (3, y), (4, z))):
                 store(self.found[axis], 0, v)
             store(self.inside, 0, within)
-            cap, wide = gather(pairs.cap, at), FOLDED * ti.min(beside.spacing[0], beside.spacing[1])
-            tent = ti.select(on_face, 1.0, 0.5) * HINGE * ti.max(ti.min(sewn, wide - sewn), 0.0)
+            tent, cap = ti.select(on_face, 1.0, 0.5) * beside.tent(sewn), gather(pairs.cap, at)
             least = ti.max(tent, ti.max(ti.min(cap, 0.5 * sewn), NEAR_SEAMS))
             store(self.found[9], 0, ti.min(gather(pairs.kept, at), least))
             for lane in range(LANES):

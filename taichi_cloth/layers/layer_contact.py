@@ -1,7 +1,8 @@
 """Cloth that meets cloth, as a constraint of a sheet (what it does is in `layer_fields.py`).
 
 A frame with an interval that could not be proven is taken again with intervals half as long, down to single substeps.
-What passes through itself at the start is let off, and drawn apart from frame to frame (`tangles.py`).
+What cannot be parted even then is let off, as is what passes through itself at the start, and drawn apart from frame to
+frame (`tangles.py`); `let_off` counts such pairs, and intervals after which key points had left their room.
 """
 
 import numpy as np
@@ -37,7 +38,7 @@ MEND_SUMMED, MEND = 0.06, 0.1
 LEAST, FEWEST = 16_384, 4_096
 """Elements, and blends of them, that there is room for at least, some 70 MB: all sheets and garments up to that share
 the kernel between substeps, which takes long to compile."""
-HALVINGS, CAREFUL = 6, 0.7
+HALVINGS, CAREFUL = 4, 0.7
 """Times that intervals are halved for a frame that could not be proven, and what is left of the use with each."""
 LEAST_SLACK = (0.25, 0.25, 0.3, 0.4)
 """Shares of their length by which the threads of a patch may turn at least, by its level and from the last on: those of
@@ -104,9 +105,8 @@ class LayerContact(SharedConstraint):
         if self._tangled:
             self._untangle(state)
         share = 2**self._halved
-        self.fields.start(
-            max(1, self._longest // share), max(1, self._free // share), self._substeps, USE * CAREFUL**self._halved
-        )
+        most, free = max(1, self._longest // share), max(1, self._free // share)
+        self.fields.start(most, free, self._substeps, USE * CAREFUL**self._halved, int(self._halved == HALVINGS))
 
     def rescale(self, state: SheetState, share: float) -> None:
         if self.keeps:
@@ -131,10 +131,11 @@ class LayerContact(SharedConstraint):
         full = self._full()
         proven = self.fields.unproven[None] == 0 and not full
         if proven or self._halved == HALVINGS:
-            self.fault = "" if proven else "layers of cloth could not be kept apart"
             self._halved = 0
             if full:
                 raise InputError(full)
+            self.let_off = self.fields.certificate.let_off[None] + self.fields.unproven[None]
+            self._tangled |= self.let_off > 0  # perhaps: the next frame looks
             return False
         self._halved += 1
         return True

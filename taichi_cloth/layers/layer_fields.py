@@ -135,9 +135,9 @@ class LayerFields:
             self.near.tangle[p] = labels[p]
 
     @ti.kernel
-    def start(self, longest: Int, free: Int, substeps: Int, use: Float):
-        """Before a frame."""
-        self.use[None] = use
+    def start(self, longest: Int, free: Int, substeps: Int, use: Float, lets: Int):
+        """Before a frame. lets: whether pairs that nothing parts are let off."""
+        self.use[None], self.certificate.lets[None] = use, lets
         self.longest[None], self.free[None], self.substeps[None] = longest, free, substeps
         self.search.overflow[None] = 0
         self.near.overflow[None] = 0
@@ -147,6 +147,7 @@ class LayerFields:
         self.contacts.blended.overflow[None] = 0
         self.certificate.pushed[None] = 0
         self.certificate.returned[None] = 0
+        self.certificate.let_off[None] = 0
         self.searches[None] = 0
         self.renewals[None] = 0
         self.intervals[None] = 0

@@ -15,7 +15,7 @@ from taichi_cloth.layers.search import element
 from taichi_cloth.motion.stencil import load, near, store
 from taichi_cloth.sheet.sheet import LANES
 
-__all__ = ["BESIDE", "FOLDED", "HINGE", "NEAR_SEAMS", "NearPairs", "Pairs"]
+__all__ = ["BESIDE", "NEAR_SEAMS", "NearPairs", "Pairs"]
 
 FACE_ROOM, EDGE_ROOM = 16, 48
 """Pairs, for each key point."""
@@ -36,6 +36,9 @@ FOLDED = 4.0
 
 SHALLOW = 0.35
 """Share of the spacing that pairs are kept apart at least, however near they are in the flat sheet."""
+
+LET_OFF = 1 << 24
+"""Tangle of what is let off within a frame, beyond all others."""
 
 BESIDE = 16
 """More than as many cells as neighbours may be apart that are not tangled for being of one tangle."""
@@ -164,7 +167,7 @@ class NearPairs:
     @ti.func
     def in_fold(self, flat, kept):
         """How far what is so far apart in the flat sheet is kept apart: no fold is tighter than key points follow."""
-        return ti.select(flat < FOLDED * ti.min(self.spacing[0], self.spacing[1]), ti.max(kept, self.most[None]), kept)
+        return ti.select(flat < self.folded(), ti.max(kept, self.most[None]), kept)
 
     @ti.func
     def kept_apart(self, points: Template, width, p, q):
@@ -188,10 +191,14 @@ class NearPairs:
         return out, near_by and self.panel[p] == self.panel[q]
 
     @ti.func
+    def folded(self):
+        """From one side of the tightest fold to the other, in the flat sheet [m]."""
+        return FOLDED * ti.min(self.spacing[0], self.spacing[1])
+
+    @ti.func
     def tent(self, sewn):
         """How far apart cloth is kept that is so far from each other by way of a seam: no seam folds flat."""
-        wide = FOLDED * ti.min(self.spacing[0], self.spacing[1])
-        return HINGE * ti.max(ti.min(sewn, wide - sewn), 0.0)
+        return HINGE * ti.max(ti.min(sewn, self.folded() - sewn), 0.0)
 
     @ti.func
     def owns(self, paths: Template, p, bit):
@@ -222,15 +229,24 @@ class NearPairs:
             for axis in ti.static(range(3)):
                 pairs.normal[axis][pair] = self.nearest.normal[axis][k]
             cap = self.drawn_apart(kept, share, p, q, k)
-            wide = FOLDED * ti.min(self.spacing[0], self.spacing[1])
             pairs.cap[pair], pairs.kept[pair] = cap, cap
             if not beside:
-                pairs.kept[pair] = ti.max(cap, share * self.tent(ti.max(sewn, 0.5 * wide)))
+                pairs.kept[pair] = ti.max(cap, share * self.tent(ti.max(sewn, 0.5 * self.folded())))
             pairs.least[pair] = ti.min(PARTED, SHARE * ti.min(cap, share * ti.max(0.5 * sewn, NEAR_SEAMS)))
             out = at + 1
         elif not tangled:
             self.overflow[None] = self.overflow[None] + 1
         return out
+
+    @ti.func
+    def let_off(self, pair):
+        """A pair that nothing parts, and what else is of its cells, until the frame is over."""
+        self.pairs.kept[pair] = -1.0
+        p, q = self.pairs.cell[0][pair], self.pairs.cell[1][pair]
+        one, other = self.tangle[p], self.tangle[q]
+        if one == 0 or other == 0:
+            number = ti.select(one + other == 0, LET_OFF, one + other)
+            self.tangle[p], self.tangle[q] = number, number
 
     @ti.func
     def none(self):

@@ -36,7 +36,7 @@ class Constraint:
     limit asks: what one of them changes the next answers. They are whole, and keep the sheet to one thread.
     stops: it also works between substeps, by `stop`, and may want a frame taken again, see `again`. At most one of a
     solver does.
-    fault: what is wrong with the last frame, where it stops.
+    let_off: how often in the last frame it could not keep apart what it should, and let it through.
     remembers: numbers of each key point that it keeps in the state from frame to frame, by `open` and `close`; above 0
     it has a `warm_start`. At most one constraint of a solver may.
     spreads: it has a `loop`, and so can do without the kernel that threads share. spread: whether it is to; said by the
@@ -53,7 +53,7 @@ class Constraint:
     paired = False
     repeated = False
     stops = False
-    fault = ""
+    let_off = 0
     remembers = 0
     keeps = 0
     spreads = False

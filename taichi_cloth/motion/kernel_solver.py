@@ -159,7 +159,7 @@ class KernelSolver(Solver):
         while before is not None and sum(one.again() for one in self.constraints):  # all are asked
             state.values[:] = before
             self._advance(state, forces)
-        self.fault = next((one.fault for one in self.constraints if one.fault), "")
+        self.let_off = sum(one.let_off for one in self.constraints)
 
     def _advance(self, state: SheetState, forces: FrameForces) -> None:
         """One frame, whatever constraints think of it."""

@@ -162,20 +162,14 @@ class Simulation:
         self.frame += 1
 
     def _check_solver(self) -> None:
-        """Raises Unstable where a constraint says that this is no cloth, or threads are pulled more than their steps
-        can be shortened for."""
-        if fault := self.solver.fault:
-            raise self._refused(f"{fault}; the", "closer key points")
+        """Raises Unstable where threads are pulled more than their steps can be shortened for."""
         if torn := self.solver.torn:
-            raise self._refused(f"{torn}; no cloth carries that. The", "softer threads")
-
-    def _refused(self, what: str, instead: str) -> Unstable:
-        number = self.frame + 1
-        return Unstable(
-            f"frame {number}: {what} state of frame {self.frame} is kept. Use slower or nearer pins, weaker forces, or "
-            f"{instead}",
-            number,
-        )
+            number = self.frame + 1
+            raise Unstable(
+                f"frame {number}: {torn}; no cloth carries that. The state of frame {self.frame} is kept. Use slower "
+                "or nearer pins, weaker forces, or softer threads",
+                number,
+            )
 
     def _moved(self) -> SheetState:
         """The state a frame later, whatever it is."""

@@ -73,8 +73,8 @@ class Solver(ABC):
         """
         return False
 
-    fault = ""
-    """What a constraint found wrong with the last frame."""
+    let_off = 0
+    """How often in the last frame constraints could not keep apart what they should, and let it through."""
 
     @property
     def torn(self) -> str:

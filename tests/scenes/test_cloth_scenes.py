@@ -254,10 +254,10 @@ def test_a_scene_asks_for_a_strain_limit_and_may_leave_out_cloth_on_cloth() -> N
         assert stages["cloth on cloth"].built is meets
     assert "forces.self_contact" in stages["cloth on cloth"].why
     whole = {stage.name: stage for stage in plan(load_scene("dress", ["garment.representation=mesh"])).stages}
-    assert "self_contact={} asks" in whole["cloth on cloth"].why
+    assert "self_contact={} asks for it" in whole["cloth on cloth"].why
     left = load_scene("drape", [*PLANNED, *without])
     again = Scene.model_validate(json.loads(left.model_dump_json(exclude_unset=True)))  # as a run is left to be resumed
-    asked = (load_scene("dress", ["forces.self_contact=true"]), True), (load_scene("skirt"), True)
+    asked = (load_scene("dress", ["forces.self_contact=true"]), True), (load_scene("tshirt"), True)
     paper = load_scene(scene_file("tshirt")), False
     for one, said in ((left, False), (again, False), paper, *asked):
         assert one.forces is not None

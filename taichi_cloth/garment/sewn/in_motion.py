@@ -17,13 +17,15 @@ F64 = NDArray[np.float64]
 @dataclass(frozen=True)
 class Moment:
     """depth: of the deepest cloth in the body [m], 0 outside. part: of the body that it lies in, or "".
-    stretch: largest strain of a thread. taut: of those that end in no seam and at no hold, and panel: whose that is."""
+    stretch: largest strain of a thread. taut: of those that end in no seam and at no hold, and panel: whose that is.
+    let_off: pairs that contact could not keep apart, since the frame before."""
 
     depth: float
     part: str
     stretch: float
     taut: float
     panel: str
+    let_off: int = 0
 
 
 class Watch:

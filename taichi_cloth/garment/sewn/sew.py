@@ -88,87 +88,102 @@ def sew(
     """Sews a garment on a body at rest. limit: of how far its threads may grow. layers: its contact with itself. each:
     told the stage, the frame and the most there may be, after each frame. solver: see `named_solver`.
 
-    Few garments pass through themselves while they are sewn: contact is taken up only for those that come to rest so,
-    which are sewn again: with contact from where their seams are closed, and if that is not enough from the start.
+    Few garments pass through themselves while they are sewn: contact is taken up only for those that come to rest so.
+    They settle on from there, and what is through other cloth is drawn apart (`layers/tangles.py`); if that is not
+    enough, anew from where their seams are closed, and the clearest of these is what is worn.
 
     Raises InputError when the cloth does not hold together, with what to change.
     """
-    worn = _sew(garment, body, limit, (None, None), solver, each, closing, settling)
-    for apart in ((None, layers), (layers, layers)):
-        if layers and not _clear(garment, worn.positions):
-            with contextlib.suppress(InputError):  # what cannot be sewn so stays as it is, and contact says where
-                worn = _sew(garment, body, limit, apart, solver, each, closing, settling)
-    return worn
 
+    def told(stage: str, frame: int, most: int) -> None:
+        if each:
+            each(stage, frame, most)
 
-def _clear(garment: Garment, positions: F64 | F32) -> bool:
-    """Whether it passes through itself nowhere."""
-    return not crossings_of(garment.outline, positions).count
-
-
-def _sew(
-    garment: Garment,
-    body: Colliders,
-    limit: StrainLimit | None,
-    layers: tuple[SelfContact | None, SelfContact | None],
-    solver: str,
-    each: Callable[[str, int, int], None] | None,
-    closing: int,
-    settling: int,
-) -> Worn:
-    """`sew`, with contact of layers while seams close and while cloth settles, from where on none passes through
-    another: panels may start within each other."""
-    start = garment.atlas.start()
-    still = replace(body, motion=None, recovery=RECOVERY)
-    smooth = replace(still, friction=0.05)
-    frames = 0
-    try:
-        weight = Forces().gravity if garment.pattern.holds else (0.0, 0.0, 0.0)
-        apart = layers[0] if layers[0] and _clear(garment, start) else None
-        simulation = garment.simulation(
-            Forces(gravity=weight, body=smooth, strain_limit=limit, self_contact=apart),
-            start,
-            air_damping=THICK,
-            solver=solver,
-            settled=True,
-            relaxed=True,
-        )
-        for frame in range(closing):
-            simulation.step()
-            frames += 1
-            if each:
-                each("sewing", frame + 1, closing)
-            if _gap(simulation) < OPEN:
-                break
-        if body.primitives:  # in whose folds both keep out; of grids, which are one skin at rest, there are none
-            still = replace(still, spared=spared(garment.atlas, simulation.positions, body.primitives, moving=False))
-        apart = layers[1] if layers[1] and _clear(garment, simulation.positions) else None
+    def rest(positions: F32, apart: SelfContact | None, more: int) -> Worn:
         forces = Forces(body=still, strain_limit=limit, self_contact=apart)
+        return _rest(
+            garment, forces, positions, solver, settling, more, lambda frame: told("settling", frame, settling)
+        )
 
-        def told(frame: int) -> None:
-            if each:
-                each("settling", frame, settling)
-
-        simulation, speed, settled = _settled(garment, forces, simulation.positions, solver, settling, told)
-        frames += settled
+    try:
+        closed, frames = _closed(garment, body, limit, solver, closing, lambda frame: told("sewing", frame, closing))
+        still = replace(body, motion=None, recovery=RECOVERY)
+        if body.primitives:  # in whose folds both keep out; of grids, which are one skin at rest, there are none
+            still = replace(still, spared=spared(garment.atlas, closed, body.primitives, moving=False))
+        worn = rest(closed, None, frames)
     except Unstable as error:
         raise InputError(
             f"garment {garment.pattern.name}: torn while it was sewn ({error}); it does not fit this body: "
             "allowed: a pattern whose panels start clear of the body and whose seams can close round it"
         ) from None
-    positions = simulation.positions
+    through = _through(garment, worn.positions) if layers else 0
+    for begin, more in ((worn.positions, worn.frames), (closed, frames)):
+        if through:
+            with contextlib.suppress(InputError, Unstable):  # what cannot be sewn so stays as it is
+                again = rest(begin, layers, more)
+                if _through(garment, again.positions) < through:
+                    worn, through = again, _through(garment, again.positions)
+    return worn
+
+
+def _through(garment: Garment, positions: F32) -> int:
+    """How many of its triangles pass through others."""
+    return crossings_of(garment.outline, positions).count
+
+
+def _closed(
+    garment: Garment,
+    body: Colliders,
+    limit: StrainLimit | None,
+    solver: str,
+    closing: int,
+    told: Callable[[int], None],
+) -> tuple[F32, int]:
+    """Stage 1: where key points are with seams closed, and after how many frames."""
+    smooth = replace(body, motion=None, recovery=RECOVERY, friction=0.05)
+    weight = Forces().gravity if garment.pattern.holds else (0.0, 0.0, 0.0)
+    simulation = garment.simulation(
+        Forces(gravity=weight, body=smooth, strain_limit=limit),
+        garment.atlas.start(),
+        air_damping=THICK,
+        solver=solver,
+        settled=True,
+        relaxed=True,
+    )
+    frames = 0
+    while frames < closing:
+        simulation.step()
+        frames += 1
+        told(frames)
+        if _gap(simulation) < OPEN:
+            break
+    return simulation.positions, frames
+
+
+def _rest(
+    garment: Garment,
+    forces: Forces,
+    positions: F32,
+    solver: str,
+    settling: int,
+    before: int,
+    told: Callable[[int], None],
+) -> Worn:
+    """Stage 2 from `positions`, `before` frames after sewing began."""
+    simulation, speed, frames = _settled(garment, forces, positions, solver, settling, told)
+    positions, body = simulation.positions, forces.body
+    assert body is not None
     distance = solid_distance(body.solids, garment.surface.places(positions))
-    depth = float(max(0.0, -distance.min()))
     return Worn(
         positions=positions,
         gap=_gap(simulation),
-        depth=depth,
+        depth=float(max(0.0, -distance.min())),
         stretch=float(max(s.max() for s in simulation.sheet.stretch(positions))),
         taut=float(max(s.max() for s in garment.strains(positions))),
         speed=speed,
-        frames=frames,
+        frames=before + frames,
         **_known(simulation),
-        spared=np.zeros((0, 0), np.int32) if still.spared is None else still.spared,
+        spared=np.zeros((0, 0), np.int32) if body.spared is None else body.spared,
     )
 
 
@@ -176,7 +191,7 @@ def _settled(
     garment: Garment, forces: Forces, positions: F32, solver: str, most: int, told: Callable[[int], None]
 ) -> tuple[Simulation, float, int]:
     """Stage 2 from `positions`: the garment at rest, its speed (STILL), and the frames that it took, `most` at most.
-    told: of each frame.
+    told: of each frame. With contact of layers it is not at rest before none is through another.
 
     What rubs within the cloth goes along as long as it is halted, and holds from then on: it comes to rest as what has
     been moved about does, and then stays. Held all the way it would keep the folds that sewing made; never held, folds
@@ -203,7 +218,11 @@ def _settled(
             simulation.slow(SLOWED)
             speeds.append(moving)
             speed = max(speeds[-STEADY:])
-            if len(speeds) >= STEADY and speed < STILL:
+            if (
+                len(speeds) >= STEADY
+                and speed < STILL
+                and not (forces.self_contact and _through(garment, simulation.positions))
+            ):
                 return simulation, speed, frame + 1
     return simulation, speed, most
 
