@@ -36,6 +36,7 @@ OPEN = 2e-3
 
 CLOSING = 240  # frames at most
 SETTLING = 300
+UNTANGLING = 60  # with contact, of what comes to rest through itself
 SWUNG = 40  # frames in which a garment that settles is halted
 STILL, STEADY = 0.001, 12
 """Root mean square from frame to frame [m/s] of cloth at rest, and for how many frames it is no faster."""
@@ -90,7 +91,7 @@ def sew(
 
     Few garments pass through themselves while they are sewn: contact is taken up only for those that come to rest so.
     They settle on from there, and what is through other cloth is drawn apart (`layers/tangles.py`); if that is not
-    enough, anew from where their seams are closed, and the clearest of these is what is worn.
+    enough, anew from where their seams are closed, if none is through another there. The clearest of these is worn.
 
     Raises InputError when the cloth does not hold together, with what to change.
     """
@@ -99,28 +100,26 @@ def sew(
         if each:
             each(stage, frame, most)
 
-    def rest(positions: F32, apart: SelfContact | None, more: int) -> Worn:
+    def rest(positions: F32, apart: SelfContact | None, most: int, before: int) -> Worn:
         forces = Forces(body=still, strain_limit=limit, self_contact=apart)
-        return _rest(
-            garment, forces, positions, solver, settling, more, lambda frame: told("settling", frame, settling)
-        )
+        return _rest(garment, forces, positions, solver, most, before, lambda frame: told("settling", frame, most))
 
     try:
         closed, frames = _closed(garment, body, limit, solver, closing, lambda frame: told("sewing", frame, closing))
         still = replace(body, motion=None, recovery=RECOVERY)
         if body.primitives:  # in whose folds both keep out; of grids, which are one skin at rest, there are none
             still = replace(still, spared=spared(garment.atlas, closed, body.primitives, moving=False))
-        worn = rest(closed, None, frames)
+        worn = rest(closed, None, settling, frames)
     except Unstable as error:
         raise InputError(
             f"garment {garment.pattern.name}: torn while it was sewn ({error}); it does not fit this body: "
             "allowed: a pattern whose panels start clear of the body and whose seams can close round it"
         ) from None
     through = _through(garment, worn.positions) if layers else 0
-    for begin, more in ((worn.positions, worn.frames), (closed, frames)):
-        if through:
+    for begin, most, before in ((worn.positions, UNTANGLING, worn.frames), (closed, settling, frames)):
+        if through and (most == UNTANGLING or not _through(garment, begin)):
             with contextlib.suppress(InputError, Unstable):  # what cannot be sewn so stays as it is
-                again = rest(begin, layers, more)
+                again = rest(begin, layers, most, before)
                 if _through(garment, again.positions) < through:
                     worn, through = again, _through(garment, again.positions)
     return worn
