@@ -54,6 +54,8 @@ class Finish:
     depth: float = 0.0
     """0..0.1: how deep the cloth or the yarn is that fibres make together [m]: light goes from fibre to fibre in it,
     and a colour is that of a mass of them (see `light.bulk`). 0 lights every particle by itself."""
+    alone: float = 0.0
+    """0..1: how black all is that a particle sees instead of the sky, in such a mass; 0 is of the particle's colour."""
 
     def __post_init__(self) -> None:
         if self.model not in ("kajiya", "marschner"):

@@ -118,9 +118,15 @@ def _dyed(view: F32x2, colour):
 
 
 @ti.func
-def _before(albedo, seen):
+def _alike(view: F32x2, seen):
+    """Of what a particle sees that is not the sky, what is of its colour and not black."""
+    return 1.0 - view[DYE, 2] * (1.0 - seen)
+
+
+@ti.func
+def _before(albedo, seen, alike):
     """Of the sky before a cloth, what a particle in it sends on that sees a share of it."""
-    return weight(OF_SKY[0], albedo) + seen * weight(OF_SKY[1], albedo)
+    return alike * weight(OF_SKY[0], albedo) + seen * weight(OF_SKY[1], albedo)
 
 
 @ti.func
@@ -134,12 +140,13 @@ def _from_sky(shading: Template, view: F32x2, up, mirrored, albedo, seen, before
     """What a particle in a bulk sends on of light from all round: of the sky before the cloth, of that behind it, and
     as its fibres' highlights. up: height of the direction open to it; mirrored: of that which a fibre mirrors."""
     front, back, gleam = _sky(shading, view, up), _sky(shading, view, -up), _sky(shading, view, mirrored)
+    alike = _alike(view, seen)
     shine = view[BULK, 2] * seen * before
     before *= view[BULK, 0]
     behind *= view[BULK, 0]
-    red = before * front[0] * _before(albedo[0], seen) + behind * back[0] * _behind(albedo[0], seen)
-    green = before * front[1] * _before(albedo[1], seen) + behind * back[1] * _behind(albedo[1], seen)
-    blue = before * front[2] * _before(albedo[2], seen) + behind * back[2] * _behind(albedo[2], seen)
+    red = before * front[0] * _before(albedo[0], seen, alike) + behind * back[0] * _behind(albedo[0], seen)
+    green = before * front[1] * _before(albedo[1], seen, alike) + behind * back[1] * _behind(albedo[1], seen)
+    blue = before * front[2] * _before(albedo[2], seen, alike) + behind * back[2] * _behind(albedo[2], seen)
     red += shine * gleam[0] * (1.0 + view[COAT, 0] * (albedo[0] - 1.0))
     green += shine * gleam[1] * (1.0 + view[COAT, 0] * (albedo[1] - 1.0))
     blue += shine * gleam[2] * (1.0 + view[COAT, 0] * (albedo[2] - 1.0))
@@ -157,7 +164,7 @@ def _parts(shadowed: Template, view: F32x2, b_l, around, arriving, outside, seen
     turned, shown = ti.max(0.2 + 0.8 * b_l, 0.0), 0.6 + 0.4 * b_l
     facing = here * rise(around) * (shown + unseen * (turned - shown))
     forward = here * rise(-around) * (1.0 + unseen * (turned - 1.0))
-    outside *= view[BULK, 0]
+    outside *= view[BULK, 0] * _alike(view, seen)
     return facing, forward, outside * ti.max(b_l, 0.0), outside * ti.max(-b_l, 0.0) * (1.0 - SHUT * seen)
 
 

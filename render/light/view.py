@@ -31,7 +31,7 @@ MOST_OTHERS = 8
 DOME = OTHERS + 2 * MOST_OTHERS  # how much the zenith differs from the horizon
 BULK = DOME + 1  # what highlights leave of a bulk's light; share of what maps do not show; the sky's highlights
 COAT = BULK + 1  # how far these have the fibre's colour; gain of lights that maps do not tell apart; limb darkening
-DYE = COAT + 1  # of what is left to the dye of a bulk's colour: gain, and what is taken off after it
+DYE = COAT + 1  # of what is left to the dye of a bulk's colour: gain, what is taken off after it; `Finish.alone`
 VIEW_ROWS = DYE + 1
 
 LIMB_DARKENING = 0.5
@@ -118,7 +118,7 @@ def set_bulk(view: NDArray[np.float32], finish: Finish, coarse: float, blind: fl
     more = UNRESOLVED + blind * (OF_CLOTH - UNRESOLVED)
     view[COAT, :2] = 1.0 - uncoloured, 1.0 + more * coarse
     surface = surface_share(finish)
-    view[DYE, :2] = 1.0 / (1.0 - surface), surface / (1.0 - surface)
+    view[DYE] = 1.0 / (1.0 - surface), surface / (1.0 - surface), finish.alone
 
 
 def surface_share(finish: Finish) -> float:

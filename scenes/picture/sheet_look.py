@@ -18,6 +18,7 @@ from taichi_cloth.fabric.cells import CellCloth, CellPanel, CellThreads
 from taichi_cloth.ground.cache import digest, kept
 from taichi_cloth.ground.mixing import SURFACE_SHARE
 
+from ...render.data.blocks import ParticleBlocks
 from ...render.data.camera import Camera, frame
 from ...render.data.finish import Finish
 from ...render.data.light import KeyLight, Lighting
@@ -30,13 +31,16 @@ __all__ = ["fit_look", "flat_piece", "seen_light"]
 
 F64 = NDArray[np.float64]
 
-VERSION = 9
+VERSION = 10
 """Of what is kept on disk: raised whenever the same cloth would come to another look."""
 SIZE = 256, 192
 AZIMUTH = 30.0
 FIBRES, SHEETS = (60, 1.6), (240, 0.6)
 """Threads each way of the piece that is drawn of fibres, and of that drawn as a sheet, and pixels from one to the next
 where it is seen from above; at a flat angle more, so that its picture is not much smaller."""
+LIT, LIT_TILTS, LIT_KEYS, LEAST = (20, 5.0), (0.4, 0.9), (0, 1, 3), 0.3
+"""Likewise of one that casts its own light, to tell what threads send back alone; the cosines of the angles at which it
+is seen, and which of `AROUND` shine on it; of what it is about, the least that there is."""
 INNER = 0.6
 """Of a piece, each way, in which it is measured: its edges are not those of a large cloth."""
 CELL = 20
@@ -80,13 +84,40 @@ def fit_look(source: CellStream, finish: Finish, like: Lighting = ONE_LIGHT) -> 
     guess = guess_of(cloth.bank, cloth.repeats)
     bank = cloth.bank
     parts = bank.particle, bank.start, bank.first, bank.phases, [(one.kind, *one.ahead) for one in cloth.repeats]
-    made_of = digest(VERSION, FLANKS, TURNED, finish, guess, source.pitch, *parts)
+    dyed = bool((cloth.threads.colour != cloth.threads.colour[0]).any())  # else nobody asks what one sends back alone
+    made_of = digest(VERSION, FLANKS, TURNED, finish, guess, source.pitch, dyed, *parts)
 
     def make() -> dict[str, NDArray]:
         every = [_measured(cloth, number, source.pitch, guess, finish, like) for number in range(len(cloth.repeats))]
-        return {"factor": np.stack(every).astype(np.float32)}
+        alone = guess.alone
+        if dyed:
+            of_repeat = [_alone(cloth, number, source.pitch, finish, like) for number in range(len(cloth.repeats))]
+            alone = np.stack(of_repeat).astype(np.float32)
+        return {"factor": np.stack(every).astype(np.float32), "alone": alone}
 
-    return SheetLook(kept("sheet", made_of, make)[0]["factor"], guess.lean)
+    found = kept("sheet", made_of, make)[0]
+    return SheetLook(found["factor"], guess.lean, found["alone"])
+
+
+def _alone(cloth: CellCloth, number: int, pitch: tuple[float, float], finish: Finish, like: Lighting) -> F64:
+    """What warp and weft of a repeat send back where all round them is black, over what they do where it is of their
+    colour, (4,) as `SheetLook.alone`: in maps of light that show its threads, the mean over how light falls and from
+    where it is seen."""
+    piece = flat_piece(cloth, number, LIT[0], pitch, dark=surface_share(finish))
+    splatter, out = Splatter(*SIZE), []
+    splatter.load(ParticleBlocks(piece.sample(np.inf, level=min(1, cloth.bank.levels - 1))))
+    for side in (0, 1):
+        seen = np.zeros((2, 2))  # as always, and alone; of warp and of weft
+        cameras = [_camera(piece, degrees(asin(t)) * (1 - 2 * side), LIT[1] * t**-0.33) for t in LIT_TILTS]
+        *keys, sky = _lightings(side, like)
+        for lighting in (*(keys[k] for k in LIT_KEYS), replace(sky, fill=SKY)):
+            for camera, where in cameras:
+                for k in (0, 1):
+                    splatter.render(camera, lighting=lighting, finish=replace(finish, alone=float(k)))
+                    red, green, blue, _ = splatter.linear()[where].mean(axis=0, dtype=np.float64)
+                    seen[k] += red - blue, green - blue
+        out += np.clip(seen[1] / np.maximum(seen[0], 1e-9), LEAST, 1.0).tolist()
+    return np.array(out)
 
 
 def _measured(
@@ -97,7 +128,7 @@ def _measured(
     dark = surface_share(finish)
     fibres, sheet = (flat_piece(cloth, number, threads, pitch, dark=dark) for threads, _ in (FIBRES, SHEETS))
     fibres.target, fibres.sheets = COARSEST, False
-    sheet.look = SheetLook(guess.factor.copy(), guess.lean)
+    sheet.look = SheetLook(guess.factor.copy(), guess.lean, guess.alone)
     out = guess.factor[number].astype(np.float64)
 
     def got(now: F64, side: int, elevation: float) -> F64:

@@ -141,6 +141,11 @@ class CellStream:
         return float(self.under[1]), float(self.under[2])
 
     @property
+    def alone(self) -> F32:
+        """Of each panel, see `SheetLook`."""
+        return self.look.alone[[panel.repeat for panel in self.cloth.panels]]
+
+    @property
     def allocated(self) -> int:
         """Bytes of the batch's arrays, the only ones that grow with what is drawn."""
         return self._batch.nbytes + self._yarn.nbytes
@@ -246,8 +251,8 @@ class CellStream:
         pack, fibres = self.cloth.pack(), len(sheet) - int(sheet.sum())
         if fibres:
             lay(
-                *_shared_out(chosen[:fibres], starts[: fibres + 1]), seen.patch, seen.share, self.under, pack,
-                out, self._yarn,
+                *_shared_out(chosen[:fibres], starts[: fibres + 1]), seen.patch, seen.share, self.under, self.alone,
+                pack, out, self._yarn,
             )  # fmt: skip
         if fibres < len(chosen):
             above = np.zeros(4) if seen.eye is None else np.array([1.0, *seen.eye])
@@ -256,8 +261,8 @@ class CellStream:
             factor = self.look.factor[of_panel].reshape(len(of_panel), -1, self.look.factor.shape[-1])
             lay_surfels(
                 *_shared_out(chosen[fibres:], starts[fibres:]), seen.patch, seen.grid, seen.share,
-                factor, self.look.lean[of_panel], np.array([*above, height], np.float32), pack,
-                out, self._yarn,
+                factor, np.hstack([self.look.lean[of_panel], self.alone]), np.array([*above, height], np.float32),
+                pack, out, self._yarn,
             )  # fmt: skip
         if len(pieces):
             places = (pieces[:, None] * self.each + np.arange(self.each)).ravel()
@@ -266,13 +271,13 @@ class CellStream:
         filled_up(out, total)
         return out, total
 
-    def sample(self, most: int) -> F32:
-        """The whole cloth as `lay` gives it, a copy: of fibres at the coarsest level if there are no more than `most`,
-        or as a sheet of about `most` / CAST surfels, at least one a cell."""
+    def sample(self, most: float, *, level: int = -1) -> F32:
+        """The whole cloth as `lay` gives it, a copy: of fibres at a level, the coarsest if none is said, if there are
+        no more than `most`, or as a sheet of about `most` / CAST surfels, at least one a cell."""
         bank, patch = self.cloth.bank, self._whole.copy()
-        patch[:, LEVEL] = bank.levels - 1
+        patch[:, LEVEL] = level % bank.levels
         grid, zero = np.zeros((len(patch), 2), np.int32), np.zeros(len(patch), np.float32)
-        if float(_blocks(patch).sum() * bank.size[-1]) > most:
+        if float(_blocks(patch).sum() * bank.size[level]) > most:
             area = float((patch[:, PATCH_PICKS] * patch[:, PATCH_ENDS]).sum()) * self.pitch[0] * self.pitch[1]
             grid = self._grid(patch, np.full(len(patch), np.sqrt(area * CAST / most)))
         counts = self._counts(self.cloth.pack(), patch, grid)

@@ -43,7 +43,7 @@ from taichi_cloth.detail.pieces import (
 )
 from taichi_cloth.detail.skins import Skins
 from taichi_cloth.detail.view import Pinhole, View, view_of
-from taichi_cloth.fabric.cell_blocks import cell_shade, hashed
+from taichi_cloth.fabric.cell_blocks import cell_shades, hashed
 from taichi_cloth.fabric.cells import CellPack
 from taichi_cloth.fabric.laying import lay_particle
 from taichi_cloth.fabric.surface import surface_points
@@ -90,6 +90,7 @@ def split_cells(
     core: I32x1,
     steps: Int,
     usual: Float,
+    alone: F32x2,
     cloth: CellPack,
     # out
     pieces_out: F32x2,
@@ -98,7 +99,7 @@ def split_cells(
 
     starts: (patches + 1,) where each one's pieces stand. under: as of `patches.lay`. core: particles of a block that
     are fibres, not hairs, of warp and of weft; they come first, `steps` of a fibre. usual: a skin's period is near
-    this [m].
+    this [m]. alone: as of `cell_shades`.
     """
     for step in range(chunks * 1024):
         if step % 1024 != 0:
@@ -109,7 +110,7 @@ def split_cells(
             while at < last:
                 family, i, j, yarn, along, base, size = patch_block(patch, cloth, k, e)
                 since, up_to, p0, p1, a0, a1, n0, n1 = placed_block(patch, under, cloth, k, e, yarn, along)
-                dyed = cell_shade(cloth, patch[k, PANEL], yarn, i, j)
+                right, wrong = cell_shades(cloth, patch[k, PANEL], family, yarn, i, j, alone)
                 length = under[2 - family]
                 periods = ti.max(1.0, ti.round(length / usual))
                 for m in range(size):
@@ -117,6 +118,7 @@ def split_cells(
                     x, d, outward = lay_particle(cloth.particle, t, p0, p1, a0, a1, n0, n1)
                     u, tone = cloth.particle[t, COLUMN.u], cloth.particle[t, COLUMN.tone]
                     is_core = m < core[family]
+                    dyed = right if cloth.particle[t, COLUMN.normal + 2] > 0.0 else wrong
                     line = m // steps if is_core else 100000 + m
                     ahead_of = ti.cast(hashed(line * 64, yarn + 101), ti.f32) / 16777216.0
                     turn = ti.cast(hashed(line * 64, yarn + 57), ti.f32) / 16777216.0
@@ -227,7 +229,7 @@ class NearCells:
         if len(out):
             split_cells(
                 self.chunks, starts.astype(np.int32), crossings, self.cells.under, self._core, self.steps, self._usual,
-                self.cells.cloth.pack(), out,
+                self.cells.alone, self.cells.cloth.pack(), out,
             )  # fmt: skip
         return out
 

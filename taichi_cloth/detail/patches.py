@@ -11,7 +11,7 @@ from taichi_cloth.detail.view import View, in_frustum, seen_at, tiles_of
 from taichi_cloth.fabric.cell_blocks import (
     cell_block,
     cell_crossing,
-    cell_shade,
+    cell_shades,
     cell_span,
     cell_template,
     cell_turned_in,
@@ -152,6 +152,7 @@ def lay(
     patch: I32x2,
     share: F32x1,
     under: F32x1,
+    alone: F32x2,
     cloth: CellPack,
     # out
     groups_out: F32x3,
@@ -162,6 +163,7 @@ def lay(
     bounds: (CHUNKS + 1,) first of the chosen of each chunk of work. starts: (chosen + 1,) where each one's particles
     stand. share: of each patch's particles that are drawn, 1 for all; the last of them fade (`thinning.FADE`). under:
     (3,) how far the cloth's right side lies above its middle, and how far warp ends and weft picks lie apart [m].
+    alone: as of `cell_shades`.
     """
     for step in range(ti.static(chunk_count(CHUNKS) * chunk_steps())):
         if step % ti.static(chunk_steps()) != 0:
@@ -172,9 +174,9 @@ def lay(
             p, at, last, e = patch[q, PANEL], starts[k], starts[k + 1], 0
             while at < last:
                 # The next block.
-                _family, i, j, yarn, along, base, size = patch_block(patch, cloth, q, e)
+                family, i, j, yarn, along, base, size = patch_block(patch, cloth, q, e)
                 since, up_to, p0, p1, a0, a1, n0, n1 = placed_block(patch, under, cloth, q, e, yarn, along)
-                dyed = cell_shade(cloth, p, yarn, i, j)
+                right, wrong = cell_shades(cloth, p, family, yarn, i, j, alone)
                 for m in range(size):
                     t = base + m
                     x, d, outward = lay_particle(cloth.particle, t, p0, p1, a0, a1, n0, n1)
@@ -185,6 +187,7 @@ def lay(
                         radius *= ti.math.clamp((share[q] - (1.0 - FADE) * chance) / FADE, 0.0, 1.0)
                     group, lane = at // LANES, at % LANES
                     tone = cloth.particle[t, COLUMN.tone]
+                    dyed = right if cloth.particle[t, COLUMN.normal + 2] > 0.0 else wrong
                     for axis in ti.static(range(3)):
                         groups_out[POSITION + axis, group, lane] = x[axis]
                         groups_out[TANGENT + axis, group, lane] = d[axis]

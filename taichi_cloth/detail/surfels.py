@@ -57,10 +57,13 @@ Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018)."""
 class SheetLook:
     """How the sheets of some repeats look. factor: (repeats, 2, TILTS, 4) of their right and their wrong side, what
     `AREA` and so on name. lean: (repeats, 5) share of the right side that is warp; then of warp and of weft the mean
-    sine by which normals lean across the thread, and by which fibres lean from the cloth's plane along it."""
+    sine by which normals lean across the thread, and by which fibres lean from the cloth's plane along it. alone:
+    (repeats, 4) what threads send back with nothing but black ones round them, over what they do among their like: of
+    warp and of weft on the right side, then on the wrong one."""
 
     factor: F32
     lean: F32
+    alone: F32
 
 
 def guess_of(bank: RepeatBank, repeats: tuple[WeaveRepeat, ...]) -> SheetLook:
@@ -89,7 +92,7 @@ def guess_of(bank: RepeatBank, repeats: tuple[WeaveRepeat, ...]) -> SheetLook:
         factor[r, 1, :, WARP], factor[r, 1, :, WEFT] = 1.0 - up, up
         factor[r, ..., OPEN] = 0.8
         begin += len(kinds)
-    return SheetLook(factor, lean)
+    return SheetLook(factor, lean, np.ones((len(repeats), 4), np.float32))
 
 
 @ti.kernel
@@ -112,8 +115,8 @@ def lay_surfels(
 
     bounds: (CHUNKS + 1,) first of the chosen of each chunk of work. starts: (chosen + 1,) where each one's begin. grid:
     (patches, 2) rows and columns of each one's. share: (patches,) of their area that is drawn. look: (panels, sides ·
-    TILTS, 4), lean: (panels, 5), see `SheetLook`. eye: 1 and where it is [m], or 0 for the right side from above;
-    then how far the surfels lie above the cloth's middle [m].
+    TILTS, 4), lean: (panels, 9) with what threads send back alone, see `SheetLook`. eye: 1 and where it is [m], or 0
+    for the right side from above; then how far the surfels lie above the cloth's middle [m].
     """
     for step in range((bounds.shape[0] - 1) * ti.static(chunk_steps())):
         if step % ti.static(chunk_steps()) != 0:
@@ -153,7 +156,9 @@ def lay_surfels(
                 for c in ti.static(range(4)):
                     seen[c] = look[p, number, c] + part * (look[p, number + 1, c] - look[p, number, c])
                 # Its colour, and what an outline leaves of it.
-                dyed = cell_mean(cloth, p, i, j, tall, broad, seen[WARP], seen[WEFT])
+                dyed = cell_mean(
+                    cloth, p, i, j, tall, broad, seen[WARP], seen[WEFT], lean[p, 5 + 2 * side], lean[p, 6 + 2 * side]
+                )
                 inside = cell_inside(cloth, p, i, j, tall, broad)
                 # As warp or as weft, and to which side it leans.
                 turn = (patch[q, FIRST_PICK] + row) * EVEN_ROW + (patch[q, FIRST_END] + col) * EVEN_COL

@@ -25,11 +25,11 @@ from taichi_cloth.fabric.cells import (
     VARIANTS,
 )
 from taichi_cloth.fabric.surface import surface_at
-from taichi_cloth.ground.arrays import Template
-from taichi_cloth.ground.mixing import colour_in_kernel, sent_back_in_kernel
+from taichi_cloth.ground.arrays import F32x2, Template
+from taichi_cloth.ground.mixing import colour_in_kernel, lit_among, sent_back_in_kernel
 
 __all__ = [
-    "cell_block", "cell_crossing", "cell_inside", "cell_mean", "cell_shade", "cell_span", "cell_template",
+    "cell_block", "cell_crossing", "cell_inside", "cell_mean", "cell_shades", "cell_span", "cell_template",
     "cell_turned_in", "hashed",
 ]  # fmt: skip
 
@@ -111,12 +111,22 @@ def cell_dye(cloth: Template, p, i, j):
 
 
 @ti.func
-def cell_shade(cloth: Template, p, yarn, i, j):
-    """Colour of a thread at pick i and end j of panel p."""
-    out = cell_dye(cloth, p, i, j)
-    if out[0] < 0.0:  # pyright: ignore[reportIndexIssue]
-        out = ti.Vector([cloth.colour[yarn, 0], cloth.colour[yarn, 1], cloth.colour[yarn, 2]])
-    return out
+def cell_shades(cloth: Template, p, family, yarn, i, j, alone: F32x2):
+    """Colours of a thread of a family at pick i and end j of panel p, as it looks on the right side and on the wrong
+    one, beside the thread that crosses it there. alone: (panels, 4) of a warp end and of a weft pick on the right side,
+    then on the wrong one, see `mixing`."""
+    right = cell_dye(cloth, p, i, j)
+    wrong = right
+    if right[0] < 0.0:  # pyright: ignore[reportIndexIssue]
+        other = cloth.panel[p, PICK] + i if family == 0 else cloth.panel[p, END] + j
+        right = ti.Vector([cloth.colour[yarn, 0], cloth.colour[yarn, 1], cloth.colour[yarn, 2]])
+        wrong = right
+        for c in ti.static(range(3)):
+            if alone[p, family] < 1.0 or alone[p, 2 + family] < 1.0:
+                mine, beside = sent_back_in_kernel(cloth.colour[yarn, c]), sent_back_in_kernel(cloth.colour[other, c])
+                right[c] = colour_in_kernel(lit_among(mine, beside, alone[p, family]))
+                wrong[c] = colour_in_kernel(lit_among(mine, beside, alone[p, 2 + family]))
+    return right, wrong
 
 
 @ti.func
@@ -140,15 +150,17 @@ def _sent_back(cloth: Template, first, last, at, room):
 
 
 @ti.func
-def cell_mean(cloth: Template, p, i, j, tall, broad, warp, weft):
+def cell_mean(cloth: Template, p, i, j, tall, broad, warp, weft, warp_alone, weft_alone):
     """Colour of the cloth at i picks and j ends of panel p, over so many picks and ends: that which sends back `warp`
-    times what its warp ends do and `weft` times what its weft picks do; of a print as its middle does."""
+    times what its warp ends do among its weft picks and `weft` times what those do; of a print as its middle does.
+    warp_alone, weft_alone: see `mixing`."""
     end, pick = cloth.panel[p, END], cloth.panel[p, PICK]
     ends, picks = cloth.panel[p, ENDS], cloth.panel[p, PICKS]
     out = cell_dye(cloth, p, ti.min(ti.cast(i + 0.5, ti.i32), picks - 1), ti.min(ti.cast(j + 0.5, ti.i32), ends - 1))
     if out[0] < 0.0:  # pyright: ignore[reportIndexIssue]
-        out = warp * _sent_back(cloth, end, end + ends - 1, j, broad)
-        out += weft * _sent_back(cloth, pick, pick + picks - 1, i, tall)
+        by_warp = _sent_back(cloth, end, end + ends - 1, j, broad)
+        by_weft = _sent_back(cloth, pick, pick + picks - 1, i, tall)
+        out = warp * lit_among(by_warp, by_weft, warp_alone) + weft * lit_among(by_weft, by_warp, weft_alone)
     else:
         out = (warp + weft) * sent_back_in_kernel(out)
     return colour_in_kernel(out)

@@ -5,6 +5,11 @@
 of what falls on it, within 8 % of a plain weave of cotton at 0.06 to 0.95 under a path tracer (half a sky, and a light
 from 45 degrees), see `docs/appearance.md`; the rest is swallowed or shines through. So a sheet of black and white
 threads is darker than one whose threads all have the mean colour. Plain arithmetic, for numbers, arrays and in kernels.
+
+Threads of another colour send another light to a thread than its own kind does, of which it sends on a part: where
+beside nothing but black a white one sends back a share `alone` of what it does among white ones, one that sends back r
+among others that send back o sends back r (1 + (1 - alone) (o - r) / r(1)), as two surfaces do that see each other (the
+radiosity of a groove).
 """
 
 from typing import Any
@@ -12,7 +17,7 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
-__all__ = ["SURFACE_SHARE", "colour_in_kernel", "sent_back", "sent_back_in_kernel"]
+__all__ = ["SURFACE_SHARE", "colour_in_kernel", "lit_among", "sent_back", "sent_back_in_kernel"]
 
 SURFACE_SHARE = 0.031
 """What a thick mass of cotton fibres sends back before light gets to their dye, of any colour: none is darker."""
@@ -33,6 +38,12 @@ def sent_back_in_kernel(colour):
     """As `sent_back`, in a kernel."""
     seen = ti.max(colour, SURFACE_SHARE)
     return seen * (DARK - LESS * seen * seen)
+
+
+@ti.func
+def lit_among(sent, others, alone):
+    """What a thread sends back among others, where it and they send back so much of light that comes from elsewhere."""
+    return sent * (1.0 + (1.0 - alone) * ti.static(1.0 / (DARK - LESS)) * (others - sent))
 
 
 @ti.func

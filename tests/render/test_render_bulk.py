@@ -1,5 +1,7 @@
 """Light that goes from fibre to fibre: no more of it than there is, more of it in lighter cloth, some through cloth."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -69,6 +71,13 @@ def test_white_cloth_under_an_even_sky_is_nearly_as_bright_as_the_sky() -> None:
     dark, middle, white = seen(lights(fill=1.0))
     assert 0.93 < white <= 1.0
     assert dark < middle < white
+
+
+def test_threads_among_black_ones_lack_what_those_of_their_colour_would_send_them() -> None:
+    """Less so the darker they are, and nothing of what falls on them straight."""
+    for lighting in (lights(fill=1.0), lights(key=1.0)):
+        among = seen(lighting, replace(DULL, alone=1.0)) / seen(lighting)
+        assert 0.2 < among[2] < among[1] < among[0] <= 1.0
 
 
 def test_shine_makes_no_light_of_the_sky() -> None:

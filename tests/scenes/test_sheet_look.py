@@ -9,6 +9,7 @@ import pytest
 
 from taichi_cloth.detail.cell_stream import TARGET, CellStream
 from taichi_cloth.ground.mixing import sent_back
+from taichi_cloth.ground.particles import COLOUR, NORMAL, RADIUS, ROWS, TANGENT
 from taichi_cloth.render.data.camera import frame
 from taichi_cloth.render.data.finish import Finish, finish_for
 from taichi_cloth.render.data.light import Lighting
@@ -32,7 +33,8 @@ def finish() -> Finish:
 
 @pytest.fixture(scope="module")
 def source(finish: Finish, tmp_path_factory: pytest.TempPathFactory) -> CellStream:
-    scene = on_cells(load_scene("drape", ["cloth.width_m=0.1", "cloth.length_m=0.1", "weave.draft=twill-2/1"]))
+    white = ["weave.warp_colours=white", "weave.weft_colours=white"]
+    scene = on_cells(load_scene("drape", ["cloth.width_m=0.1", "cloth.length_m=0.1", "weave.draft=twill-2/1", *white]))
     prepared = prepare_sheet(scene)
     assert prepared is not None
     made = sheet_fibres(scene, prepared).source
@@ -100,6 +102,8 @@ def test_the_warp_shows_where_it_floats(source: CellStream) -> None:
 
 
 STRIPE = 20
+ALONE = np.array([[0.76, 0.69, 0.73, 0.79]], np.float32)
+"""What warp and weft send back among black threads, over what they do among their like, about as of denim."""
 DYED = np.array([[0.62, 0.05, 0.04], [0.85, 0.83, 0.78], [0.03, 0.07, 0.40]])
 
 
@@ -109,7 +113,7 @@ def test_each_stripe_has_its_colour_from_far_and_near(source: CellStream, finish
     dyed = np.repeat(DYED, STRIPE, axis=0)
     colours = np.concatenate([dyed, DYED[-1:], np.repeat(DYED[1:2], 3 * STRIPE + 1, axis=0)])
     piece = sheet_look.flat_piece(source.cloth, 0, 3 * STRIPE, source.pitch, colours)
-    piece.look = source.look
+    piece.look = replace(source.look, alone=ALONE)
     points = piece.cloth.node[:, :3].astype(np.float64)
     low, high = points.min(axis=0), points.max(axis=0)
     base = frame(points, width=160, height=96, elevation=90.0, fov=4)
@@ -130,7 +134,48 @@ def test_each_stripe_has_its_colour_from_far_and_near(source: CellStream, finish
             stripes.append(picture[:3] / picture[3])
         seen.append(np.array(stripes))
     for one in seen[1:]:
-        assert one / one[1].mean() == pytest.approx(seen[0] / seen[0][1].mean(), rel=0.08, abs=0.004)
+        assert one / one[1].mean() == pytest.approx(seen[0] / seen[0][1].mean(), rel=0.085, abs=0.004)
+
+
+def test_threads_have_less_light_beside_darker_ones_and_more_beside_paler(source: CellStream) -> None:
+    """Indigo ends over white picks: of white among black as much is left as it sends back alone; like among like is as
+    it was, and so is a look of which nothing was measured."""
+    count, pale, dark = 21, 1.0, 0.05
+
+    def laid(warp: float, weft: float, alone: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Mean colour of warp and of weft on the right side."""
+        colours = np.repeat([[warp] * 3, [weft] * 3], count, axis=0)
+        piece = sheet_look.flat_piece(source.cloth, 0, 20, source.pitch, colours)
+        piece.look = replace(source.look, alone=alone)
+        rows = piece.sample(1e9).reshape(ROWS, -1)
+        rows = rows[:, (rows[RADIUS] > 0) & (rows[NORMAL + 1] > 0.05)]
+        thread = rows[TANGENT] ** 2 > rows[TANGENT + 2] ** 2
+        return sent_back(rows[COLOUR, ~thread]).mean(), sent_back(rows[COLOUR, thread]).mean()
+
+    assert laid(pale, dark, np.ones((1, 4), np.float32)) != laid(pale, dark, ALONE)
+    for one in (pale, dark):
+        unlike_by_chance = 1e-3
+        alike = laid(one, one, np.ones((1, 4), np.float32))
+        assert laid(one, one, ALONE) == pytest.approx(alike, rel=unlike_by_chance)
+    alike, mixed = laid(pale, pale, ALONE), laid(dark, pale, ALONE)
+    lost = (1 - ALONE[0, 1]) * (1 - sent_back(dark) / sent_back(1.0))
+    assert mixed[1] / alike[1] == pytest.approx(1 - lost, rel=0.02)
+    assert mixed[0] > laid(dark, dark, ALONE)[0]
+
+
+@pytest.mark.slow
+def test_of_denim_the_weft_is_the_darker_for_the_warp(finish: Finish) -> None:
+    """Of a twill's right side the weft lies under the warp's floats, so that more of it owes its light to them: see
+    docs/appearance.md for the path tracer's picture of it."""
+    of = ["yarn.count='Ne 7'", "weft_yarn.count='Ne 6'", "weave.draft=twill-3/1", "fabric.flattening=1.1"]
+    of += ["yarn.twist_multiplier=4.2", "weft_yarn.twist_multiplier=4.2"]
+    of += ["fabric.ends_per_cm=25.2", "fabric.picks_per_cm=15.75", "cloth.width_m=0.1", "cloth.length_m=0.1"]
+    scene = on_cells(load_scene("drape", of))
+    prepared = prepare_sheet(scene)
+    assert prepared is not None
+    cloth = sheet_fibres(scene, prepared).source
+    warp, weft, *_ = sheet_look._alone(cloth.cloth, 0, cloth.pitch, finish, Lighting())
+    assert 0.5 < weft < warp < 0.9
 
 
 def test_a_family_that_is_hardly_seen_from_one_side_has_a_look_from_the_next_angle_on() -> None:
