@@ -86,7 +86,7 @@ def test_a_sleeve_on_the_other_arm_is_astray():
     assert "nearest to another limb" not in faults(made, moved)
     moved[sleeve] = moved[sleeve] * [-1, 1, 1]
     found = {lie.panel: lie for lie in lies(made.garment, moved, made.primitives)}
-    assert found["left_sleeve"].astray > 0.9
+    assert found["left_sleeve"].astray > 0.7  # the rest of it beside the trunk, as a wide sleeve may
     assert "% of left_sleeve lies nearest to another limb than its own" in faults(made, moved)
 
 

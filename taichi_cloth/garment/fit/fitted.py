@@ -92,6 +92,7 @@ def placed(pattern: Pattern, worn: Landmarks) -> tuple[Work, Carried, list[str]]
     turn_legs(work, worn)
     notes += lay_sleeves(work, drafted, worn)
     even_out(work)
+    widen(work, worn, last=True)
     stand(work, worn)
     if by.by == "shoulders":
         for piece in work.pieces.values():

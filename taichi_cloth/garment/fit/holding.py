@@ -59,11 +59,11 @@ def held(work: Work, by: Carried, worn: Landmarks) -> tuple[tuple[Hold, ...], li
     middles = 2 * np.pi * (np.cumsum(widths) - widths / 2) / whole
     own = np.array([_azimuth(work.pieces[s.panel].worn(s.edge), worn) for s in order])
     offset = float(np.angle(np.sum(widths * np.exp(1j * (own - middles)))))
-    holds = []
-    for side, middle, width in zip(order, middles + offset, widths, strict=True):
-        piece = work.pieces[side.panel]
-        holds.append(Hold(side, _course(piece, side.edge, float(middle), float(width / whole), whole, worn)))
-    return tuple(holds), notes
+    courses = [
+        _course(work.pieces[side.panel], side.edge, float(middle), float(width / whole), whole, worn)
+        for side, middle, width in zip(order, middles + offset, widths, strict=True)
+    ]
+    return tuple(Hold(side, course) for side, course in zip(order, _joined(work, order, courses), strict=True)), notes
 
 
 def _top(work: Work, *, strapless: bool) -> list[Side]:
@@ -115,6 +115,23 @@ def _course(piece: Piece, edge: int, middle: float, share: float, whole: float, 
         x, z = _on_ellipse(breadth * scale, depth * scale, float(angle))
         places.append([x, height, at + z])
     return Course(flat, np.array(places))
+
+
+def _joined(work: Work, sides: list[Side], courses: list[Course]) -> list[Course]:
+    """The same, of edges from the front to the left round a loop, where ends that a seam joins meet half way: each was
+    graded by itself, and the seam would stay open there by what they differ in height."""
+    places = [course.places.copy() for course in courses]
+    sewn = {frozenset((seam.first, seam.second)) for seam in work.seams}
+    for k, one in enumerate(sides):
+        last = (k + 1) % len(sides)
+        next_one = sides[last]
+        before = Side(one.panel, (one.edge - 1) % len(work.pieces[one.panel].edges))
+        after = Side(next_one.panel, (next_one.edge + 1) % len(work.pieces[next_one.panel].edges))
+        if frozenset((before, after)) in sewn:
+            apart = places[last][-1] - places[k][0]
+            places[k] += 0.5 * np.linspace(1.0, 0.0, len(places[k]))[:, None] * apart
+            places[last] -= 0.5 * np.linspace(0.0, 1.0, len(places[last]))[:, None] * apart
+    return [Course(course.flat, there) for course, there in zip(courses, places, strict=True)]
 
 
 def _on_ellipse(breadth: float, depth: float, turn: float) -> tuple[float, float]:

@@ -79,6 +79,11 @@ class Piece:
         ends = float((arc[[0, -1]] @ self.rotation[1, :2]).mean() + shift[1])
         return ends - (np.linalg.norm(xy - centre, axis=1) - radius)
 
+    def is_end(self, edge: int) -> bool:
+        """Whether an edge is one of the two ends of a sector of a ring, next to its inner arc."""
+        n = len(self.edges)
+        return self.ring is not None and edge in ((self.ring - 1) % n, (self.ring + 1) % n)
+
     def mark(self, edge: int) -> str:
         return dict(self.panel.marks).get(edge, "")
 

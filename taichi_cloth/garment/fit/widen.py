@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
-from taichi_cloth.garment.fit.grade import BELOW, SLEEVED, even_out, of_ring
+from taichi_cloth.garment.fit.grade import BELOW, even_out, of_ring
 from taichi_cloth.garment.fit.landmarks import Landmarks
 from taichi_cloth.garment.fit.piece import UP, Piece, Work, arc_of, circle, crosses
 from taichi_cloth.garment.pattern.curves import length
@@ -45,22 +45,23 @@ MOST = 1.5
 ROUNDS = 3
 
 
-def widen(work: Work, worn: Landmarks) -> list[str]:
+def widen(work: Work, worn: Landmarks, *, last: bool = False) -> list[str]:
     """Widens graded pieces of trunk, skirt and legs, and collars; gives a line for each stretch of levels that was
-    too tight."""
+    too tight. last: seams are not evened out after it, which takes widths back that were given: what one side of a seam
+    is longer then is eased onto the other."""
     notes = []
     crotch = worn.height["crotch"]
-    armholes = worn.height["underarm"] - (SLEEVED if work.of("arm_l", "arm_r") else BELOW)
     for tier in tiers(work, work.of("trunk", "skirt", "leg_l", "leg_r")):
         low = crotch + 0.01 if any(piece.part.startswith("leg") for piece in tier) else _closed_from(work, tier, crotch)
-        notes += _levels(work, tier, worn, low, min(armholes, _open_from(work, tier)) - UNDER, "trunk")
+        high = min(worn.height["underarm"], _open_from(work, tier)) - UNDER
+        notes += _levels(work, tier, worn, low, high, "trunk", last=last)
     low = crotch - 0.02
     for part in ("leg_l", "leg_r"):
         for tier in tiers(work, work.of(part)):  # a cuff is a loop of its own
-            notes += _levels(work, tier, worn, 0.12 * worn.height["top"], low, part)
+            notes += _levels(work, tier, worn, 0.12 * worn.height["top"], low, part, last=last)
     collars = [piece for piece in work.of("head") if abs(piece.normal[2]) > 0.7]
     if collars:
-        notes += _levels(work, collars, worn, worn.height["neck"] - 0.05, worn.height["neck"] + 0.2, "neck")
+        notes += _levels(work, collars, worn, worn.height["neck"] - 0.05, worn.height["neck"] + 0.2, "neck", last=last)
     return notes
 
 
@@ -103,7 +104,8 @@ def _shortened(piece: Piece, under: float, by: float) -> None:
 
 def tiers(work: Work, pieces: list[Piece]) -> list[list[Piece]]:
     """Pieces that go round the body side by side: a waistband's, a skirt's. Seams between them run over most of the
-    height of one of them, not along its top or bottom."""
+    height of one of them, not along its top or bottom; those of narrow rings, as tiers of a skirt, that hang aslant are
+    told by their arcs."""
     number = {piece.name: k for k, piece in enumerate(pieces)}
     span = [(float(y.min()), float(y.max())) for y in (piece.level(worn=True) for piece in pieces)]
     tier = list(range(len(pieces)))
@@ -112,7 +114,8 @@ def tiers(work: Work, pieces: list[Piece]) -> list[list[Piece]]:
             continue
         i, j = number[a.panel], number[b.panel]
         shared = min(span[i][1], span[j][1]) - max(span[i][0], span[j][0])
-        if shared > 0.5 * min(span[i][1] - span[i][0], span[j][1] - span[j][0]):
+        sides = pieces[i].is_end(a.edge) and pieces[j].is_end(b.edge)
+        if sides or shared > 0.5 * min(span[i][1] - span[i][0], span[j][1] - span[j][0]):
             old, new = tier[j], tier[i]
             tier = [new if t == old else t for t in tier]
     return [[piece for piece, t in zip(pieces, tier, strict=True) if t == one] for one in sorted(set(tier))]
@@ -144,7 +147,9 @@ def _open_from(work: Work, tier: list[Piece]) -> float:
     return min(low)
 
 
-def _levels(work: Work, pieces: list[Piece], worn: Landmarks, low: float, high: float, what: str) -> list[str]:
+def _levels(
+    work: Work, pieces: list[Piece], worn: Landmarks, low: float, high: float, what: str, *, last: bool
+) -> list[str]:
     if not pieces:
         return []
     own_heights = np.concatenate([piece.level(worn=True) for piece in pieces])
@@ -164,7 +169,7 @@ def _levels(work: Work, pieces: list[Piece], worn: Landmarks, low: float, high: 
             break
         if first is None:
             first = own.copy(), tight.copy()
-        factor = np.where(tight, (need + MORE) / np.maximum(own, 1e-6), 1.0)
+        factor = np.where(tight, (need + (0.0 if last else MORE)) / np.maximum(own, 1e-6), 1.0)
         factor = np.minimum(factor, MOST)
         factor = gaussian_filter1d(maximum_filter1d(factor, 2 * SPREAD + 1), 1.0, mode="nearest")
         # Over the levels that are looked at, what lies on shoulders, or a waist on the legs' hips, keeps its width.
@@ -175,7 +180,8 @@ def _levels(work: Work, pieces: list[Piece], worn: Landmarks, low: float, high: 
             _widened(piece, levels, by)
             if crosses(piece.graded) and not crosses(drawn):
                 piece.graded = drawn
-        even_out(work, rounds=2)
+        if not last:
+            even_out(work, rounds=2)
     if first is None:
         return []
     own, tight = first

@@ -17,7 +17,7 @@ from taichi_cloth.body.primitives.primitives import Primitive
 from taichi_cloth.body.skin.names import JOINTS
 from taichi_cloth.garment.pattern.curves import along, length
 from taichi_cloth.garment.pattern.cut import turned
-from taichi_cloth.garment.pattern.pattern import Side
+from taichi_cloth.garment.pattern.pattern import Cone, Panel, Side
 from taichi_cloth.garment.sewn.garment import Garment
 from taichi_cloth.garment.sewn.limbs import LIMBS
 from taichi_cloth.layers.outline import crossings_of
@@ -27,32 +27,41 @@ __all__ = ["Lie", "Loop", "crossed", "free_loops", "lies", "lying_faults"]
 F64 = NDArray[np.float64]
 
 OWN = {
-    "trunk": ("trunk",),
+    "trunk": ("trunk", "leg_l", "leg_r"),
     "head": ("trunk",),
     "skirt": ("trunk", "leg_l", "leg_r"),
-    "arm_l": ("arm_l", "clavicle_l"),
-    "arm_r": ("arm_r", "clavicle_r"),
+    "arm_l": ("arm_l", "clavicle_l", "trunk"),
+    "arm_r": ("arm_r", "clavicle_r", "trunk"),
     "leg_l": ("leg_l", "trunk"),
     "leg_r": ("leg_r", "trunk"),
 }
-"""By a panel's label, the limbs that it may lie on, and bones of others: caps lie on the collar bones."""
+"""By a panel's label, the limbs that it may lie on, and bones of others: caps lie on collar bones, tunics over legs,
+wide sleeves beside the trunk."""
+WAIST = 0.1  # [m]
 NEAR = 0.08
 """From the body within which it is asked which side of the cloth faces it [m]."""
+FACING = 0.5
+"""Cosine between a triangle's normal and the way to the body from which on it faces it: a frill that stands off from a
+cuff is seen from its edge, and faces neither way."""
 BOTH = 0.2
 """Share of a loop's points at each leg from which on it goes round both."""
 FOLD = np.cos(np.radians(150.0))
 """Of the angle between the normals of two neighbouring triangles that are a fold."""
+LAID = 0.6
+"""Share of its outline below which a panel that is sewn along one stretch may be turned over: lapels are."""
 
-SLIPPED, ASTRAY, TURNED, FOLDED, CROSSED = 0.10, 0.25, 0.25, 1.5, 0.05
+SLIPPED, ASTRAY, TURNED, FOLDED, CROSSED = 0.10, 0.35, 0.25, 1.5, 0.05
 """What is allowed of a garment that fits: of `Lie.rise` either way [m], `astray`, `turned`, `folded`, and of `crossed`.
 docs/garments.md has what good and bad ones come to."""
 
 
 @dataclass(frozen=True)
 class Lie:
-    """Of one panel. rise: of the middle of its area over where it was placed [m]. astray: share of its area that lies
-    nearest to another limb than its own, 0 of one without a label. turned: share whose right side faces the body.
-    folded: length of its folds over the root of its area; one across it has about 1."""
+    """Of one panel. rise: of the middle of its area over where it was placed [m]; of one placed as a cone that of its
+    top, WAIST high, as the rest may hang straight down; of a sleeve that of its armhole. astray: share of its area that
+    lies nearest to another limb than its own, 0 of one without a label. turned: share whose right side faces the body
+    (a sleeve's: its arm), 0 of one that hangs by one side. folded: length of its folds over the root of its area; one
+    across it has about 1."""
 
     panel: str
     rise: float
@@ -84,18 +93,25 @@ def lies(garment: Garment, positions: NDArray, primitives: Sequence[Primitive]) 
     normal *= np.sign(_cross(b - a, c - a))[:, None]  # faces may run either way in the flat
     distance, away, whose = nearest_distance(primitives, middle)
     bone = np.array([JOINTS[p.bone] for p in primitives])[whose]
-    inward = (np.einsum("na,na->n", normal, away) < 0) & (distance < NEAR)
+    inward = (np.einsum("na,na->n", normal, away) < -FACING) & (distance < NEAR)
     fold, long, of = _folds(faces, normal, at, owner)
+    sewn = {side for seam in garment.pattern.seams for side in (seam.first, seam.second)}
     out = []
     for number, piece in enumerate(garment.atlas.panels):
         mine, own = owner == number, OWN.get(piece.panel.label)
         share = area[mine] / max(float(area[mine].sum()), 1e-12)
-        rise = share @ (middle[mine, 1] - start[faces[mine], 1].mean(axis=1))
+        placed = start[faces[mine], 1].mean(axis=1)
+        top = placed > placed.max() - WAIST if isinstance(piece.panel.place, Cone) else np.ones_like(placed, bool)
+        rise = float(np.average((middle[mine, 1] - placed)[top], weights=share[top]))
+        if piece.panel.label.startswith("arm"):
+            rise = _armhole_rise(garment, piece.panel, positions)
         bones = [one for name in own or () for one in LIMBS.get(name, (name,))]
         astray = 0.0 if own is None else float(share @ ~np.isin(bone[mine], bones))
         edges = of == number
+        limb = LIMBS.get(piece.panel.label, tuple(JOINTS))  # a sleeve's inside may lie on the trunk
+        facing = 0.0 if _hangs_by_one_side(piece.panel, sewn) else float(share @ (inward & np.isin(bone, limb))[mine])
         folded = float((long * fold)[edges].sum() / np.sqrt(max(float(area[mine].sum()), 1e-12)))
-        out.append(Lie(piece.panel.name, float(rise), astray, float(share @ inward[mine]), folded))
+        out.append(Lie(piece.panel.name, rise, astray, facing, folded))
     return out
 
 
@@ -147,6 +163,25 @@ def free_loops(garment: Garment, positions: NDArray, primitives: Sequence[Primit
         axis = _axis(placed, primitives, min(labels) if len(labels) == 1 else "")
         out.append(Loop(tuple(side for side, _ in loop), _turns(placed, *axis), _turns(worn, *axis)))
     return out
+
+
+def _armhole_rise(garment: Garment, panel: Panel, positions: NDArray) -> float:
+    """How far what joins a sleeve to other parts lies over where those were placed [m]; 0 of what joins none."""
+    pattern, rises = garment.pattern, []
+    for seam in pattern.seams:
+        for own, other in ((seam.first, seam.second), (seam.second, seam.first)):
+            if own.panel == panel.name and pattern.panel(other.panel).label != panel.label:
+                worn, placed = _edge(garment, own, positions), _edge(garment, other, garment.atlas.start())
+                rises.append((length(pattern.edge(own)), worn[:, 1].mean() - placed[:, 1].mean()))
+    return float(np.average([rise for _, rise in rises], weights=[long for long, _ in rises])) if rises else 0.0
+
+
+def _hangs_by_one_side(panel: Panel, sewn: set[Side]) -> bool:
+    """Whether a panel is sewn along one stretch of its outline that is less than LAID of it."""
+    fast = [Side(panel.name, k) in sewn for k in range(len(panel.edges))]
+    long = [length(edge) for edge in panel.edges]
+    stretches = sum(now and not before for before, now in zip(fast[-1:] + fast, fast, strict=False))
+    return stretches == 1 and sum(one for one, is_sewn in zip(long, fast, strict=True) if is_sewn) < LAID * sum(long)
 
 
 def _cross(u: F64, v: F64) -> F64:
