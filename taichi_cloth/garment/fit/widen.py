@@ -47,21 +47,23 @@ ROUNDS = 3
 
 def widen(work: Work, worn: Landmarks, *, last: bool = False) -> list[str]:
     """Widens graded pieces of trunk, skirt and legs, and collars; gives a line for each stretch of levels that was
-    too tight. last: seams are not evened out after it, which takes widths back that were given: what one side of a seam
-    is longer then is eased onto the other."""
+    too tight. last: of what goes round the trunk alone, and seams are not evened out after it, which takes widths back
+    that were given: what one side of a seam is longer then is eased onto the other."""
     notes = []
     crotch = worn.height["crotch"]
     for tier in tiers(work, work.of("trunk", "skirt", "leg_l", "leg_r")):
         low = crotch + 0.01 if any(piece.part.startswith("leg") for piece in tier) else _closed_from(work, tier, crotch)
         high = min(worn.height["underarm"], _open_from(work, tier)) - UNDER
         notes += _levels(work, tier, worn, low, high, "trunk", last=last)
+    if last:
+        return notes
     low = crotch - 0.02
     for part in ("leg_l", "leg_r"):
         for tier in tiers(work, work.of(part)):  # a cuff is a loop of its own
-            notes += _levels(work, tier, worn, 0.12 * worn.height["top"], low, part, last=last)
+            notes += _levels(work, tier, worn, 0.12 * worn.height["top"], low, part)
     collars = [piece for piece in work.of("head") if abs(piece.normal[2]) > 0.7]
     if collars:
-        notes += _levels(work, collars, worn, worn.height["neck"] - 0.05, worn.height["neck"] + 0.2, "neck", last=last)
+        notes += _levels(work, collars, worn, worn.height["neck"] - 0.05, worn.height["neck"] + 0.2, "neck")
     return notes
 
 
@@ -148,7 +150,7 @@ def _open_from(work: Work, tier: list[Piece]) -> float:
 
 
 def _levels(
-    work: Work, pieces: list[Piece], worn: Landmarks, low: float, high: float, what: str, *, last: bool
+    work: Work, pieces: list[Piece], worn: Landmarks, low: float, high: float, what: str, *, last: bool = False
 ) -> list[str]:
     if not pieces:
         return []
