@@ -9,6 +9,7 @@ from taichi_cloth.constraints.constraints_for import constraints_for
 from taichi_cloth.garment.pattern.cut import cut
 from taichi_cloth.garment.pattern.pattern import Flat, Panel, Pattern, Seam, Side
 from taichi_cloth.garment.sewn.garment import Garment
+from taichi_cloth.garment.sewn.joined import _turned
 from taichi_cloth.garment.sewn.surface import Surface
 from taichi_cloth.layers.outline import MEETS, PIECES, Tables, crossings_of
 from taichi_cloth.layers.paths import CELL, EAST, NORTH, POINT
@@ -155,3 +156,13 @@ def test_panels_that_are_sewn_together_do_not_pass_through_each_other() -> None:
     assert counts[True] == [0, 0, 0]
     lower = (along < -0.05) & sheet.present
     assert simulation.positions[lower][:, 2].mean() < -1e-4, "the lower one was struck"
+
+
+def test_two_thin_triangles_of_the_same_corners_keep_their_diagonal():
+    """As where a dart's point is sewn together: turned, each would have a corner twice."""
+    place = np.array([[0.0, 0.0], [1.0, 0.0], [0.5, 1e-5], [0.5, -1.0]])
+    twice = np.array([[0, 1, 2], [1, 0, 2]])
+    assert _turned(twice, np.arange(2), place, 1e-3)[0].tolist() == twice.tolist()
+    thin = np.array([[0, 1, 2], [1, 0, 3]])
+    turned = _turned(thin, np.arange(2), place, 1e-3)[0]
+    assert sorted(map(sorted, turned.tolist())) == [[0, 2, 3], [1, 2, 3]]

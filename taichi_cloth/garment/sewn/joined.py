@@ -206,6 +206,8 @@ def _turned(faces: I64, cells: I64, place: F64, least: float) -> tuple[I64, I64]
                 gone.add(k)
             continue
         d = next(v for v in made[other] if v not in (a, b))
+        if d == c:  # both have the same corners
+            continue
         if min(height(a, d, c), height(d, b, c)) > min(height(*face), height(*made[other])):
             made[k], made[other], of[k] = (a, d, c), (d, b, c), of[other]
             for t in (k, other):
