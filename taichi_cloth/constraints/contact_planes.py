@@ -16,7 +16,8 @@ from typing import Any
 
 import taichi as ti
 
-from taichi_cloth.constraints.contact_surface import BOX, BodySurface
+from taichi_cloth.constraints.contact_entries import ENTRY, FACED, GAP, OFFSET, Entries
+from taichi_cloth.constraints.contact_surface import BOX
 from taichi_cloth.ground.arrays import F32x1, Float, I32x1, Int, Template
 from taichi_cloth.ground.routine import routine
 from taichi_cloth.motion.crew import LINE, PARTS
@@ -32,11 +33,7 @@ SLOTS = KEPT + 2
 PLANE = 8
 """Numbers of a plane for each key point: its normal at the look, from 0; from the anchor, OFFSET: how far the plane is,
 and PLACE: where the key point was; LASTS: how far it may slide from there [m]."""
-OFFSET, PLACE, LASTS = 3 * LANES, 4 * LANES, 7 * LANES
-ENTRY, GAP = 5, 4 * LANES
-"""Numbers of an entry for each key point: normal and offset now, and how far off they are kept."""
-FACED = 8
-"""Primitives that some key points of a packet are spared from and that it may come near, at most."""
+PLACE, LASTS = 4 * LANES, 7 * LANES
 SOON = 6
 """Substeps. What may touch within them gets its planes now: a response to them costs a fifth of a look."""
 GROWTH = 1.25  # of the approach to a surface until the next look at it
@@ -44,12 +41,11 @@ TURNING = 0.25  # share of the slip that may become approach meanwhile
 
 
 @ti.data_oriented
-class Planes(BodySurface):
-    """Lists and planes of padded grids of up to `size` key points. spared: bits of `Colliders.spared`."""
+class Planes(Entries):
+    """Lists and planes of padded grids of up to `size` key points."""
 
-    # Numbers of these are bounds of loops: type checkers would take them for matrices.
+    # Its numbers are bounds of loops: type checkers would take them for matrices.
     count: Any
-    entries: Any
 
     def __init__(
         self,
@@ -61,21 +57,14 @@ class Planes(BodySurface):
         parts: int = PARTS,
         line: int = LINE,
     ) -> None:
-        super().__init__(capacity, kinds, nodes, parts, line)
-        self.long_steps, self.spared = long_steps, ti.field(ti.i32, size)
+        super().__init__(size, SLOTS, capacity, kinds, nodes, parts, line)
+        self.long_steps = long_steps
         blocks = size // LANES
         self.count, self.next = ti.field(ti.i32, blocks), ti.field(ti.i32, blocks)
         self.list, self.due = ti.field(ti.i32, blocks * capacity), ti.field(ti.i32, blocks * capacity)
         self.used = ti.field(ti.i32, blocks)  # a bit a slot
         self.owner, self.pair, self.looked = (ti.field(ti.i32, blocks * SLOTS) for _ in range(3))
         self.plane = ti.field(ti.f32, blocks * SLOTS * PLANE * LANES)
-        # What a substep meets, one after the other in memory: blocks, their primitives, and normals and offsets now.
-        self.entries = ti.field(ti.i32, parts * line)
-        self.entry_block, self.entry_of = ti.field(ti.i32, blocks * SLOTS), ti.field(ti.i32, blocks * SLOTS)
-        self.entry = ti.field(ti.f32, blocks * SLOTS * ENTRY * LANES)
-        # What key points are spared from: of a packet, and of each the nearest, its normal and how far off it is [m].
-        self.faces, self.faced = ti.field(ti.i32, blocks), ti.field(ti.i32, blocks * FACED)
-        self.facing = [ti.field(ti.f32, size) for _ in range(4)]
 
     @ti.kernel
     def take_constant(self, values: F32x1, spared: I32x1):
@@ -86,11 +75,6 @@ class Planes(BodySurface):
         ti.loop_config(serialize=True)
         for p in range(spared.shape[0]):
             self.spared[p] = spared[p]
-
-    @ti.func
-    def lanes_of(self, k, numbers: Template):
-        """The first lane of slot or entry k, of so many numbers; bounds tell the compiler that nothing overflows."""
-        return ti.min(ti.max(k, 0), 1 << 22) * numbers * LANES
 
     @routine
     def walk(self, points: Template, part: Int, packet: Int, done: Int):
@@ -366,40 +350,3 @@ class Planes(BodySurface):
             store(self.entry, q + k * LANES, m[k, 0] * x + m[k, 1] * y + m[k, 2] * z)
         store(self.entry, q + OFFSET, load(self.plane, o + OFFSET))
         store(self.entry, q + GAP, 0.0 * x + self.gap[None])
-
-    @routine
-    def face(self, points: Template, part: Int, packet: Int):
-        """What each key point of a packet is spared from, the nearest."""
-        a, q = points.lanes(packet * LANES), self.scratch_of(part)
-        for p in range(packet * LANES, (packet + 1) * LANES):
-            self.facing[3][p] = 1e6
-        for m in range(packet * FACED, packet * FACED + self.faces[packet]):
-            i = self.faced[m]
-            x, y, z = relative(points.position, a, self.anchor(i))
-            self.measure(i, q, x, y, z)
-            for k in range(LANES):
-                p = packet * LANES + k
-                if (self.spared[p] >> self.bone(i)) & 1 == 1 and self.scratch[q + k] < self.facing[3][p]:
-                    for axis in ti.static(range(3)):
-                        self.facing[axis][p] = self.scratch[q + (axis + 1) * LANES + k]
-                    self.facing[3][p] = self.scratch[q + k]
-
-    @routine
-    def give_way(self, points: Template, e: Int):
-        """An entry's planes, where what key points are spared from faces them: no farther than to where those are as
-        deep in the one as in the other, less what is left between.
-
-        At a distance d, and b of what faces them, whose normals have the cosine c, a push by s takes them to d + s and
-        b + c s: both are (b − c d) / (1 − c).
-        """
-        o, c, first = self.lanes_of(e, ENTRY), self.anchor(self.entry_of[e]), self.entry_block[e] * LANES
-        for k in range(LANES):
-            p, d, along = first + k, -self.entry[o + OFFSET + k], 0.0
-            for axis in ti.static(range(3)):
-                n = self.entry[o + axis * LANES + k]
-                d += n * (points.position[axis][p] - c[axis])
-                along += n * self.facing[axis][p]
-            middle = (self.facing[3][p] - along * d) / ti.max(1.0 - along, 0.1) - self.between[None]
-            opposed = ti.min(ti.max(-2.0 * along, 0.0), 1.0)
-            gap = self.gap[None]
-            self.entry[o + GAP + k] = gap - opposed * ti.max(gap - middle, 0.0)

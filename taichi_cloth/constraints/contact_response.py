@@ -6,7 +6,8 @@ primitive.
 
 import taichi as ti
 
-from taichi_cloth.constraints.contact_planes import ENTRY, GAP, OFFSET, SLOTS, Planes
+from taichi_cloth.constraints.contact_entries import ENTRY, GAP, OFFSET
+from taichi_cloth.constraints.contact_planes import SLOTS, Planes
 from taichi_cloth.ground.arrays import Int, Template
 from taichi_cloth.ground.routine import routine
 from taichi_cloth.motion.crew import LINE, PARTS

@@ -104,9 +104,9 @@ def sew(
         forces = Forces(body=still, strain_limit=limit, self_contact=apart)
         return _rest(garment, forces, positions, solver, most, before, lambda frame: told("settling", frame, most))
 
+    still = replace(body, motion=None, recovery=RECOVERY)
     try:
-        closed, frames = _closed(garment, body, limit, solver, closing, lambda frame: told("sewing", frame, closing))
-        still = replace(body, motion=None, recovery=RECOVERY)
+        closed, frames = _closed(garment, still, limit, solver, closing, lambda frame: told("sewing", frame, closing))
         if body.primitives:  # in whose folds both keep out; of grids, which are one skin at rest, there are none
             still = replace(still, spared=spared(garment.atlas, closed, body.primitives, moving=False))
         worn = rest(closed, None, settling, frames)
@@ -117,11 +117,13 @@ def sew(
         ) from None
     through = _through(garment, worn.positions) if layers else 0
     for begin, most, before in ((worn.positions, UNTANGLING, worn.frames), (closed, settling, frames)):
-        if through and (most == UNTANGLING or not _through(garment, begin)):
-            with contextlib.suppress(InputError, Unstable):  # what cannot be sewn so stays as it is
-                again = rest(begin, layers, most, before)
-                if _through(garment, again.positions) < through:
-                    worn, through = again, _through(garment, again.positions)
+        if not through or (begin is closed and _through(garment, closed)):
+            break
+        with contextlib.suppress(InputError, Unstable):  # what cannot be sewn so stays as it is
+            again = rest(begin, layers, most, before)
+            left = _through(garment, again.positions)
+            if left < through:
+                worn, through = again, left
     return worn
 
 
@@ -139,7 +141,7 @@ def _closed(
     told: Callable[[int], None],
 ) -> tuple[F32, int]:
     """Stage 1: where key points are with seams closed, and after how many frames."""
-    smooth = replace(body, motion=None, recovery=RECOVERY, friction=0.05)
+    smooth = replace(body, friction=0.05)
     weight = Forces().gravity if garment.pattern.holds else (0.0, 0.0, 0.0)
     simulation = garment.simulation(
         Forces(gravity=weight, body=smooth, strain_limit=limit),
