@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from typing import Any, get_args
 
 import pytest
+import taichi as ti
 from xdist.scheduler.loadscope import LoadScopeScheduling
 
 from taichi_cloth.ground import runtime
@@ -20,6 +21,7 @@ SHARED = {
         "motion",
         "solvers",
         "garment/test_limbs.py",
+        "garment/test_outline.py",
         "scenes/test_body_scenes.py",
         "scenes/test_cloth_scenes.py",
         "scenes/test_report.py",
@@ -69,12 +71,13 @@ def pytest_collection_finish() -> None:
 
 
 @pytest.fixture(scope="session", autouse=True)
-def taichi_runtime(pytestconfig: pytest.Config) -> runtime.Runtime:
+def taichi_runtime(pytestconfig: pytest.Config) -> Iterator[runtime.Runtime]:
     try:
         everyday = pytestconfig.getoption("markexpr") == EVERYDAY
-        return runtime.start(pytestconfig.getoption("arch") or "cpu", draft=everyday)
+        yield runtime.start(pytestconfig.getoption("arch") or "cpu", draft=everyday)
     except InputError as error:  # such a device is not here
         pytest.skip(str(error))
+    ti.reset()  # writes the kernels that it keeps: not all that Python ends with is freed
 
 
 @pytest.hookimpl(wrapper=True)
