@@ -18,7 +18,6 @@ from typing import Any
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import irfft2, rfft2
 
 from taichi_cloth.ground.runtime import threads
 
@@ -76,6 +75,8 @@ class Stage:
     @cached_property
     def sky_blocked(self) -> NDArray[np.float32]:
         """Share 0..1 of an even sky that the subject hides from each place of the floor, (CELLS, CELLS)."""
+        from scipy.fft import irfft2, rfft2  # loads much, and not all that is drawn lies on a floor
+
         offset = (np.fft.fftfreq(2 * CELLS) * 2 * CELLS * self.cell) ** 2
         distance = offset[:, None] + offset[None, : CELLS + 1]  # even in x: half of it is enough
         total = np.zeros((2 * CELLS, CELLS + 1), np.complex128)

@@ -1,7 +1,7 @@
 """Turntables, animations and zooms: frames to disk, then the video and the contact sheet."""
 
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from rich.progress import TaskID
 
@@ -12,11 +12,8 @@ from ...render.image.image import contact_sheet, write_png
 from ...render.image.video import write_mp4
 from ...render.image.webp import write_webp
 from ..models.build import build, shown_frame
-from ..models.model import Model
-from ..models.motion_facts import FACTS
-from ..models.moving_model import STATE, MovingModel
+from ..models.model import FACTS, STATE, Model
 from ..picture.view import View
-from ..picture.zoom import require_threads, zoom
 from ..plan.lines import fact_lines, plan_lines
 from ..plan.plan import plan
 from ..prepare.drawing import require_picture
@@ -27,6 +24,9 @@ from .device import device_of
 from .output_folder import OutputFolder
 from .progress import progress
 from .sequence import Sequence, fingerprint
+
+if TYPE_CHECKING:
+    from ..models.moving_model import MovingModel
 
 __all__ = ["image_size", "require_fit", "run"]
 
@@ -51,6 +51,8 @@ def run(
             f"animate: {name} stands still; use turntable, or animate twist, drape, flag, hanging or dress"
         )
     if command == "zoom":
+        from ..picture.zoom import require_threads
+
         require_threads(scene, name)
     require_picture(scene.output.size)
     planned = plan(scene)
@@ -72,13 +74,16 @@ def run(
         for line in (*plan_lines(planned, material=False), *fact_lines(model.facts())):
             print(line)
         todo = sequence.missing()
-        if isinstance(model, MovingModel) and command == "animate":
-            model.keep(folder, todo[0] if todo else count)
+        moved = _moving(model)
+        if moved is not None and command == "animate":
+            moved.keep(folder, todo[0] if todo else count)
         if command != "animate":
             model.step(shown_frame(scene, model))
         if command == "turntable":
             frames = view.turntable(count, todo)
         elif command == "zoom":
+            from ..picture.zoom import zoom
+
             frames = zoom(view, count, todo)
         else:
             frames = view.animation(todo)
@@ -93,7 +98,7 @@ def run(
             bar.advance(closing)
             if scene.output.webp:
                 write_webp(folder / f"{command}.webp", sequence.paths, fps=scene.output.fps)
-    for line in fact_lines(model.motion_facts() if isinstance(model, MovingModel) else []):
+    for line in fact_lines([] if moved is None else moved.motion_facts()):
         print(line)
     print(f"{count} frames, {video} ({codec}) and {sheet} in {folder}")
     require_fit(model)
@@ -101,8 +106,18 @@ def run(
 
 def require_fit(model: Model) -> None:
     """Raises DoesNotFit where a garment was sewn, and drawn, that does not fit who wears it."""
-    if isinstance(model, MovingModel) and model.misfit is not None:
-        raise DoesNotFit(f"does not fit: {model.misfit}; the pictures are kept")
+    moved = _moving(model)
+    if moved is not None and moved.misfit is not None:
+        raise DoesNotFit(f"does not fit: {moved.misfit}; the pictures are kept")
+
+
+def _moving(model: Model) -> "MovingModel | None":
+    """A sheet or a garment; None of what lies still, for which nothing is loaded that moves."""
+    if model.scene.subject not in ("cloth", "garment"):
+        return None
+    from ..models.moving_model import MovingModel
+
+    return model if isinstance(model, MovingModel) else None
 
 
 def _built(scene: Scene, prepared: Prepared | None) -> Model:

@@ -19,7 +19,7 @@ from taichi_cloth.ground.errors import InputError
 from taichi_cloth.motion.simulation import Simulation
 
 from ..commands.device import device_of
-from ..models.moving_model import STATE
+from ..models.model import STATE
 from ..plan.plan import plan
 from ..prepare.garment_setup import dress, garment_simulation
 from ..prepare.sett import on_cells

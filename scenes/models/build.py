@@ -1,4 +1,4 @@
-"""What a scene builds: one class a subject, all with the same few verbs.
+"""What a scene builds: one class a subject, all with the same few verbs; those of other subjects are not loaded.
 
 model = build(scene)      everything constant, made once
 model.step(frame)         move to a frame; only a twisting yarn and a cloth move
@@ -11,10 +11,7 @@ from collections.abc import Callable
 from ..prepare.weave_layout import Prepared, prepare_fabric
 from ..scene.schema import Scene
 from .fabric_model import FabricModel
-from .fibre_model import FibreModel
 from .model import Model
-from .twist_model import TwistModel
-from .yarn_model import YarnModel
 
 __all__ = ["build", "shown_frame"]
 
@@ -32,7 +29,17 @@ def build(scene: Scene, prepared: Prepared | None = None, each: Callable[[str, i
         return ClothModel(scene, prepared)
     if scene.subject == "fabric":
         return FabricModel(scene, prepared or prepare_fabric(scene, streamed=True))
-    return {"fibre": FibreModel, "yarn": YarnModel, "twist": TwistModel}[scene.subject](scene)
+    if scene.subject == "fibre":
+        from .fibre_model import FibreModel
+
+        return FibreModel(scene)
+    if scene.subject == "yarn":
+        from .yarn_model import YarnModel
+
+        return YarnModel(scene)
+    from .twist_model import TwistModel
+
+    return TwistModel(scene)
 
 
 def shown_frame(scene: Scene, model: Model) -> int:

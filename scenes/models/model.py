@@ -17,10 +17,13 @@ from ...render.tiles.mesh import Mesh
 from ..scene.schema import Scene
 from .facts import Fact
 
-__all__ = ["OPACITY", "Model", "Numbers", "Panel", "particles_of"]
+__all__ = ["FACTS", "OPACITY", "STATE", "Model", "Numbers", "Panel", "particles_of"]
 
 OPACITY = 1.0
 """Of every particle that a model draws."""
+STATE, FACTS = "state.npz", "facts.json"
+"""Where a sequence keeps the state of its last frame; and where an animation of a garment keeps what it said, and of
+each frame what it measured."""
 
 
 @dataclass(frozen=True)

@@ -9,11 +9,10 @@ from taichi_cloth.ground.errors import InputError
 from taichi_cloth.ground.files import read_json, write_bytes
 
 from .facts import Fact
+from .model import FACTS
 
-__all__ = ["FACTS", "MotionFacts"]
+__all__ = ["MotionFacts"]
 
-FACTS = "facts.json"
-"""Where an animation of a garment keeps what it said, and of each frame what it measured."""
 LARGEST_FILE = 50_000_000  # bytes
 
 

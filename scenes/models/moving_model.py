@@ -22,13 +22,11 @@ from ..prepare.sheet_setup import moved_by
 from ..prepare.weave_layout import Prepared
 from ..scene.schema import Scene
 from .facts import Fact, fabric_facts, yarn_facts
-from .model import Numbers, Panel
+from .model import STATE, Numbers, Panel
 
-__all__ = ["STATE", "Fibres", "MovingModel", "nothing"]
+__all__ = ["Fibres", "MovingModel", "nothing"]
 
 F32 = NDArray[np.float32]
-STATE = "state.npz"
-"""Where a sequence keeps the state of its last frame."""
 
 
 class Fibres(Protocol):

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from taichi_cloth.fibre.sphere_set import PowerDistance, SphereSet, chunks
 from taichi_cloth.ground.errors import InputError
@@ -155,6 +154,8 @@ def _normals_and_depths(
     inside: NDArray[np.bool_], index: NDArray[np.intp], points: NDArray[np.float64], spacing: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Outward unit normals (n, 3) and depths (n,) [m] of the lattice points kept."""
+    from scipy import ndimage  # a fifth of a second, of all that import this
+
     padded = np.pad(inside, 3)
     core = (slice(3, -3),) * 3
     distance = np.asarray(ndimage.distance_transform_edt(padded), dtype=np.float32)

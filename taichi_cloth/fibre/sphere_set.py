@@ -6,7 +6,6 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial import KDTree
 
 from taichi_cloth.ground.errors import InputError
 
@@ -101,6 +100,8 @@ class PowerDistance:
     """
 
     def __init__(self, spheres: SphereSet, margin: float = 0.0) -> None:
+        from scipy.spatial import KDTree  # half a second, of all that import this
+
         radii = np.maximum(spheres.radii + margin, 0.0)
         self.unit = float(radii.max())
         height = np.sqrt(np.maximum(1.0 - (radii / self.unit) ** 2, 0.0))

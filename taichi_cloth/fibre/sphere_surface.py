@@ -5,7 +5,6 @@ from math import pi, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import KDTree
 
 from taichi_cloth.fibre.sphere_set import PowerDistance, SphereSet, chunks
 from taichi_cloth.ground.errors import InputError
@@ -48,6 +47,8 @@ def sphere_surface_points(spheres: SphereSet, count: int, *, seed: int = 0) -> S
 
 def _visible(spheres: SphereSet, lifted: PowerDistance, numbers: NDArray[np.int64], seed: int) -> SurfacePoints:
     """Fibonacci lattices of numbers[i] points on sphere i, without what lies inside another sphere."""
+    from scipy.spatial import KDTree  # half a second, of all that import this
+
     random = np.random.Generator(np.random.Philox(seed)).random((len(numbers), 4))
     turns = _random_rotations(random)
     near = KDTree(spheres.centres).query(spheres.centres, k=min(7, len(numbers)))[1].reshape(len(numbers), -1)

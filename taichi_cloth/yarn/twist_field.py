@@ -8,7 +8,6 @@ from math import pi, sqrt
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import solve_banded
 
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.yarn.twist_steps import GAMMA, Array, Drive, drive_at, finite, line, speed_at, time_steps
@@ -135,6 +134,8 @@ class _Zone:
 
     def stage(self, h: float, weight: float, speed: float, entering: float, end_spin: float, slope: float) -> float:
         """Solve one stage given F at the upstream nip and s at the downstream one; return F at the latter."""
+        from scipy.linalg import solve_banded  # a tenth of a second, of all that import this
+
         n, dx, k = len(self.twist), self.dx, GAMMA * h
         half, drag = 0.5 * k * speed, 0.5 * k * speed * self.slowness2 / dx
         size = 2 * n + 1

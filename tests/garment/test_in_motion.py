@@ -11,7 +11,8 @@ from taichi_cloth.garment.pattern.pattern import Flat, Panel, Pattern, Seam, Sid
 from taichi_cloth.garment.sewn.garment import Garment
 from taichi_cloth.garment.sewn.in_motion import Moment, Watch
 from taichi_cloth.scenes.models.facts import Fact
-from taichi_cloth.scenes.models.motion_facts import FACTS, MotionFacts
+from taichi_cloth.scenes.models.model import FACTS
+from taichi_cloth.scenes.models.motion_facts import MotionFacts
 from taichi_cloth.sheet.materials import MATERIALS
 
 

@@ -19,7 +19,8 @@ from taichi_cloth.render.data.blocks import ParticleBlocks
 from taichi_cloth.scenes import __main__ as command_line
 from taichi_cloth.scenes.models.cloth_model import ClothModel
 from taichi_cloth.scenes.models.garment_model import GarmentModel
-from taichi_cloth.scenes.models.moving_model import STATE, MovingModel
+from taichi_cloth.scenes.models.model import STATE
+from taichi_cloth.scenes.models.moving_model import MovingModel
 from taichi_cloth.scenes.paper.own_scenes import PAPER_DRAPE, scene_file
 from taichi_cloth.scenes.picture.view import View
 from taichi_cloth.scenes.plan.plan import plan

@@ -10,7 +10,7 @@ from taichi_cloth.garment.pattern.pattern import Flat, Panel, Pattern, Seam, Sid
 from taichi_cloth.garment.sewn.garment import Garment
 from taichi_cloth.motion.simulation import Simulation
 from taichi_cloth.scenes.__main__ import main
-from taichi_cloth.scenes.models.moving_model import STATE
+from taichi_cloth.scenes.models.model import STATE
 from taichi_cloth.scenes.prepare.sheet_setup import sheet_simulation
 from taichi_cloth.scenes.scene.load import load_scene
 from taichi_cloth.sheet.materials import named_material

@@ -12,7 +12,6 @@ from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial import ConvexHull, QhullError
 
 from taichi_cloth.body.skin.sections import section_pieces
 from taichi_cloth.ground.errors import InputError, did_you_mean
@@ -105,6 +104,8 @@ def tape(vertices: F64, faces: NDArray[np.integer], point: ArrayLike, normal: Ar
 
     nan where the plane misses the mesh. point: within the limb, in the plane; normal: of the plane.
     """
+    from scipy.spatial import ConvexHull, QhullError  # half a second, of all that read a scene
+
     point, normal = np.asarray(point, np.float64), np.asarray(normal, np.float64)
     normal = normal / np.linalg.norm(normal)
     across = np.linalg.svd(normal[None])[2][1:]

@@ -2,8 +2,6 @@
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix
-from scipy.sparse.csgraph import connected_components
 
 __all__ = ["section_pieces"]
 
@@ -12,6 +10,9 @@ F64 = NDArray[np.float64]
 
 def section_pieces(vertices: F64, faces: NDArray[np.integer], point: F64, normal: F64) -> list[F64]:
     """Points (n, 3) [m] of each piece of the section of a mesh through a point, square to a unit normal."""
+    from scipy.sparse import csr_matrix  # half a second, of all that read a scene
+    from scipy.sparse.csgraph import connected_components
+
     height = (vertices - point) @ normal
     above = height > 0
     cut = faces[(above[faces].sum(axis=1) % 3) != 0]
