@@ -8,7 +8,7 @@ kept, so that other particles of the same scene, a mesh or the ground can be loo
 
 from dataclasses import dataclass
 from math import pi, sqrt
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -79,12 +79,18 @@ class SkyMaps:
     """Width of the coarsest map's texel [m]."""
 
     def on_particles(
-        self, blocks: NDArray[np.float32], light_out: NDArray[np.float32], row: int, depth: float = 0.0
+        self,
+        blocks: NDArray[np.float32],
+        light_out: NDArray[np.float32],
+        row: int,
+        depth: float = 0.0,
+        part: Literal["all", "cloth", "own"] = "all",
     ) -> None:
         """Write the share of the sky that packed particles see, 0..1, to light_out (blocks, rows, 16), at `row`; with a
-        depth, in the five after it what a cloth `depth` [m] thick at their place sees (see `sky.look`)."""
+        depth, in the five after it what a cloth `depth` [m] thick at their place sees, or a `part` of it (see
+        `sky.look`)."""
         if blocks.shape[1]:
-            how = sky.Looking(self.walls is not None, depth > 0)
+            how = sky.Looking(self.walls is not None, depth > 0, part)
             sky.look(how, *self._map(BEYOND * depth + self.texel, blind(self.texel, depth)), blocks, row, light_out)
 
     def seen_from(self, points: ArrayLike, normals: ArrayLike) -> NDArray[np.float32]:

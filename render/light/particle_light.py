@@ -35,6 +35,7 @@ __all__ = ["NO_LIGHT", "Held", "LightMaps", "LookedUp", "ParticleLight", "shadin
 APART = 0.4
 """Depths of a cloth, about as many crossings, by which particles along a fibre are apart that are looked up: farther
 apart, crowns would take a share of the light that gets to the bends under them."""
+F32 = NDArray[np.float32]
 NO_LIGHT = np.ones((1, 1, LANES), np.float32)
 """What `project` gets where no map of light is needed."""
 
@@ -204,15 +205,32 @@ class ParticleLight:
             known = self._known.get(row)
             if known is None or known[0] is not one or known[1] != depth:
                 few, stride = (blocks, 1) if self._each else self._thinned(layout, blocks, stride, depth)
-                if stride == 1:
-                    one.on_particles(blocks, light, row, depth)
+                found, at = (light, row) if stride == 1 else (filled((few.shape[1], count, LANES), 1.0), 0)
+                if isinstance(one, SkyMaps) and depth > 0 and not self._each:
+                    self._sky_on(one, layout, blocks, few, stride, found, at, depth)
                 else:
-                    found = filled((few.shape[1], count, LANES), 1.0)
-                    one.on_particles(few, found, 0, depth)
+                    one.on_particles(few, found, at, depth)
+                if stride > 1:
                     spread(stride, count, blocks, found, row, light)
                 self._known[row] = one, depth
                 self.lookups += 1
         return light
+
+    def _sky_on(
+        self, sky: SkyMaps, layout: Layout, blocks: F32, few: F32, stride: int, found: F32, row: int, depth: float
+    ) -> None:
+        """What the sky sends `few`, every stride-th of the particles `blocks`, in a cloth. What the cloth at their
+        place sees hangs little on whether a fibre goes over or under there, and takes two of three lookups: so of
+        particles in chains every SKY_STRIDE-th finds it."""
+        seldom = SKY_STRIDE if layout.elliptic else ROUND_STRIDE
+        if seldom <= stride or not self._step:
+            sky.on_particles(few, found, row, depth)
+            return
+        fewer = self._thin(layout, blocks, seldom)
+        of_cloth = filled((fewer.shape[1], Shading(bulk=True).of_sky, LANES), 1.0)
+        sky.on_particles(fewer, of_cloth, 0, depth, "cloth")
+        spread(seldom // stride, of_cloth.shape[1], few, of_cloth, row, found)
+        sky.on_particles(few, found, row, depth, "own")
 
     def key_map(self) -> ShadowMap | None:
         """The shadow map of the key light as last used; None where it casts no shadow."""
@@ -231,12 +249,16 @@ class ParticleLight:
             return blocks, 1
         while depth > 0 and stride > 1 and stride * self._step > APART * depth:
             stride //= 2
+        return self._thin(layout, blocks, stride), stride
+
+    def _thin(self, layout: Layout, blocks: NDArray[np.float32], stride: int) -> NDArray[np.float32]:
+        """Every stride-th particle, packed again."""
         if stride == 1:
-            return blocks, 1
+            return blocks
         if stride not in self._few:
             known = max((k for k in self._few if stride % k == 0), default=1)
             source = self._few.get(known, blocks)
             few = zeros((layout.rows, -(-source.shape[1] * known // stride), LANES))
             thin(stride // known, layout.rows, source, few)
             self._few[stride] = few
-        return self._few[stride], stride
+        return self._few[stride]

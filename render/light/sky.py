@@ -11,6 +11,7 @@ bilinearly between four texels. A direction belongs to one thread.
 """
 
 from dataclasses import dataclass
+from typing import Literal
 
 import taichi as ti
 
@@ -31,10 +32,12 @@ __all__ = ["Looking", "fill", "look", "look_at"]
 @dataclass(frozen=True)
 class Looking:
     """How maps are read: a compile-time switch. walled: there is a mesh, met first and left last at the depths `walls`.
-    bulk: also what a cloth sees around, see `_seen`."""
+    bulk: also what a cloth sees around, see `_seen`. part: of bulk, that "cloth" alone, what a particle sees its "own",
+    with the other known, or "all"."""
 
     walled: bool
     bulk: bool
+    part: Literal["all", "cloth", "own"] = "all"
 
 
 OFFSET, FINE, BEYOND, BLIND = range(4)
@@ -243,7 +246,7 @@ def _passing(how: Template, front, depth, cell, width, near, far, fine, depth_of
 
 @ti.func
 def _seen(
-    how: Template, place, normal, outward, lag, reading: F32x1, axes: F32x3, maps: I32x2,
+    how: Template, place, normal, outward, lag, mean, leaning, reading: F32x1, axes: F32x3, maps: I32x2,
     ends: F32x2, depth_of: F32x2, walls: F32x2,
 ):  # fmt: skip
     """The share of the sky, by the cosine to the normal, that is seen from a place moved `outward` [m] along it; and in
@@ -251,13 +254,13 @@ def _seen(
     in hides nothing, the share of the sky seen by a surface that faces that way, and by its other side: with the sky's
     mean m and its mean m1 times direction, m + 2 m1 . n, which is exact where the sky is linear in the direction.
 
+    mean, leaning: those of the cloth where they are known (`Looking.part`); of "cloth" they are what is given back.
     lag: how far towards each end of a map it is moved before it reads [m]. BLIND: how far the maps do not show what
     hides what within a cloth, 0 to 1 (see `map_place.blind`): as far, a fibre sees all of the sky that the cloth does,
     on the side that is more open unless it faces the other, and what is open to it lies between there and its normal.
     """
-    total, weight, mean = 0.0, 0.0, 0.0
+    total, weight = 0.0, 0.0
     open_way = ti.Vector([0.0, 0.0, 0.0])
-    leaning = ti.Vector([0.0, 0.0, 0.0])
     nx, ny, nz = normal[0], normal[1], normal[2]
     px = place[0] + outward * nx
     py = place[1] + outward * ny
@@ -289,33 +292,30 @@ def _seen(
         near = ti.Vector([ends[0, cell], ends[0, cell + 1], ends[0, cell + width], ends[0, cell + width + 1]])
         far = ti.Vector([ends[1, cell], ends[1, cell + 1], ends[1, cell + width], ends[1, cell + width + 1]])
         at = depth - moved
-        passing = part.dot(_passing(how, front, at, cell, width, near, far, reading[FINE], depth_of, walls))
-        outside, opposite = 0.0, 0.0
-        if ti.static(how.bulk):
+        away = ti.Vector([axes[m, AWAY, k] for k in ti.static(range(3))])
+        way = -away if front else away
+        if ti.static(how.part != "cloth"):
+            passing = part.dot(_passing(how, front, at, cell, width, near, far, reading[FINE], depth_of, walls))
+            total += cosine * passing
+            weight += cosine
+            open_way += passing * way
+        if ti.static(how.bulk and how.part != "own"):
             at -= farther
             outside = part.dot(_passing(how, front, at, cell, width, near, far, reading[FINE], depth_of, walls))
             at = depth + moved + farther
             opposite = part.dot(_passing(how, not front, at, cell, width, near, far, reading[FINE], depth_of, walls))
-        total += cosine * passing
-        weight += cosine
-        if ti.static(how.bulk):
-            away = ti.Vector([axes[m, AWAY, k] for k in ti.static(range(3))])
-            way = -away if front else away
-            open_way += passing * way
-            mean += outside + opposite
-            leaning += (outside - opposite) * way
-    before, behind = 1.0, 1.0
-    if ti.static(how.bulk):
+            mean += (0.5 / maps.shape[0]) * (outside + opposite)
+            leaning += (outside - opposite) / maps.shape[0] * way
+    seen, before, behind = total / ti.max(weight, 1e-6), 1.0, 1.0
+    if ti.static(how.part == "cloth"):
+        seen, open_way = mean, leaning
+    elif ti.static(how.bulk):
         # Where nothing is open the normal stands for it.
         open_way = (open_way + 0.05 * normal).normalized()
-        mean *= 0.5 / maps.shape[0]
-        lean = leaning.dot(open_way) / maps.shape[0]
+        lean = leaning.dot(open_way)
         before = ti.math.clamp(mean + lean, 0.0, 1.0)
         behind = ti.math.clamp(mean - lean, 0.0, 1.0)
-    seen = total / ti.max(weight, 1e-6)
-    if ti.static(how.bulk):  # noqa: SIM102
         if reading[BLIND] > 0.0:
-            leaning /= maps.shape[0]
             side = leaning.norm()
             side *= ti.math.clamp(1.0 + 2.0 * leaning.dot(normal) / (side + 1e-6), -1.0, 1.0)
             of_cloth = ti.math.clamp(mean + side, 0.0, 1.0)
@@ -344,6 +344,7 @@ def look(
 ):
     """light_out[block, row, lane]: the share of the sky that packed particles see, 0..1; in bulk, in the rows after it
     what the cloth at their place sees before it and behind it, and the direction (3) of what is open to them (`_seen`).
+    Of the "cloth" alone its mean, and in place of that direction how it leans; of a particle's "own" these are there.
 
     reading: numbers by which they are read, `OFFSET` and so on.
     """
@@ -357,8 +358,12 @@ def look(
             normal = ti.Vector([particles[NORMAL + k, b, lane] for k in ti.static(range(3))])
             outward = reading[OFFSET] + 0.5 * size
             lag = reading[OFFSET] + 0.25 * size
+            mean, leaning = 0.0, ti.Vector([0.0, 0.0, 0.0])
+            if ti.static(how.part == "own"):
+                mean = light_out[b, row, lane]
+                leaning = ti.Vector([light_out[b, row + 3 + k, lane] for k in ti.static(range(3))])
             value, before, behind, way = _seen(
-                how, place, normal, outward, lag, reading, axes, maps, ends, depth_of, walls
+                how, place, normal, outward, lag, mean, leaning, reading, axes, maps, ends, depth_of, walls
             )
             light_out[b, row, lane] = value
             if ti.static(how.bulk):
@@ -391,7 +396,8 @@ def look_at(
     for i in range(points.shape[0]):
         place = ti.Vector([points[i, k] for k in ti.static(range(3))])
         normal = ti.Vector([normals[i, k] for k in ti.static(range(3))])
+        none = ti.Vector([0.0, 0.0, 0.0])
         value, _, _, _ = _seen(
-            how, place, normal, reading[OFFSET], reading[OFFSET], reading, axes, maps, ends, depth_of, walls
+            how, place, normal, reading[OFFSET], reading[OFFSET], 0.0, none, reading, axes, maps, ends, depth_of, walls
         )
         light_out[i] = value
