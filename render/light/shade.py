@@ -10,7 +10,7 @@ import taichi as ti
 
 from taichi_cloth.ground.arrays import F32x2, Template
 from taichi_cloth.ground.particles import COLOUR, NORMAL, POSITION, TANGENT
-from taichi_cloth.ground.vectors import Blocks, each, of_group, of_row
+from taichi_cloth.ground.vectors import Octets, each, of_group, of_row
 
 from .bulk import OF_KEY, OF_SKY, SHUT, weight
 from .fibre import lobes
@@ -178,7 +178,7 @@ def _lit(parts, albedo):
 
 
 @ti.func
-def shade(layout: Template, shading: Template, particles: Blocks, light: Blocks, view: F32x2, b):
+def shade(layout: Template, shading: Template, particles: Octets, light: Octets, view: F32x2, b):
     """Red, green, blue; and for the slope across the fibre: v (3), sin(t, v), how far it faces the key light."""
     # Tangent t and normal n of the fibre, direction v to the eye, and how they stand to each other.
     tx = of_group(particles, TANGENT, b)

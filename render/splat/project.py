@@ -14,8 +14,8 @@ Numbers of one splat, `splats[i]` float32 (see `Layout.splat_size`):
 import taichi as ti
 
 from taichi_cloth.ground.arrays import F32x2, I32x1, I32x2, I64x1, Int, Template
-from taichi_cloth.ground.particles import LANES, NORMAL, POSITION, RADIUS, TANGENT, TILE
-from taichi_cloth.ground.vectors import CHUNK_STEPS, Blocks, each, lanes, of_group
+from taichi_cloth.ground.particles import LANES, NORMAL, OCTET, POSITION, RADIUS, TANGENT, TILE
+from taichi_cloth.ground.vectors import CHUNK_STEPS, Octets, each, lanes, of_group
 
 from ..light.shade import shade
 from ..light.view import COAT, DEPTH, EDGE, IMAGE, KEY_DIRECTION, LENS, SURFACE, TRANSLATION
@@ -79,7 +79,7 @@ def _thread(radius, half_length, endwise):
 
 
 @ti.func
-def _piece(layout: Template, crisp: Template, particles: Blocks, view: F32x2, b, scale, u, v, radius, thin, soft_edge):
+def _piece(layout: Template, crisp: Template, particles: Octets, view: F32x2, b, scale, u, v, radius, thin, soft_edge):
     """The outline of an elongated piece on the image: drawn half width, opacity, edge, half width and height of its box
     [px], the rows s and t (2 each), how far it is seen end-on, its edge along the fibre.
 
@@ -129,7 +129,7 @@ def _piece(layout: Template, crisp: Template, particles: Blocks, view: F32x2, b,
 
 
 @ti.func
-def _slope(particles: Blocks, view: F32x2, b, vx, vy, vz, sin_v, key_facing):
+def _slope(particles: Octets, view: F32x2, b, vx, vy, vz, sin_v, key_facing):
     """How brightness changes across a thread: (t x v) . l, of which (-e_y, e_x) is the direction on the image."""
     tx = of_group(particles, TANGENT, b)
     ty = of_group(particles, TANGENT + 1, b)
@@ -156,7 +156,7 @@ def _even(crisp: Template, edge, endwise, curve, red, green, blue):
 
 
 @ti.func
-def _drawn_in(layout: Template, particles: Blocks, view: F32x2, b, x, y, wider):
+def _drawn_in(layout: Template, particles: Octets, view: F32x2, b, x, y, wider):
     """Where a faint piece is drawn that is so much wider [px] than it is opaque: moved along its normal towards the
     axis of its yarn. Many faint pieces one behind the other are opaque as far as they reach, so that a yarn of them
     would be wider the fewer pixels it has. A piece that is as wide as long is none of a yarn, and stays."""
@@ -184,8 +184,8 @@ def _splats(
     layout: Template,
     shading: Template,
     crisp: Template,
-    particles: Blocks,
-    light: Blocks,
+    particles: Octets,
+    light: Octets,
     view: F32x2,
     b,
     chunk,
@@ -252,7 +252,7 @@ def _splats(
         if room[lane] > 0.0 and end[lane] >= 0.0:
             # Seen: its key, and the numbers that `raster` reads.
             key = ti.cast(ti.min(ti.max(depth[lane], 0.0), ti.static(float(DEEPEST_KEY))), ti.i32)
-            if ti.static(lanes() == LANES):  # on a device they are counted afterwards
+            if ti.static(lanes() == OCTET):  # on a device they are counted afterwards
                 low = key & (BINS - 1)
                 histogram_out[chunk, low] = histogram_out[chunk, low] + 1
             splats_out[i, 0] = x[lane]
@@ -294,10 +294,10 @@ def project(
     crisp: Template,
     chunks: Int,
     # particles:
-    particles: Blocks,
+    particles: Octets,
     block_count: Int,
     # light that reaches the particles, (blocks, shading.rows, 16); the view, see `light.view`:
-    light: Blocks,
+    light: Octets,
     view: F32x2,
     # out:
     splats_out: F32x2,
@@ -323,7 +323,7 @@ def project(
             chunk = step // CHUNK_STEPS
             for k in range(BINS):
                 histogram_out[chunk, k] = 0
-            for b in range(share(block_count, chunk, chunks), share(block_count, chunk + 1, chunks)):  # pyright: ignore[reportArgumentType]
+            for b in range(2 * share(block_count, chunk, chunks), 2 * share(block_count, chunk + 1, chunks)):  # pyright: ignore[reportArgumentType]
                 _splats(
                     layout, shading, crisp, particles, light, view, b, chunk, splats_out, boxes_out, keys_out,
                     histogram_out,

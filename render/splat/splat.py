@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from taichi_cloth.ground.copies import extent, fetched, put, sent, zeros
 from taichi_cloth.ground.errors import InputError
-from taichi_cloth.ground.particles import LANES, TILE
+from taichi_cloth.ground.particles import LANES, OCTET, TILE
 from taichi_cloth.ground.runtime import on_host
 
 from ..data.backdrop import NO_WALL, Backdrop
@@ -230,9 +230,9 @@ class Splatter:
             shading,
             self._profile == "crisp",
             self.chunks,
-            self._blocks,
+            self._blocks.reshape(self._layout.rows, 2 * blocks, OCTET),
             blocks,
-            light,
+            light.reshape(light.shape[0], 2 * light.shape[1], OCTET),
             self._view,
             self._splats,
             lists.boxes,

@@ -34,8 +34,10 @@ device that go the same way together."""
 
 if TYPE_CHECKING:
     Blocks = Any
+    Octets = Any
 else:
     Blocks = ti.types.ndarray(Vec16, 2)  # groups of particles (rows, groups): each element 16 neighbours
+    Octets = ti.types.ndarray(Vec8, 2)  # the same, in halves
 
 
 @ti.func
@@ -51,7 +53,7 @@ def keep(array: Template, at: Template, size):
 
 def lanes() -> int:
     """Particles at once, in what is being compiled: LANES on a CPU, 1 a thread of a device."""
-    return LANES if runtime.on_host() else 1
+    return OCTET if runtime.on_host() else 1
 
 
 def chunk_steps() -> int:
@@ -68,19 +70,19 @@ def chunk_count(usual: int) -> int:
 @ti.func
 def of_group(groups: Template, row, b):
     """A row (rows, groups) of the particles of group b; on a device of particle number b."""
-    if ti.static(lanes() == LANES):
+    if ti.static(lanes() == OCTET):
         return groups[row, b]
     else:
-        return ti.Vector([groups[row, b // LANES][b % LANES]])
+        return ti.Vector([groups[row, b // OCTET][b % OCTET]])
 
 
 @ti.func
 def of_row(groups: Template, b, row):
     """The same of (groups, rows)."""
-    if ti.static(lanes() == LANES):
-        return groups[b, row]
+    if ti.static(lanes() == OCTET):
+        return groups[b // 2, 2 * row + b % 2]
     else:
-        return ti.Vector([groups[b // LANES, row][b % LANES]])
+        return ti.Vector([groups[b // LANES, 2 * row + b // OCTET % 2][b % OCTET]])
 
 
 @ti.func
