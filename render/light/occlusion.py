@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from taichi_cloth.ground import runtime
 from taichi_cloth.ground.copies import zeros
 from taichi_cloth.ground.errors import InputError
-from taichi_cloth.ground.particles import LANES
+from taichi_cloth.ground.particles import OCTET
 
 from ..data.blocks import Layout
 from ..data.light_sizes import LAYERS, SCRATCH_ROWS, SKY_DIRECTIONS, SKY_SIZE
@@ -139,10 +139,11 @@ def occlude(
     texels, texel = int(sizes.sum()), max(f.texel for f in fits)
     ends, depth = zeros((2, texels)), zeros((texels, LAYERS))
     chunks = directions if runtime.resident() else min(chunks, directions)
-    count = blocks.shape[1]
-    scratch = zeros((max(1, chunks * count), SCRATCH_ROWS, LANES))
+    octets = 2 * blocks.shape[1]
+    scratch = zeros((max(1, chunks * octets), SCRATCH_ROWS, OCTET))
+    eight = blocks.reshape(blocks.shape[0], octets, OCTET)
     sky.fill(
-        layout, chunks, stretch, blocks, count, axes, table, FINE * texel, scratch, ends, depth.reshape(-1, 1, LAYERS),
+        layout, chunks, stretch, eight, octets, axes, table, FINE * texel, scratch, ends, depth.reshape(-1, 1, LAYERS),
         counts_for(texels),
     )  # fmt: skip
     solid = None if mesh is None else walls(mesh, axes, table, chunks=chunks)

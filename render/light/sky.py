@@ -17,8 +17,8 @@ import taichi as ti
 
 from taichi_cloth.ground import runtime
 from taichi_cloth.ground.arrays import F32x1, F32x2, F32x3, Float, I32x2, Int, Template
-from taichi_cloth.ground.particles import LANES, NORMAL, POSITION, RADIUS, TANGENT
-from taichi_cloth.ground.vectors import CHUNK_STEPS, Blocks, Vec16, keep
+from taichi_cloth.ground.particles import LANES, NORMAL, OCTET, POSITION, RADIUS, TANGENT
+from taichi_cloth.ground.vectors import CHUNK_STEPS, Blocks, Octets, Vec16, keep
 
 from ..data.light_sizes import LAYERS
 from ..tiles.sort import share
@@ -60,8 +60,8 @@ def _coordinate(f, g, h):
 
 
 @ti.func
-def _place(layout: Template, stretch, particles: Blocks, b, axes: F32x3, m, placed: Blocks, out):
-    """Block b on map m, as row `out` of the scratch: its place, its points, and the optical depth of each."""
+def _place(layout: Template, stretch, particles: Octets, b, axes: F32x3, m, placed: Octets, out):
+    """Eight particles on map m, as row `out` of the scratch: its place, its points, and the optical depth of each."""
     texels = axes[m, SCALE, 0]
     px = particles[POSITION, b]
     py = particles[POSITION + 1, b]
@@ -98,7 +98,7 @@ def _place(layout: Template, stretch, particles: Blocks, b, axes: F32x3, m, plac
 
 @ti.func
 def _lay(
-    layout: Template, turn, placed: Blocks, b, lane, maps: I32x2, m, fine, ends: F32x2, depth_out: Blocks, counts: I32x2
+    layout: Template, turn, placed: Octets, b, lane, maps: I32x2, m, fine, ends: F32x2, depth_out: Blocks, counts: I32x2
 ):
     """One particle, point by point: into the first and last depths, then into the layers between them."""
     begin = maps[m, 0]
@@ -145,13 +145,13 @@ def fill(
     layout: Template,
     chunks: Int,
     stretch: Float,
-    particles: Blocks,
-    block_count: Int,
+    particles: Octets,
+    octet_count: Int,
     axes: F32x3,
     maps: I32x2,
     fine: Float,
     # scratch of a chunk:
-    placed: Blocks,
+    placed: Octets,
     # out, all maps one after another:
     ends_out: F32x2,
     depth_out: Blocks,
@@ -166,12 +166,12 @@ def fill(
         for cell in range(ends_out.shape[1]):
             ends_out[0, cell] = EMPTY
             ends_out[1, cell] = -EMPTY
-        for t in range(maps.shape[0] * block_count):
-            _place(layout, stretch, particles, t % block_count, axes, t // block_count, placed, t)
+        for t in range(maps.shape[0] * octet_count):
+            _place(layout, stretch, particles, t % octet_count, axes, t // octet_count, placed, t)
         for turn in ti.static(range(2)):
-            for i in range(maps.shape[0] * block_count * LANES):
-                t = i // LANES
-                _lay(layout, turn, placed, t, i % LANES, maps, t // block_count, fine, ends_out, depth_out, counts)
+            for i in range(maps.shape[0] * octet_count * OCTET):
+                t = i // OCTET
+                _lay(layout, turn, placed, t, i % OCTET, maps, t // octet_count, fine, ends_out, depth_out, counts)
         for cell in range(ends_out.shape[1]):
             if ends_out[0, cell] < EMPTY:
                 _sum_up(cell, depth_out, counts)
@@ -180,21 +180,21 @@ def fill(
             if step % CHUNK_STEPS != 0:
                 continue
             chunk = step // CHUNK_STEPS
-            at = chunk * block_count
+            at = chunk * octet_count
             for m in range(share(maps.shape[0], chunk, chunks), share(maps.shape[0], chunk + 1, chunks)):  # pyright: ignore[reportArgumentType]
                 begin = maps[m, 0]
                 width = maps[m, 1]
                 high = maps[m, 2]
-                for b in range(block_count):
+                for b in range(octet_count):
                     _place(layout, stretch, particles, b, axes, m, placed, at + b)
                 for cell in range(begin, begin + width * high):
                     ends_out[0, cell] = EMPTY
                     ends_out[1, cell] = -EMPTY
                 # First where anything stands, then what each layer takes of the light; at last summed front to back.
                 for turn in range(2):
-                    for i in range(block_count * LANES):
-                        t = at + i // LANES
-                        _lay(layout, turn, placed, t, i % LANES, maps, m, fine, ends_out, depth_out, counts)
+                    for i in range(octet_count * OCTET):
+                        t = at + i // OCTET
+                        _lay(layout, turn, placed, t, i % OCTET, maps, m, fine, ends_out, depth_out, counts)
                     for cell in range(begin, begin + width * high):
                         if ends_out[0, cell] < EMPTY:
                             if turn == 0:

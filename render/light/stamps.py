@@ -3,15 +3,15 @@
 import taichi as ti
 
 from taichi_cloth.ground.arrays import F32x2, Float, I32x2, Int, Template
-from taichi_cloth.ground.particles import LANES, POSITION, RADIUS, TANGENT
-from taichi_cloth.ground.vectors import CHUNK_STEPS, Blocks, Vec16
+from taichi_cloth.ground.particles import OCTET, POSITION, RADIUS, TANGENT
+from taichi_cloth.ground.vectors import CHUNK_STEPS, Octets, Vec8
 
 from ..tiles.sort import share
 from .deep_map import AWAY, ORIGIN, RIGHT, SCALE, UP
 
 __all__ = ["stamp"]
 
-# Rows of a stamp, a block of particles on the map: u, v [texels], depth [m], optical depth, edge, half height and
+# Rows of a stamp, eight particles on the map: u, v [texels], depth [m], optical depth, edge, half height and
 # half width of its box [texels], the rows s and t that turn an offset into -1..1. What is laid at points has no edge;
 # its place is that of the first point, u and v less 1/2, and it has the steps to the next and the number of points.
 U, V, BEHIND, OPTICAL, EDGE, REACH, WIDE, S_X, S_Y, T_X, T_Y = range(11)
@@ -33,16 +33,16 @@ def stamp(
     layout: Template,
     chunks: Int,
     stretch: Float,
-    particles: Blocks,
-    block_count: Int,
+    particles: Octets,
+    octet_count: Int,
     height: Int,
     axes: F32x2,
     # out:
-    stamps_out: Blocks,
+    stamps_out: Octets,
     spans_out: I32x2,
     rows_out: I32x2,
 ):
-    """Where each particle falls on the map, between which rows of texels a block does, shape (blocks, 2), and how many
+    """Where each particle falls on the map, between which rows of texels eight do, shape (octets, 2), and how many
     particles there are in each row, chunk by chunk.
 
     A disc of radius r [texels] is drawn with coverage min(1, e q), q = 1 - s^2 - t^2, of radius
@@ -58,7 +58,7 @@ def stamp(
         for k in range(height):
             rows_out[chunk, k] = 0
         texels = axes[SCALE, 0]
-        for b in range(share(block_count, chunk, chunks), share(block_count, chunk + 1, chunks)):  # pyright: ignore[reportArgumentType]
+        for b in range(share(octet_count, chunk, chunks), share(octet_count, chunk + 1, chunks)):  # pyright: ignore[reportArgumentType]
             # Where it is on the map.
             px = particles[POSITION, b]
             py = particles[POSITION + 1, b]
@@ -70,12 +70,12 @@ def stamp(
             # Its outline there, and the points that it is laid at where it is thin.
             radius = ti.max(size * texels, 1e-3)
             long = radius
-            e_x = Vec16(1.0)
-            e_y = Vec16(0.0)
-            points = Vec16(1.0)
-            step_u = Vec16(0.0)
-            step_v = Vec16(0.0)
-            step_behind = Vec16(0.0)
+            e_x = Vec8(1.0)
+            e_y = Vec8(0.0)
+            points = Vec8(1.0)
+            step_u = Vec8(0.0)
+            step_v = Vec8(0.0)
+            step_behind = Vec8(0.0)
             if ti.static(layout.elliptic):
                 tx = particles[TANGENT, b]
                 ty = particles[TANGENT + 1, b]
@@ -110,7 +110,7 @@ def stamp(
             optical = -ti.log(1.0 - ti.min(alpha, ti.static(OPAQUEST)))
             if ti.static(not layout.elliptic):
                 optical *= stretch
-            # Its box, and the rows of texels that the block reaches.
+            # Its box, and the rows of texels that the eight reach.
             half_width = ti.sqrt(along * along * e_x * e_x + across * across * e_y * e_y)
             half_height = ti.sqrt(along * along * e_y * e_y + across * across * e_x * e_x)
             there = size > 0.0
@@ -129,6 +129,6 @@ def stamp(
             reach = ti.max(half_height, 0.5 * points * ti.abs(step_v)) + 2.0
             spans_out[b, 0] = ti.cast(ti.select(there, v - reach, 1e9).min(), ti.i32)  # pyright: ignore[reportOptionalCall]
             spans_out[b, 1] = ti.cast(ti.select(there, v + reach, -1e9).max(), ti.i32)  # pyright: ignore[reportOptionalCall]
-            for lane in ti.static(range(LANES)):
+            for lane in ti.static(range(OCTET)):
                 row = ti.min(ti.max(ti.cast(v[lane], ti.i32), 0), height - 1)
                 rows_out[chunk, row] = rows_out[chunk, row] + ti.cast(size[lane] > 0.0, ti.i32)

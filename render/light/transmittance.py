@@ -21,7 +21,7 @@ import taichi as ti
 
 from taichi_cloth.ground import runtime
 from taichi_cloth.ground.arrays import F32x1, F32x2, F32x3, I32x1, I32x2, Int, Template
-from taichi_cloth.ground.particles import LANES
+from taichi_cloth.ground.particles import OCTET
 from taichi_cloth.ground.vectors import CHUNK_STEPS, Blocks, Vec16
 
 from ..data.light_sizes import LAYERS
@@ -150,7 +150,7 @@ def deposit(
     walled: Template,
     deep: DeepMap,
     # stamps:
-    block_count: Int,
+    octet_count: Int,
     stamps: F32x3,
     spans: I32x2,
     cuts: I32x1,
@@ -170,8 +170,8 @@ def deposit(
         for cell in range(texels):
             nearest_out[cell] = wall[cell] if ti.static(walled) else EMPTY
         for turn in ti.static(range(2)):
-            for i in range(block_count * LANES):
-                _lay(turn, deep, stamps, i // LANES, i % LANES, 0, cuts[bands] - 1, nearest_out, through_out, counts)
+            for i in range(octet_count * OCTET):
+                _lay(turn, deep, stamps, i // OCTET, i % OCTET, 0, cuts[bands] - 1, nearest_out, through_out, counts)
         for cell in range(texels):
             if nearest_out[cell] < EMPTY:
                 _let_through(walled, deep, cell, wall, nearest_out, through_out, counts)
@@ -187,9 +187,9 @@ def deposit(
                 nearest_out[cell] = wall[cell] if ti.static(walled) else EMPTY
             # First where light meets something, then what each layer takes of it.
             for turn in range(2):
-                for b in range(block_count):
+                for b in range(octet_count):
                     if spans[b, 0] <= bottom and spans[b, 1] >= top:
-                        for lane in range(LANES):
+                        for lane in range(OCTET):
                             _lay(turn, deep, stamps, b, lane, top, bottom, nearest_out, through_out, counts)
                 if turn == 0:
                     for cell in range(top * width, (bottom + 1) * width):
