@@ -17,8 +17,10 @@ LEAST_RADIUS = 0.45
 """Radius [px] of the smallest fibres worth drawing where nothing thins them out."""
 FEWEST = 6
 """Fibres a ply, at least: of fewer the twist is not seen."""
-LEAST_STEP, FEWEST_STEPS = 1.0, 5
-"""Pixels from particle to particle along a fibre that are worth drawing, and steps over a crossing, at least."""
+LEAST_STEP, FEWEST_STEPS = 1.5, 4
+"""Pixels from particle to particle along a fibre that are worth drawing, and steps over a crossing, at least. They are
+even: light is looked up for every second particle, and a satin of 5 steps a crossing, or of 3, had 0.92 of the light of
+6 or 8, one of 4 had 1.02."""
 EVERY = 2000
 """More fibres than a single of any yarn here is drawn of."""
 
@@ -42,7 +44,7 @@ def steps_drawn(scene: Scene, pitch: float, extent: tuple[float, float]) -> int:
     if scene.subject != "fabric" or "steps" in section.model_fields_set:
         return section.steps
     seen = pitch / (LEAST_STEP * _pixel(extent, scene.output.size, scene.camera.zoom))
-    return min(max(ceil(seen), FEWEST_STEPS), section.steps)
+    return min(max(2 * ceil(seen / 2), FEWEST_STEPS), section.steps)
 
 
 def fibres_told_apart(
