@@ -246,7 +246,7 @@ def _passing(how: Template, front, depth, cell, width, near, far, fine, depth_of
 
 @ti.func
 def _seen(
-    how: Template, place, normal, outward, lag, mean, leaning, reading: F32x1, axes: F32x3, maps: I32x2,
+    how: Template, place, normal, outward, lag, around, reading: F32x1, axes: F32x3, maps: I32x2,
     ends: F32x2, depth_of: F32x2, walls: F32x2,
 ):  # fmt: skip
     """The share of the sky, by the cosine to the normal, that is seen from a place moved `outward` [m] along it; and in
@@ -254,12 +254,13 @@ def _seen(
     in hides nothing, the share of the sky seen by a surface that faces that way, and by its other side: with the sky's
     mean m and its mean m1 times direction, m + 2 m1 . n, which is exact where the sky is linear in the direction.
 
-    mean, leaning: those of the cloth where they are known (`Looking.part`); of "cloth" they are what is given back.
+    around: m and 2 m1 of the cloth where they are known (`Looking.part`), (4,); of "cloth" they are what is given back.
     lag: how far towards each end of a map it is moved before it reads [m]. BLIND: how far the maps do not show what
     hides what within a cloth, 0 to 1 (see `map_place.blind`): as far, a fibre sees all of the sky that the cloth does,
     on the side that is more open unless it faces the other, and what is open to it lies between there and its normal.
     """
-    total, weight = 0.0, 0.0
+    total, weight, mean = 0.0, 0.0, around[0]
+    leaning = ti.Vector([around[1], around[2], around[3]])
     open_way = ti.Vector([0.0, 0.0, 0.0])
     nx, ny, nz = normal[0], normal[1], normal[2]
     px = place[0] + outward * nx
@@ -358,12 +359,11 @@ def look(
             normal = ti.Vector([particles[NORMAL + k, b, lane] for k in ti.static(range(3))])
             outward = reading[OFFSET] + 0.5 * size
             lag = reading[OFFSET] + 0.25 * size
-            mean, leaning = 0.0, ti.Vector([0.0, 0.0, 0.0])
+            around = ti.Vector([0.0, 0.0, 0.0, 0.0])
             if ti.static(how.part == "own"):
-                mean = light_out[b, row, lane]
-                leaning = ti.Vector([light_out[b, row + 3 + k, lane] for k in ti.static(range(3))])
+                around = ti.Vector([light_out[b, row + k, lane] for k in ti.static((0, 3, 4, 5))])
             value, before, behind, way = _seen(
-                how, place, normal, outward, lag, mean, leaning, reading, axes, maps, ends, depth_of, walls
+                how, place, normal, outward, lag, around, reading, axes, maps, ends, depth_of, walls
             )
             light_out[b, row, lane] = value
             if ti.static(how.bulk):
@@ -396,8 +396,8 @@ def look_at(
     for i in range(points.shape[0]):
         place = ti.Vector([points[i, k] for k in ti.static(range(3))])
         normal = ti.Vector([normals[i, k] for k in ti.static(range(3))])
-        none = ti.Vector([0.0, 0.0, 0.0])
+        none = ti.Vector([0.0, 0.0, 0.0, 0.0])
         value, _, _, _ = _seen(
-            how, place, normal, reading[OFFSET], reading[OFFSET], 0.0, none, reading, axes, maps, ends, depth_of, walls
+            how, place, normal, reading[OFFSET], reading[OFFSET], none, reading, axes, maps, ends, depth_of, walls
         )
         light_out[i] = value
