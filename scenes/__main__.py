@@ -92,7 +92,8 @@ def animate(
     overrides: Overrides = None,
     frames: Annotated[int | None, typer.Option("--frames", help="Frames; default: the scene's.")] = None,
     motion: Annotated[
-        str | None, typer.Option("--motion", help="How the body moves: rest, idle, turn, walk, … or a .bvh file.")
+        str | None,
+        typer.Option("--motion", help="How the body moves: rest, turn, walk, … or a .bvh or .npz file."),
     ] = None,
     size: Size = None,
     out: Out = None,

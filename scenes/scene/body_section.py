@@ -56,11 +56,11 @@ class BodySection(Section):
     up: Up | None = Field(default=None, description="a file's vertical axis; default: seen from its shape")
     facing: Facing | None = Field(default=None, description="where a file's body looks; default: seen from its feet")
     motion: Annotated[Literal["rest", "idle", "turn", "walk", "arms-raised", "sit"] | str, MOTION_FILE] = Field(
-        default="rest", description="a built-in motion, or the path of a .bvh file"
+        default="rest", description="a built-in motion, or the path of a .bvh file or an .npz of SMPL"
     )
     motion_speed: float = Field(default=1.0, gt=0, le=10, description="2 is twice as fast; built-in motions only")
     blend_in_s: float = Field(default=1.0, gt=0, le=60, description="time from the A pose into the motion [s]")
-    loop: bool = Field(default=False, description="begin a .bvh file again at its end")
+    loop: bool = Field(default=False, description="begin a file again at its end")
     start_s: float = Field(default=0.0, ge=0, le=600, description="when the motion begins; at rest before [s]")
     primitives: Annotated[str, PRIMITIVES_FILE] | None = Field(
         default=None, description="a file that `body fit` wrote; default: the body's own, fitted once and kept"
@@ -104,9 +104,11 @@ def prepare_motion(section: BodySection, body: "Body", folder: Path = Path()) ->
     """The motion a scene asks for. Raises InputError."""
     from taichi_cloth.body.moving.bvh import bvh_motion
     from taichi_cloth.body.moving.motion import motion
+    from taichi_cloth.body.moving.smpl import smpl_motion
 
     if MOTION_FILE.fits(section.motion):
-        found = bvh_motion(folder / section.motion, body.skeleton, loop=section.loop, blend_in=section.blend_in_s)
+        read = smpl_motion if section.motion.lower().endswith(".npz") else bvh_motion
+        found = read(folder / section.motion, body.skeleton, loop=section.loop, blend_in=section.blend_in_s)
     else:
         found = motion(section.motion, body.skeleton, speed=section.motion_speed, blend_in=section.blend_in_s)
     return replace(found, start=section.start_s)

@@ -6,6 +6,7 @@ A reader either takes a file or refuses it with InputError in one line; anything
 a temporary folder. Memory beyond LIMIT is refused by the system. The last line is the largest memory taken [MB].
 """
 
+import io
 import json
 import resource
 import struct
@@ -28,6 +29,7 @@ from taichi_cloth.body.figure.anthropometry import measures_of
 from taichi_cloth.body.figure.figure import Girths, draw
 from taichi_cloth.body.files.meshfile import body_from_file
 from taichi_cloth.body.moving.bvh import CHANNELS, bvh_motion
+from taichi_cloth.body.moving.smpl import smpl_motion
 from taichi_cloth.body.primitives.primitive_file import load_primitives, primitives_json
 from taichi_cloth.body.primitives.primitives import Primitive
 from taichi_cloth.garment.fit.fitted import fitted
@@ -170,6 +172,13 @@ def _bvh() -> bytes:
     return "\n".join(lines).encode()
 
 
+def _npz() -> bytes:
+    """A person of SMPL, 3 frames."""
+    out = io.BytesIO()
+    np.savez_compressed(out, poses=np.full((3, 72), 0.1), trans=np.zeros((3, 3)), mocap_framerate=30.0)
+    return out.getvalue()
+
+
 def _png(channels: int, kind: type) -> bytes:
     image = Random(1).randbytes(24 * 20 * 4 * 2)
     pixels = np.frombuffer(image, kind)[: 24 * 20 * channels].reshape(24, 20, channels)
@@ -203,6 +212,7 @@ def seeds() -> Iterator[tuple[str, Callable[[Path], object], list[bytes]]]:
     yield ".dxf", read_pieces, [(DATA / "patterns" / "own_tee.dxf").read_bytes()]
     yield ".json", load_primitives, [_primitives()]
     yield ".bvh", lambda path: bvh_motion(path, skeleton).pose(1.03), [_bvh()]
+    yield ".npz", lambda path: smpl_motion(path, skeleton).pose(1.03), [_npz()]
     yield ".png", lambda path: sheet_from_png([path]), [_png(4, np.uint8), _png(4, np.uint16)]
     yield ".png", read_png, [_png(3, np.uint8), _png(1, np.uint16), _png(4, np.uint8)]
     body = trimesh.creation.icosphere(subdivisions=2)

@@ -1,9 +1,4 @@
-"""Motion capture: BVH files read, and mapped onto our skeleton by the turns of their joints.
-
-A file's joint turns from its rest pose (all angles 0) by B; ours turns by Y B Y⁻¹ C, where Y turns the file's axes so
-that it faces +z with y up, and C is the least turn of our bone at rest onto the file's: so that an A pose and a T pose
-mean the same. Where the pelvis goes is scaled by the length of the legs.
-"""
+"""Motion capture in BVH files; `captured.py` maps it onto our skeleton. At rest all angles are 0."""
 
 import io
 from dataclasses import dataclass, field
@@ -13,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from taichi_cloth.body.moving.captured import Captured, child_of, leg_length
 from taichi_cloth.body.moving.motion import Motion
-from taichi_cloth.body.skin.skeleton import JOINTS, PARENTS, Pose, Skeleton
+from taichi_cloth.body.skin.skeleton import JOINTS, Skeleton
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.ground.files import read_bytes
 
@@ -30,8 +26,6 @@ MOST_JOINTS, MOST_TURNS = 1000, 5_000_000
 """Joints, and joints times frames, for which rotations are worked out."""
 LARGEST_VALUE = 1e6
 """Of any number in a file: lengths in its unit, angles in degrees."""
-FARTHEST = 100.0
-"""From where it begins a motion may take a body [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -248,54 +242,15 @@ def bvh_motion(path: str | Path, skeleton: Skeleton, *, loop: bool = False, blen
     rest = bvh.rest()
     axes = _upright(rest, found)
     world, root = bvh.turned()
-    world = axes @ world @ axes.T
-    places, root = rest @ axes.T, root @ axes.T
-    ours = np.empty((len(bvh.values), len(JOINTS), 3, 3))
-    for j, parent in enumerate(PARENTS):
-        if j in found:
-            ours[:, j] = world[:, found[j]] @ _least_turn(
-                _bone(skeleton.joints, j, skeleton.tips), _their_bone(bvh, places, axes, found, j)
-            )
-        else:
-            ours[:, j] = ours[:, parent] if parent >= 0 else np.eye(3)
-    rotations = np.empty((len(bvh.values), len(JOINTS), 3))
-    for j, parent in enumerate(PARENTS):
-        local = ours[:, j] if parent < 0 else np.swapaxes(ours[:, parent], 1, 2) @ ours[:, j]
-        rotations[:, j] = Rotation.from_matrix(local).as_rotvec()
-    way = (root - root[0]) * (
-        _leg(skeleton.joints) / _leg(np.array([places[found.get(j, 0)] for j in range(len(JOINTS))]))
+    places, order = rest @ axes.T, [found.get(j, 0) for j in range(len(JOINTS))]
+    captured = Captured(
+        "bvh",
+        turns=(axes @ world @ axes.T)[:, order],
+        bones={j: _their_bone(bvh, places, axes, found, j) for j in found},
+        way=(root @ axes.T) / leg_length(places[order], "bvh"),
+        frame_time=bvh.frame_time,
     )
-    far = float(np.linalg.norm(way, axis=1).max())
-    if not far <= FARTHEST:
-        raise InputError(f"bvh: the pelvis goes {far:.3g} m far; allowed: up to {FARTHEST:g} m; mend its positions")
-    poses = [Pose(r, w) for r, w in zip(rotations, way, strict=True)]
-    feet = [JOINTS.index("foot_l"), JOINTS.index("foot_r")]
-    seen = poses[:: max(1, len(poses) // 200)]
-    low = min(float(_joint_heights(skeleton, p)[feet].min()) for p in seen)
-    lift = np.array([0, skeleton.joints[feet, 1].min() - low, 0])
-    poses = [Pose(p.rotations, p.translation + lift) for p in poses]
-    last = len(poses) - 1
-
-    def cycle(time: float) -> Pose:
-        at = time / bvh.frame_time
-        at = at % max(last, 1) if loop else min(at, last)
-        k = min(int(at), max(last - 1, 0))
-        return poses[k].blended(poses[min(k + 1, last)], at - k)
-
-    return Motion(Path(path).stem, cycle, last * bvh.frame_time if loop else None, blend_in)
-
-
-def _joint_heights(skeleton: Skeleton, pose: Pose) -> F64:
-    moved = skeleton.transforms(pose)
-    return np.einsum("jab,jb->ja", moved[:, :3, :3], skeleton.joints)[:, 1] + moved[:, 1, 3]
-
-
-def _leg(joints: F64) -> float:
-    thigh, shin, foot = (joints[JOINTS.index(n)] for n in ("thigh_l", "shin_l", "foot_l"))
-    length = float(np.linalg.norm(shin - thigh) + np.linalg.norm(foot - shin))
-    if length <= 1e-6:
-        raise InputError("bvh: the legs have no length; give the joints of the file their offsets")
-    return length
+    return captured.motion(Path(path).stem, skeleton, loop=loop, blend_in=blend_in)
 
 
 def _upright(rest: F64, found: dict[int, int]) -> F64:
@@ -315,26 +270,9 @@ def _upright(rest: F64, found: dict[int, int]) -> F64:
     return np.stack([left, up, np.cross(left, up)])
 
 
-CHILD = {
-    "pelvis": "spine1", "spine1": "spine2", "spine2": "spine3", "spine3": "neck", "neck": "head",
-    "clavicle": "upper_arm", "upper_arm": "forearm", "forearm": "hand", "thigh": "shin", "shin": "foot",
-}  # fmt: skip
-
-
-def _child(j: int) -> int | None:
-    name = JOINTS[j]
-    stem, side = (name[:-2], name[-2:]) if name[-2:] in ("_l", "_r") else (name, "")
-    return JOINTS.index(CHILD[stem] + side) if stem in CHILD else None
-
-
-def _bone(joints: F64, j: int, tips: F64) -> F64:
-    child = _child(j)
-    return (joints[child] if child is not None else tips[j]) - joints[j]
-
-
 def _their_bone(bvh: Bvh, places: F64, axes: F64, found: dict[int, int], j: int) -> F64 | None:
     """The file's bone in our axes, from its joint to the next one that both have; None where it says nothing."""
-    child = _child(j)
+    child = child_of(j)
     if JOINTS[j] in ("pelvis", "head", "hand_l", "hand_r") or "spine" in JOINTS[j] or "clavicle" in JOINTS[j]:
         return None  # their bones lie otherwise in the body than ours, not turned
     if child is not None and child in found:
@@ -343,15 +281,3 @@ def _their_bone(bvh: Bvh, places: F64, axes: F64, found: dict[int, int], j: int)
     if following:
         return places[following[0]] - places[found[j]]
     return axes @ bvh.ends[found[j]] if found[j] in bvh.ends else None
-
-
-def _least_turn(ours: F64, theirs: F64 | None) -> F64:
-    """The rotation by the least angle that takes our direction to theirs; none where there is no direction."""
-    if theirs is None or np.linalg.norm(theirs) < 1e-9 or np.linalg.norm(ours) < 1e-9:
-        return np.eye(3)
-    a, b = ours / np.linalg.norm(ours), theirs / np.linalg.norm(theirs)
-    axis = np.cross(a, b)
-    sine = float(np.linalg.norm(axis))
-    if sine < 1e-9:
-        return np.eye(3)
-    return Rotation.from_rotvec(axis / sine * np.arctan2(sine, float(a @ b))).as_matrix()
