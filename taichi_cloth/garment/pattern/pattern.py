@@ -6,6 +6,7 @@ right side towards the reader; the warp runs along `grain`, measured from +y tow
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import ceil
 from typing import Any
 
 import numpy as np
@@ -274,6 +275,22 @@ class Pattern:
     def seam_length(self, seam: Seam) -> float:
         """Of the longer side [m]."""
         return max(length(self.edge(seam.first)), length(self.edge(seam.second)))
+
+    def dart_width(self, seam: Seam) -> float:
+        """What a dart takes out at its mouth [m]: where two edges of one panel that share an end are sewn together, the
+        distance of their others; 0 of any other seam."""
+        if seam.first.panel != seam.second.panel:
+            return 0.0
+        ends = self.edge(seam.first)[[0, -1]], self.edge(seam.second)[[0, -1]]
+        apart = np.linalg.norm(ends[0][:, None] - ends[1][None], axis=2)
+        return float(np.linalg.norm(ends[0][::-1] - ends[1], axis=1).max()) if apart.min() < 1e-4 else 0.0
+
+    @property
+    def points_for_darts(self) -> int:
+        """Key points with which two cells lie across its narrowest dart, to 2 %, as many as can be drawn together; 0
+        without darts."""
+        widths = [width for seam in self.seams if (width := self.dart_width(seam))]
+        return ceil(sum(panel.area for panel in self.panels) / (min(widths) / 2.05) ** 2) if widths else 0
 
     def scaled(self, width: float, height: float) -> "Pattern":
         """The pattern with every x times `width` and every y times `height`; starting places likewise."""

@@ -98,6 +98,14 @@ class Garment:
             return np.zeros((0, 8, 2), np.int64), np.zeros((0, 8))
         return np.concatenate(nodes), np.concatenate(weights)
 
+    def asked(self) -> NDArray[np.bool_]:
+        """Which points along the seams (n,) are tied: all but those of two points that are both held. Where a seam ends
+        at a waistband, what it asks is said already, and said twice of one cell it draws threads longer."""
+        held = _named(*self.holds()[:2])
+        nodes, weights = self.seams()
+        first, second = _named(nodes[:, :4], weights[:, :4]), _named(nodes[:, 4:], -weights[:, 4:])
+        return np.array([not (a in held and b in held) for a, b in zip(first, second, strict=True)], bool)
+
     def sewn(self) -> NDArray[np.bool_]:
         """Key points (rows, cols) that the seams join."""
         nodes, weights = self.seams()
@@ -158,7 +166,7 @@ class Garment:
         """
         seams, seam_weights = self.seams()
         nodes, weights, places = self.holds()
-        asked = ~_both_in(seams, seam_weights, _named(nodes, weights))
+        asked = self.asked()
         seams, seam_weights = seams[asked], seam_weights[asked]
         if not len(nodes):
             nodes, weights, places = np.zeros((1, 4, 2), np.int64), np.zeros((1, 4)), np.zeros((1, 3))
@@ -214,13 +222,6 @@ class Garment:
 def _named(nodes: I64, weights: F64) -> list[bytes]:
     """A name for each blend of key points (n, 4, 2) and (n, 4): equal ones have the same."""
     return [bytes(np.append(n[w != 0], w[w != 0].round(6))) for n, w in zip(nodes, weights, strict=True)]
-
-
-def _both_in(nodes: I64, weights: F64, held: list[bytes]) -> NDArray[np.bool_]:
-    """Ties (n,) between two points that are both held: where a seam ends at a waistband, what it asks is said already,
-    and said twice of one cell it draws threads longer."""
-    first, second = _named(nodes[:, :4], weights[:, :4]), _named(nodes[:, 4:], -weights[:, 4:])
-    return np.array([a in held and b in held for a, b in zip(first, second, strict=True)], bool)
 
 
 def seams_of(simulation: Simulation) -> list[Ties]:

@@ -26,7 +26,7 @@ def misfit(garment: Garment, worn: Worn, primitives: Sequence[Primitive] = ()) -
     if worn.gap > OPEN:
         nodes, weights = garment.seams()
         ends = np.einsum("nkc,nk->nc", worn.positions[nodes[..., 0], nodes[..., 1]], weights)
-        worst = int(np.argmax(np.linalg.norm(ends, axis=1)))
+        worst = int(np.argmax(garment.asked() * np.linalg.norm(ends, axis=1)))
         row, col = nodes[worst, 0]
         name = garment.pattern.panels[garment.atlas.owner()[row, col]].name
         why = _reason(garment, garment.pattern.seams[int(np.searchsorted(garment.last_ties(), worst))])
@@ -41,24 +41,17 @@ def misfit(garment: Garment, worn: Worn, primitives: Sequence[Primitive] = ()) -
         where = f"at ({x:.2f}, {y:.2f}, {z:.2f}) m"
         faults.append(f"threads of {name} are {100 * worn.taut:.1f} % longer {where} (allowed {100 * TAUT:g})")
     if faults and (darts := [width for seam in garment.pattern.seams if (width := _narrow(garment, seam))]):
-        apart = min(darts) / 2
-        wanted = sum(panel.area for panel in garment.pattern.panels) / apart**2
         faults.append(
-            f"its darts, from {1e3 * min(darts):.0f} mm wide, want key points {1e3 * apart:.0f} mm apart: "
-            f"garment.key_points={10 * round(wanted / 10)}"
+            f"its darts, from {1e3 * min(darts):.0f} mm wide, want key points {500 * min(darts):.0f} mm apart: "
+            f"garment.key_points={10 * round(garment.pattern.points_for_darts / 10)}"
         )
     return "; ".join(faults) or None
 
 
 def _narrow(garment: Garment, seam: Seam) -> float:
     """Width of a dart that is narrower than two cells [m]; 0 for any other seam."""
-    pattern, (first, second) = garment.pattern, (seam.first, seam.second)
-    if first.panel != second.panel:
-        return 0.0
-    ends = pattern.edge(first)[[0, -1]], pattern.edge(second)[[0, -1]]
-    apart = np.linalg.norm(ends[0][:, None] - ends[1][None], axis=2)
-    wide = float(np.linalg.norm(ends[0][::-1] - ends[1], axis=1).max())
-    return wide if apart.min() < 1e-4 and wide < 2 * max(garment.atlas.spacing) else 0.0
+    wide = garment.pattern.dart_width(seam)
+    return wide if wide < 2 * max(garment.atlas.spacing) else 0.0
 
 
 def _reason(garment: Garment, seam: Seam) -> str:
