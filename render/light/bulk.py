@@ -5,22 +5,26 @@ dye, `SURFACE_SHARE` of any colour, and of the rest a share a (Chiang, Bitterli,
 controllable hair and fur model for production path tracing", CGF 35(2), 2016, equation 9), see `dyed`. A thin cloth of
 it sends on less on the side that is lit, and the rest shines through. With the transmittance T at a particle, U a
 cloth's depth nearer to the light, the share of the sky S that it sees, F and G that a cloth there sees before and
-behind it, the direction b that is open to it, its tangent t, and phi the angle between light l and view round the
-fibre,
+behind it, the direction b that is open to it, its tangent t, phi the angle between light l and view v round the fibre,
+and A how far it is in a yarn alone (`sky.look`),
 
-    L = key T sin(t, l) (w0 C(phi) (3 + 2 b.l) / 5 + w1 C(pi - phi))
-      + key U (w2 max(b.l, 0) + w3 max(-b.l, 0) (1 - SHUT S))
+    L = key T E (w0 C(phi) (3 + 2 b.l) / 5 + w1 C(pi - phi))
+      + key U (w2 max(b.l, 0) (1 - ALONE A S) + w3 max(-b.l, 0) (1 - SHUT S))
       + sky(b) F (w4 + w5 S) + sky(-b) G (w6 + w7 (1 - S))
     C(phi) = (sin phi + (pi - phi) cos phi) / pi                     a Lambertian cylinder
+    E = exp(-ALONG (t.l + t.v)^2)                                    about the cone of a fibre's highlights
 
-What has gone through a cloth is the brighter the nearer to the side that it comes from, as the diffuse flux in a slab
-is (Schuster's two streams): who sees little of the sky before the cloth is near its other side, hence S with what is
-before it and 1 - S with what is behind it. Each weight is a polynomial w = b + a (c0 + c1 a + c2 a^2) that never falls
-with a. b, which w0 and w5 have, is of the fibres' surfaces. All were found together at six colours on a plain weave, a
-satin, a twill and a yarn of all their fibres, under lights from the front, the side, behind and at a flat angle and
-under half skies, by a path tracer, b and what w5 has below 0.25 on a plain weave and a satin of three dark ones
-(`docs/appearance.md`). With an even sky all round, w4 + w5 S + w6 + w7 (1 - S) is all of the light there is: at most
-1, which is what white sends on, at any depth.
+Light that goes from fibre to fibre of a yarn, which lie nearly one way, stays near the cone round them on which each of
+them sends it on (`fibre`), until it has been sent on often: E. What has gone through a cloth is the brighter the nearer
+to the side that it comes from, as the diffuse flux in a slab is (Schuster's two streams): who sees little of the sky
+before the cloth is near its other side, hence S with what is before it and 1 - S with what is behind it. A yarn alone
+lets out at its sides what a cloth keeps: A. Each weight is w = b + r sqrt(a) + a (c0 + c1 a + c2 a^2), which never
+falls with a. b, which w0 and w5 have, is of the fibres' surfaces, and r of what has gone once through a dark fibre,
+where the share that it lets through grows as fast at first. All were found together, on a plain weave, a satin, a
+twill, a basket and a yarn of all their fibres, of colours from black to 0.95, under lights from the front, the side,
+behind and at a flat angle and under half skies, seen from two sides, by a path tracer (`docs/appearance.md`). With an
+even sky all round, w4 + w5 S + w6 + w7 (1 - S) is all of the light there is: at most 1, which is what white sends on,
+at any depth.
 """
 
 from typing import Any
@@ -31,21 +35,27 @@ import taichi as ti
 from taichi_cloth.ground.arrays import Template
 from taichi_cloth.ground.mixing import SURFACE_SHARE
 
-__all__ = ["BODY", "OF_KEY", "OF_SKY", "SHUT", "dyed", "weight"]
+__all__ = ["ALONE", "ALONG", "BODY", "OF_KEY", "OF_SKY", "SHUT", "dyed", "weight"]
 
 OF_KEY = (
-    (0.008, 0.963, -0.604, 0.082),
-    (0.0, 2.633, -2.809, 0.999),
-    (0.0, 0.0, 0.752, -0.494),
-    (0.0, 0.0, 2.325, -1.550),
+    (0.011, 0.172, 0.895, -0.434, -0.039),
+    (0.0, 0.0, 2.992, -3.755, 1.573),
+    (0.0, 0.0, 0.0, 0.930, -0.585),
+    (0.0, 0.0, 0.125, 2.001, -1.376),
 )
 OF_SKY = (
-    (0.0, 0.0, 0.630, -0.420),
-    (0.040, 1.752, -1.515, 0.453),
-    (0.0, 0.043, 0.091, -0.075),
-    (0.0, 0.327, 1.537, -1.135),
+    (0.0, 0.0, 0.0, 0.734, -0.490),
+    (0.052, 0.099, 1.250, -0.894, 0.163),
+    (0.0, 0.0, 0.0, 0.259, -0.173),
+    (0.0, 0.0, 0.620, 0.767, -0.718),
 )
-"""b, c0, c1, c2 of the weights."""
+"""b, r, c0, c1, c2 of the weights."""
+
+ALONG = 1.5
+"""How fast light that fibres of a yarn send to one another falls off from the cone of their highlights."""
+
+ALONE = 0.6
+"""Of the light that gets to a cloth and is sent on in it, what leaves a yarn alone at its sides."""
 
 SHUT = 0.85
 """How much less of a light behind a cloth gets to its fibres that see all of the sky before it: to a flat cloth, too,
@@ -56,9 +66,11 @@ BODY = 0.81
 
 
 @ti.func
-def weight(c: Template, a):
-    """b + a (c0 + c1 a + c2 a^2), shape of a."""
-    total = a * (c[1] + a * (c[2] + a * c[3]))
+def weight(c: Template, a, root):
+    """b + r sqrt(a) + a (c0 + c1 a + c2 a^2), shape of a. root: sqrt(a)."""
+    total = a * (c[2] + a * (c[3] + a * c[4]))
+    if ti.static(c[1] > 0.0):
+        total += c[1] * root
     if ti.static(c[0] > 0.0):
         total += c[0]
     return total

@@ -87,11 +87,12 @@ class SkyMaps:
         part: Literal["all", "cloth", "own"] = "all",
     ) -> None:
         """Write the share of the sky that packed particles see, 0..1, to light_out (blocks, rows, 16), at `row`; with a
-        depth, in the five after it what a cloth `depth` [m] thick at their place sees, or a `part` of it (see
+        depth, in the six after it what a cloth `depth` [m] thick at their place sees, or a `part` of it (see
         `sky.look`)."""
         if blocks.shape[1]:
             how = sky.Looking(self.walls is not None, depth > 0, part)
-            sky.look(how, *self._map(BEYOND * depth + self.texel, blind(self.texel, depth)), blocks, row, light_out)
+            told = self._map(BEYOND * depth + self.texel, blind(self.texel, depth), 2.0 / max(depth, 1e-9))
+            sky.look(how, *told, blocks, row, light_out)
 
     def seen_from(self, points: ArrayLike, normals: ArrayLike) -> NDArray[np.float32]:
         """The share of the sky, 0..1, that world points (n, 3) [m] with unit normals (n, 3) see, shape (n,)."""
@@ -103,9 +104,9 @@ class SkyMaps:
             sky.look_at(sky.Looking(self.walls is not None, False), *self._map(), points, normals, light)
         return light
 
-    def _map(self, beyond: float = 0.0, unseen: float = 0.0) -> tuple[Any, Any, Any, Any, Any, Any]:
+    def _map(self, beyond: float = 0.0, unseen: float = 0.0, yarns: float = 0.0) -> tuple[Any, Any, Any, Any, Any, Any]:
         """As the kernels that look up in it take it."""
-        reading = np.array([0.5 * self.texel, FINE * self.texel, beyond, unseen], np.float32)
+        reading = np.array([0.5 * self.texel, FINE * self.texel, beyond, unseen, yarns], np.float32)
         walls = NO_WALLS if self.walls is None else self.walls
         return self.axes, self.maps, reading, self.ends, self.depth, walls
 

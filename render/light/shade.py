@@ -12,8 +12,8 @@ from taichi_cloth.ground.arrays import F32x2, Template
 from taichi_cloth.ground.particles import COLOUR, NORMAL, POSITION, TANGENT
 from taichi_cloth.ground.vectors import Octets, each, of_group, of_row
 
-from .bulk import OF_KEY, OF_SKY, SHUT, weight
-from .fibre import lobes
+from .bulk import ALONE, ALONG, OF_KEY, OF_SKY, SHUT, weight
+from .fibre import decay, lobes
 from .view import BULK, COAT, DOME, DYE, EDGE, EYE, FIBRE, GROUND, KEY_DIRECTION, LOBES, OTHERS, SKY, SURFACE
 
 __all__ = ["PLAIN", "Shading", "rise", "shade"]
@@ -31,7 +31,7 @@ class Shading:
     lobes: the model of `fibre` instead of Kajiya's and Kay's.
     dome: the sky has a horizon of another colour than its zenith.
     bulk: light goes from fibre to fibre (see `bulk`). After the row of a light comes one of what reaches the cloth
-    there, and after that of the sky the five of `sky.look`.
+    there, and after that of the sky the six of `sky.look`.
     """
 
     shadows: tuple[int, ...] = (-1,)
@@ -48,7 +48,7 @@ class Shading:
     @property
     def of_sky(self) -> int:
         """Rows of the sky."""
-        return 6 if self.bulk else 1
+        return 7 if self.bulk else 1
 
     @property
     def others(self) -> int:
@@ -124,19 +124,25 @@ def _alike(view: F32x2, seen):
 
 
 @ti.func
-def _before(albedo, seen, alike):
+def _root(albedo):
+    """What half the way through a fibre, or once through a dark one, leaves of light."""
+    return ti.sqrt(ti.max(albedo, 0.0))
+
+
+@ti.func
+def _before(albedo, root, seen, alike):
     """Of the sky before a cloth, what a particle in it sends on that sees a share of it."""
-    return alike * weight(OF_SKY[0], albedo) + seen * weight(OF_SKY[1], albedo)
+    return alike * weight(OF_SKY[0], albedo, root) + seen * weight(OF_SKY[1], albedo, root)
 
 
 @ti.func
-def _behind(albedo, seen):
+def _behind(albedo, root, seen):
     """Of the sky behind it."""
-    return weight(OF_SKY[2], albedo) + (1.0 - seen) * weight(OF_SKY[3], albedo)
+    return weight(OF_SKY[2], albedo, root) + (1.0 - seen) * weight(OF_SKY[3], albedo, root)
 
 
 @ti.func
-def _from_sky(shading: Template, view: F32x2, up, mirrored, albedo, seen, before, behind):
+def _from_sky(shading: Template, view: F32x2, up, mirrored, albedo, root, seen, before, behind):
     """What a particle in a bulk sends on of light from all round: of the sky before the cloth, of that behind it, and
     as its fibres' highlights. up: height of the direction open to it; mirrored: of that which a fibre mirrors."""
     front, back, gleam = _sky(shading, view, up), _sky(shading, view, -up), _sky(shading, view, mirrored)
@@ -144,9 +150,15 @@ def _from_sky(shading: Template, view: F32x2, up, mirrored, albedo, seen, before
     shine = view[BULK, 2] * seen * before
     before *= view[BULK, 0]
     behind *= view[BULK, 0]
-    red = before * front[0] * _before(albedo[0], seen, alike) + behind * back[0] * _behind(albedo[0], seen)
-    green = before * front[1] * _before(albedo[1], seen, alike) + behind * back[1] * _behind(albedo[1], seen)
-    blue = before * front[2] * _before(albedo[2], seen, alike) + behind * back[2] * _behind(albedo[2], seen)
+    red = before * front[0] * _before(albedo[0], root[0], seen, alike) + behind * back[0] * _behind(
+        albedo[0], root[0], seen
+    )
+    green = before * front[1] * _before(albedo[1], root[1], seen, alike) + behind * back[1] * _behind(
+        albedo[1], root[1], seen
+    )
+    blue = before * front[2] * _before(albedo[2], root[2], seen, alike) + behind * back[2] * _behind(
+        albedo[2], root[2], seen
+    )
     red += shine * gleam[0] * (1.0 + view[COAT, 0] * (albedo[0] - 1.0))
     green += shine * gleam[1] * (1.0 + view[COAT, 0] * (albedo[1] - 1.0))
     blue += shine * gleam[2] * (1.0 + view[COAT, 0] * (albedo[2] - 1.0))
@@ -154,27 +166,53 @@ def _from_sky(shading: Template, view: F32x2, up, mirrored, albedo, seen, before
 
 
 @ti.func
-def _parts(shadowed: Template, view: F32x2, b_l, around, arriving, outside, seen):
+def _parts(shadowed: Template, view: F32x2, b_l, around, along, arriving, outside, seen, closed):
     """The four parts of a light on a particle in a bulk (see `bulk`). around: cosine of the angle between light and
-    view round the fibre; arriving: light times sin(t, l); outside: what reaches the cloth there; seen: of the sky."""
+    view round the fibre; along: t.l + t.v; arriving: of the light at the particle; outside: what reaches the cloth
+    there; seen: of the sky; closed: how far the cloth is no yarn alone."""
     around = ti.min(ti.max(around, -1.0), 1.0)
-    here = arriving * (1.5 * view[BULK, 0] * view[COAT, 1])
+    here = arriving * (1.5 * view[BULK, 0] * view[COAT, 1]) * decay(ALONG * along * along)
     # Where no map does it, the direction that is open keeps light from passing through the cloth.
     unseen = view[BULK, 1] if ti.static(shadowed) else 1.0
     turned, shown = ti.max(0.2 + 0.8 * b_l, 0.0), 0.6 + 0.4 * b_l
     facing = here * rise(around) * (shown + unseen * (turned - shown))
     forward = here * rise(-around) * (1.0 + unseen * (turned - 1.0))
     outside *= view[BULK, 0] * _alike(view, seen)
-    return facing, forward, outside * ti.max(b_l, 0.0), outside * ti.max(-b_l, 0.0) * (1.0 - SHUT * seen)
+    before = outside * ti.max(b_l, 0.0) * (1.0 - ALONE * seen * (1.0 - closed))
+    return facing, forward, before, outside * ti.max(-b_l, 0.0) * (1.0 - SHUT * seen)
 
 
 @ti.func
-def _lit(parts, albedo):
+def _lit(parts, albedo, root):
     """Of a light, what a particle sends on: its parts as of `bulk`, each with its weight."""
-    total = weight(OF_KEY[0], albedo) * parts[0]
+    total = weight(OF_KEY[0], albedo, root) * parts[0]
     for j in ti.static(range(1, 4)):
-        total += weight(OF_KEY[j], albedo) * parts[j]
+        total += weight(OF_KEY[j], albedo, root) * parts[j]
     return total
+
+
+@ti.func
+def _to_eye(particles: Octets, view: F32x2, b):
+    """The unit direction to the eye."""
+    vx = view[EYE, 0] - of_group(particles, POSITION, b)
+    vy = view[EYE, 1] - of_group(particles, POSITION + 1, b)
+    vz = view[EYE, 2] - of_group(particles, POSITION + 2, b)
+    unit = 1.0 / ti.sqrt(vx * vx + vy * vy + vz * vz + 1e-20)
+    vx *= unit
+    vy *= unit
+    vz *= unit
+    return vx, vy, vz
+
+
+@ti.func
+def _albedo(shading: Template, particles: Octets, view: F32x2, b):
+    """Red, green, blue; in a bulk what is left to the dye."""
+    red = of_group(particles, COLOUR, b)
+    green = of_group(particles, COLOUR + 1, b)
+    blue = of_group(particles, COLOUR + 2, b)
+    if ti.static(shading.bulk):
+        red, green, blue = _dyed(view, red), _dyed(view, green), _dyed(view, blue)
+    return red, green, blue
 
 
 @ti.func
@@ -187,13 +225,7 @@ def shade(layout: Template, shading: Template, particles: Octets, light: Octets,
     nx = of_group(particles, NORMAL, b)
     ny = of_group(particles, NORMAL + 1, b)
     nz = of_group(particles, NORMAL + 2, b)
-    vx = view[EYE, 0] - of_group(particles, POSITION, b)
-    vy = view[EYE, 1] - of_group(particles, POSITION + 1, b)
-    vz = view[EYE, 2] - of_group(particles, POSITION + 2, b)
-    unit = 1.0 / ti.sqrt(vx * vx + vy * vy + vz * vz + 1e-20)
-    vx *= unit
-    vy *= unit
-    vz *= unit
+    vx, vy, vz = _to_eye(particles, view, b)
     t_v = tx * vx + ty * vy + tz * vz
     n_v = nx * vx + ny * vy + nz * vz
     sin_v = ti.sqrt(ti.max(1.0 - t_v * t_v, 0.0))
@@ -204,11 +236,11 @@ def shade(layout: Template, shading: Template, particles: Octets, light: Octets,
     opening = each(1.0)
     if ti.static(layout.openness):
         opening = ti.min(ti.max(of_group(particles, layout.openness_row, b), 0.0), 1.0)
-    albedo_r = of_group(particles, COLOUR, b)
-    albedo_g = of_group(particles, COLOUR + 1, b)
-    albedo_b = of_group(particles, COLOUR + 2, b)
+    albedo_r, albedo_g, albedo_b = _albedo(shading, particles, view, b)
+    root_r, root_g, root_b = _root(albedo_r), _root(albedo_g), _root(albedo_b)
     red, green, blue = each(0.0), each(0.0), each(0.0)
     seen, bx, by, bz = each(1.0), nx, ny, nz  # its share of the sky, and the direction that is open to it
+    closed = each(1.0)
     if ti.static(shading.bulk):
         # Light from all round: on the cloth there, through it, and as its fibres' highlights.
         before, behind = each(1.0), each(1.0)
@@ -216,10 +248,10 @@ def shade(layout: Template, shading: Template, particles: Octets, light: Octets,
             sky = ti.static(shading.sky)
             seen, before, behind = of_row(light, b, sky), of_row(light, b, sky + 1), of_row(light, b, sky + 2)
             bx, by, bz = of_row(light, b, sky + 3), of_row(light, b, sky + 4), of_row(light, b, sky + 5)
+            closed = of_row(light, b, sky + 6)
         seen *= 1.0 - view[BULK, 1] * (1.0 - opening)
-        albedo_r, albedo_g, albedo_b = _dyed(view, albedo_r), _dyed(view, albedo_g), _dyed(view, albedo_b)
-        albedo = albedo_r, albedo_g, albedo_b
-        red, green, blue = _from_sky(shading, view, by, vy - 2.0 * t_v * ty, albedo, seen, before, behind)
+        albedo, root = (albedo_r, albedo_g, albedo_b), (root_r, root_g, root_b)
+        red, green, blue = _from_sky(shading, view, by, vy - 2.0 * t_v * ty, albedo, root, seen, before, behind)
     else:
         # Light from all around, less what neighbours hide of it.
         red, green, blue = _sky(shading, view, ny)
@@ -275,9 +307,9 @@ def shade(layout: Template, shading: Template, particles: Octets, light: Octets,
                 beyond *= opening * opening * facing
             if ti.static(not shading.bulk):
                 lit *= 1.0 - view[LOBES, 0] - view[LOBES, 1] - view[LOBES, 2]
-            red += view[at + 1, 0] * (albedo_r * inside + ti.sqrt(ti.max(albedo_r, 0.0)) * beyond)
-            green += view[at + 1, 1] * (albedo_g * inside + ti.sqrt(ti.max(albedo_g, 0.0)) * beyond)
-            blue += view[at + 1, 2] * (albedo_b * inside + ti.sqrt(ti.max(albedo_b, 0.0)) * beyond)
+            red += view[at + 1, 0] * (albedo_r * inside + root_r * beyond)
+            green += view[at + 1, 1] * (albedo_g * inside + root_g * beyond)
+            blue += view[at + 1, 2] * (albedo_b * inside + root_b * beyond)
         lit_r, lit_g, lit_b = albedo_r * lit, albedo_g * lit, albedo_b * lit
         if ti.static(shading.bulk):
             outside = each(1.0)
@@ -286,8 +318,11 @@ def shade(layout: Template, shading: Template, particles: Octets, light: Octets,
             b_l = bx * view[at, 0] + by * view[at, 1] + bz * view[at, 2]
             around = view[at, 0] * vx + view[at, 1] * vy + view[at, 2] * vz - t_l * t_v
             around /= ti.max(sin_l * sin_v, 1e-4)
-            parts = _parts(ti.static(shading.shadows[k] >= 0), view, b_l, around, passed * sin_l, outside, seen)
-            lit_r, lit_g, lit_b = _lit(parts, albedo_r), _lit(parts, albedo_g), _lit(parts, albedo_b)
+            parts = _parts(
+                ti.static(shading.shadows[k] >= 0), view, b_l, around, t_l + t_v, passed, outside, seen, closed
+            )
+            lit_r, lit_g = _lit(parts, albedo_r, root_r), _lit(parts, albedo_g, root_g)
+            lit_b = _lit(parts, albedo_b, root_b)
         # Highlights have the light's colour, and as much of the fibre's as the finish's tint says.
         gleam += rim
         red += view[at + 1, 0] * (lit_r + gleam * (1.0 + view[SURFACE, 0] * (albedo_r - 1.0)))

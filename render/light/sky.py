@@ -40,9 +40,13 @@ class Looking:
     part: Literal["all", "cloth", "own"] = "all"
 
 
-OFFSET, FINE, BEYOND, BLIND = range(4)
+OFFSET, FINE, BEYOND, BLIND, YARNS = range(5)
 """Numbers by which maps are read: how far a place is moved out along its normal, and towards the sky, before it reads
-[m]; length by which layers are laid [m]; and of bulk, see `_seen`."""
+[m]; length by which layers are laid [m]; and of bulk, see `_seen`; the last of them in yarns a metre."""
+
+OPEN_BEHIND = 0.42, 0.52
+"""Of how much more than a cloth's interstices, and of how much a yarn is open behind that nothing crosses (`_seen`): of
+a plain weave 0.24 to 0.40 of the sky, from crowns to interstices, of a satin as much, of a yarn alone 0.54 to 0.59."""
 
 DENSITY = 1.6
 """Optical depth of a texel covered once by an opaque fibre: spread evenly, as a fibre that covers its middle is."""
@@ -252,15 +256,19 @@ def _seen(
     """The share of the sky, by the cosine to the normal, that is seen from a place moved `outward` [m] along it; and in
     bulk the mean direction of what is open before it (3), and, read BEYOND [m] farther out where the cloth that it is
     in hides nothing, the share of the sky seen by a surface that faces that way, and by its other side: with the sky's
-    mean m and its mean m1 times direction, m + 2 m1 . n, which is exact where the sky is linear in the direction.
+    mean m and its mean m1 times direction, m + 2 m1 . n, which is exact where the sky is linear in the direction. Last,
+    how closed the cloth is behind, 1, or how far it is a yarn alone, 0: by the mean over the directions of
+    1 / (1 + (g / d)^2), where the last thing behind a place stands g behind it, and d is a yarn's diameter.
 
-    around: m and 2 m1 of the cloth where they are known (`Looking.part`), (4,); of "cloth" they are what is given back.
+    around: m and 2 m1 of the cloth and how closed it is, where they are known (`Looking.part`), (5,); of "cloth" they are
+    what is given back.
     lag: how far towards each end of a map it is moved before it reads [m]. BLIND: how far the maps do not show what
     hides what within a cloth, 0 to 1 (see `map_place.blind`): as far, a fibre sees all of the sky that the cloth does,
     on the side that is more open unless it faces the other, and what is open to it lies between there and its normal.
     """
     total, weight, mean = 0.0, 0.0, around[0]
     leaning = ti.Vector([around[1], around[2], around[3]])
+    near_behind, closed = 0.0, around[4]
     open_way = ti.Vector([0.0, 0.0, 0.0])
     nx, ny, nz = normal[0], normal[1], normal[2]
     px = place[0] + outward * nx
@@ -307,7 +315,13 @@ def _seen(
             opposite = part.dot(_passing(how, not front, at, cell, width, near, far, reading[FINE], depth_of, walls))
             mean += (0.5 / maps.shape[0]) * (outside + opposite)
             leaning += (outside - opposite) / maps.shape[0] * way
+            inner = (far - depth).max() if front else (depth - near).max()  # -1e30 where nothing stands
+            inner = ti.max(inner, 0.0) * reading[YARNS]
+            near_behind += 1.0 / (1.0 + inner * inner)
     seen, before, behind = total / ti.max(weight, 1e-6), 1.0, 1.0
+    if ti.static(how.bulk and how.part != "own"):
+        low, high = ti.static(OPEN_BEHIND)
+        closed = ti.math.clamp((high - near_behind / maps.shape[0]) * ti.static(1.0 / (high - low)), 0.0, 1.0)
     if ti.static(how.part == "cloth"):
         seen, open_way = mean, leaning
     elif ti.static(how.bulk):
@@ -324,7 +338,8 @@ def _seen(
             before += reading[BLIND] * (of_cloth - before)
             behind += reading[BLIND] * (ti.math.clamp(mean - side, 0.0, 1.0) - behind)
             open_way = (open_way + (LEANT * reading[BLIND]) * (normal - open_way)).normalized()
-    return seen, before, behind, open_way
+            closed += reading[BLIND] * (1.0 - closed)
+    return seen, before, behind, open_way, closed
 
 
 @ti.kernel
@@ -344,8 +359,9 @@ def look(
     light_out: F32x3,
 ):
     """light_out[block, row, lane]: the share of the sky that packed particles see, 0..1; in bulk, in the rows after it
-    what the cloth at their place sees before it and behind it, and the direction (3) of what is open to them (`_seen`).
-    Of the "cloth" alone its mean, and in place of that direction how it leans; of a particle's "own" these are there.
+    what the cloth at their place sees before it and behind it, the direction (3) of what is open to them, and how
+    closed the cloth is behind (`_seen`). Of the "cloth" alone its mean, in place of that direction how it leans, and
+    how closed it is; of a particle's "own" these are there.
 
     reading: numbers by which they are read, `OFFSET` and so on.
     """
@@ -359,10 +375,10 @@ def look(
             normal = ti.Vector([particles[NORMAL + k, b, lane] for k in ti.static(range(3))])
             outward = reading[OFFSET] + 0.5 * size
             lag = reading[OFFSET] + 0.25 * size
-            around = ti.Vector([0.0, 0.0, 0.0, 0.0])
+            around = ti.Vector([0.0, 0.0, 0.0, 0.0, 1.0])
             if ti.static(how.part == "own"):
-                around = ti.Vector([light_out[b, row + k, lane] for k in ti.static((0, 3, 4, 5))])
-            value, before, behind, way = _seen(
+                around = ti.Vector([light_out[b, row + k, lane] for k in ti.static((0, 3, 4, 5, 6))])
+            value, before, behind, way, closed = _seen(
                 how, place, normal, outward, lag, around, reading, axes, maps, ends, depth_of, walls
             )
             light_out[b, row, lane] = value
@@ -371,8 +387,9 @@ def look(
                 light_out[b, row + 2, lane] = behind
                 for k in ti.static(range(3)):
                     light_out[b, row + 3 + k, lane] = way[k]
+                light_out[b, row + 6, lane] = closed
         else:
-            for k in ti.static(range(6 if how.bulk else 1)):
+            for k in ti.static(range(7 if how.bulk else 1)):
                 light_out[b, row + k, lane] = 1.0
 
 
@@ -396,8 +413,8 @@ def look_at(
     for i in range(points.shape[0]):
         place = ti.Vector([points[i, k] for k in ti.static(range(3))])
         normal = ti.Vector([normals[i, k] for k in ti.static(range(3))])
-        none = ti.Vector([0.0, 0.0, 0.0, 0.0])
-        value, _, _, _ = _seen(
+        none = ti.Vector([0.0, 0.0, 0.0, 0.0, 1.0])
+        value, _, _, _, _ = _seen(
             how, place, normal, reading[OFFSET], reading[OFFSET], none, reading, axes, maps, ends, depth_of, walls
         )
         light_out[i] = value

@@ -53,11 +53,11 @@ into it. By the path tracer a mass of fibres whose surfaces mirror 0.08 sends ba
 UNRESOLVED = 0.22
 """More of a light, where maps are too coarse for the direction that is open between yarns, and their normals, which
 lean farther, stand for it: a plain weave has 0.80 of its light without."""
-OF_CLOTH, SEEN = 0.03, 0.85
+OF_CLOTH, SEEN = -0.10, 0.85
 """The same, and the share of what openness takes of the sky that is taken, where maps are so coarse that they tell of
 the cloth alone (`map_place.blind`), and with it of the direction that is open to it: found on a flat cotton of Ne 30,
 28 threads a cm each way, over something dark, of three colours, from two sides, under a sky and three lights, beside
-the path tracer's pictures (`docs/appearance.md`)."""
+the path tracer's pictures (`docs/appearance.md`); `OF_CLOTH` since by their meshes, which were led to the same."""
 
 
 def new_view() -> NDArray[np.float32]:

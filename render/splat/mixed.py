@@ -14,6 +14,7 @@ from taichi_cloth.ground.copies import on_host
 from taichi_cloth.ground.particles import LANES, RADIUS
 
 from ..light.particle_light import Held, LightMaps, LookedUp
+from ..light.shade import Shading
 
 __all__ = ["MixedMaps", "mixed"]
 
@@ -23,7 +24,7 @@ MEASURED = 1500
 LEAST, MOST = 0.02, 4.0
 """Of the factors: a mean of nothing is not divided by."""
 SHARES = 3
-"""Rows of the sky that are shares; after them comes a direction, which has no factor."""
+"""Rows of the sky that are shares; after them come a direction and what is behind, which have no factor."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,13 +88,14 @@ def mixed(far: Held, near: LightMaps, blocks: F32, depth: float) -> Callable[[fl
         return out.astype(np.float32)
 
     bulk = depth > 0
+    rows = Shading(bulk=bulk).of_sky
     if near.sky is not None:
-        weight *= found(near.sky, 6 if bulk else 1)[:, 0]
+        weight *= found(near.sky, rows)[:, 0]
         if far.sky is not None:
-            weight *= found(far.sky, 6 if bulk else 1)[:, 0]
+            weight *= found(far.sky, rows)[:, 0]
     pairs = list(zip(far.lights, near.lights, strict=True))
     of_light = [None if a is None or b is None else factor(a, b, 2 if bulk else 1) for a, b in pairs]
-    of_sky = None if far.sky is None or near.sky is None else factor(far.sky, near.sky, 6 if bulk else 1)
+    of_sky = None if far.sky is None or near.sky is None else factor(far.sky, near.sky, rows)
 
     def at(share: float) -> MixedMaps:
         lights = tuple(

@@ -40,6 +40,7 @@ class _SkyBefore:
             light[:, row : row + 2] = 1.0
             light[:, row + 2] = 0.0
             light[:, row + 3 : row + 6] = open_to(normals, self.up).swapaxes(0, 1)
+            light[:, row + 6] = 1.0
 
 
 _UNHIDDEN, _BEFORE = _Unhidden(), {up: _SkyBefore(up) for up in (1.0, -1.0)}

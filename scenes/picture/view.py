@@ -247,13 +247,13 @@ def finish_of(scene: Scene) -> Finish:
 
 
 def _depth(scene: Scene) -> float:
-    """How deep the scene's fibres lie together [m]: two yarns in a cloth, one of a yarn alone, nothing of a fibre."""
+    """How deep the scene's fibres lie together [m]: two yarns, as in a cloth, of a yarn alone too; 0 of a fibre."""
     if scene.yarn is None:
         return 0.0
     fibre = fibre_kind(scene)
     one = yarn_of(scene.yarn, fibre).woven_diameter
     if scene.subject in ("yarn", "twist"):
-        return one
+        return 2.0 * one
     return one + yarn_of(scene.weft_yarn or scene.yarn, fibre).woven_diameter
 
 

@@ -16,6 +16,7 @@ from taichi_cloth.render.data.blocks import ParticleBlocks
 from taichi_cloth.render.data.camera import Camera, frame
 from taichi_cloth.render.data.finish import finish_for
 from taichi_cloth.render.data.light import Lighting
+from taichi_cloth.render.light.shade import Shading
 from taichi_cloth.render.splat.mixed import mixed
 from taichi_cloth.render.splat.splat import Splatter
 from taichi_cloth.scenes.models.build import build
@@ -122,7 +123,7 @@ def test_light_told_from_near_by_has_the_mean_of_the_whole(near: NearCells) -> N
     found = []
     for light in (maps[0].sky, at(1e-9).sky, at(0.5).sky, at(1.0).sky):
         assert light is not None
-        out = np.ones((blocks.shape[1], 6, 16), np.float32)
+        out = np.ones((blocks.shape[1], Shading(bulk=True).of_sky, 16), np.float32)
         light.on_particles(blocks, out, 0, depth)
         found.append(out[:, :3].transpose(1, 0, 2)[:, blocks[RADIUS] > 0])
     whole, least, half, alone = found

@@ -32,6 +32,7 @@ WHITE: Colour = (1.0, 1.0, 1.0)
 BLACK: Colour = (0.0, 0.0, 0.0)
 COLOURS: Colour = (0.95, 0.6, 0.15)
 OTHER_COLOURS: Colour = (0.8, 0.4, 0.05)
+THIRD_COLOURS: Colour = (0.7, 0.25, 0.06)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,6 +76,7 @@ class Case:
 FLAT = (-0.87, 0.342, 0.355)
 """A light 20° above the cloth."""
 BESIDE = (0.5, 1.0, -0.3)
+THIRD = (0.75, 0.8, 0.5)
 YARN = Case(
     name="one yarn",
     weave="yarn",
@@ -94,14 +96,24 @@ CASES = (
     replace(PLAIN, name="plain, key in front", fill=0.0, towards=(0.2, 1.0, 0.1)),
     replace(PLAIN, name="plain, key at 20°", fill=0.0, towards=FLAT),
     replace(PLAIN, name="plain, key behind", fill=0.0, towards=(0.3, -0.9, 0.2)),
-    Case(name="plain, another view, light and colours", weave="plain", fitted=False, colour=OTHER_COLOURS, key=1.2,
+    Case(name="plain, another view, light and colours", weave="plain", fitted=True, colour=OTHER_COLOURS, key=1.2,
          towards=BESIDE, fill=0.7, away=(-0.7, 1.0, 0.2)),
-    Case(name="satin, another view, light and colours", weave="satin-5", threads=10, fitted=False, colour=OTHER_COLOURS,
+    Case(name="satin, another view, light and colours", weave="satin-5", threads=10, fitted=True, colour=OTHER_COLOURS,
          key=1.2, towards=BESIDE, fill=0.7, away=(-0.7, 1.0, 0.2)),
-    Case(name="basket, window behind", weave="basket-2/2", fitted=False, colour=(0.9, 0.3, 0.08), key=1.0,
+    Case(name="basket, window behind", weave="basket-2/2", fitted=True, colour=(0.9, 0.3, 0.08), key=1.0,
          towards=(-0.4, -0.7, -0.6), fill=0.6, ground=(0.4, 0.4, 0.4), away=(0.4, 1.0, -0.5)),
-    replace(YARN, name="one yarn, another view, light and colours", fitted=False, colour=OTHER_COLOURS, key=1.2,
+    replace(YARN, name="one yarn, another view, light and colours", fitted=True, colour=OTHER_COLOURS, key=1.2,
             towards=(0.3, 0.8, -0.2), fill=0.7, away=(0.6, 0.4, 0.8)),
+    replace(YARN, name="one yarn, light from before it", fitted=True, colour=THIRD_COLOURS, key=1.3,
+            towards=(-0.3, 0.6, 0.5), fill=0.6, away=(-0.5, -0.3, 0.8)),
+    Case(name="plain, third view, light and colours", weave="plain", fitted=False, colour=THIRD_COLOURS, key=1.3,
+         towards=THIRD, fill=0.6, away=(-0.3, 1.0, -0.5)),
+    Case(name="twill 3/1, third view, light and colours", weave="twill-3/1", fitted=False, colour=THIRD_COLOURS,
+         key=1.3, towards=THIRD, fill=0.6, away=(-0.3, 1.0, -0.5)),
+    Case(name="satin of 8, window behind", weave="satin-8", fitted=False, colour=(0.85, 0.4, 0.1), key=1.0,
+         towards=(0.5, -0.8, -0.3), fill=0.6, ground=(0.5, 0.5, 0.5), away=(-0.4, 1.0, 0.3)),
+    replace(YARN, name="one yarn, third view, light and colours", fitted=False, colour=(0.75, 0.3, 0.06), key=1.4,
+            towards=(0.4, -0.5, 0.7), fill=0.5, away=(-0.3, 0.25, 0.9)),
 )  # fmt: skip
 QUICK = replace(PLAIN, name="plain, 4 × 4 threads", threads=4)
 
