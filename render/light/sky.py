@@ -260,8 +260,8 @@ def _seen(
     how closed the cloth is behind, 1, or how far it is a yarn alone, 0: by the mean over the directions of
     1 / (1 + (g / d)^2), where the last thing behind a place stands g behind it, and d is a yarn's diameter.
 
-    around: m and 2 m1 of the cloth and how closed it is, where they are known (`Looking.part`), (5,); of "cloth" they are
-    what is given back.
+    around: m and 2 m1 of the cloth and how closed it is, where they are known (`Looking.part`), (5,); of "cloth" they
+    are what is given back.
     lag: how far towards each end of a map it is moved before it reads [m]. BLIND: how far the maps do not show what
     hides what within a cloth, 0 to 1 (see `map_place.blind`): as far, a fibre sees all of the sky that the cloth does,
     on the side that is more open unless it faces the other, and what is open to it lies between there and its normal.

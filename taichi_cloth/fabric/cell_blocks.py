@@ -33,6 +33,8 @@ __all__ = [
     "cell_turned_in", "hashed",
 ]  # fmt: skip
 
+MIXED = 0.7
+"""Of what threads lose among darker ones, what the mean of a sheet of them loses: by stripes from far and near."""
 MOST_THREADS = 16
 """Threads of which the mean colour is taken; of more, every so many."""
 
@@ -160,6 +162,7 @@ def cell_mean(cloth: Template, p, i, j, tall, broad, warp, weft, warp_alone, wef
     if out[0] < 0.0:  # pyright: ignore[reportIndexIssue]
         by_warp = _sent_back(cloth, end, end + ends - 1, j, broad)
         by_weft = _sent_back(cloth, pick, pick + picks - 1, i, tall)
+        warp_alone, weft_alone = 1.0 - MIXED * (1.0 - warp_alone), 1.0 - MIXED * (1.0 - weft_alone)
         out = warp * lit_among(by_warp, by_weft, warp_alone) + weft * lit_among(by_weft, by_warp, weft_alone)
     else:
         out = (warp + weft) * sent_back_in_kernel(out)

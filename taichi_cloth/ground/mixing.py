@@ -1,10 +1,11 @@
 """Colours side by side, mixed by the light that they send back: a thin cloth of a bulk's colour c sends back
 
-    r(c) = c (DARK - LESS c^2), of a darker one than SURFACE_SHARE as of that,
+    r(c) = c (DARK - LESS c^3), of a darker one than SURFACE_SHARE as of that,
 
-of what falls on it, within 8 % of a plain weave of cotton at 0.06 to 0.95 under a path tracer (half a sky, and a light
-from 45 degrees), see `docs/appearance.md`; the rest is swallowed or shines through. So a sheet of black and white
-threads is darker than one whose threads all have the mean colour. Plain arithmetic, for numbers, arrays and in kernels.
+of what falls on it, within 6 % of a plain weave of cotton at 0.06 to 0.95 under a path tracer (half a sky, and a light
+from 45 degrees, their mean), see `docs/appearance.md`; the rest is swallowed or shines through. So a sheet of black and
+white threads is darker than one whose threads all have the mean colour. Plain arithmetic, for numbers, arrays and in
+kernels.
 
 Threads of another colour send another light to a thread than its own kind does, of which it sends on a part: where
 beside nothing but black a white one sends back a share `alone` of what it does among white ones, one that sends back r
@@ -22,35 +23,38 @@ __all__ = ["SURFACE_SHARE", "colour_in_kernel", "lit_among", "sent_back", "sent_
 SURFACE_SHARE = 0.031
 """What a thick mass of cotton fibres sends back before light gets to their dye, of any colour: none is darker."""
 
-DARK, LESS = 0.83, 0.2135
-TURNS = 4
+DARK, LESS = 0.78, 0.155
+WHITE = DARK - LESS
+"""r(1)."""
+TURNS = 5
 """Of Newton's method, after which r's inverse is within 1e-6."""
 
 
 def sent_back(colour: Any) -> Any:
     """r(c): share of the light that a thin cloth of a colour sends back."""
     seen = np.maximum(colour, SURFACE_SHARE)
-    return seen * (DARK - LESS * seen * seen)
+    return seen * (DARK - LESS * seen * seen * seen)
 
 
 @ti.func
 def sent_back_in_kernel(colour):
     """As `sent_back`, in a kernel."""
     seen = ti.max(colour, SURFACE_SHARE)
-    return seen * (DARK - LESS * seen * seen)
+    return seen * (DARK - LESS * seen * seen * seen)
 
 
 @ti.func
 def lit_among(sent, others, alone):
     """What a thread sends back among others, where it and they send back so much of light that comes from elsewhere."""
-    return sent * (1.0 + (1.0 - alone) * ti.static(1.0 / (DARK - LESS)) * (others - sent))
+    return sent * (1.0 + (1.0 - alone) * ti.static(1.0 / WHITE) * (others - sent))
 
 
 @ti.func
 def colour_in_kernel(share):
     """The colour of a thin cloth that sends back a share: r's inverse, from r(1) on along its tangent."""
-    most = ti.min(share, DARK - LESS)
+    most = ti.min(share, WHITE)
     colour = most / DARK
     for _ in ti.static(range(TURNS)):
-        colour -= (colour * (DARK - LESS * colour * colour) - most) / (DARK - 3.0 * LESS * colour * colour)
-    return colour + (share - most) / (DARK - 3.0 * LESS)
+        less = LESS * colour * colour * colour
+        colour -= (colour * (DARK - less) - most) / (DARK - 4.0 * less)
+    return colour + (share - most) / (DARK - 4.0 * LESS)

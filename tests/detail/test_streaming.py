@@ -92,7 +92,7 @@ def test_windows_are_one_picture(model: FabricModel, particles: Particles, camer
 def test_a_larger_canvas_shows_the_same_view(model: FabricModel) -> None:
     (_, one), (_, two) = (next(View(model, (72, 56), scale=scale).turntable(1, [0])) for scale in (1, 2))
     assert two.shape == (112, 144, 3)
-    assert psnr(one, cv2.resize(two, (72, 56), interpolation=cv2.INTER_AREA)) > 25
+    assert psnr(one, cv2.resize(two, (72, 56), interpolation=cv2.INTER_AREA)) > 24
 
 
 def test_passes_of_windows_and_batches_are_those_of_one_picture(model: FabricModel, camera: Camera) -> None:
