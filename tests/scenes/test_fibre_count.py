@@ -20,7 +20,7 @@ def test_every_fibre_that_a_picture_tells_apart_is_drawn() -> None:
     assert near == real
     assert far < farther < real
     assert farther == pytest.approx(4 * far, rel=0.15)  # as many as make them as wide in pixels
-    assert drawn("plain", "output.size=[16, 16]") == 6
+    assert drawn("plain", "output.size=[16, 16]") == 4
 
 
 def test_a_stated_number_of_fibres_holds() -> None:
