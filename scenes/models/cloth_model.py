@@ -17,9 +17,9 @@ from ...render.tiles.mesh import Mesh
 from ..prepare.cell_layout import prepare_sheet
 from ..prepare.sett import on_cells, sett_of, threads_to_a_cell
 from ..prepare.sheet_setup import sheet_simulation, standing_in, start_of, woven_scene
-from ..prepare.thread_colours import colour_repeats, thread_colours
+from ..prepare.thread_colours import colour_repeats, thread_colours, woven_light
 from ..prepare.weave_layout import Prepared, prepare_fabric
-from ..prepare.yarns import draft_of
+from ..prepare.yarns import draft_of, repeat_of
 from ..scene.schema import Scene, Weave
 from .cell_fibres import CellFibres, sheet_fibres
 from .facts import Fact
@@ -143,6 +143,7 @@ def key_colours(scene: Scene) -> F32:
     k = (cloth.threads_per_key_point,) * 2 if sett is None else threads_to_a_cell(scene, sett)
     families = []
     ends, picks = ((n - 1) * k + 1 for n, k in zip((cloth.columns, cloth.rows), k, strict=True))
+    weave = scene.weave or Weave()
     draft = draft_of(woven_scene(scene).weave or Weave()) if scene.weave and sett is None else None
     shades_of = thread_colours(scene, draft, ends=ends, picks=picks)
     if sett is not None:
@@ -150,11 +151,17 @@ def key_colours(scene: Scene) -> F32:
         shades_of = [own[np.arange(n) % len(own)] for own, n in zip(repeats, (ends, picks), strict=True)]
     for shades, each in zip(shades_of, k, strict=True):
         nearest = (np.arange(len(shades)) + each // 2) // each
+        sent = sent_back(shades)
         families.append(
-            np.stack([np.bincount(nearest, c) / np.bincount(nearest) for c in sent_back(shades).T], axis=-1)
+            [
+                np.stack([np.bincount(nearest, c) / np.bincount(nearest) for c in of.T], axis=-1)
+                for of in (sent, sent * sent)
+            ]
         )
     warp, weft = families
-    return ((weft[:, None] + warp[None, :]) / 2).reshape(-1, 3).astype(np.float32)
+    up = repeat_of(weave.draft).warp_up.mean()
+    seen = woven_light(up, (warp[0][None], warp[1][None]), (weft[0][:, None], weft[1][:, None]))
+    return seen.reshape(-1, 3).astype(np.float32)
 
 
 def ball_mesh(centre: tuple[float, float, float], radius: float, albedo: NDArray, *, rings: int = 64) -> Mesh:

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from taichi_cloth.ground.errors import InputError
-from taichi_cloth.ground.mixing import sent_back
+from taichi_cloth.ground.mixing import WHITE, sent_back
 from taichi_cloth.scenes.paper.own_scenes import scene_file
 from taichi_cloth.scenes.prepare.garment_setup import dressed_parts, woven_garment
-from taichi_cloth.scenes.prepare.thread_colours import outer_colours, panel_colours
+from taichi_cloth.scenes.prepare.thread_colours import AMONG, outer_colours, panel_colours
 from taichi_cloth.scenes.prepare.weave_layout import prepare_fabric
 from taichi_cloth.scenes.prepare.yarns import draft_of
 from taichi_cloth.scenes.scene.load import load_scene
@@ -93,14 +93,20 @@ def test_a_garment_without_orders_has_its_yarns_colours() -> None:
 
 
 def test_the_side_of_a_mesh_that_lies_outside_has_the_colour_of_what_floats_there() -> None:
-    """A 3/1 twill is three parts of its warp, but for a panel of another weave; in the light that they send back."""
+    """A 3/1 twill is three parts of its warp, but for a panel of another weave; in the light that they send back, each
+    beside the other: of white among black `AMONG` is left, in a cloth of one colour nothing is lost."""
     scene = load_scene("trousers", ["weave.warp_colours=#ff0000", "weave.weft_colours=#0000ff"])
     assert scene.garment is not None
     scene.garment.weaves["left_back"] = "plain"
     red, blue = sent_back(np.eye(3)[[0, 2]])
     found = outer_colours(scene, ["left_front", "left_back"])
+    near = (1 - AMONG) / WHITE
+    red, blue = red + near * red * (blue - red), blue + near * blue * (red - blue)
+    assert red[0] / sent_back(1.0) == pytest.approx(AMONG, abs=0.02)
     np.testing.assert_allclose(found["left_front"], 0.75 * red + 0.25 * blue, atol=1e-6)
     np.testing.assert_allclose(found["left_back"], 0.5 * red + 0.5 * blue, atol=1e-6)
+    alike = outer_colours(load_scene("trousers", ["weave.warp_colours=#ff0000", "weave.weft_colours=#ff0000"]), ["x"])
+    np.testing.assert_allclose(alike["x"], sent_back(np.eye(3)[0]), atol=1e-6)
 
 
 def test_files_of_panels_are_meant_from_where_the_scene_lies(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
