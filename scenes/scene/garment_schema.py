@@ -28,7 +28,7 @@ class PrintSection(Section):
     up_cm: float = Field(default=0.0, description="of its middle from the panel's [cm]")
 
 
-CLEAR = ("tshirt", "skirt")
+CLEAR = ("tshirt", "skirt", "trousers")
 """Patterns whose garments rest clear of themselves and come through each built-in motion so: they are kept from passing
 through themselves as they move."""
 

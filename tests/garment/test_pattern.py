@@ -11,7 +11,7 @@ from figures import plain_figure
 from taichi_cloth.garment.pattern.curves import FLATNESS, along, arc, bezier, from_relative, length
 from taichi_cloth.garment.pattern.drafts import DRAFTS, Cut, draft
 from taichi_cloth.garment.pattern.garmentcode import read_garmentcode
-from taichi_cloth.garment.pattern.pattern import Flat, Panel, Pattern, Seam, Side, Wrap
+from taichi_cloth.garment.pattern.pattern import Bent, Flat, Panel, Pattern, Seam, Side, Wrap
 from taichi_cloth.ground.errors import InputError
 
 SAMPLES = sorted((Path(__file__).parents[1] / "data" / "patterns").glob("*.json"))
@@ -293,3 +293,20 @@ def test_wrapping_keeps_lengths_and_closes():
     assert np.abs(np.linalg.norm(np.diff(placed, axis=0), axis=1) / 0.001 - 1).max() < 2e-3
     assert placed[300] == pytest.approx([0, 0, 0.1])
     assert (placed[:, 0] / 0.15) ** 2 + (placed[:, 2] / 0.1) ** 2 == pytest.approx(1, abs=1e-4)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_what_is_bent_back_keeps_lengths_and_ends_square(side: float) -> None:
+    bent = Bent(FLAT, side, line=-0.01, radius=0.02)
+    x = side * np.linspace(-0.2, 0.1, 3001)
+    placed = bent.points(np.stack([x, 0.5 + 0 * x], -1))
+    assert np.abs(np.linalg.norm(np.diff(placed, axis=0), axis=1) / 1e-4 - 1).max() < 1e-5
+    flat = side * x < -0.03
+    assert placed[flat] == pytest.approx(FLAT.points(np.stack([x, 0.5 + 0 * x], -1))[flat])
+    assert side * placed[-1] == pytest.approx([-0.01, side * 0.5, -side * (0.13 - 0.01 * np.pi + 0.02)])
+
+
+def test_a_pattern_of_half_the_width_starts_half_as_far_apart() -> None:
+    whole = draft("trousers", plain_figure())
+    for one, other in zip(whole.panels, whole.scaled(0.5, 1.0).panels, strict=True):
+        assert np.abs(other.world[:, 0]).min() == pytest.approx(0.5 * np.abs(one.world[:, 0]).min())

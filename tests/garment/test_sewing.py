@@ -23,6 +23,7 @@ from taichi_cloth.garment.sewn.garment import Garment
 from taichi_cloth.garment.sewn.limbs import bearer, spared
 from taichi_cloth.garment.sewn.misfit import misfit
 from taichi_cloth.garment.sewn.sew import Worn, sew
+from taichi_cloth.layers.outline import crossings_of
 from taichi_cloth.motion.forces import Forces, StrainLimit
 from taichi_cloth.scenes.__main__ import _status
 from taichi_cloth.scenes.prepare.body_setup import grids_of, primitives_of
@@ -169,6 +170,13 @@ def test_every_pattern_sews(name, gender):
     assert worn.depth < 3e-3
     assert worn.stretch < 0.08
     assert worn.speed < 0.01
+
+
+def test_trousers_start_clear_of_themselves():
+    """With seams open and drawn as if they were closed: contact keeps them so from there."""
+    pattern = pattern_of("trousers", "male")
+    garment = Garment(pattern, cut(pattern, spacing_for(pattern, KEY_POINTS)), CLOTH)
+    assert crossings_of(garment.outline, garment.atlas.start()).count == 0
 
 
 @pytest.mark.slow

@@ -33,6 +33,7 @@ from taichi_cloth.sheet.materials import Material, named_material
 from taichi_cloth.sheet.sheet import SheetState
 
 SCENES = ("drape", "flag", "hanging", "stretch")
+SAMPLE = Path(__file__).parents[1] / "data" / "patterns" / "skirt_4_panels.json"
 SMALL = ["cloth.rows=9", "cloth.columns=9", "cloth.threads_per_key_point=2", "output.frames=4"]
 SMALL += ["light.occlusion=false", "light.shadows=false", "stage.ground=false", "fabric.steps=1", "yarn.fibres=1"]
 SMALL += ["forces.self_contact=false"]  # nothing here is of it, and its kernel takes a process seconds to load
@@ -254,11 +255,12 @@ def test_a_scene_asks_for_a_strain_limit_and_may_leave_out_cloth_on_cloth() -> N
         assert stages["strain limit"].built is limited
         assert stages["cloth on cloth"].built is meets
     assert "forces.self_contact" in stages["cloth on cloth"].why
-    whole = {stage.name: stage for stage in plan(load_scene("dress", ["garment.representation=mesh"])).stages}
+    of_others = load_scene("skirt", [f"garment.pattern={SAMPLE}", "garment.representation=mesh"])
+    whole = {stage.name: stage for stage in plan(of_others).stages}
     assert "self_contact={} asks for it" in whole["cloth on cloth"].why
     left = load_scene("drape", [*PLANNED, *without])
     again = Scene.model_validate(json.loads(left.model_dump_json(exclude_unset=True)))  # as a run is left to be resumed
-    asked = (load_scene("dress", ["forces.self_contact=true"]), True), (load_scene("tshirt"), True)
+    asked = (load_scene("dress", ["forces.self_contact=true"]), True), (load_scene("trousers"), True)
     paper = load_scene(scene_file("tshirt")), False
     for one, said in ((left, False), (again, False), paper, *asked):
         assert one.forces is not None

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from taichi_cloth.garment.pattern.curves import bezier, length
 from taichi_cloth.garment.pattern.measures import Figure, Section
-from taichi_cloth.garment.pattern.pattern import Cone, Flat, Hold, Panel, Pattern, Seam, Side, Wrap
+from taichi_cloth.garment.pattern.pattern import Bent, Cone, Flat, Hold, Panel, Pattern, Seam, Side, Wrap
 from taichi_cloth.ground.errors import InputError, did_you_mean
 
 __all__ = ["DRAFTS", "Cut", "draft"]
@@ -25,6 +25,7 @@ UP = np.array([0.0, 1.0, 0.0])
 FRONT = np.array([0.0, 0.0, 1.0])
 CLEAR = 0.012  # between the body and a panel where it starts [m]
 SNUG = 0.007  # between the body and a waistband [m]
+BEND = 0.02  # radius of the bend by which forks lie between the legs [m]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -279,7 +280,9 @@ def _trousers(f: Figure, cut: Cut) -> Pattern:
             if mirrored < 0:
                 edges = [_mirrored(edges[0]), *(_mirrored(e) for e in edges[:0:-1])]
             turn = np.eye(3) if name == "front" else np.diag([-1.0, 1.0, -1.0])
-            place = Flat(turn, np.array([0.0, f.waist_height, away]))
+            # Forks lie between the legs, along each other: in their planes they would lie across each other.
+            plane = Flat(turn, np.array([0.0, f.waist_height, away]))
+            place = Bent(plane, -mirrored, -CLEAR / 2, BEND)
             panels.append(Panel(f"{side}_{name}", tuple(edges), place, hems=(0,)))
             round_waist = Wrap(middle_of_waist, UP, FRONT if name == "front" else -FRONT, ring)
             band.append(Hold(Side(f"{side}_{name}", 2 if mirrored > 0 else 3), place=round_waist))

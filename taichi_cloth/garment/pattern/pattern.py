@@ -17,6 +17,7 @@ from taichi_cloth.ground.errors import InputError, did_you_mean
 
 __all__ = [
     "LARGEST_PANEL",
+    "Bent",
     "Cone",
     "Course",
     "Flat",
@@ -50,6 +51,31 @@ class Flat:
     def points(self, xy: F64) -> F64:
         """(n, 2) of the panel to (n, 3) of the world [m]."""
         return np.pad(xy, ((0, 0), (0, 1))) @ self.rotation.T + self.translation
+
+
+@dataclass(frozen=True, eq=False)
+class Bent:
+    """A panel that starts as a plane, but for what is beyond a line, which is bent back square to it: trousers' forks,
+    which lay across each other else.
+
+    plane: of the rest. side: 1 or −1, of x that the line is on. line: side · x of the plane beyond which none of the
+    panel is [m]. radius: of the bend [m].
+    """
+
+    plane: Flat
+    side: float
+    line: float
+    radius: float
+
+    def points(self, xy: F64) -> F64:
+        """(n, 2) of the panel to (n, 3) of the world [m]."""
+        flat = self.line - self.radius
+        beyond = np.maximum(self.side * xy[:, 0] - flat, 0.0)
+        turn = np.minimum(beyond / self.radius, np.pi / 2)
+        x = np.minimum(self.side * xy[:, 0], flat) + self.radius * np.sin(turn)
+        back = self.radius * (1.0 - np.cos(turn)) + beyond - self.radius * turn
+        placed = np.stack([self.side * x, xy[:, 1], -back], -1)
+        return placed @ self.plane.rotation.T + self.plane.translation
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,7 +186,7 @@ class Panel:
 
     name: str
     edges: tuple[F64, ...]
-    place: Flat | Wrap | Cone
+    place: Flat | Bent | Wrap | Cone
     grain: float = 0.0
     hems: tuple[int, ...] = ()
     label: str = ""
@@ -209,7 +235,7 @@ class Hold:
     """
 
     side: Side
-    place: Flat | Wrap | Cone | Course | None = None
+    place: Flat | Bent | Wrap | Cone | Course | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -297,11 +323,14 @@ class Pattern:
         factors = np.array([width, height])
         panels = []
         for panel in self.panels:
-            place = panel.place
+            place, by = panel.place, np.array([width, height, width])
             if isinstance(place, Flat):
-                place = Flat(place.rotation, place.translation * np.array([width, height, width]))
+                place = replace(place, translation=place.translation * by)
+            elif isinstance(place, Bent):
+                plane = replace(place.plane, translation=place.plane.translation * by)
+                place = replace(place, plane=plane, line=place.line * width)
             else:
-                place = replace(place, origin=place.origin * np.array([width, height, width]))
+                place = replace(place, origin=place.origin * by)
             panels.append(replace(panel, edges=tuple(edge * factors for edge in panel.edges), place=place))
         return replace(self, panels=tuple(panels))
 

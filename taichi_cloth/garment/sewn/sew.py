@@ -48,6 +48,11 @@ THICK, THIN = 6.0, 2.0  # [1/s] damping by the air while closing and while settl
 RECOVERY = 5.0  # [m/s] at which the body lets out cloth that panels start with, or that seams draw, inside it
 
 
+Closed = tuple[F32, int, Colliders]
+"""Of a garment whose seams are closed: its key points (rows, cols, 3) [m], the frames that it took, and the body as it
+meets it from then on, one limb in each fold (`limbs.py`)."""
+
+
 @dataclass(frozen=True, eq=False)
 class Worn:
     """A garment at rest on a body.
@@ -90,8 +95,9 @@ def sew(
     told the stage, the frame and the most there may be, after each frame. solver: see `named_solver`.
 
     Few garments pass through themselves while they are sewn: contact is taken up only for those that come to rest so.
-    They settle on from there, and what is through other cloth is drawn apart (`layers/tangles.py`); if that is not
-    enough, anew from where their seams are closed, if none is through another there. The clearest of these is worn.
+    What came about as they settled is kept from it from where seams are closed, what is there before, from the first
+    frame in which panels stand round the body; if neither is enough they settle on from where they rest, and what is
+    through other cloth is drawn apart (`layers/tangles.py`). The clearest of these is worn.
 
     Raises InputError when the cloth does not hold together, with what to change.
     """
@@ -100,30 +106,42 @@ def sew(
         if each:
             each(stage, frame, most)
 
-    def rest(positions: F32, apart: SelfContact | None, most: int, before: int) -> Worn:
-        forces = Forces(body=still, strain_limit=limit, self_contact=apart)
+    def close(apart: SelfContact | None) -> Closed:
+        positions, frames = _closed(
+            garment, still, limit, apart, solver, closing, lambda frame: told("sewing", frame, closing)
+        )
+        if not body.primitives:  # of grids, which are one skin at rest, no folds are known
+            return positions, frames, still
+        return positions, frames, replace(still, spared=spared(garment.atlas, positions, body.primitives, moving=False))
+
+    def rest(begin: Closed, apart: SelfContact | None, most: int = settling) -> Worn:
+        positions, before, meets = begin
+        forces = Forces(body=meets, strain_limit=limit, self_contact=apart)
         return _rest(garment, forces, positions, solver, most, before, lambda frame: told("settling", frame, most))
 
     still = replace(body, motion=None, recovery=RECOVERY)
     try:
-        closed, frames = _closed(garment, still, limit, solver, closing, lambda frame: told("sewing", frame, closing))
-        if body.primitives:  # in whose folds both keep out; of grids, which are one skin at rest, there are none
-            still = replace(still, spared=spared(garment.atlas, closed, body.primitives, moving=False))
-        worn = rest(closed, None, settling, frames)
+        closed = close(None)
+        worn = rest(closed, None)
     except Unstable as error:
         raise InputError(
             f"garment {garment.pattern.name}: torn while it was sewn ({error}); it does not fit this body: "
             "allowed: a pattern whose panels start clear of the body and whose seams can close round it"
         ) from None
     through = _through(garment, worn.positions) if layers else 0
-    for begin, most, before in ((worn.positions, UNTANGLING, worn.frames), (closed, settling, frames)):
-        if not through or (begin is closed and _through(garment, closed)):
-            break
-        with contextlib.suppress(InputError, Unstable):  # what cannot be sewn so stays as it is
-            again = rest(begin, layers, most, before)
-            left = _through(garment, again.positions)
-            if left < through:
-                worn, through = again, left
+    if through:
+        as_worn = worn.positions, worn.frames, closed[2]
+        tries = [lambda: rest(close(layers), layers), lambda: rest(as_worn, layers, UNTANGLING)]
+        if _through(garment, closed[0]) < through:
+            tries.insert(0, lambda: rest(closed, layers))
+        for attempt in tries:
+            with contextlib.suppress(InputError, Unstable):  # what cannot be sewn so stays as it is
+                again = attempt()
+                left = _through(garment, again.positions)
+                if left < through:
+                    worn, through = again, left
+            if not through:
+                break
     return worn
 
 
@@ -136,6 +154,7 @@ def _closed(
     garment: Garment,
     body: Colliders,
     limit: StrainLimit | None,
+    layers: SelfContact | None,
     solver: str,
     closing: int,
     told: Callable[[int], None],
@@ -144,7 +163,7 @@ def _closed(
     smooth = replace(body, friction=0.05)
     weight = Forces().gravity if garment.pattern.holds else (0.0, 0.0, 0.0)
     simulation = garment.simulation(
-        Forces(gravity=weight, body=smooth, strain_limit=limit),
+        Forces(gravity=weight, body=smooth, strain_limit=limit, self_contact=layers),
         garment.atlas.start(),
         air_damping=THICK,
         solver=solver,
