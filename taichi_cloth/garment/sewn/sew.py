@@ -95,9 +95,9 @@ def sew(
     told the stage, the frame and the most there may be, after each frame. solver: see `named_solver`.
 
     Few garments pass through themselves while they are sewn: contact is taken up only for those that come to rest so.
-    What came about as they settled is kept from it from where seams are closed, what is there before, from the first
-    frame in which panels stand round the body; if neither is enough they settle on from where they rest, and what is
-    through other cloth is drawn apart (`layers/tangles.py`). The clearest of these is worn.
+    They are sewn anew with contact from the first frame, in which panels stand round the body; else settled anew from
+    where seams are closed, if that is clearer; else they settle on from where they rest, and what is through other
+    cloth is drawn apart (`layers/tangles.py`). The clearest of these is worn.
 
     Raises InputError when the cloth does not hold together, with what to change.
     """
@@ -133,7 +133,7 @@ def sew(
         as_worn = worn.positions, worn.frames, closed[2]
         tries = [lambda: rest(close(layers), layers), lambda: rest(as_worn, layers, UNTANGLING)]
         if _through(garment, closed[0]) < through:
-            tries.insert(0, lambda: rest(closed, layers))
+            tries.insert(1, lambda: rest(closed, layers))
         for attempt in tries:
             with contextlib.suppress(InputError, Unstable):  # what cannot be sewn so stays as it is
                 again = attempt()
