@@ -29,8 +29,8 @@ class PrintSection(Section):
 
 
 CLEAR = ("tshirt", "skirt", "trousers")
-"""Patterns whose garments rest clear of themselves and come through each built-in motion so: they are kept from passing
-through themselves as they move."""
+"""Patterns whose garments rest clear of themselves and come through built-in motions so, as far as they were counted
+(`docs/contact.md`): they are kept from passing through themselves as they move."""
 
 
 class GarmentSection(Section):
