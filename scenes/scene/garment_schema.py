@@ -28,9 +28,9 @@ class PrintSection(Section):
     up_cm: float = Field(default=0.0, description="of its middle from the panel's [cm]")
 
 
-CLEAR = ("tshirt", "skirt", "trousers")
-"""Patterns whose garments rest clear of themselves and come through built-in motions so, as far as they were counted
-(`docs/contact.md`): they are kept from passing through themselves as they move."""
+CLEAR = ("tshirt", "skirt", "dress", "trousers")
+"""Patterns whose garments rest clear of themselves, and all but stay so in built-in motions (`docs/contact.md`): they are
+kept from passing through themselves as they move."""
 
 
 class GarmentSection(Section):

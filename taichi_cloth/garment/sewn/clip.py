@@ -121,12 +121,17 @@ def _triangles(index: list[int], points: Ring) -> list[tuple[int, int, int]]:
 
 
 def _crossed(outline: F64, shape: tuple[int, ...]) -> NDArray[np.bool_]:
-    """(rows, columns) of cells that the outline runs through, by points a tenth of a cell apart along it."""
+    """(rows, columns) of cells that the outline runs through, by the middles of what lies between two of its crossings
+    with rows and columns: a cell of which it cuts next to nothing off would not fit to those beside it, taken whole."""
     out = np.zeros(shape, bool)
     ends = np.roll(outline, -1, axis=0)
     for p, q in zip(outline, ends, strict=True):
-        n = int(np.ceil(10 * np.abs(q - p).max())) + 1
-        at = p + np.linspace(0, 1, n)[:, None] * (q - p)
+        crossings = [np.array([0.0, 1.0])]
+        for a, b in zip(p.tolist(), q.tolist(), strict=True):
+            if a != b:
+                crossings.append((np.arange(np.ceil(min(a, b)), np.floor(max(a, b)) + 1) - a) / (b - a))
+        share = np.unique(np.clip(np.concatenate(crossings), 0.0, 1.0))
+        at = p + (0.5 * (share[:-1] + share[1:]))[:, None] * (q - p)
         for shift in (-1e-6, 1e-6):
             cell = np.clip(np.floor(at + shift).astype(int), 0, np.array(shape[::-1]) - 1)
             out[cell[:, 1], cell[:, 0]] = True

@@ -2,7 +2,8 @@
 the same points one to one, and points that are sewn together are one.
 
 Those that would lie within WIDE of a cell of each other along a seam are taken together, and so are points within
-BESIDE of it with those next to them: pieces of cells become no narrower than that.
+BESIDE of it with those next to them: pieces of cells become no narrower than that. At free edges points within NEAR of
+each other are one, too, on the outline.
 """
 
 from dataclasses import dataclass, replace
@@ -29,6 +30,10 @@ WIDE = 0.35
 BESIDE = 0.15
 """Of a point to a seam, in cells, up to which it is one with those of the seam next to it: no more is known of where a
 seam is than by how much the cells beside it are warped."""
+ALONG, NEAR = 0.06, 0.15
+"""Of a point to another at a free edge, in cells, up to which the two become one, where it is at the edge itself and
+where not: a smaller piece of a cell hangs on the same key points as the whole triangle beside it, and contact cannot
+keep the two apart."""
 FINER = 32
 """Places along a seam for each cell, by which points are known to be beside it."""
 FOUND = 0.006
@@ -122,15 +127,17 @@ def joined(
     """What points (n) of panels become one. flat: (n, 2) in grain coordinates [m]. faces: (m, 3) of cells (m,)."""
     cell = min(atlas.spacing)
     groups = [_groups(at * seam.long / cell) for seam, at in zip(seams, shares, strict=True)]
-    made = _joined(cell, seams, shares, groups, panel, flat)
+    made = _joined(cell, seams, shares, groups, panel, flat, faces)
     corners = made.own[faces]
     kept = _differ(corners)
     corners, of = _turned(corners[kept], cells[kept], mean_of(made.own, made.share) @ flat, THIN * cell)
     return replace(made, faces=corners, cells=of)
 
 
-def _joined(cell: float, seams: list[SeamLine], shares: list[F64], groups: list[I64], panel: I32, flat: F64) -> Joined:
-    n, made = len(flat), 0
+def _joined(
+    cell: float, seams: list[SeamLine], shares: list[F64], groups: list[I64], panel: I32, flat: F64, faces: I64
+) -> Joined:
+    n, made, none = len(flat), 0, np.zeros(0, np.int64)
     share, sewn = np.zeros(n), np.zeros(n, bool)
     points, own, same, near = [], [], [], []
     for seam, at, group in zip(seams, shares, groups, strict=True):
@@ -157,10 +164,17 @@ def _joined(cell: float, seams: list[SeamLine], shares: list[F64], groups: list[
         points.append(off[close])
         own.append(of_own[at_cut])
         same.append(of_same[at_cut])
-    on = np.concatenate(points) if points else np.zeros(0, np.int64)
-    numbers = [_connected(n, made, on, np.concatenate(to) if to else on) for to in (own, same)]
+    at_seams = np.concatenate([*points, none])
+    pairs, edge = _near_the_outline(faces, flat, at_seams, cell)
+    share[np.setdiff1d(edge, at_seams)] = 1.0  # the outline stays where it is
+    number = np.repeat(made + np.arange(len(pairs)), 2)
+    made += len(pairs)
+    points.append(pairs.ravel())
+    own.append(number)
+    same.append(number)
+    on = np.concatenate(points)
+    numbers = [_connected(n, made, on, np.concatenate(to)) for to in (own, same)]
     alone = np.bincount(numbers[0], share)[numbers[0]] == 0
-    none = np.zeros(0, np.int64)
     return Joined(numbers[0], numbers[1], np.where(alone, 1.0, share), none, none)
 
 
@@ -169,6 +183,26 @@ def _connected(n: int, groups: int, points: I64, group: I64) -> I64:
     graph = coo_array((np.ones(len(points)), (points, n + group)), shape=(n + groups, n + groups))
     found = np.asarray(connected_components(graph, directed=False)[1])[:n]
     return np.unique(found, return_inverse=True)[1].ravel().astype(np.int64)
+
+
+def _near_the_outline(faces: I64, flat: F64, at_seams: I64, cell: float) -> tuple[I64, I64]:
+    """Pairs (k, 2) of points that become one, and all points at free edges. Pairs are joined by a side of a triangle
+    (m, 3), with both within ALONG of a `cell` [m] at free edges or one within NEAR of that, neither at a seam; the
+    nearest come first, and a point is in one pair at most: those along an edge are not all drawn into one."""
+    sides = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], -1).reshape(-1, 2), axis=1)
+    edges, count = np.unique(sides, axis=0, return_counts=True)
+    free = np.zeros(len(flat), bool)
+    free[edges[count == 1]] = True
+    edges = edges[free[edges].any(axis=1) & ~np.isin(edges, at_seams).any(axis=1)]
+    apart = np.linalg.norm(flat[edges[:, 0]] - flat[edges[:, 1]], axis=1)
+    close = apart < cell * np.where(free[edges].all(axis=1), ALONG, NEAR)
+    used: set[int] = set()
+    pairs = []
+    for pair in edges[close][np.argsort(apart[close], kind="stable")].tolist():
+        if used.isdisjoint(pair):
+            used.update(pair)
+            pairs.append(pair)
+    return np.array(pairs, np.int64).reshape(-1, 2), np.flatnonzero(free)
 
 
 def _differ(faces: I64) -> NDArray[np.bool_]:
