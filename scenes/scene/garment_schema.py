@@ -29,8 +29,8 @@ class PrintSection(Section):
 
 
 CLEAR = ("tshirt", "skirt", "dress", "trousers")
-"""Patterns whose garments rest clear of themselves, and all but stay so in built-in motions (`docs/contact.md`): they are
-kept from passing through themselves as they move."""
+"""Patterns whose garments rest clear of themselves, and all but stay so in built-in motions (`docs/contact.md`): they
+are kept from passing through themselves as they move."""
 
 
 class GarmentSection(Section):
