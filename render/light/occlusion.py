@@ -17,6 +17,7 @@ from taichi_cloth.ground import runtime
 from taichi_cloth.ground.copies import zeros
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.ground.particles import OCTET
+from taichi_cloth.ground.vectors import in_octets
 
 from ..data.blocks import Layout
 from ..data.light_sizes import LAYERS, SCRATCH_ROWS, SKY_DIRECTIONS, SKY_SIZE
@@ -140,11 +141,11 @@ def occlude(
     texels, texel = int(sizes.sum()), max(f.texel for f in fits)
     ends, depth = zeros((2, texels)), zeros((texels, LAYERS))
     chunks = directions if runtime.resident() else min(chunks, directions)
-    octets = 2 * blocks.shape[1]
-    scratch = zeros((max(1, chunks * octets), SCRATCH_ROWS, OCTET))
-    eight = blocks.reshape(blocks.shape[0], octets, OCTET)
+    octets = in_octets(blocks)
+    count = octets.shape[1]
+    scratch = zeros((max(1, chunks * count), SCRATCH_ROWS, OCTET))
     sky.fill(
-        layout, chunks, stretch, eight, octets, axes, table, FINE * texel, scratch, ends, depth.reshape(-1, 1, LAYERS),
+        layout, chunks, stretch, octets, count, axes, table, FINE * texel, scratch, ends, depth.reshape(-1, 1, LAYERS),
         counts_for(texels),
     )  # fmt: skip
     solid = None if mesh is None else walls(mesh, axes, table, chunks=chunks)

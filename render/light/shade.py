@@ -130,15 +130,11 @@ def _root(albedo):
 
 
 @ti.func
-def _before(albedo, root, seen, alike):
-    """Of the sky before a cloth, what a particle in it sends on that sees a share of it."""
-    return alike * weight(OF_SKY[0], albedo, root) + seen * weight(OF_SKY[1], albedo, root)
-
-
-@ti.func
-def _behind(albedo, root, seen):
-    """Of the sky behind it."""
-    return weight(OF_SKY[2], albedo, root) + (1.0 - seen) * weight(OF_SKY[3], albedo, root)
+def _sent(albedo, root, seen, alike, front, back):
+    """Of the sky's light before a cloth and behind it, what a particle in it sends on that sees a share of the sky."""
+    before = alike * weight(OF_SKY[0], albedo, root) + seen * weight(OF_SKY[1], albedo, root)
+    behind = weight(OF_SKY[2], albedo, root) + (1.0 - seen) * weight(OF_SKY[3], albedo, root)
+    return front * before + back * behind
 
 
 @ti.func
@@ -150,15 +146,9 @@ def _from_sky(shading: Template, view: F32x2, up, mirrored, albedo, root, seen, 
     shine = view[BULK, 2] * seen * before
     before *= view[BULK, 0]
     behind *= view[BULK, 0]
-    red = before * front[0] * _before(albedo[0], root[0], seen, alike) + behind * back[0] * _behind(
-        albedo[0], root[0], seen
-    )
-    green = before * front[1] * _before(albedo[1], root[1], seen, alike) + behind * back[1] * _behind(
-        albedo[1], root[1], seen
-    )
-    blue = before * front[2] * _before(albedo[2], root[2], seen, alike) + behind * back[2] * _behind(
-        albedo[2], root[2], seen
-    )
+    red = _sent(albedo[0], root[0], seen, alike, before * front[0], behind * back[0])
+    green = _sent(albedo[1], root[1], seen, alike, before * front[1], behind * back[1])
+    blue = _sent(albedo[2], root[2], seen, alike, before * front[2], behind * back[2])
     red += shine * gleam[0] * (1.0 + view[COAT, 0] * (albedo[0] - 1.0))
     green += shine * gleam[1] * (1.0 + view[COAT, 0] * (albedo[1] - 1.0))
     blue += shine * gleam[2] * (1.0 + view[COAT, 0] * (albedo[2] - 1.0))

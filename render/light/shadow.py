@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from taichi_cloth.ground.copies import filled, zeros
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.ground.particles import OCTET
+from taichi_cloth.ground.vectors import in_octets
 
 from ..data.blocks import Layout
 from ..data.light_sizes import LAYERS, MAP_SIZE, STAMP_ROWS
@@ -155,20 +156,20 @@ def cast(
     root = _root(deep, max(0.5 * radius, 1e-4 * deep))
     span = ((LAYERS - 1 + root) ** 4 - root**4) / deep
 
-    octets = 2 * blocks.shape[1]
-    stamps = zeros((max(1, octets), STAMP_ROWS, OCTET))
-    spans = zeros((max(1, octets), 2), np.int32)
+    octets = in_octets(blocks)
+    count = octets.shape[1]
+    stamps = zeros((max(1, count), STAMP_ROWS, OCTET))
+    spans = zeros((max(1, count), 2), np.int32)
     rows = np.zeros((chunks, at.height), np.int32)
     nearest, through = filled((first,), EMPTY), zeros((first, LAYERS))
     whole = np.array([(0, at.width, at.height)], np.int32)
     wall = NO_WALL if mesh is None else walls(mesh, axes[None], whole, chunks=1)[0]
     if blocks.shape[1] or mesh is not None:
-        eight = blocks.reshape(blocks.shape[0], octets, OCTET)
-        stamp(layout, chunks, stretch, eight, octets, at.height, axes, stamps, spans, rows)
+        stamp(layout, chunks, stretch, octets, count, at.height, axes, stamps, spans, rows)
         cuts = _cuts(rows.sum(axis=0), chunks)
         deep = new_deep_map(width=at.width, span=span, root=root)
         transmittance.deposit(
-            chunks, mesh is not None, deep, octets, stamps, spans, cuts, wall, nearest,
+            chunks, mesh is not None, deep, count, stamps, spans, cuts, wall, nearest,
             through.reshape(-1, 1, LAYERS), counts_for(at.width * at.height),
         )  # fmt: skip
         for fine, coarse in pairwise(levels):

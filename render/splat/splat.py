@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from taichi_cloth.ground.copies import extent, fetched, put, sent, zeros
 from taichi_cloth.ground.errors import InputError
-from taichi_cloth.ground.particles import LANES, OCTET, TILE
+from taichi_cloth.ground.particles import LANES, TILE
 from taichi_cloth.ground.runtime import on_host
+from taichi_cloth.ground.vectors import in_octets
 
 from ..data.backdrop import NO_WALL, Backdrop
 from ..data.blocks import Layout, ParticleBlocks, pack
@@ -230,9 +231,9 @@ class Splatter:
             shading,
             self._profile == "crisp",
             self.chunks,
-            self._blocks.reshape(self._layout.rows, 2 * blocks, OCTET),
+            in_octets(self._blocks),
             blocks,
-            light.reshape(light.shape[0], 2 * light.shape[1], OCTET),
+            in_octets(light),
             self._view,
             self._splats,
             lists.boxes,

@@ -1,4 +1,4 @@
-"""Types of the arguments of kernels that take 16 particles, or 16 pixels of a tile's row, at once.
+"""Types of the arguments of kernels that take 8 or 16 particles, or 16 pixels of a tile's row, at once.
 
 The same functions serve a graphics device, which takes one particle a thread: then `of_group` gives a vector of one.
 """
@@ -14,11 +14,13 @@ from taichi_cloth.ground.particles import LANES, OCTET
 __all__ = [
     "CHUNK_STEPS",
     "Blocks",
+    "Octets",
     "Vec8",
     "Vec16",
     "chunk_count",
     "chunk_steps",
     "each",
+    "in_octets",
     "keep",
     "lanes",
     "of_group",
@@ -51,8 +53,13 @@ def keep(array: Template, at: Template, size):
         array[at] += 1
 
 
+def in_octets(blocks: Any) -> Any:
+    """`Blocks` as `Octets`, in the same memory: (rows, groups, LANES) as (rows, 2 groups, OCTET), and so of light."""
+    return blocks.reshape(blocks.shape[0], 2 * blocks.shape[1], OCTET)
+
+
 def lanes() -> int:
-    """Particles at once, in what is being compiled: LANES on a CPU, 1 a thread of a device."""
+    """Particles at once, in what is being compiled: OCTET on a CPU, 1 a thread of a device."""
     return OCTET if runtime.on_host() else 1
 
 
@@ -69,7 +76,7 @@ def chunk_count(usual: int) -> int:
 
 @ti.func
 def of_group(groups: Template, row, b):
-    """A row (rows, groups) of the particles of group b; on a device of particle number b."""
+    """A row (rows, octets) of eight particles, the b-th; on a device of particle number b."""
     if ti.static(lanes() == OCTET):
         return groups[row, b]
     else:
@@ -78,7 +85,7 @@ def of_group(groups: Template, row, b):
 
 @ti.func
 def of_row(groups: Template, b, row):
-    """The same of (groups, rows)."""
+    """The same of (groups, 2 rows): two halves of a group, row by row."""
     if ti.static(lanes() == OCTET):
         return groups[b // 2, 2 * row + b % 2]
     else:

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from taichi_cloth.garment.pattern.cut import CutPanel, intervals
 
-__all__ = ["clipped"]
+__all__ = ["clipped", "crossed_at"]
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -60,6 +60,11 @@ def clipped(piece: CutPanel, outline: F64) -> tuple[F64, I64, I64, I64]:
                 cells.append((j, i))
     of = np.asarray(cells, np.int64).reshape(-1, 2)
     return np.asarray(points), np.asarray(within, np.int64), np.asarray(triangles, np.int64), of
+
+
+def crossed_at(a: float, b: float) -> F64:
+    """Shares of the way from one number to another at which it comes to whole ones."""
+    return (np.arange(np.ceil(min(a, b)), np.floor(max(a, b)) + 1) - a) / (b - a) if a != b else np.zeros(0)
 
 
 def _area(ring: Ring) -> float:
@@ -126,11 +131,8 @@ def _crossed(outline: F64, shape: tuple[int, ...]) -> NDArray[np.bool_]:
     out = np.zeros(shape, bool)
     ends = np.roll(outline, -1, axis=0)
     for p, q in zip(outline, ends, strict=True):
-        crossings = [np.array([0.0, 1.0])]
-        for a, b in zip(p.tolist(), q.tolist(), strict=True):
-            if a != b:
-                crossings.append((np.arange(np.ceil(min(a, b)), np.floor(max(a, b)) + 1) - a) / (b - a))
-        share = np.unique(np.clip(np.concatenate(crossings), 0.0, 1.0))
+        crossings = [crossed_at(a, b) for a, b in zip(p.tolist(), q.tolist(), strict=True)]
+        share = np.unique(np.clip(np.concatenate([[0.0, 1.0], *crossings]), 0.0, 1.0))
         at = p + (0.5 * (share[:-1] + share[1:]))[:, None] * (q - p)
         for shift in (-1e-6, 1e-6):
             cell = np.clip(np.floor(at + shift).astype(int), 0, np.array(shape[::-1]) - 1)

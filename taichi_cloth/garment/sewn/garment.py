@@ -98,6 +98,7 @@ class Garment:
             return np.zeros((0, 8, 2), np.int64), np.zeros((0, 8))
         return np.concatenate(nodes), np.concatenate(weights)
 
+    @cached_property
     def asked(self) -> NDArray[np.bool_]:
         """Which points along the seams (n,) are tied: all but those of two points that are both held. Where a seam ends
         at a waistband, what it asks is said already, and said twice of one cell it draws threads longer."""
@@ -166,8 +167,7 @@ class Garment:
         """
         seams, seam_weights = self.seams()
         nodes, weights, places = self.holds()
-        asked = self.asked()
-        seams, seam_weights = seams[asked], seam_weights[asked]
+        seams, seam_weights = seams[self.asked], seam_weights[self.asked]
         if not len(nodes):
             nodes, weights, places = np.zeros((1, 4, 2), np.int64), np.zeros((1, 4)), np.zeros((1, 3))
             bones = None

@@ -2,8 +2,8 @@
 the same points one to one, and points that are sewn together are one.
 
 Those that would lie within WIDE of a cell of each other along a seam are taken together, and so are points within
-BESIDE of it with those next to them: pieces of cells become no narrower than that. At free edges points within NEAR of
-each other are one, too, on the outline.
+BESIDE of it with those next to them: pieces of cells become no narrower than that. At free edges points become one,
+too, those of the outline within ALONG of each other, and others within NEAR of one of these, on the outline.
 """
 
 from dataclasses import dataclass, replace
@@ -18,6 +18,7 @@ from scipy.spatial import KDTree
 from taichi_cloth.garment.pattern.curves import along, length
 from taichi_cloth.garment.pattern.cut import Atlas, CutPanel, turned
 from taichi_cloth.garment.pattern.pattern import Pattern
+from taichi_cloth.garment.sewn.clip import crossed_at
 
 __all__ = ["Joined", "SeamLine", "cut_outlines", "joined", "seam_distance", "seam_lines"]
 
@@ -164,9 +165,8 @@ def _joined(
         points.append(off[close])
         own.append(of_own[at_cut])
         same.append(of_same[at_cut])
-    at_seams = np.concatenate([*points, none])
-    pairs, edge = _near_the_outline(faces, flat, at_seams, cell)
-    share[np.setdiff1d(edge, at_seams)] = 1.0  # the outline stays where it is
+    pairs, outline = _near_the_outline(faces, flat, np.concatenate([*points, none]), cell)
+    share[outline] = 1.0  # it stays where it is
     number = np.repeat(made + np.arange(len(pairs)), 2)
     made += len(pairs)
     points.append(pairs.ravel())
@@ -186,14 +186,16 @@ def _connected(n: int, groups: int, points: I64, group: I64) -> I64:
 
 
 def _near_the_outline(faces: I64, flat: F64, at_seams: I64, cell: float) -> tuple[I64, I64]:
-    """Pairs (k, 2) of points that become one, and all points at free edges. Pairs are joined by a side of a triangle
-    (m, 3), with both within ALONG of a `cell` [m] at free edges or one within NEAR of that, neither at a seam; the
-    nearest come first, and a point is in one pair at most: those along an edge are not all drawn into one."""
+    """Pairs (k, 2) of points that become one, and all points at free edges but those `at_seams`, which are in no pair.
+    Pairs are joined by a side of a triangle (m, 3), with both within ALONG of a `cell` [m] at free edges or one within
+    NEAR of that; the nearest come first, and a point is in one pair at most: those along an edge are not all drawn into
+    one."""
     sides = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], -1).reshape(-1, 2), axis=1)
     edges, count = np.unique(sides, axis=0, return_counts=True)
-    free = np.zeros(len(flat), bool)
-    free[edges[count == 1]] = True
-    edges = edges[free[edges].any(axis=1) & ~np.isin(edges, at_seams).any(axis=1)]
+    free, sewn = np.zeros(len(flat), bool), np.zeros(len(flat), bool)
+    free[edges[count == 1]], sewn[at_seams] = True, True
+    free &= ~sewn
+    edges = edges[free[edges].any(axis=1) & ~sewn[edges].any(axis=1)]
     apart = np.linalg.norm(flat[edges[:, 0]] - flat[edges[:, 1]], axis=1)
     close = apart < cell * np.where(free[edges].all(axis=1), ALONG, NEAR)
     used: set[int] = set()
@@ -265,11 +267,8 @@ def _crossed(line: F64, piece: CutPanel) -> F64:
     walked = np.concatenate([[0.0], np.cumsum(steps)])
     out = []
     for f in (at[:, 0], at[:, 1], at[:, 0] - at[:, 1]):
-        for k, (a, b) in enumerate(pairwise(f.tolist())):
-            numbers = np.arange(np.ceil(min(a, b)), np.floor(max(a, b)) + 1)
-            if a != b and len(numbers):
-                out.append(walked[k] + (numbers - a) / (b - a) * steps[k])
-    return np.clip(np.concatenate(out or [np.zeros(0)]) / walked[-1], 0.0, 1.0)
+        out += [walked[k] + crossed_at(a, b) * steps[k] for k, (a, b) in enumerate(pairwise(f.tolist()))]
+    return np.clip(np.concatenate(out) / walked[-1], 0.0, 1.0)
 
 
 def _groups(at: F64) -> I64:

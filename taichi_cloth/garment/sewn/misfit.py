@@ -26,7 +26,7 @@ def misfit(garment: Garment, worn: Worn, primitives: Sequence[Primitive] = ()) -
     if worn.gap > OPEN:
         nodes, weights = garment.seams()
         ends = np.einsum("nkc,nk->nc", worn.positions[nodes[..., 0], nodes[..., 1]], weights)
-        worst = int(np.argmax(garment.asked() * np.linalg.norm(ends, axis=1)))
+        worst = int(np.argmax(garment.asked * np.linalg.norm(ends, axis=1)))
         row, col = nodes[worst, 0]
         name = garment.pattern.panels[garment.atlas.owner()[row, col]].name
         why = _reason(garment, garment.pattern.seams[int(np.searchsorted(garment.last_ties(), worst))])
@@ -42,7 +42,7 @@ def misfit(garment: Garment, worn: Worn, primitives: Sequence[Primitive] = ()) -
         faults.append(f"threads of {name} are {100 * worn.taut:.1f} % longer {where} (allowed {100 * TAUT:g})")
     if faults and (darts := [width for seam in garment.pattern.seams if (width := _narrow(garment, seam))]):
         faults.append(
-            f"its darts, from {1e3 * min(darts):.0f} mm wide, want key points {500 * min(darts):.0f} mm apart: "
+            f"its darts, from {1e3 * min(darts):.0f} mm wide, want key points {1e3 * min(darts) / 2:.0f} mm apart: "
             f"garment.key_points={10 * round(garment.pattern.points_for_darts / 10)}"
         )
     return "; ".join(faults) or None

@@ -131,9 +131,10 @@ def sew(
     through = _through(garment, worn.positions) if layers else 0
     if through:
         as_worn = worn.positions, worn.frames, closed[2]
-        tries = [lambda: rest(close(layers), layers), lambda: rest(as_worn, layers, UNTANGLING)]
+        tries = [lambda: rest(close(layers), layers)]
         if _through(garment, closed[0]) < through:
-            tries.insert(1, lambda: rest(closed, layers))
+            tries.append(lambda: rest(closed, layers))
+        tries.append(lambda: rest(as_worn, layers, UNTANGLING))
         for attempt in tries:
             with contextlib.suppress(InputError, Unstable):  # what cannot be sewn so stays as it is
                 again = attempt()
