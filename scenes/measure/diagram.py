@@ -1,6 +1,7 @@
-"""Error against time, log–log: a panel for each of a study's, a line for each method, a ring round each default."""
+"""Error against time, log–log: a panel for each of a study's, a line for each method, a ring round each default; and
+where time goes, as bars."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from io import BytesIO
 from math import isfinite
 from typing import Any
@@ -9,9 +10,14 @@ from taichi_cloth.ground.errors import InputError
 
 from .study import Row, Study, lines_of
 
-__all__ = ["draw", "require_matplotlib"]
+__all__ = ["draw", "draw_bars", "require_matplotlib"]
 
 COLOURS = ("#c0392b", "#1f4e9c", "#2f8f4e", "#e08e2b", "#7d4fa6", "#5fa8e8", "#8a5a16", "#444444")
+PARTS = (
+    *("#b8bec7", "#8d99a8", "#6f7f92", "#c9b28a", "#a98f66", "#7f9e6b", "#9c6b8e", "#e3a34f"),
+    *("#c0392b", "#d98880", "#1f4e9c", "#5fa8e8", "#444444"),
+)
+"""Of bars' parts."""
 MARKERS = ("o", "s", "^", "D", "v", "P", "<", ">")
 WIDTH, HEIGHT = 5.6, 4.0  # of a panel [inch]
 FOOT = 0.05
@@ -73,6 +79,38 @@ def draw(study: Study, rows: Sequence[Row]) -> bytes:
     figure.draw_without_rendering()  # puts the panels where they will be
     for axis, here in zip(axes, labels, strict=False):
         _set_apart(axis, here)
+    return _png(figure)
+
+
+def draw_bars(bars: Sequence[tuple[str, Mapping[str, float]]], label: str) -> bytes:
+    """What each thing is made of, a bar for each, its parts one after the other, as a PNG. label: of their axis. Raises
+    InputError without matplotlib."""
+    require_matplotlib()
+    from matplotlib.backends.backend_agg import FigureCanvasAgg  # pyright: ignore[reportMissingImports]
+    from matplotlib.figure import Figure  # pyright: ignore[reportMissingImports]
+
+    figure = Figure(figsize=(2 * WIDTH, 0.34 * len(bars) + 1.6), layout="constrained")
+    FigureCanvasAgg(figure)
+    axis = figure.subplots()
+    places, ends = range(len(bars)), [0.0] * len(bars)
+    for k, part in enumerate(dict.fromkeys(part for _, parts in bars for part in parts)):
+        widths = [parts.get(part, 0.0) for _, parts in bars]
+        axis.barh(places, widths, left=ends, label=part, color=PARTS[k % len(PARTS)], edgecolor="white", lw=0.5)
+        ends = [end + width for end, width in zip(ends, widths, strict=True)]
+    for place, end in zip(places, ends, strict=True):
+        axis.annotate(f"{end:.3g}", (end, place), (4, 0), textcoords="offset points", va="center", fontsize=8)
+    axis.set_yticks(places, [name for name, _ in bars], fontsize=9)
+    axis.invert_yaxis()
+    axis.set_xlabel(label)
+    axis.margins(x=0.06)
+    axis.grid(axis="x", color="0.88")
+    axis.set_axisbelow(True)
+    axis.spines[["top", "right"]].set_visible(False)
+    figure.legend(loc="outside lower center", ncols=5, frameon=False, fontsize=9)
+    return _png(figure)
+
+
+def _png(figure: Any) -> bytes:
     out = BytesIO()
     figure.savefig(out, dpi=120, format="png", metadata={"Software": None})
     return out.getvalue()

@@ -22,7 +22,9 @@ from ..measure.study import Row, Study
 
 __all__ = ["STUDIES", "chosen", "make_report", "what_to_install"]
 
-STUDIES = ("solver", "spacing", "interpolation", "contact", "twist", "fibres", "splat", "stages", "appearance")
+STUDIES = (
+    *("solver", "spacing", "interpolation", "contact", "layers", "twist", "fibres", "splat", "stages", "appearance"),
+)
 """Each a module here, with a `STUDY`, or with `sections` of its own."""
 
 EXTRAS = {"appearance": ("reference", ("mitsuba", "flip_evaluator"))}

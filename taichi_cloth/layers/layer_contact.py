@@ -33,8 +33,8 @@ FOLD = 0.1
 leave a fold whose radius is 5/4 of it, the tightest that they follow."""
 USE = 0.7
 """Share of its room that a search is used for."""
-MEND_SUMMED, MEND = 0.06, 0.1
-"""Share of the depth that is mended in each turn of a substep among whole yarns, and in every other one of Verlet's."""
+MEND_SUMMED, MEND = 0.06, 0.05
+"""Share of the depth that is mended in each turn of a substep among whole yarns, and in each of Verlet's substeps."""
 LEAST, FEWEST = 16_384, 4_096
 """Elements, and blends of them, that there is room for at least, some 70 MB: all sheets and garments up to that share
 the kernel between substeps, which takes long to compile."""
@@ -172,10 +172,9 @@ class LayerContact(SharedConstraint):
     @ti.func
     def correct_whole(self, points: Template, done, n: Template):
         contacts = self.fields.contacts
-        if points.sums or done % 2 == 1:
-            if contacts.turns[None] == 0:
-                contacts.warm(points)
-                if self.fields.paths.held[None] < 1.0:
-                    self.fields.paths.hold_all(points, done + 1 - self.fields.began[None])
-            contacts.turns[None] = 1
-            contacts.respond(points, MEND_SUMMED if ti.static(points.sums) else MEND)
+        if contacts.turns[None] == 0:
+            contacts.warm(points)
+            if self.fields.paths.held[None] < 1.0:
+                self.fields.paths.hold_all(points, done + 1 - self.fields.began[None])
+        contacts.turns[None] = 1
+        contacts.respond(points, MEND_SUMMED if ti.static(points.sums) else MEND)

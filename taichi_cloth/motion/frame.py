@@ -22,15 +22,21 @@ import taichi as ti
 from taichi_cloth.ground.arrays import F32x1, F32x3, Float, I32x1, Int, Template
 from taichi_cloth.motion.constraint import Constraint
 from taichi_cloth.motion.crew import PARTS, Crew, parts_of
+from taichi_cloth.motion.grip import Grip
 from taichi_cloth.motion.numbers import NUMBERS, Numbers
 from taichi_cloth.motion.slipping import Slipping
 from taichi_cloth.motion.stage_clock import StageClock
 from taichi_cloth.motion.stencil import Stencil
 from taichi_cloth.sheet.sheet import LANES, Sheet, SheetState
 
-__all__ = ["Frame"]
+__all__ = ["Frame", "meets_itself"]
 
 _CHUNK = 1024  # iterations a thread: Taichi gives it 512 or more
+
+
+def meets_itself(constraints: tuple[Constraint, ...]) -> bool:
+    """Whether cloth meets cloth."""
+    return any(one.answers == "self_contact" for one in constraints)
 
 
 @ti.data_oriented
@@ -62,6 +68,8 @@ class Frame(Stencil):
         if slips:
             self.slipping = Slipping(size)
             self.plane = 6 + sum(one.remembers for one in constraints)
+        if meets_itself(constraints):
+            self.grip = Grip(size)
         self.constraints, self.crew = constraints, Crew(threads)
         self.clock: Any = clock  # its functions are called where it is one
         self.timed = clock is not None
@@ -215,6 +223,8 @@ class Frame(Stencil):
                 for k in range(LANES):
                     self.position[c][p + k] = values[c, i, j + k]
                     self.step[c][p + k] = values[3 + c, i, j + k]
+            if ti.static(features.grips):
+                self.grip.begin(self.position, p, done)
             for one in ti.static([one for one in self.constraints if one.remembers]):
                 one.open(values, p, i, j)
             if ti.static(features.slips):

@@ -16,7 +16,7 @@ from taichi_cloth.motion.capacity import capacity_of
 from taichi_cloth.motion.constraint import Constraint
 from taichi_cloth.motion.crew import PARTS, Pace, parts_of
 from taichi_cloth.motion.forces import Forces, FrameForces
-from taichi_cloth.motion.frame import Frame
+from taichi_cloth.motion.frame import Frame, meets_itself
 from taichi_cloth.motion.numbers import acting, numbers_of
 from taichi_cloth.motion.slipping import ANCHORS, slip_numbers
 from taichi_cloth.motion.solver import Solver
@@ -96,6 +96,7 @@ class KernelSolver(Solver):
         most = threads or (runtime.threads() if sheet.present.sum() >= WORTH_THREADS else 1)
         alone = self.alone_where_repeated and any(one.repeated for one in constraints)
         self.threads = 1 if alone else min(most, MOST_THREADS)
+        shapes = forces.plane is not None or forces.sphere is not None
         self.features = Features(
             threads=self.springs_are_threads,
             hinges=sheet.springs.law == "hinge",
@@ -103,6 +104,7 @@ class KernelSolver(Solver):
             wind=forces.wind is not None,
             sphere=forces.sphere is not None,
             plane=forces.plane is not None,
+            grips=shapes and meets_itself(constraints),
             twists=sheet.springs.twist > 0,
             slips=sheet.springs.slips,
             leads=self.springs_are_threads and not constraints,

@@ -45,6 +45,7 @@ class Features:
     wind: bool
     sphere: bool
     plane: bool
+    grips: bool  # ball and plane hold the place of what does not slide, and not only its speed (`grip.py`)
     twists: bool  # cells resist to be twisted
     slips: bool  # something rubs or locks within the sheet (`slipping.py`)
     leads: bool  # a substep says what is ahead of it: nothing moves key points after it
@@ -67,6 +68,10 @@ def taking(count: int) -> Iterator[None]:
         yield
     finally:
         _at_once.pop()
+
+
+BALL, FLOOR = 0, 1
+"""Fixed shapes."""
 
 
 @ti.func
@@ -361,16 +366,31 @@ class Stencil:
         return free, dx, dy, dz
 
     @ti.func
-    def collide(self, features: Template, free, px, py, pz, dx, dy, dz, n: Template):
-        """The step (dx, dy, dz) [m] from (px, py, pz) after the fixed ball and half space. free: 0 for pinned ones."""
+    def collide(self, features: Template, p, free, px, py, pz, dx, dy, dz, n: Template):
+        """The step (dx, dy, dz) [m] of the lanes at p from (px, py, pz) after the fixed ball and half space, and how far
+        these hold them back beside it. free: 0 for pinned ones."""
+        bx, by, bz = nothing(), nothing(), nothing()
         if ti.static(features.sphere):
             x, y, z = px + dx - n.sphere_x, py + dy - n.sphere_y, pz + dz - n.sphere_z
             distance = ti.sqrt(ti.max(x * x + y * y + z * z, 1e-12))
             depth = free * ti.max(n.sphere_radius - distance, 0.0)
             scale = 1.0 / distance
-            dx, dy, dz = push_out(x * scale, y * scale, z * scale, depth, n.sphere_friction, dx, dy, dz)
+            x, y, z = x * scale, y * scale, z * scale
+            ux, uy, uz = push_out(x, y, z, depth, n.sphere_friction, dx, dy, dz)
+            if ti.static(features.grips):
+                taken = ux - dx - depth * x, uy - dy - depth * y, uz - dz - depth * z
+                most, at = n.sphere_friction * depth, (px + ux, py + uy, pz + uz)
+                bx, by, bz = self.grip.back(BALL, p, (x, y, z), most, taken, at)
+            dx, dy, dz = ux, uy, uz
         if ti.static(features.plane):
             x, y, z = px + dx, py + dy, pz + dz
             depth = free * ti.max(n.plane_height - (x * n.plane_x + y * n.plane_y + z * n.plane_z), 0.0)
-            dx, dy, dz = push_out(n.plane_x, n.plane_y, n.plane_z, depth, n.plane_friction, dx, dy, dz)
-        return dx, dy, dz
+            x, y, z = n.plane_x, n.plane_y, n.plane_z
+            ux, uy, uz = push_out(x, y, z, depth, n.plane_friction, dx, dy, dz)
+            if ti.static(features.grips):
+                taken = ux - dx - depth * x, uy - dy - depth * y, uz - dz - depth * z
+                most, at = n.plane_friction * depth, (px + ux, py + uy, pz + uz)
+                u, v, w = self.grip.back(FLOOR, p, (x, y, z), most, taken, at)
+                bx, by, bz = bx + u, by + v, bz + w
+            dx, dy, dz = ux, uy, uz
+        return dx, dy, dz, bx, by, bz

@@ -48,12 +48,12 @@ class VerletFrame(Frame):
         px, py, pz = load(here[0], q), load(here[1], q), load(here[2], q)
         # The step that forces make of the last one, and fixed shapes of that.
         free, dx, dy, dz = self.accelerate(features, a, p, wind, n)
-        dx, dy, dz = self.collide(features, free, px, py, pz, dx, dy, dz, n)
+        dx, dy, dz, bx, by, bz = self.collide(features, p, free, px, py, pz, dx, dy, dz, n)
         # Where that leads to, and what is ahead of it.
         if ti.static(features.apart):
-            store(self.position[0], p, px + dx)
-            store(self.position[1], p, py + dy)
-            store(self.position[2], p, pz + dz)
+            store(self.position[0], p, px + dx + bx)
+            store(self.position[1], p, py + dy + by)
+            store(self.position[2], p, pz + dz + bz)
         store(self.step[0], p, dx)
         store(self.step[1], p, dy)
         store(self.step[2], p, dz)

@@ -18,14 +18,12 @@ from taichi_cloth.motion.constraint import Constraint
 from taichi_cloth.motion.crew import PARTS
 from taichi_cloth.motion.frame import Frame
 from taichi_cloth.motion.stage_clock import StageClock
-from taichi_cloth.motion.stencil import largest, load, nothing, rub_anew, store
+from taichi_cloth.motion.stencil import BALL, FLOOR, largest, load, load_xyz, nothing, rub_anew, store
 from taichi_cloth.sheet.sheet import LANES
 from taichi_cloth.solvers.whole_yarns import WholeYarns
 from taichi_cloth.solvers.yarn_order import GROUPS
 
 __all__ = ["ChainFrame", "YarnFrame"]
-
-BALL, FLOOR = 0, 1
 
 
 @ti.data_oriented
@@ -102,7 +100,7 @@ class YarnFrame(Frame):
         for one in ti.static(self.first):
             here, goal = self.correct(one, thread, here, goal, done, n)
         if ti.static(features.sphere or features.plane):
-            here, goal = self.in_parts(self.touch_all, thread, here, goal, done, 0, 0.0, values, n, features)
+            here, goal = self.in_parts(self.touch_all, thread, here, goal, done, int(turn == turns), 0.0, values, n, features)
             self.ends(thread, "shapes")
         for one in ti.static([one for one in self.constraints if one.parts]):
             here, goal = here + 1, goal + PARTS
@@ -148,9 +146,9 @@ class YarnFrame(Frame):
 
     @ti.func
     def touch_all(self, part, done, at, wind, values: Template, n: Template, features: Template):
-        """`touch` of a part."""
+        """`touch` of a part. at: whether it is the last turn of the substep."""
         for e in range(self.cut[part], self.cut[part + 1]):
-            self.touch(self.lanes(self.packet[e] * LANES), n, features)
+            self.touch(self.lanes(self.packet[e] * LANES), at, n, features)
 
     @ti.func
     def soft(self, p, wind, n: Template, features: Template):
@@ -168,17 +166,21 @@ class YarnFrame(Frame):
                     store(self.rubbed[shape][axis], p, none)
 
     @ti.func
-    def touch(self, p, n: Template, features: Template):
-        """The fixed ball and half space."""
+    def touch(self, p, at, n: Template, features: Template):
+        """The fixed ball and half space. at: as of `touch_all`."""
         x, y, z = load(self.position[0], p), load(self.position[1], p), load(self.position[2], p)
         if ti.static(features.sphere):
             u, v, w = x - n.sphere_x, y - n.sphere_y, z - n.sphere_z
             distance = ti.sqrt(ti.max(u * u + v * v + w * w, 1e-12))
             scale = 1.0 / distance
             self.press(BALL, p, u * scale, v * scale, w * scale, n.sphere_radius - distance, n.sphere_friction)
+            if ti.static(features.grips):
+                self.hold(BALL, p, at, (u * scale, v * scale, w * scale), n.sphere_friction)
         if ti.static(features.plane):
             depth = n.plane_height - (x * n.plane_x + y * n.plane_y + z * n.plane_z)
             self.press(FLOOR, p, n.plane_x, n.plane_y, n.plane_z, depth, n.plane_friction)
+            if ti.static(features.grips):
+                self.hold(FLOOR, p, at, (n.plane_x, n.plane_y, n.plane_z), n.plane_friction)
 
     @ti.func
     def press(self, shape: Template, p, nx, ny, nz, depth, friction):
@@ -201,6 +203,16 @@ class YarnFrame(Frame):
         for axis, move in ti.static(((0, x), (1, y), (2, z))):
             store(self.position[axis], p, load(self.position[axis], p) + move)
             store(self.step[axis], p, load(self.step[axis], p) + move)
+
+    @ti.func
+    def hold(self, shape: Template, p, at, normal: Template, friction):
+        """What a shape keeps in place of what it has pressed and rubbed in this substep. at: as of `touch_all`."""
+        if at != 0:
+            taken = load_xyz(self.rubbed[shape], p)
+            here = load_xyz(self.position, p)
+            way = self.grip.back(shape, p, normal, friction * load(self.pressed[shape], p), taken, here)
+            for axis in ti.static(range(3)):
+                store(self.position[axis], p, here[axis] + way[axis])
 
     @ti.kernel
     def tightest(self) -> Float:
