@@ -10,7 +10,7 @@ from taichi_cloth.ground.errors import InputError
 
 from .study import Row, Study, lines_of
 
-__all__ = ["draw", "draw_bars", "require_matplotlib"]
+__all__ = ["PARTS", "draw", "draw_bars", "require_matplotlib"]
 
 COLOURS = ("#c0392b", "#1f4e9c", "#2f8f4e", "#e08e2b", "#7d4fa6", "#5fa8e8", "#8a5a16", "#444444")
 PARTS = (

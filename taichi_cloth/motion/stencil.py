@@ -184,10 +184,12 @@ class Stencil:
 
     position, step: [axis] fields [m]. ahead: [axis], position and what is moved within the lag of the stress [m], both
     buffers one after the other: element p of the second is size + p, so that one copy of the code serves both. east,
-    north, cell: weights of `Sheet`. inverse_mass: [1/kg]. slipping: of sheets that have friction within, else None.
+    north, cell: weights of `Sheet`. inverse_mass: [1/kg]. slipping: of sheets that have friction within, grip: of
+    those that meet themselves, else None.
     """
 
     slipping: Any = None
+    grip: Any = None
 
     def __init__(self, size: int) -> None:
         def fields(count: int, buffers: int = 1) -> list[ti.Field]:
@@ -367,8 +369,8 @@ class Stencil:
 
     @ti.func
     def collide(self, features: Template, p, free, px, py, pz, dx, dy, dz, n: Template):
-        """The step (dx, dy, dz) [m] of the lanes at p from (px, py, pz) after the fixed ball and half space, and how far
-        these hold them back beside it. free: 0 for pinned ones."""
+        """The step (dx, dy, dz) [m] of the lanes at p from (px, py, pz) after the fixed ball and half space, and how
+        far these hold them back beside it. free: 0 for pinned ones."""
         bx, by, bz = nothing(), nothing(), nothing()
         if ti.static(features.sphere):
             x, y, z = px + dx - n.sphere_x, py + dy - n.sphere_y, pz + dz - n.sphere_z

@@ -100,7 +100,8 @@ class YarnFrame(Frame):
         for one in ti.static(self.first):
             here, goal = self.correct(one, thread, here, goal, done, n)
         if ti.static(features.sphere or features.plane):
-            here, goal = self.in_parts(self.touch_all, thread, here, goal, done, int(turn == turns), 0.0, values, n, features)
+            end = int(turn == turns)
+            here, goal = self.in_parts(self.touch_all, thread, here, goal, done, end, 0.0, values, n, features)
             self.ends(thread, "shapes")
         for one in ti.static([one for one in self.constraints if one.parts]):
             here, goal = here + 1, goal + PARTS

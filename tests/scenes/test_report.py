@@ -7,11 +7,12 @@ from dataclasses import replace
 from math import log2, nan
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
 from taichi_cloth.ground.errors import InputError
-from taichi_cloth.scenes.measure.diagram import draw
+from taichi_cloth.scenes.measure.diagram import PARTS, draw, draw_bars
 from taichi_cloth.scenes.measure.page import Section, write_report
 from taichi_cloth.scenes.measure.study import Axis, Row, Study, lines_of, microseconds, orders, standing_of
 from taichi_cloth.scenes.studies import interpolation
@@ -114,6 +115,32 @@ def test_a_method_that_is_refused_everywhere_does_not_cost_the_diagram() -> None
     refused = [replace(row, method="refused") for row in line([nan] * 4, [nan] * 4, 0)]
     others = [replace(row, method=f"{k}") for k in range(5) for row in line([1.0, 0.1, 0.09], [1.0, 2.0, 4.0], 2)]
     assert draw(STUDY, refused + others).startswith(b"\x89PNG")
+
+
+def test_bars_are_as_long_as_their_parts_together() -> None:
+    """Of 1 + 2 and of 1: the second part's colour, which no other has, as wide as twice the first's."""
+    pytest.importorskip("matplotlib")
+    drawn = draw_bars([("both", {"one": 1.0, "two": 2.0}), ("one alone", {"one": 1.0})], "time [s]")
+    picture = cv2.imdecode(np.frombuffer(drawn, np.uint8), cv2.IMREAD_COLOR)
+    widths = []
+    for colour in PARTS[:2]:
+        bgr = [int(colour[k : k + 2], 16) for k in (5, 3, 1)]
+        widths.append((picture == bgr).all(axis=-1).sum(axis=1).max())
+    assert widths[1] == pytest.approx(2 * widths[0], rel=0.03)
+
+
+@pytest.mark.slow  # kernels with stamps are compiled anew each time: a minute or two
+@pytest.mark.usefixtures("keep_taichi")
+def test_the_report_of_contact_tells_what_passes_through_and_where_time_goes(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    make_report(only="layers", quick=True, out=tmp_path / "r")
+    with (tmp_path / "r" / "layers.csv").open() as file:
+        (row,) = csv.DictReader(file)
+    assert row["frames_through"] == row["through"] == row["let_off"] == "0"
+    assert int(row["through_without"]) > 0
+    assert float(row["mean_ms"]) > float(row["mean_ms_without"]) > 0
+    assert "layers: search" in row["parts"]
+    assert (tmp_path / "r" / "layers.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_without_matplotlib_one_line_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
