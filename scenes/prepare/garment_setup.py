@@ -61,7 +61,7 @@ __all__ = [
     "woven_garment",
 ]
 
-VERSION = 39
+VERSION = 40
 """Of what is kept on disk: raised whenever the same scene would come to another rest."""
 
 BETWEEN, FOLDED = 2.0, 0.125

@@ -16,7 +16,7 @@ from taichi_cloth.layers.paths import CELL, EAST, NORTH, POINT
 from taichi_cloth.layers.tree import HOLE
 from taichi_cloth.sheet.sheet import PAD, Sheet
 
-__all__ = ["MEETS", "PIECES", "RIM_EAST", "RIM_NORTH", "SEWN", "Outline", "Tables", "crossings_of"]
+__all__ = ["BEYOND", "MEETS", "PIECES", "RIM_EAST", "RIM_NORTH", "Outline", "Tables", "crossings_of"]
 
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
@@ -29,8 +29,9 @@ PIECES = 1 << 9
 """Bit of an element whose cell has pieces of triangles."""
 RIM_EAST, RIM_NORTH = 1 << 10, 1 << 11
 """Bits of an element whose thread along the row, or the column, has cloth on one side only."""
-SEWN = 1 << 12
-"""Bit of an element whose cell has corners of pieces that are sewn, and lie beyond it for that."""
+BEYOND = 1 << 12
+"""Bit of an element whose cell has pieces that are no part of its two triangles: corners that have become one with
+others, as where they are sewn, may lie beyond it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +41,8 @@ class Outline:
     blend: (n, key points) what each point consists of. corner: (n,) the key point that it is, simulated or not, or −1.
     faces: (m, 3). cell: (m,) of which cell, by its first key point. flat: (n, 2) where in the flat sheet, as far as
     points of one panel are concerned [m]. panel: (n,) from 0. same: (n,) points of one number are one, and in one
-    place. seam: (n,) how far from a seam in the flat [m].
+    place. seam: (n,) how far from a seam in the flat [m]. part: (m,) whether triangles are parts of the two that their
+    cell is.
     ghosts: (g,) corners of cells that are not simulated. ghost_blend: (g, key points).
     """
 
@@ -52,6 +54,7 @@ class Outline:
     panel: I32
     same: I64
     seam: F64
+    part: NDArray[np.bool_]
     ghosts: I64
     ghost_blend: csr_array
 
@@ -134,8 +137,7 @@ class Tables:
         self.has |= np.where(met, POINT << MEETS, 0)
         pieces = ~whole[outline.cell]
         self.has[padded(np.unique(outline.cell[pieces]))] |= PIECES
-        sewn = (np.bincount(outline.same) > 1)[outline.same]
-        self.has[padded(np.unique(outline.cell[sewn[outline.faces].any(axis=1)]))] |= SEWN | HOLE
+        self.has[padded(np.unique(outline.cell[~outline.part]))] |= BEYOND | HOLE
         self.panel = np.zeros(total, np.int32)
         for corner in corners:
             self.panel[padded(outline.cell + corner)] = outline.panel[outline.faces[:, 0]] + 1

@@ -8,7 +8,7 @@ from taichi_cloth.ground.arrays import F32x2, Float, I32x2, Int, Template
 from taichi_cloth.ground.routine import routine
 from taichi_cloth.layers.near_pairs import NEAR_SEAMS
 from taichi_cloth.layers.nearest import EDGES, FACES, gather
-from taichi_cloth.layers.outline import MEETS, PIECES, SEWN
+from taichi_cloth.layers.outline import BEYOND, MEETS, PIECES
 from taichi_cloth.layers.paths import CELL, EAST, NORTH, POINT
 from taichi_cloth.layers.search import element
 from taichi_cloth.layers.tree import NONE
@@ -28,7 +28,8 @@ class Pieces:
     least of a cell. queue: [corner], of pairs that wait. cell: [side], of
     them. within: how near they are to be, squared [m²].
 
-    Corners that are sewn are blends of key points of several panels, and lie beyond the cells that they are corners of.
+    Corners that have become one with others, as where they are sewn, lie beyond the cells that they are corners of, and
+    are blends of other key points.
     now, pace, off: of each blend, as of `Paths`. spent: 1 of those of which anything gets a new path. clear: how far
     they may be off [m]. beyond: how far any of a cell's are off, at most [m]."""
 
@@ -74,7 +75,7 @@ class Pieces:
 
     @routine
     def reach(self, points: Template, paths: Template, tree: Template, ahead: Float):
-        """After `Tree.cells`: boxes of cells go round corners that are sewn, and what their paths follow from is a
+        """After `Tree.cells`: boxes of cells go round corners beyond them, and what their paths follow from is a
         part of them. ahead: substeps until the horizon."""
         for k in range(points.blends.count[None]):
             self.clear[k], self.spent[k], off = NONE, 0, ti.Vector([0.0, 0.0, 0.0])
@@ -90,7 +91,7 @@ class Pieces:
             for axis in ti.static(range(3)):
                 self.now[axis][k], self.pace[axis][k] = now[axis], ahead * pace[axis]
         for p in range(paths.count[None] * LANES):
-            if (paths.has[p] & SEWN) != 0:
+            if (paths.has[p] & BEYOND) != 0:
                 self.beyond[p] = 0.0
                 for f in range(self.first[1, p], self.first[1, p + 1]):
                     for corner in ti.static(range(3)):
@@ -113,7 +114,7 @@ class Pieces:
     def settle(self, points: Template, paths: Template, tree: Template):
         """After `Tree.settle`: key points have no more room than the cells have of which they carry corners."""
         for p in range(paths.count[None] * LANES):
-            if (paths.has[p] & SEWN) != 0:
+            if (paths.has[p] & BEYOND) != 0:
                 for f in range(self.first[1, p], self.first[1, p + 1]):
                     for corner in ti.static(range(3)):
                         k = points.blends.of[self.face[corner][f]]
@@ -127,7 +128,7 @@ class Pieces:
     @ti.func
     def strayed(self, paths: Template, p, width):
         """How far corners of cell p and of its pieces are off, at most [m]."""
-        return ti.max(paths.strayed(p, width), ti.select((paths.has[p] & SEWN) != 0, self.beyond[p], 0.0))
+        return ti.max(paths.strayed(p, width), ti.select((paths.has[p] & BEYOND) != 0, self.beyond[p], 0.0))
 
     @routine
     def find(self, points: Template, paths: Template, tree: Template, search: Template, near: Template, reach: Float):
@@ -149,8 +150,27 @@ class Pieces:
                         self.ask_faces(paths, near, q, p, within)
                     else:
                         self.ask_edges(paths, near, p, q, within)
-                if self.waiting[None] > QUEUE - ROOM or pair == total - 1:
+                if self.waiting[None] > QUEUE - ROOM:
                     self.answer(points, near, kind)
+            for p in range(paths.count[None] * LANES):
+                if (paths.has[p] & PIECES) != 0 and tree.stale[p] != 0:
+                    self.ask_own(paths, tree, near, p, reach, kind)
+                if self.waiting[None] > QUEUE - ROOM:
+                    self.answer(points, near, kind)
+            self.answer(points, near, kind)
+
+    @ti.func
+    def ask_own(self, paths: Template, tree: Template, near: Template, p, reach, kind):
+        """Pieces of cell p with each other: corners that became one with others are in the plane of none of them."""
+        approach = 0.0
+        for axis in ti.static(range(3, 6)):
+            approach += (tree.high[axis][p] - tree.low[axis][p]) ** 2
+        tree.clear[p] = ti.min(tree.clear[p], 0.5 * reach)
+        within = (reach + 2.0 * self.strayed(paths, p, near.face_offset[1, 2]) + ti.sqrt(approach)) ** 2
+        if kind == FACES:
+            self.ask_faces(paths, near, p, p, within)
+        else:
+            self.ask_edges(paths, near, p, p, within)
 
     @ti.func
     def ask(self, near: Template, i, j, k, m, p, q, within):
@@ -212,7 +232,7 @@ class Pieces:
             if there:
                 i, j = self.thread(near, p, e, one)
                 first, second = self.label[i], self.label[j]
-                for f in range(-3, other_count):
+                for f in range(ti.select(p == q, e + 1, -3), other_count):
                     beside = f >= 0
                     if not beside:
                         beside = e >= 0 and (paths.has[q] & bits[f + 3]) != 0

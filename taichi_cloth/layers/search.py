@@ -17,7 +17,7 @@ import taichi as ti
 from taichi_cloth.ground.arrays import Float, Int, Template
 from taichi_cloth.ground.routine import routine
 from taichi_cloth.layers.nearest import CORNERS, gather
-from taichi_cloth.layers.outline import SEWN
+from taichi_cloth.layers.outline import BEYOND
 from taichi_cloth.layers.paths import CELL, EAST, NORTH
 from taichi_cloth.layers.tree import LEVELS
 from taichi_cloth.motion.stencil import load, store
@@ -215,7 +215,7 @@ class Sieve:
             self.measure(paths, width, horizon)
             for k in range(ti.min(total - group * LANES, LANES)):
                 pair, p, q = group * LANES + k, self.one[k], self.other[k]
-                gap = ti.select(((paths.has[p] | paths.has[q]) & SEWN) != 0, 0.0, self.gap[k])
+                gap = ti.select(((paths.has[p] | paths.has[q]) & BEYOND) != 0, 0.0, self.gap[k])
                 if gap > reach:
                     tree.clear[p], tree.clear[q] = ti.min(tree.clear[p], 0.5 * gap), ti.min(tree.clear[q], 0.5 * gap)
                 else:

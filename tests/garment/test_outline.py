@@ -1,5 +1,7 @@
 """What of a garment can meet cloth: pieces of cells along its outline, points that are one; that it is kept apart."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from layers import SOFT
@@ -11,11 +13,14 @@ from taichi_cloth.garment.pattern.pattern import Flat, Panel, Pattern, Seam, Sid
 from taichi_cloth.garment.sewn.garment import Garment
 from taichi_cloth.garment.sewn.joined import _turned
 from taichi_cloth.garment.sewn.surface import Surface
+from taichi_cloth.layers.layer_fields import LayerFields
+from taichi_cloth.layers.nearest import EDGES, FACES
 from taichi_cloth.layers.outline import MEETS, PIECES, Tables, crossings_of
 from taichi_cloth.layers.paths import CELL, EAST, NORTH, POINT
 from taichi_cloth.motion.capacity import capacity_of
 from taichi_cloth.motion.forces import Forces, SelfContact
 from taichi_cloth.motion.simulation import Simulation
+from taichi_cloth.sheet.sheet import LANES, PAD
 from taichi_cloth.solvers.verlet import Verlet
 
 SPACING, SIDE, RADIUS = 0.015, 0.12, 0.004
@@ -160,6 +165,45 @@ def test_panels_that_are_sewn_together_do_not_pass_through_each_other() -> None:
     assert counts[True] == [0, 0, 0]
     lower = (along < -0.05) & sheet.present
     assert simulation.positions[lower][:, 2].mean() < -1e-4, "the lower one was struck"
+
+
+def threads_of(faces: NDArray) -> set[tuple[int, int]]:
+    """Ends of the edges of triangles (m, 3), the lower number first."""
+    return {(min(a, b), max(a, b)) for face in faces.tolist() for a, b in pairwise((*face, face[0]))}
+
+
+def test_what_is_beside_pieces_beyond_their_cells_is_near() -> None:
+    """Corners that became one with others lie in the plane of no triangle of their cell: each point beside such a
+    piece, and each two edges of such, have to be among the near pairs, of its own cell as of others."""
+    garment = two_squares()
+    sheet, outline = garment.sheet(), garment.outline
+    forces = Forces(gravity=(0.0, 0.0, 0.0), self_contact=SelfContact(thickness=0.0015))
+    solver = Verlet(sheet, forces, threads=1, constraints=constraints_for(sheet, forces, outline=outline))
+    simulation = Simulation(sheet, solver, forces=forces, positions=folded(garment)[0])
+    simulation.step()
+    fields: LayerFields = solver.constraints[0].fields  # pyright: ignore[reportAttributeAccessIssue]
+    pairs, size = fields.near.pairs, fields.near.tangle.shape[0]
+    number, own = np.full(fields.blends.of.shape[0], -1), outline.corner >= 0
+    row, column = np.divmod(outline.corner[own], sheet.shape[1])
+    number[(row + PAD) * sheet.width + column] = np.flatnonzero(own)
+    number[size + np.arange((~own).sum())] = np.flatnonzero(~own)
+    known = set()
+    for kind, begin in ((FACES, 0), (EDGES, pairs.rooms[0] + LANES)):
+        some = np.s_[begin : begin + pairs.count[kind]]
+        corners = np.stack([np.asarray(corner.to_numpy())[some] for corner in pairs.point], axis=1).astype(int)
+        at = number[corners].tolist()
+        known |= {frozenset((frozenset(one[:kind]), frozenset(one[kind:]))) for one in at}
+    points, beyond = outline.places(simulation.positions), outline.faces[~outline.part]
+    edges = np.array(sorted(threads_of(beyond) - threads_of(outline.faces[outline.part])))
+    expected = 0
+    for one, other in ((np.arange(len(points))[:, None], beyond), (edges, edges)):
+        corners = one[:, None, :, None], other[None, :, None]
+        near = np.linalg.norm(points[corners[0]] - points[corners[1]], axis=-1).min(axis=(2, 3)) < 0.25 * SPACING
+        near &= (outline.same[corners[0]] != outline.same[corners[1]]).all(axis=(2, 3))
+        for a, b in np.argwhere(near):
+            expected += 1
+            assert frozenset((frozenset(one[a].tolist()), frozenset(other[b].tolist()))) in known
+    assert expected > 50
 
 
 def test_two_thin_triangles_of_the_same_corners_keep_their_diagonal():

@@ -25,6 +25,7 @@ def outline_of(garment: "Garment") -> Outline:
         panel=surface.panel,
         same=surface.same,
         seam=seam_distance(garment.seam_lines, surface.panel, surface.flat, min(atlas.spacing)),
+        part=surface.part,
         ghosts=surface.ghosts,
         ghost_blend=surface.ghost_blend,
     )

@@ -35,8 +35,9 @@ class Surface:
     faces: (m, 3). cell: (m,) of which cell each is, by the number of its first key point.
     panel: (n,) number of the panel each point is of. flat: (n, 2) where in it, in grain coordinates [m].
     lattice: (n, 2) where in the atlas, in cells, columns first. corner: (n,) number of the key point that a point is,
-    simulated or not; −1 where it is none. same: (n,) points of one number are sewn together, and in one place. blend:
-    (n, key points), of which simulated ones it consists.
+    simulated or not; −1 where it is none. same: (n,) points of one number are sewn together, and in one place. part:
+    (m,) whether a triangle is a part of one of the two that its cell is, as corners that became one with others make it
+    none. blend: (n, key points), of which simulated ones it consists.
     ghosts: (g,) numbers of the corners of cells that are not simulated. ghost_blend: (g, key points).
     """
 
@@ -70,7 +71,10 @@ class Surface:
         some[one.own] = np.arange(count)
         some, mine = some[used], csr_array(mean_of(one.own, one.share)[used])
         self.lattice, self.flat, self.panel, self.same = mine @ lattice, mine @ flat, panel[some], one.same[some]
-        self.corner: I64 = np.where(np.bincount(one.same)[self.same] == 1, corner[some], -1)
+        alone = np.bincount(one.same)[self.same] == 1
+        alone[self.faces[~_in_half(self.lattice[self.faces], self.cell, cols)]] = False
+        self.corner: I64 = np.where(alone, corner[some], -1)
+        self.part = alone[self.faces].all(axis=1)
         self.blend, self._own = csr_array((mean_of(one.same, one.share) @ blend)[self.same]), csr_array(mine @ blend)
         for each in (self.blend, self._own):
             each.data = each.data.round(9)
@@ -109,6 +113,14 @@ def _in_cell(at: F64, cells: I64, cols: int) -> tuple[I64, F64]:
     nodes = np.stack([first, first + np.where(below, 1, cols), first + 1 + cols], -1)
     shares = np.stack([1 - high, high - low, low], -1).round(9)
     return nodes, shares
+
+
+def _in_half(corners: F64, cells: I64, cols: int) -> NDArray[np.bool_]:
+    """(m,) whether triangles (m, 3, 2), in cells of the atlas, columns first, lie in one half of cells (m,)."""
+    at = corners - np.stack([cells % cols, cells // cols], -1)[:, None]
+    ahead = at[..., 0] - at[..., 1]
+    within = np.abs(at - 0.5).max(axis=(1, 2)) < 0.5 + 1e-6
+    return within & ((ahead.max(axis=1) < 1e-6) | (ahead.min(axis=1) > -1e-6))
 
 
 def _ghosts(atlas: Atlas, cells: I64, present: NDArray[np.bool_]) -> tuple[I64, csr_array]:
