@@ -16,8 +16,8 @@ __all__ = ["EVERY", "fibres_drawn", "fibres_told_apart", "stated_fibres", "steps
 LEAST_RADIUS = 0.45
 """Radius [px] of the smallest fibres worth drawing where nothing thins them out."""
 FEWEST = 4
-"""Fibres a ply, at least: of fewer the twist is not seen. Poplin of threads 4 pixels apart has 0.99 of the light of all
-87 where it is drawn of 4, and 1.03 where of 6."""
+"""Fibres a ply, at least: of fewer the twist is not seen. Poplin of threads 4 pixels apart has 1.00 of the light of all
+87 where it is drawn of 4, and 1.04 where of 6."""
 LEAST_STEP, FEWEST_STEPS = 1.5, 4
 """Pixels from particle to particle along a fibre that are worth drawing, and steps over a crossing, at least. They are
 even: light is looked up for every second particle, and a satin of 5 steps a crossing, or of 3, had 0.92 of the light of

@@ -60,6 +60,9 @@ APART, FINER = 0.6, 0.42
 cloth that covers 0.95 does at 1 × and at 4 × 4."""
 ABOVE = 0.7
 """How far above the cloth's middle surfels lie, of what its right side does."""
+TO_EYE = 1.0
+"""How far normals of fibres lean to the eye, over how much thicker they are than the finest, of the cloth's height: of
+those that a thick one stands for, the ones that are seen are on the eye's side."""
 CAST = 4
 """Of a sample that casts light, particles for each surfel: they lie evenly, so that fewer do."""
 MOST = 16_384
@@ -251,8 +254,8 @@ class CellStream:
         pack, fibres = self.cloth.pack(), len(sheet) - int(sheet.sum())
         if fibres:
             lay(
-                *_shared_out(chosen[:fibres], starts[: fibres + 1]), seen.patch, seen.share, self.under, self.alone,
-                pack, out, self._yarn,
+                *_shared_out(chosen[:fibres], starts[: fibres + 1]), seen.patch, seen.share, self.under,
+                self._leaning(seen.eye), self.alone, pack, out, self._yarn,
             )  # fmt: skip
         if fibres < len(chosen):
             above = np.zeros(4) if seen.eye is None else np.array([1.0, *seen.eye])
@@ -270,6 +273,12 @@ class CellStream:
             put(self._yarn[woven:total], np.full(total - woven, -1, np.int32))
         filled_up(out, total)
         return out, total
+
+    def _leaning(self, eye: F64 | None) -> F32:
+        """Where the eye is (3,) [m], and by how much normals of each level lean to it; by nothing without one."""
+        bank = self.cloth.bank
+        lean = TO_EYE * (bank.radius - bank.radius[0]) / bank.height
+        return np.array([*np.zeros(3), *(0.0 * lean)] if eye is None else [*eye, *lean], np.float32)
 
     def sample(self, most: float, *, level: int = -1) -> F32:
         """The whole cloth as `lay` gives it, a copy: of fibres at a level, the coarsest if none is said, if there are

@@ -152,6 +152,7 @@ def lay(
     patch: I32x2,
     share: F32x1,
     under: F32x1,
+    eye: F32x1,
     alone: F32x2,
     cloth: CellPack,
     # out
@@ -163,7 +164,7 @@ def lay(
     bounds: (CHUNKS + 1,) first of the chosen of each chunk of work. starts: (chosen + 1,) where each one's particles
     stand. share: of each patch's particles that are drawn, 1 for all; the last of them fade (`thinning.FADE`). under:
     (3,) how far the cloth's right side lies above its middle, and how far warp ends and weft picks lie apart [m].
-    alone: as of `cell_shades`.
+    eye: where it is (3,) [m], and how far normals of each level lean to it. alone: as of `cell_shades`.
     """
     for step in range(ti.static(chunk_count(CHUNKS) * chunk_steps())):
         if step % ti.static(chunk_steps()) != 0:
@@ -180,6 +181,10 @@ def lay(
                 for m in range(size):
                     t = base + m
                     x, d, outward = lay_particle(cloth.particle, t, p0, p1, a0, a1, n0, n1)
+                    lean = eye[3 + patch[q, LEVEL]]
+                    if lean > 0.0:
+                        way = (ti.Vector([eye[0], eye[1], eye[2]]) - x).normalized()  # pyright: ignore[reportOptionalCall]
+                        outward = (outward + lean * way).normalized()
                     u = cloth.particle[t, COLUMN.u]
                     radius = cloth.particle[t, COLUMN.radius]
                     if share[q] < 1.0:

@@ -24,7 +24,7 @@ F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
 
-COARSER = ((36, 8), (12, 5), (4, 3))
+COARSER = ((36, 8), (12, 4), (4, 4))
 """Fibres a ply and particles along a fibre in a block, of levels below the one that a scene states."""
 BALD = 12
 """Levels of at most so many fibres a ply have no hairs, which nobody sees that far away; but a nap of fewer and wider

@@ -16,7 +16,7 @@ from taichi_cloth.fabric.layout import BODY, END, START, FabricLayout
 from taichi_cloth.ground.particles import Property, first_numbers
 from taichi_cloth.weave.crimp import PathKinds, centreline
 from taichi_cloth.yarn.hairs import hairs
-from taichi_cloth.yarn.spin import Period, Strands, spin
+from taichi_cloth.yarn.spin import Period, Strands, spin, unit
 from taichi_cloth.yarn.thick_fibres import further_apart, standing_out, thicker_by
 from taichi_cloth.yarn.yarn import Yarn
 
@@ -223,20 +223,26 @@ def _core(
         lean = rng.standard_normal((max(1, layout.detail.variants), 1, 1, 2)).clip(-2, 2)
         section_yz = section_yz + lean[variant] * (LEAN * size) * (away**2)[None, None, :, None]
     z, slope = _path(layout, kind, u, section)
-    stands_out = standing_out(radius, grown, rows / (yarn.fibres_in_section * yarn.plies))[..., None]
     offset, tangent, normal = _bend(
         section_yz, gather(spun.tangent), gather(spun.normal), z[:, None, :], slope[:, None, :]
     )
+    # What is seen of the fibres that a thick one stands for lies farther out, on the cloth's side that it is on.
+    out = standing_out(radius, grown, rows / (yarn.fibres_in_section * yarn.plies))[..., None]
+    out = out * np.clip(offset[..., 2] / radius[..., None], -1.0, 1.0)
+    normal = normal * (gather(spun.away) * (size.mean(axis=-1) / yarn.diameter))[..., None]
+    normal[..., 2] += out
+    across, over = np.moveaxis(2.0 * section_yz / size, -1, 0)
+    nearer = np.hypot(across, over + 2.0 * out / size[..., 1]) - np.hypot(across, over)
     stretch = (layout.kinds.pitch[kind] / period.block_length)[:, None, None]
     shape = (len(kind), rows, count)
-    surface = np.minimum(gather(spun.depth) + 2.0 * stands_out / size.mean(axis=-1), 1.0)
-    open_ = _openness(layout, surface, np.abs(offset[..., 2]) + stands_out * np.abs(normal[..., 2]))
+    surface = np.clip(gather(spun.depth) + nearer, 0.0, 1.0)
+    open_ = _openness(layout, surface, np.abs(offset[..., 2] + out))
     return _flatten(
         template,
         u=np.broadcast_to(u, shape),
         offset=offset,
         tangent=tangent,
-        normal=normal,
+        normal=unit(normal),
         radius=np.broadcast_to(radius[..., None], shape),
         half_length=gather(spun.half_length) * stretch * np.sqrt(1.0 + slope**2)[:, None, :],
         openness=open_,

@@ -91,5 +91,6 @@ def hairs(yarn: Yarn, *, length: float, step: float, seed: int, each: int = 1) -
         tone=1.05 + 0.08 * rng.standard_normal(rows).clip(-2, 2),
         depth=np.ones((rows, points)),
         radius=each * yarn.fibre_diameter / 2 * girth * thin,
+        away=np.linalg.norm(out, axis=-1),
         half_length=OVERLAP * 0.5 * segment,
     )

@@ -61,7 +61,8 @@ class Strands:
 
     position: (f, k, 3) [m], x along the yarn, (y, z) from its axis. tangent, normal: (f, k, 3) unit vectors; the
     normal points away from the ply's axis. ply: (f,) int32. tone: (f,) brightness factor about 1.
-    depth: (f, k) 0 at the middle of the yarn, 1 at its surface and beyond. radius: (f, k) [m] of the drawn fibre.
+    depth: (f, k) 0 at the middle of the yarn, 1 at its surface and beyond. radius: (f, k) [m] of the drawn fibre. away:
+    (f, k) [m] from the ply's axis.
     half_length: (f, k) [m] half the distance between neighbours, with the overlap that makes a row read as one.
     """
 
@@ -72,6 +73,7 @@ class Strands:
     tone: F64
     depth: F64
     radius: F64
+    away: F64
     half_length: F64
 
 
@@ -136,6 +138,7 @@ def spin(
         tone=course.tone,
         depth=depth,
         radius=np.broadcast_to((drawn_radius(yarn, fibres) * course.girth)[:, None], (rows, count)),
+        away=np.linalg.norm(out, axis=-1),
         half_length=OVERLAP * 0.5 * pitch * slant * np.ones((rows, count)),
     )
 

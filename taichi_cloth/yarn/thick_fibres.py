@@ -17,6 +17,10 @@ MOST_OF_THICKNESS = 1.3
 """Of the yarn, that a drawn fibre takes: one stands for many side by side."""
 MOST_APART = 1.6
 """How much further apart drawn fibres are laid than those that they stand for, at most."""
+SEEN = 1.5
+"""How much farther out those lie that are seen of the fibres that a drawn one stands for, over how much thicker than
+they it is at equal area: between thick fibres one sees deeper into a yarn, in proportion to their radius. Found on
+poplin of 36, 12 and 4 of 87 fibres, so that openness and normals of what is seen are those of all of them."""
 STATIONS = 192
 """Along a yarn's period, at which its width is taken."""
 
@@ -60,6 +64,6 @@ def covered(across: F64, radius: F64) -> float:
 
 
 def standing_out(radius: F64, grown: F64, share: float) -> F64:
-    """How far beyond the middle of a drawn fibre of a radius (t, f) [m], made thicker by `grown` (t, 1), the middle of
-    the outermost of those lies that it stands for, (t, f) [m]. share: of a yarn's fibres that is drawn."""
-    return radius * (1.0 - sqrt(share) / grown)
+    """How far beyond the middle of a drawn fibre of a radius (t, f) [m], made thicker by `grown` (t, 1), those lie that
+    are seen of the ones that it stands for, (t, f) [m]. share: of a yarn's fibres that is drawn."""
+    return SEEN * (1.0 - sqrt(share)) * radius / grown

@@ -83,7 +83,7 @@ def test_windows_are_one_picture(model: FabricModel, particles: Particles, camer
     sizes = []
     for most in (10**9, 40_000, 20_000):
         image, stats = stream(splatter, camera, source, most=most)
-        assert psnr(whole, image) > 44
+        assert psnr(whole, image) > 43
         assert stats.largest <= most * 1.1
         sizes.append(stats.batches)
     assert sizes[0] == 1 < sizes[1] < sizes[2]
