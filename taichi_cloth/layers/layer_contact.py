@@ -38,6 +38,8 @@ MEND_SUMMED, MEND = 0.06, 0.05
 LEAST, FEWEST = 16_384, 4_096
 """Elements, and blends of them, that there is room for at least, some 70 MB: all sheets and garments up to that share
 the kernel between substeps, which takes long to compile."""
+TORN = 1.0
+"""Strain of a thread that no cloth comes near."""
 HALVINGS, CAREFUL = 4, 0.7
 """Times that intervals are halved for a frame that could not be proven, and what is left of the use with each."""
 LEAST_SLACK = (0.25, 0.25, 0.3, 0.4)
@@ -69,6 +71,7 @@ class LayerContact(SharedConstraint):
         most = max(options.thickness, FOLD * spacing)
         self._size, self._levels = capacity_of(sheet.padded_shape, LEAST), levels_of(*sheet.padded_shape)
         self._width, self._longest, self._free, self._halved = sheet.width, 1, 1, 0
+        self._torn = False
         self._substeps, self._step, self._remembered = 1, 0.0, np.zeros(0, np.float32)
         named = {
             "thickness": options.thickness,
@@ -126,9 +129,22 @@ class LayerContact(SharedConstraint):
             moves = self._tangles.moves(found, positions, self._substeps * self._step)
             state.values[:3][:, *inside] += np.moveaxis(moves, -1, 0).astype(np.float32)
 
+    def end(self, state: SheetState) -> None:
+        """Cloth that flies apart, as on steps that are too long for it, has no room for what it meets: it is left so
+        that the solver sees it, and takes shorter ones."""
+        self._torn = bool(self._full()) and not self._whole(state)
+        if self._torn:
+            state.values[:3] = np.nan
+
+    def _whole(self, state: SheetState) -> bool:
+        return bool(max(strain.max() for strain in self._sheet.stretch(self._sheet.positions(state))) < TORN)
+
     def again(self) -> bool:
         """Raises InputError where there was no room for all pairs or contacts, however short intervals are."""
         full = self._full()
+        if self._torn:
+            self._halved = 0
+            return False
         proven = self.fields.unproven[None] == 0 and not full
         if proven or self._halved == HALVINGS:
             self._halved = 0

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import taichi as ti
-from layers import ROWS, SPACING, THICKNESS, layers, triangles
+from layers import ROWS, SPACING, THICKNESS, layers, sheet_of, triangles
 from numpy.typing import NDArray
 
 from taichi_cloth.constraints.constraints_for import constraints_for
@@ -131,6 +131,21 @@ def test_a_frame_that_is_not_proven_is_taken_again_more_carefully(monkeypatch: p
     assert [one.again() for _ in range(HALVINGS)] == [True] * HALVINGS
     with pytest.raises(InputError, match="no room for 7 cells"):
         one.again()
+
+
+def test_cloth_that_flies_apart_is_left_to_the_solver(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It has no room for what it meets, as on steps that are too long: the solver sees it and takes shorter ones."""
+    sheet = sheet_of(1)
+    one = LayerContact(sheet, SelfContact(thickness=THICKNESS))
+    monkeypatch.setattr(LayerContact, "_full", lambda _: "no room")
+    monkeypatch.setattr(LayerContact, "fields", SimpleNamespace(unproven={None: 0}))
+    whole, apart = sheet.state(sheet.flat()), sheet.state(3 * sheet.flat())
+    one.end(whole)
+    assert one.again(), "more carefully"
+    one.end(apart)
+    assert not one.again()
+    assert np.isfinite(whole.values).all()
+    assert np.isnan(apart.values[:3]).all()
 
 
 def test_a_start_that_passes_through_itself_is_untangled() -> None:
