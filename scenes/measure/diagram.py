@@ -82,9 +82,9 @@ def draw(study: Study, rows: Sequence[Row]) -> bytes:
     return _png(figure)
 
 
-def draw_bars(bars: Sequence[tuple[str, Mapping[str, float]]], label: str) -> bytes:
-    """What each thing is made of, a bar for each, its parts one after the other, as a PNG. label: of their axis. Raises
-    InputError without matplotlib."""
+def draw_bars(bars: Sequence[tuple[str, Mapping[str, float]]], order: Sequence[str], label: str) -> bytes:
+    """What each thing is made of, a bar for each, its parts one after the other in that order, as a PNG. label: of
+    their axis. Raises InputError without matplotlib."""
     require_matplotlib()
     from matplotlib.backends.backend_agg import FigureCanvasAgg  # pyright: ignore[reportMissingImports]
     from matplotlib.figure import Figure  # pyright: ignore[reportMissingImports]
@@ -93,7 +93,8 @@ def draw_bars(bars: Sequence[tuple[str, Mapping[str, float]]], label: str) -> by
     FigureCanvasAgg(figure)
     axis = figure.subplots()
     places, ends = range(len(bars)), [0.0] * len(bars)
-    for k, part in enumerate(dict.fromkeys(part for _, parts in bars for part in parts)):
+    known = [part for part in order if any(part in parts for _, parts in bars)]
+    for k, part in enumerate(known):
         widths = [parts.get(part, 0.0) for _, parts in bars]
         axis.barh(places, widths, left=ends, label=part, color=PARTS[k % len(PARTS)], edgecolor="white", lw=0.5)
         ends = [end + width for end, width in zip(ends, widths, strict=True)]

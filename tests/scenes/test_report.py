@@ -120,7 +120,7 @@ def test_a_method_that_is_refused_everywhere_does_not_cost_the_diagram() -> None
 def test_bars_are_as_long_as_their_parts_together() -> None:
     """Of 1 + 2 and of 1: the second part's colour, which no other has, as wide as twice the first's."""
     pytest.importorskip("matplotlib")
-    drawn = draw_bars([("both", {"one": 1.0, "two": 2.0}), ("one alone", {"one": 1.0})], "time [s]")
+    drawn = draw_bars([("both", {"one": 1.0, "two": 2.0}), ("one alone", {"one": 1.0})], ["one", "two"], "time [s]")
     picture = cv2.imdecode(np.frombuffer(drawn, np.uint8), cv2.IMREAD_COLOR)
     widths = []
     for colour in PARTS[:2]:
