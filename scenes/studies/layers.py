@@ -43,8 +43,6 @@ CASES = (
     Case("dress", 40, ("body.motion=walk",)),
 )
 QUICK = (Case("drape", 8, ("cloth.rows=40", "cloth.columns=40")),)
-
-
 OFF = "forces.self_contact=false"
 
 

@@ -39,8 +39,8 @@ __all__ = ["MiddleContact"]
 FAMILIES = 4
 ROOM, LEAST = 8, 1 << 18
 """Springs that may be near a thin solid, for each key point, and in all; one that is near two of them counts twice. To
-cells as wide as a hand most of a body is thin: 3,000 springs may be near 40 solids at once; a sheet
-over a walker had 132,304."""
+cells as wide as a hand most of a body is thin: 3,000 springs may be near 40 solids at once; a
+sheet over a walker had 132,304 of them."""
 PLANE = 4  # normal, offset from the anchor
 
 

@@ -376,23 +376,25 @@ class Stencil:
             x, y, z = px + dx - n.sphere_x, py + dy - n.sphere_y, pz + dz - n.sphere_z
             distance = ti.sqrt(ti.max(x * x + y * y + z * z, 1e-12))
             depth = free * ti.max(n.sphere_radius - distance, 0.0)
-            scale = 1.0 / distance
-            x, y, z = x * scale, y * scale, z * scale
-            ux, uy, uz = push_out(x, y, z, depth, n.sphere_friction, dx, dy, dz)
-            if ti.static(features.grips):
-                taken = ux - dx - depth * x, uy - dy - depth * y, uz - dz - depth * z
-                most, at = n.sphere_friction * depth, (px + ux, py + uy, pz + uz)
-                bx, by, bz = self.grip.back(BALL, p, (x, y, z), most, taken, at)
-            dx, dy, dz = ux, uy, uz
+            away, at = scaled((x, y, z), 1.0 / distance), (px, py, pz)
+            dx, dy, dz, bx, by, bz = self.keep_out(features, BALL, p, away, depth, n.sphere_friction, at, (dx, dy, dz))
         if ti.static(features.plane):
             x, y, z = px + dx, py + dy, pz + dz
             depth = free * ti.max(n.plane_height - (x * n.plane_x + y * n.plane_y + z * n.plane_z), 0.0)
-            x, y, z = n.plane_x, n.plane_y, n.plane_z
-            ux, uy, uz = push_out(x, y, z, depth, n.plane_friction, dx, dy, dz)
-            if ti.static(features.grips):
-                taken = ux - dx - depth * x, uy - dy - depth * y, uz - dz - depth * z
-                most, at = n.plane_friction * depth, (px + ux, py + uy, pz + uz)
-                u, v, w = self.grip.back(FLOOR, p, (x, y, z), most, taken, at)
-                bx, by, bz = bx + u, by + v, bz + w
-            dx, dy, dz = ux, uy, uz
+            away, at = (n.plane_x, n.plane_y, n.plane_z), (px, py, pz)
+            dx, dy, dz, u, v, w = self.keep_out(features, FLOOR, p, away, depth, n.plane_friction, at, (dx, dy, dz))
+            bx, by, bz = bx + u, by + v, bz + w
         return dx, dy, dz, bx, by, bz
+
+    @ti.func
+    def keep_out(
+        self, features: Template, shape: Template, p, n: Template, depth, friction, at: Template, step: Template
+    ):
+        """The step [m] of the lanes at p from `at` after a fixed shape has pushed them out by `depth` along n, and how
+        far it holds them back beside it."""
+        x, y, z = push_out(n[0], n[1], n[2], depth, friction, step[0], step[1], step[2])
+        bx, by, bz = nothing(), nothing(), nothing()
+        if ti.static(features.grips):
+            taken = x - step[0] - depth * n[0], y - step[1] - depth * n[1], z - step[2] - depth * n[2]
+            bx, by, bz = self.grip.back(shape, p, n, friction * depth, taken, (at[0] + x, at[1] + y, at[2] + z))
+        return x, y, z, bx, by, bz
