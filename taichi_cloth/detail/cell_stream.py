@@ -277,8 +277,9 @@ class CellStream:
     def _leaning(self, eye: F64 | None) -> F32:
         """Where the eye is (3,) [m], and by how much normals of each level lean to it; by nothing without one."""
         bank = self.cloth.bank
-        lean = TO_EYE * (bank.radius - bank.radius[0]) / bank.height
-        return np.array([*np.zeros(3), *(0.0 * lean)] if eye is None else [*eye, *lean], np.float32)
+        if eye is None:
+            return np.zeros(3 + len(bank.radius), np.float32)
+        return np.array([*eye, *(TO_EYE * (bank.radius - bank.radius[0]) / bank.height)], np.float32)
 
     def sample(self, most: float, *, level: int = -1) -> F32:
         """The whole cloth as `lay` gives it, a copy: of fibres at a level, the coarsest if none is said, if there are

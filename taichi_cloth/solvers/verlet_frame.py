@@ -51,9 +51,12 @@ class VerletFrame(Frame):
         dx, dy, dz, bx, by, bz = self.collide(features, p, free, px, py, pz, dx, dy, dz, n)
         # Where that leads to, and what is ahead of it.
         if ti.static(features.apart):
-            store(self.position[0], p, px + dx + bx)
-            store(self.position[1], p, py + dy + by)
-            store(self.position[2], p, pz + dz + bz)
+            x, y, z = px + dx, py + dy, pz + dz
+            if ti.static(features.grips):
+                x, y, z = x + bx, y + by, z + bz
+            store(self.position[0], p, x)
+            store(self.position[1], p, y)
+            store(self.position[2], p, z)
         store(self.step[0], p, dx)
         store(self.step[1], p, dy)
         store(self.step[2], p, dz)
