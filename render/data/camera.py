@@ -13,6 +13,9 @@ __all__ = ["Camera", "box_corners", "direction_from_angles", "frame", "look_at",
 MAX_PIXELS = 16384
 """Widest and highest image [px]."""
 
+AT_ONCE = 1 << 14
+"""Points that are gone through at once: what is reckoned of them stays near the processor."""
+
 
 @dataclass(frozen=True, eq=False)
 class Camera:
@@ -168,7 +171,7 @@ def frame(
     """
     forward = -direction_from_angles(azimuth, elevation)
     rotation = _facing(forward, np.array([0.0, 1.0, 0.0]))
-    at = _finite(points) @ rotation.T
+    at = _finite(points).astype(np.float64, copy=False) @ rotation.T
     if not 0 <= margin < 0.5:
         raise InputError(f"margin: {margin:g}; allowed: from 0 to below 0.5 of the image")
     focal = _focal(fov, height)
@@ -218,8 +221,8 @@ def orbit(
     if count < 1:
         raise InputError(f"orbit: {count} views; allowed: 1 or more")
     at = _finite(points)
-    middle = (at.min(axis=0) + at.max(axis=0)) / 2
-    rings = _rings(at - middle)
+    middle = (at.min(axis=0).astype(np.float64) + at.max(axis=0)) / 2
+    rings = _rings(at, middle)
     options: dict[str, Any] = {"width": width, "height": height, "fov": fov, "margin": margin, "radius": radius}
     cameras = []
     for k in range(count):
@@ -243,14 +246,15 @@ def orbit(
     return tuple(cameras)
 
 
-def _rings(centred: NDArray[np.float64], bands: int = 128, sides: int = 64) -> NDArray[np.float64]:
-    """Points whose convex hull holds `centred` (n, 3) turned by any angle about y."""
-    reach = np.hypot(centred[:, 0], centred[:, 2])
-    low, high = centred[:, 1].min(), centred[:, 1].max()
+def _rings(points: NDArray[Any], middle: NDArray[np.float64], bands: int = 128, sides: int = 64) -> NDArray[np.float64]:
+    """Points about `middle` (3,) whose convex hull holds `points` (n, 3) turned by any angle about y through it."""
+    low, high = points[:, 1].min() - middle[1], points[:, 1].max() - middle[1]
     edges = np.linspace(low, high, bands + 1)
-    band = np.clip(((centred[:, 1] - low) * (bands / max(high - low, 1e-30))).astype(int), 0, bands - 1)
     widest = np.full(bands, -1.0)
-    np.maximum.at(widest, band, reach)
+    for first in range(0, len(points), AT_ONCE):
+        x, y, z = points[first : first + AT_ONCE].T - middle[:, None]
+        band = np.clip(((y - low) * (bands / max(high - low, 1e-30))).astype(int), 0, bands - 1)
+        np.maximum.at(widest, band, np.hypot(x, z))
     used = widest >= 0
     circle = 2 * np.pi * np.arange(sides) / sides
     outer = np.repeat(widest[used], 2) / np.cos(np.pi / sides)  # the polygon is drawn round the circle
@@ -279,11 +283,15 @@ def _focal(fov: float, height: int) -> float:
     return height / 2 / np.tan(np.radians(fov) / 2)
 
 
-def _finite(points: ArrayLike) -> NDArray[np.float64]:
-    points = np.asarray(points, np.float64)
+def _finite(points: ArrayLike) -> NDArray[Any]:
+    """Those of (n, 3) that are, as floats of the width they have; the array itself where all are."""
+    points = np.asarray(points)
     if points.ndim != 2 or points.shape[1] != 3:
         raise InputError(f"points: shape {points.shape}; allowed: (n, 3)")
-    points = points[np.isfinite(points).all(axis=1)]
+    if points.dtype not in (np.float32, np.float64):
+        points = points.astype(np.float64)
+    if not np.isfinite(points.sum()):  # a sum is finite only of numbers that are
+        points = points[np.isfinite(points).all(axis=1)]
     if not len(points):
         raise InputError("points: none has finite coordinates; nothing to frame")
     return points

@@ -13,7 +13,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_cloth.ground.copies import filled, zeros
+from taichi_cloth.ground.copies import zeros
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.ground.particles import LANES
 
@@ -191,7 +191,7 @@ class ParticleLight:
         shape = blocks.shape[1], shading.rows, LANES
         light = self._light
         if light is None or light.shape != shape:
-            light, self._known = filled(shape, 1.0), {}
+            light, self._known = zeros(shape), {}
             self._light = light
         known_lights = zip(shading.shadows, maps.lights, strict=True)
         rows: list[tuple[int, int, LookedUp | None, int]] = [
@@ -205,7 +205,7 @@ class ParticleLight:
             known = self._known.get(row)
             if known is None or known[0] is not one or known[1] != depth:
                 few, stride = (blocks, 1) if self._each else self._thinned(layout, blocks, stride, depth)
-                found, at = (light, row) if stride == 1 else (filled((few.shape[1], count, LANES), 1.0), 0)
+                found, at = (light, row) if stride == 1 else (zeros((few.shape[1], count, LANES)), 0)
                 if isinstance(one, SkyMaps) and depth > 0 and not self._each:
                     self._sky_on(one, layout, blocks, few, stride, found, at, depth)
                 else:
@@ -227,7 +227,7 @@ class ParticleLight:
             sky.on_particles(few, found, row, depth)
             return
         fewer = self._thin(layout, blocks, seldom)
-        of_cloth = filled((fewer.shape[1], Shading(bulk=True).of_sky, LANES), 1.0)
+        of_cloth = zeros((fewer.shape[1], Shading(bulk=True).of_sky, LANES))
         sky.on_particles(fewer, of_cloth, 0, depth, "cloth")
         spread(seldom // stride, of_cloth.shape[1], few, of_cloth, row, found)
         sky.on_particles(few, found, row, depth, "own")
@@ -259,6 +259,6 @@ class ParticleLight:
             known = max((k for k in self._few if stride % k == 0), default=1)
             source = self._few.get(known, blocks)
             few = zeros((layout.rows, -(-source.shape[1] * known // stride), LANES))
-            thin(stride // known, layout.rows, source, few)
+            thin(stride // known, source, few)
             self._few[stride] = few
         return self._few[stride]

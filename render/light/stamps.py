@@ -129,6 +129,6 @@ def stamp(
             reach = ti.max(half_height, 0.5 * points * ti.abs(step_v)) + 2.0
             spans_out[b, 0] = ti.cast(ti.select(there, v - reach, 1e9).min(), ti.i32)  # pyright: ignore[reportOptionalCall]
             spans_out[b, 1] = ti.cast(ti.select(there, v + reach, -1e9).max(), ti.i32)  # pyright: ignore[reportOptionalCall]
-            for lane in ti.static(range(OCTET)):
+            for lane in range(OCTET):
                 row = ti.min(ti.max(ti.cast(v[lane], ti.i32), 0), height - 1)
                 rows_out[chunk, row] = rows_out[chunk, row] + ti.cast(size[lane] > 0.0, ti.i32)

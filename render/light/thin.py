@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from taichi_cloth.ground.arrays import F32x3, Int, Template
 from taichi_cloth.ground.copies import every
 from taichi_cloth.ground.particles import LANES, POSITION, RADIUS
+from taichi_cloth.ground.runtime import on_host
 from taichi_cloth.ground.vectors import keep
 
 from ..data.blocks import Layout
@@ -37,9 +38,19 @@ def chain_step(layout: Layout, blocks: NDArray[np.float32]) -> float | None:
     return float(np.median(apart[near])) if len(near) and near.mean() > 0.5 else None
 
 
+def thin(stride: int, particles: F32x3, thin_out: F32x3) -> None:
+    """Every stride-th particle, packed again: thin_out (rows, ceil(blocks / stride), 16), zeros, so that what is left
+    at the end has a radius of 0."""
+    if on_host():
+        some = particles.reshape(len(particles), -1)[:, ::stride]
+        thin_out.reshape(len(particles), -1)[:, : some.shape[1]] = some
+    else:
+        _thin(stride, len(particles), particles, thin_out)
+
+
 @ti.kernel
-def thin(stride: Template, rows: Int, particles: F32x3, thin_out: F32x3):
-    """Every stride-th particle, packed again: thin_out (rows, ceil(blocks / stride), 16); radius 0 at the end."""
+def _thin(stride: Template, rows: Int, particles: F32x3, thin_out: F32x3):
+    """The same on a device."""
     for b in range(thin_out.shape[1]):
         # Only in the last blocks may a lane ask for what is not there.
         whole = (b + 1) * stride <= particles.shape[1]

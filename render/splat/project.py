@@ -246,7 +246,7 @@ def _splats(
     room = ti.min(ti.min(width - left, height - top), ti.min(z - near, size))
     end = ti.min(right, bottom)
     depth = (z - view[DEPTH, 0]) * view[DEPTH, 1]
-    for lane in ti.static(range(lanes())):
+    for lane in range(ti.static(lanes())):
         i = b * ti.static(lanes()) + lane
         key = -1
         if room[lane] > 0.0 and end[lane] >= 0.0:

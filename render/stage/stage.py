@@ -19,8 +19,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_cloth.ground.runtime import threads
-
 from ..data.blocks import ParticleBlocks
 from ..data.camera import Camera
 from ..data.light import Lighting
@@ -75,20 +73,25 @@ class Stage:
     @cached_property
     def sky_blocked(self) -> NDArray[np.float32]:
         """Share 0..1 of an even sky that the subject hides from each place of the floor, (CELLS, CELLS)."""
-        from scipy.fft import irfft2, rfft2  # loads much, and not all that is drawn lies on a floor
-
-        offset = (np.fft.fftfreq(2 * CELLS) * 2 * CELLS * self.cell) ** 2
-        distance = offset[:, None] + offset[None, : CELLS + 1]  # even in x: half of it is enough
+        padded = (2 * CELLS, 2 * CELLS)
+        offset = (np.arange(CELLS + 1) * self.cell) ** 2
+        distance = offset[:, None] + offset  # what a place sends is even in x and in z: a quarter of it is enough
+        times = np.full(CELLS + 1, 2.0)
+        times[[0, CELLS]] = 1.0
         total = np.zeros((2 * CELLS, CELLS + 1), np.complex128)
-        below, padded = np.ones((CELLS, CELLS), np.float32), (2 * CELLS, 2 * CELLS)
-        for height, cover in zip(self.heights, self.cover, strict=True):
-            h = max(height, 0.7 * self.cell) ** 2
-            kernel = h / np.pi / (h + distance) ** 2 * self.cell**2
-            kernel = np.concatenate([kernel, kernel[:, -2:0:-1]], axis=1)
-            kernel /= max(1.0, float(kernel.sum()))
-            total += np.fft.rfft2(cover * below, padded) * np.asarray(rfft2(kernel, workers=threads()))
-            below *= 1 - cover  # what is seen from below hides what is above it
-        blocked = np.asarray(irfft2(total, padded, workers=threads()))[:CELLS, :CELLS]
+        below = np.ones((CELLS, CELLS), np.float32)
+        heights = np.maximum(self.heights, 0.7 * self.cell)
+        for height in np.unique(heights):  # of a flat subject most layers are as low as can be told: one for all
+            seen = np.zeros((CELLS, CELLS), np.float32)
+            for cover in self.cover[heights == height]:
+                seen += cover * below
+                below *= 1 - cover  # what is seen from below hides what is above it
+            kernel = height**2 / np.pi / (height**2 + distance) ** 2 * self.cell**2
+            kernel /= max(1.0, float(times @ kernel @ times))
+            for axis in (1, 0):
+                kernel = np.fft.irfft(kernel, 2 * CELLS, axis, norm="forward").take(np.arange(CELLS + 1), axis)
+            total += np.fft.rfft2(seen, padded) * np.concatenate([kernel, kernel[-2:0:-1]])
+        blocked = np.fft.irfft2(total, padded)[:CELLS, :CELLS]
         return np.clip(blocked, 0, 1).astype(np.float32)
 
     def key_passing(self, towards: NDArray[np.float64], size_deg: float = 6.0) -> NDArray[np.float32]:

@@ -144,7 +144,7 @@ def _write_empty(features: Template, picture: Template, corner, rows, backdrop: 
         light = ti.Vector([backdrop[corner[1] + y, 0, c] for c in range(3)])
         light = ti.min(light * gain, 1.0)
         pixel = packed(srgb, light[0], light[1], light[2])  # pyright: ignore[reportIndexIssue]
-        for x in ti.static(range(TILE)):
+        for x in range(TILE):
             if ti.static(features.behind != "gradient"):
                 light = ti.Vector([backdrop[corner[1] + y, corner[0] + x, c] for c in range(3)])
                 light = ti.min(ti.min(light, 1.0) * gain, 1.0)
@@ -170,7 +170,7 @@ def _write(
         red = shown(features, picture, 0, row_of(planes.red, TILE, tile, y, 0), light, backdrop, corner, y)
         green = shown(features, picture, 1, row_of(planes.green, TILE, tile, y, 0), light, backdrop, corner, y)
         blue = shown(features, picture, 2, row_of(planes.blue, TILE, tile, y, 0), light, backdrop, corner, y)
-        for x in ti.static(range(TILE)):
+        for x in range(TILE):
             image_out[corner[1] + y, corner[0] + x] = packed(srgb, red[x], green[x], blue[x])  # pyright: ignore[reportIndexIssue]
 
 

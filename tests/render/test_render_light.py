@@ -157,8 +157,8 @@ def test_a_thinned_thread_throws_the_shadow_of_the_whole() -> None:
         thread = discs(place, 0.001, opacity=0.2, **more)
         layout, blocks, box = pack(thread, textured=False)
         assert chain_step(layout, blocks) == pytest.approx(0.00058, rel=0.1)
-        few = np.empty((layout.rows, -(-blocks.shape[1] // 2), LANES), np.float32)
-        thin(2, layout.rows, blocks, few)
+        few = np.zeros((layout.rows, -(-blocks.shape[1] // 2), LANES), np.float32)
+        thin(2, blocks, few)
         whole, half = (
             cast(layout, some, box, UP, opacity=0.2, stretch=stretch).shadow_at(ground)
             for some, stretch in ((blocks, 1.0), (few, 2.0))
