@@ -3,7 +3,7 @@
 Some frames in a row are timed in each of three ways from one and the same state: as a mesh garment; as a fibre garment;
 and as many of a free sheet, one piece of the same cloth with as many key points that nothing touches. In a row, because
 a frame finds in the caches what the one before it left there. The ways take turns in who is first, so that what a
-processor does meanwhile falls on all alike.
+processor does meanwhile falls on all alike. Between frames it is counted what passes through what.
 
 Where kernels can ask for the time, time stamps inside them tell their parts apart. They are in every frame of the
 garment, those of its sewing too, so that one kernel is compiled and not two: some 20 a substep of 50 ns each, 0.1 % of
@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from taichi_cloth.crossings.crossings import find_crossings
 from taichi_cloth.ground.errors import Unstable
 from taichi_cloth.motion.forces import Forces
 from taichi_cloth.motion.kernel_solver import stamped
@@ -59,6 +60,7 @@ class _Timed:
         self.model, self.fibres, self.simulation = model, model.fibres, model.simulation
         self.clock, self.sheet = clock, None if quick else free_sheet(model.simulation)
         self.times: dict[str, list[float]] = {}
+        self.through: list[int] = []
         self.ways: list[Callable[[], object]] = [self.mesh, self.fibre]
         if self.sheet is not None:
             self.ways.append(self.free)
@@ -101,6 +103,12 @@ class _Timed:
         self.time("step, sheet", self.sheet.step)
         self.note("substep, sheet", 1e-3 * self.times["step, sheet"][-1] / self.sheet.solver.substeps)
 
+    def count(self) -> None:
+        """Triangles that pass through others now."""
+        surface = self.model.surface
+        points, _ = surface.points(self.simulation.positions)
+        self.through.append(find_crossings(points, surface.faces, surface.same).count)
+
     def _forget(self) -> None:
         """Stamps of frames that are not timed."""
         if self.clock is not None:
@@ -120,6 +128,8 @@ class _Timed:
                 self.simulation.state, self.simulation.frame = SheetState(values.copy()), frame
             for _ in range(frames):
                 work()
+                if work == self.mesh:
+                    self.count()
 
 
 def measure(
@@ -163,6 +173,7 @@ def measure(
         try:
             if at < before and not restarts:
                 simulation.step()
+                timed.count()
                 said(f"{name}: walking", at + 1, before)
                 continue
             timed.all_ways(number // ROW, min(ROW, frames - number))
@@ -181,7 +192,8 @@ def measure(
         number += ROW
         said(f"{name}: timed", min(number, frames), frames)
     points, follower = model.dressed.garment.atlas.key_points, timed.fibres.follower
-    return Measured(points, follower.particles, simulation.solver.substeps, times, tuple(restarts))
+    steps, through = simulation.solver.substeps, tuple(timed.through)
+    return Measured(points, follower.particles, steps, times, tuple(restarts), through)
 
 
 def free_sheet(garment: Simulation) -> Simulation:

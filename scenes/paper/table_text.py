@@ -30,16 +30,30 @@ PAPER = {
 }
 
 
+THROUGH = "frames with crossings"
+"""Head of the column that says in how many frames a garment passes through itself, by an exact count of triangles."""
+
+
 @dataclass(frozen=True)
 class Measured:
     """Ours for one garment. times: [ms] of each frame, by stage; see `garment_timing.measure`.
-    restarts: frames at which the motion tore the garment, so that it began anew."""
+    restarts: frames at which the motion tore the garment, so that it began anew. through: triangles that pass through
+    others, in each frame that it came to."""
 
     key_points: int
     particles: int
     substeps: int
     times: dict[str, list[float]] = field(default_factory=dict)
     restarts: tuple[int, ...] = ()
+    through: tuple[int, ...] = ()
+
+    def crossings(self) -> str:
+        """In how many frames something passes through other cloth, and how many triangles at most."""
+        if not self.through:
+            return "not counted"
+        bad = sum(count > 0 for count in self.through)
+        most = f", up to {max(self.through):,} triangles" if bad else ""
+        return f"{bad} of {len(self.through)}{most}"
 
     def median(self, plus: str, minus: str | None = None) -> float:
         """Of a stage, or of the difference of two frame by frame [ms]."""
@@ -114,14 +128,15 @@ def tables_of(measured: dict[str, Measured]) -> list[Table]:
                 name,
                 *_count(paper.key_points, ours.key_points),
                 *_count(paper.particles, ours.particles),
+                ours.crossings(),
             )
         )
         if (took := _contact(ours)) is not None:
-            contact.append((name, *_times(paper.contact, took)))
-        frames.append((name, *_times(paper.frame, (ours.median("mesh"), ours.median("fibre")))))
+            contact.append((name, *_times(paper.contact, took), ours.crossings()))
+        frames.append((name, *_times(paper.frame, (ours.median("mesh"), ours.median("fibre"))), ours.crossings()))
     pairs = ("paper mesh", "ours mesh", "paper/ours", "paper fibre", "ours fibre", "paper/ours")
-    last = ("paper fibre/mesh", "ours fibre/mesh")
-    first = ("garment", "paper key points", "ours", "off", "paper particles", "ours", "off")
+    last = ("paper fibre/mesh", "ours fibre/mesh", THROUGH)
+    first = ("garment", "paper key points", "ours", "off", "paper particles", "ours", "off", THROUGH)
     return [
         Table("table1", "Table 1: key points and particles", first, tuple(counts)),
         Table(
@@ -195,6 +210,7 @@ def _stages(measured: dict[str, Measured]) -> Table:
     for title, stage in others.items():
         if all(stage in m.times for m in measured.values()):
             rows.append((title, *(f"{m.median(stage):.2f}" for m in measured.values())))
+    rows.append((THROUGH, *(m.crossings() for m in measured.values())))
     rows.append(("substeps a frame", *(str(m.substeps) for m in measured.values())))
     rows.append(("a particle [ns]", *(f"{1e6 * m.median('follow') / m.particles:.1f}" for m in measured.values())))
     notes = [
@@ -215,11 +231,11 @@ def _ratios(measured: dict[str, Measured]) -> Table:
         free = ("", "")
         if "substep, sheet" in m.times:
             free = f"{1e3 * m.median('substep, sheet'):.0f}", f"{m.ratio('substep', 'substep, sheet'):.2f}"
-        rows.append((name, *own, *free))
+        rows.append((name, *own, *free, m.crossings()))
     return Table(
         "ratios",
         "Ratios, in one run and in turn",
-        ("garment", "fibre / mesh", "its substep [µs]", "a free sheet's [µs]", "garment / sheet"),
+        ("garment", "fibre / mesh", "its substep [µs]", "a free sheet's [µs]", "garment / sheet", THROUGH),
         tuple(rows),
         (
             "Free sheet: as many key points of the same cloth in one piece, which wave and fall and touch nothing. "

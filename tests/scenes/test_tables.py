@@ -34,19 +34,22 @@ def given(key_points: int = 6250, particles: int = 377_000) -> Measured:
         "draw, mesh": [20.0],
         "draw, fibre": [40.0],
     }
-    return Measured(key_points, particles, 64, times)
+    return Measured(key_points, particles, 64, times, through=(0, 3, 2))
 
 
 def test_tables_hold_medians_and_ratios() -> None:
+    through = "2 of 3, up to 3 triangles"
     counts, contact, frames, stages, ratios = tables_of({"T-shirt": given()})
-    assert counts.rows == (("T-shirt", "6,245", "6,250", "+0.08 %", "377,508", "377,000", "-0.13 %"),)
-    assert contact.rows[0] == ("T-shirt", "43.5", "4.50", "9.7", "46.1", "4.00", "11.5", "1.06", "0.89")
-    assert frames.rows[0] == ("T-shirt", "63", "10.00", "6.3", "81.3", "11.00", "7.4", "1.29", "1.10")
+    assert counts.rows == (("T-shirt", "6,245", "6,250", "+0.08 %", "377,508", "377,000", "-0.13 %", through),)
+    assert contact.rows[0] == ("T-shirt", "43.5", "4.50", "9.7", "46.1", "4.00", "11.5", "1.06", "0.89", through)
+    assert frames.rows[0] == ("T-shirt", "63", "10.00", "6.3", "81.3", "11.00", "7.4", "1.29", "1.10", through)
     rows = {row[0]: row[1] for row in stages.rows}
     assert rows["contact"] == "4.00"
     assert rows["as a mesh"] == "10.00"
     assert rows["a particle [ns]"] == "2.0"
-    assert ratios.rows == (("T-shirt", "1.100", "250", "100", "2.00"),)
+    assert ratios.rows == (("T-shirt", "1.100", "250", "100", "2.00", through),)
+    assert rows["frames with crossings"] == through
+    assert Measured(1, 1, 1, through=(0, 0)).crossings() == "0 of 2"
 
 
 def test_parts_add_up_to_the_frames_they_are_means_of() -> None:
@@ -70,7 +73,7 @@ def test_what_could_not_be_timed_is_left_out_and_said() -> None:
     for stage in ("substep, sheet", "draw, mesh", "draw, fibre"):
         del times[stage]
     *_, stages, ratios = tables_of({"T-shirt": Measured(6250, 377_000, 64, times | {"mesh": [10.0] * 4})})
-    assert ratios.rows[0][-2:] == ("", "")
+    assert ratios.rows[0][-3:] == ("", "", "not counted")
     assert not any("drawing" in row[0] for row in stages.rows)
 
 
@@ -96,6 +99,8 @@ def test_a_garment_is_timed_in_every_way_from_the_same_state() -> None:
     assert {"skirt: walking", "skirt: timed"} <= set(told)
     stages = {"mesh", "fibre", "substep", "substep, sheet", "mesh: contact", "parts: seams", "parts: yarns"}
     assert {len(ours.times[stage]) for stage in stages} == {3}
+    assert len(ours.through) >= 80
+    assert not any(ours.through)
     parts = ours.parts()
     whole = parts.pop("whole")
     assert sum(parts.values()) == pytest.approx(whole)
