@@ -55,9 +55,9 @@ class BodySection(Section):
     unit: Unit | None = Field(default=None, description="of a file's lengths; default: seen from its height")
     up: Up | None = Field(default=None, description="a file's vertical axis; default: seen from its shape")
     facing: Facing | None = Field(default=None, description="where a file's body looks; default: seen from its feet")
-    motion: Annotated[Literal["rest", "idle", "turn", "walk", "arms-raised", "sit"] | str, MOTION_FILE] = Field(
-        default="rest", description="a built-in motion, or the path of a .bvh file or an .npz of SMPL"
-    )
+    motion: Annotated[
+        Literal["rest", "idle", "turn", "walk", "arms-raised", "arms-folded", "sit"] | str, MOTION_FILE
+    ] = Field(default="rest", description="a built-in motion, or the path of a .bvh file or an .npz of SMPL")
     motion_speed: float = Field(default=1.0, gt=0, le=10, description="2 is twice as fast; built-in motions only")
     blend_in_s: float = Field(default=1.0, gt=0, le=60, description="time from the A pose into the motion [s]")
     loop: bool = Field(default=False, description="begin a file again at its end")

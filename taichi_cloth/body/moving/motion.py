@@ -1,4 +1,4 @@
-"""Built-in motions of a body: idle, turn, walk, arms-raised, sit. Each starts at rest in the A pose, smoothly.
+"""Built-in motions of a body: idle, turn, walk, arms raised, arms folded, sit. Each starts at rest in the A pose.
 
 Signs, in the body's rest axes (x left, y up, z forward): a leg or arm is flexed forward by a turn about −x, a knee is
 bent by +x, the trunk leans forward by +x, the body turns to its left by +y, the left arm is lifted by +z.
@@ -23,7 +23,7 @@ from taichi_cloth.ground.errors import InputError, did_you_mean
 __all__ = ["MOTIONS", "Motion", "MotionName", "motion"]
 
 F64 = NDArray[np.float64]
-MotionName = Literal["rest", "idle", "turn", "walk", "arms-raised", "sit"]
+MotionName = Literal["rest", "idle", "turn", "walk", "arms-raised", "arms-folded", "sit"]
 MOTIONS = get_args(MotionName)
 
 WALK_PERIOD = 1.15
@@ -258,6 +258,25 @@ def _arms_raised(skeleton: Skeleton) -> Callable[[float], Pose]:
     return cycle
 
 
+FOLDED = {
+    "l": {"upper_arm": (0.2, -0.9, 0.3), "forearm": (-0.95, 0.12, 0.25)},
+    "r": {"upper_arm": (-0.15, -0.85, 0.5), "forearm": (0.93, 0.25, 0.3)},
+}
+"""Ways of the arms' bones folded before the chest, the right forearm over the left."""
+
+
+def _arms_folded(skeleton: Skeleton) -> Callable[[float], Pose]:
+    turns = {}
+    for side, ways in FOLDED.items():
+        before = Rotation.identity()
+        for part, way in ways.items():
+            j = JOINTS.index(f"{part}_{side}")
+            turn = _least_turn(skeleton.tips[j] - skeleton.joints[j], before.inv().apply(np.array(way)))
+            turns[f"{part}_{side}"], before = turn.as_rotvec(), before * turn
+    folded = Pose.of(turns)
+    return lambda time: Pose.rest().blended(folded, _smooth(time / 1.4))
+
+
 def _sit(skeleton: Skeleton) -> Callable[[float], Pose]:
     alike = _alike(skeleton)
     thigh = float(np.linalg.norm(skeleton.tips[JOINTS.index("thigh_l")] - skeleton.joints[JOINTS.index("thigh_l")]))
@@ -296,5 +315,6 @@ _BUILDERS: dict[str, tuple[Callable[[Skeleton], Callable[[float], Pose]], float 
     "turn": (_turn, 6.0),
     "walk": (_walk, WALK_PERIOD),
     "arms-raised": (_arms_raised, 6.0),
+    "arms-folded": (_arms_folded, None),
     "sit": (_sit, None),
 }
