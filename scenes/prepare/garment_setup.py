@@ -21,7 +21,7 @@ from taichi_cloth.garment.pattern.garmentcode import read_garmentcode
 from taichi_cloth.garment.pattern.measure import figure_of
 from taichi_cloth.garment.pattern.pattern import Pattern
 from taichi_cloth.garment.sewn.garment import Garment
-from taichi_cloth.garment.sewn.limbs import bearer, spared
+from taichi_cloth.garment.sewn.limbs import bearer, limb_of_bones, spared
 from taichi_cloth.garment.sewn.sew import RECOVERY, Worn, sew
 from taichi_cloth.garment.sewn.weaving import crossings_shape
 from taichi_cloth.ground.cache import digest, kept
@@ -257,7 +257,7 @@ def garment_simulation(
         colliders = replace(colliders, spared=spared(garment.atlas, worn.positions, dressed.primitives, moving=True))
         if forces.self_contact is not None:
             between = max(BETWEEN * forces.self_contact.thickness, FOLDED * min(garment.atlas.spacing))
-            colliders = replace(colliders, between=between, recovery=GIVEN_BACK)
+            colliders = replace(colliders, between=between, limbs=limb_of_bones(), recovery=GIVEN_BACK)
     forces = replace(forces, body=colliders)
     places = garment.holds()[2]
     solver = scene.solver or SolverSection()

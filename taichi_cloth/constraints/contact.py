@@ -71,6 +71,7 @@ class Contact(SharedConstraint):
         self._tree = build(self._points.mean(axis=1))
         self._bones = np.array([p.bone for p in solids])
         self._constant[:, Row.BONE] = 0 if body.spared is None else self._bones
+        self._constant[:, Row.LIMB] = np.array(body.limbs)[self._bones] if body.limbs else 0
         self._anchors = np.stack([_anchor(p) for p in solids])
         self._axes = np.stack([np.stack(_axes(p)) for p in solids])
         self._capsules = np.array([_capsule(row) for row in self._constant])

@@ -12,10 +12,13 @@ from taichi_cloth.ground.routine import routine
 from taichi_cloth.motion.stencil import relative
 from taichi_cloth.sheet.sheet import LANES
 
-__all__ = ["ENTRY", "FACED", "GAP", "OFFSET", "Entries"]
+__all__ = ["ENTRY", "FACED", "GAP", "OFFSET", "RUBS", "Entries"]
 
-ENTRY, OFFSET, GAP = 5, 3 * LANES, 4 * LANES
-"""Numbers of an entry for each key point: normal and offset now, and how far off they are kept."""
+ENTRY, OFFSET, GAP, RUBS = 6, 3 * LANES, 4 * LANES, 5 * LANES
+"""Numbers of an entry for each key point: normal and offset now, how far off they are kept, and µ."""
+SKIN = 2e-3
+"""Give way by which a surface holds nothing any more [m]: skin that is pinched goes along with the cloth. Held by both
+limbs, which slide past each other, cloth would be torn."""
 FACED = 8
 """Primitives that some key points of a packet are spared from and that it may come near, at most."""
 
@@ -78,7 +81,33 @@ class Entries(BodySurface):
                 n = self.entry[o + axis * LANES + k]
                 d += n * (points.position[axis][p] - c[axis])
                 along += n * self.facing[axis][p]
-            middle = (self.facing[3][p] - along * d) / ti.max(1.0 - along, 0.1) - self.between[None]
-            opposed = ti.min(ti.max(-2.0 * along, 0.0), 1.0)
-            gap = self.gap[None]
-            self.entry[o + GAP + k] = gap - opposed * ti.max(gap - middle, 0.0)
+            self.yield_to(o + k, along, d, self.facing[3][p])
+
+    @routine
+    def give_between(self, points: Template, first: Int, last: Int):
+        """The same of planes of one packet, entries number `first` to `last`, that are of two limbs and face each
+        other: what a belly and a thigh both meet."""
+        for e in range(first, last):
+            o, c = self.lanes_of(e, ENTRY), self.anchor(self.entry_of[e])
+            for f in range(first, last):
+                if self.limb(self.entry_of[e]) != self.limb(self.entry_of[f]):
+                    q, b = self.lanes_of(f, ENTRY), self.anchor(self.entry_of[f])
+                    for k in range(LANES):
+                        p, d, other, along = self.entry_block[e] * LANES + k, 0.0, 0.0, 0.0
+                        d, other = -self.entry[o + OFFSET + k], -self.entry[q + OFFSET + k]
+                        for axis in ti.static(range(3)):
+                            n, m = self.entry[o + axis * LANES + k], self.entry[q + axis * LANES + k]
+                            d += n * (points.position[axis][p] - c[axis])
+                            other += m * (points.position[axis][p] - b[axis])
+                            along += n * m
+                        self.yield_to(o + k, along, d, other)
+
+    @ti.func
+    def yield_to(self, at, along, d, other):
+        """What a plane at a distance d keeps free and holds, numbers from `at`, where another is `other` away, and the
+        cosine of their normals is `along`."""
+        middle = (other - along * d) / ti.max(1.0 - along, 0.1) - self.between[None]
+        yields = ti.min(ti.max(-2.0 * along, 0.0), 1.0) * ti.max(self.gap[None] - middle, 0.0)
+        self.entry[at + GAP] = ti.min(self.entry[at + GAP], self.gap[None] - yields)
+        holds = self.friction[None] * ti.max(1.0 - yields / SKIN, 0.0)
+        self.entry[at + RUBS] = ti.min(self.entry[at + RUBS], holds)

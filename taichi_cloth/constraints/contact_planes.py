@@ -16,7 +16,7 @@ from typing import Any
 
 import taichi as ti
 
-from taichi_cloth.constraints.contact_entries import ENTRY, FACED, GAP, OFFSET, Entries
+from taichi_cloth.constraints.contact_entries import ENTRY, FACED, GAP, OFFSET, RUBS, Entries
 from taichi_cloth.constraints.contact_surface import BOX
 from taichi_cloth.ground.arrays import F32x1, Float, I32x1, Int, Template
 from taichi_cloth.ground.routine import routine
@@ -154,11 +154,11 @@ class Planes(Entries):
         return ti.sqrt(least) - self.radius(i)
 
     @ti.func
-    def change(self, u, v, w, nx, ny, nz, push, pressed):
+    def change(self, u, v, w, nx, ny, nz, push, pressed, friction):
         """What a push along the normal changes, at a slip (u, v, w) [m], with friction of as much of it as presses."""
         along = u * nx + v * ny + w * nz
         u, v, w = u - along * nx, v - along * ny, w - along * nz
-        held = ti.min(self.friction[None] * pressed / ti.sqrt(u * u + v * v + w * w + 1e-30), 1.0)
+        held = ti.min(friction * pressed / ti.sqrt(u * u + v * v + w * w + 1e-30), 1.0)
         return push * nx - held * u, push * ny - held * v, push * nz - held * w
 
     @routine
@@ -184,7 +184,7 @@ class Planes(Entries):
             nx, ny, nz = nx + hit * (ax - nx), ny + hit * (ay - ny), nz + hit * (az - nz)
             push += hit * (depth + left * ti.max(-(u * ax + v * ay + w * az), 0.0))
         # The response there, all of it as of what presses.
-        u, v, w = self.change(u, v, w, nx, ny, nz, push, push)
+        u, v, w = self.change(u, v, w, nx, ny, nz, push, push, self.friction[None])
         for axis, more in ti.static(((0, u), (1, v), (2, w))):
             store(points.position[axis], a, load(points.position[axis], a) + more)
             store(points.step[axis], a, load(points.step[axis], a) + more)
@@ -327,6 +327,7 @@ class Planes(Entries):
                 self.refresh(points, part, packet, done)
             used = self.used[packet]
             if used != 0:
+                begun = e
                 if self.faces[packet] > 0:
                     self.face(points, part, packet)
                 for k in range(KEPT + 1):
@@ -335,6 +336,8 @@ class Planes(Entries):
                         if self.faces[packet] > 0:
                             self.give_way(points, e)
                         e += 1
+                if self.between[None] >= 0.0 and e - begun > 1:
+                    self.give_between(points, begun, e)
         self.entries[part * self.line] = e
 
     @ti.func
@@ -350,3 +353,4 @@ class Planes(Entries):
             store(self.entry, q + k * LANES, m[k, 0] * x + m[k, 1] * y + m[k, 2] * z)
         store(self.entry, q + OFFSET, load(self.plane, o + OFFSET))
         store(self.entry, q + GAP, 0.0 * x + self.gap[None])
+        store(self.entry, q + RUBS, 0.0 * x + self.friction[None])

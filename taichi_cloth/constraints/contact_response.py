@@ -6,7 +6,7 @@ primitive.
 
 import taichi as ti
 
-from taichi_cloth.constraints.contact_entries import ENTRY, GAP, OFFSET
+from taichi_cloth.constraints.contact_entries import ENTRY, GAP, OFFSET, RUBS
 from taichi_cloth.constraints.contact_planes import SLOTS, Planes
 from taichi_cloth.ground.arrays import Int, Template
 from taichi_cloth.ground.routine import routine
@@ -73,6 +73,7 @@ class Response(Planes):
         nx, ny, nz = ax + t[1] * az - t[2] * ay, ay + t[2] * ax - t[0] * az, az + t[0] * ay - t[1] * ax
         x, y, z = px - c[0], py - c[1], pz - c[2]
         d, gap = nx * x + ny * y + nz * z - load(self.entry, o + OFFSET), load(self.entry, o + GAP)
+        rubs = load(self.entry, o + RUBS)
         # The slip (u, v, w): the step less that of the surface there.
         u, v, w = dx - shift[0], dy - shift[1], dz - shift[2]
         x, y, z = x - 0.5 * u, y - 0.5 * v, z - 0.5 * w  # half-way along the step
@@ -82,7 +83,7 @@ class Response(Planes):
             w - turn[0] * y + turn[1] * x,
         )
         if ti.static(points.sums):
-            self.respond_anew(points, a, self.lanes_of(e, SUMS), again, gap - d, nx, ny, nz, u, v, w)
+            self.respond_anew(points, a, self.lanes_of(e, SUMS), again, gap - d, rubs, nx, ny, nz, u, v, w)
         else:
             # The push takes the approach whole, and of what was deep before `recovery`.
             depth = ti.max(gap - d, 0.0)
@@ -90,7 +91,7 @@ class Response(Planes):
             push = ti.min(depth, approach + self.recovery[None])
             pressed = ti.min(push, approach)
             out = push - pressed  # of what was deep before, and is no speed
-            x, y, z = self.change(u, v, w, nx, ny, nz, push, pressed)
+            x, y, z = self.change(u, v, w, nx, ny, nz, push, pressed, rubs)
             store(points.position[0], a, px + x)
             store(points.position[1], a, py + y)
             store(points.position[2], a, pz + z)
@@ -99,10 +100,10 @@ class Response(Planes):
             store(points.step[2], a, dz + z - out * nz)
 
     @ti.func
-    def respond_anew(self, points: Template, a, o, again, depth, nx, ny, nz, u, v, w):
+    def respond_anew(self, points: Template, a, o, again, depth, rubs, nx, ny, nz, u, v, w):
         """The same where it is asked several times in a substep: what the plane has pushed, pressed and rubbed in it so
         far, from o of `sum` on, may grow or be taken back. again: 0 the first time in a substep, then 1. depth: how far
-        they are inside what the plane keeps free [m]."""
+        they are inside what the plane keeps free [m]. rubs: µ."""
         # What it has done so far: the push, what of it pressed, and friction [m].
         had, held = again * load(self.sum, o), again * load(self.sum, o + LANES)
         fx, fy, fz = load(self.sum, o + 2 * LANES), load(self.sum, o + 3 * LANES), load(self.sum, o + 4 * LANES)
@@ -112,7 +113,7 @@ class Response(Planes):
         approach = ti.max(held - along, 0.0)
         push = ti.min(ti.max(had + depth, 0.0), approach + self.recovery[None])
         pressed = ti.min(push, approach)
-        gx, gy, gz = rub_anew(nx, ny, nz, pressed, self.friction[None], u, v, w, fx, fy, fz)
+        gx, gy, gz = rub_anew(nx, ny, nz, pressed, rubs, u, v, w, fx, fy, fz)
         store(self.sum, o, push)
         store(self.sum, o + LANES, pressed)
         store(self.sum, o + 2 * LANES, gx)

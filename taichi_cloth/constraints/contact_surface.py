@@ -31,14 +31,14 @@ class Row:
     SHIFT, TURN: of the anchor [m] and about it [rad], in a substep.
     RADIUS, LOW, HIGH: of the capsule around it: its radius, and its ends along the axis from the anchor [m].
     BOX: least and greatest corner of where it comes in the frame [m].
-    BONE: number of the bone that carries it.
+    BONE, LIMB: numbers of the bone that carries it and of the limb that it is of.
     COUNT: of numbers, with room to spare.
     """
 
     KIND, SIZES, SLIDE = 0, 1, 7
     ANCHOR, AXIS, ACROSS, SHIFT, TURN = 8, 11, 14, 17, 20
     RADIUS, LOW, HIGH = 23, 24, 25
-    BOX, BONE, COUNT = 26, 32, 40
+    BOX, BONE, LIMB, COUNT = 26, 32, 33, 40
 
 
 SETTINGS = (
@@ -151,6 +151,10 @@ class BodySurface:
     @ti.func
     def bone(self, i):
         return int(self.row[i * Row.COUNT + Row.BONE])
+
+    @ti.func
+    def limb(self, i):
+        return int(self.row[i * Row.COUNT + Row.LIMB])
 
     # Of primitive i, where it was when poses were last worked out.
     @ti.func

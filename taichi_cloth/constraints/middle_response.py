@@ -34,7 +34,8 @@ def respond(surface: Template, points: Template, i, p, q, plane, offset, since):
         approach = ti.max(-u.dot(normal), 0.0)
         push = ti.min(depth, approach + surface.recovery[None])
         pressed = ti.min(push, approach)
-        move = surface.change(u[0], u[1], u[2], normal[0], normal[1], normal[2], push, pressed)
+        friction = surface.friction[None]
+        move = surface.change(u[0], u[1], u[2], normal[0], normal[1], normal[2], push, pressed, friction)
         out = (push - pressed) * normal
         # Both ends by shares of their inverse masses; what was deep before is no speed.
         here = 2.0 * points.inverse_mass[p] / (points.inverse_mass[p] + points.inverse_mass[q])

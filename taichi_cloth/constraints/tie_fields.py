@@ -10,7 +10,7 @@ from taichi_cloth.ground.routine import routine
 from taichi_cloth.motion.stencil import load, nothing, store
 from taichi_cloth.sheet.sheet import LANES
 
-__all__ = ["ALLOWED", "NODES", "PATH", "USUAL", "TieFields"]
+__all__ = ["ALLOWED", "MOST", "NODES", "PATH", "USUAL", "TieFields"]
 
 NODES = 8
 SHARE = NODES
@@ -18,9 +18,10 @@ ROW = 2 * NODES
 """Numbers of a tie that stay: weights, shares w/m / Σ w²/m."""
 ALLOWED = 6
 USUAL = ALLOWED + 2
-PATH = USUAL + 3
+MOST = USUAL + 3
+PATH = MOST + 1
 """Numbers of a tie for a frame: target at its start [m] and how far it moves, width allowed at its start [m] and how
-that changes, and what it is usually pushed by in a substep [m]."""
+that changes, what it is usually pushed by in a substep, and what it bears in one at most [m]."""
 
 FRESH, PUSHED = -1, -2
 """In place of how many ties are listed, in a substep: nothing was done yet; what those before were pushed by."""
@@ -45,6 +46,8 @@ class TieFields:
     """Room for so many ties, for what they are to do in a frame, and for so many threads beside them.
 
     usual, apart, push: LANES numbers of each tie, of which the first three are [m] of places, the next three of steps.
+    borne, slid: as many numbers of ties to places: what they have pushed by in this substep, and how far their places
+    have gone along in this frame.
     point, point_begin: key points that ties move, and where those of each begin in `of`, with their shares in `share`.
     answer: of the matrix row after row what is not negligible, `other` its columns, answer_begin where rows begin.
     """
@@ -56,6 +59,7 @@ class TieFields:
         self.row, self.path = ti.field(ti.f32, (capacity, ROW)), ti.field(ti.f32, (capacity + 1, PATH))
         self.node = ti.field(ti.i32, (capacity, NODES))
         self.usual, self.apart, self.push = (ti.field(ti.f32, LANES * capacity) for _ in range(3))
+        self.borne, self.slid = (ti.field(ti.f32, LANES * (1 if repeated else capacity)) for _ in range(2))
         self.points: Any = ti.field(ti.i32, ())
         self.point, self.of, self.share = (ti.field(kind, NODES * capacity) for kind in (ti.i32, ti.i32, ti.f32))
         self.point_begin: Any = _begins(NODES * capacity)
@@ -77,6 +81,16 @@ class TieFields:
             for c in range(3):
                 self.usual[k * LANES + c] = path[k, USUAL + c]
                 self.usual[k * LANES + 3 + c] = path[k, USUAL + c]
+        if ti.static(not self.repeated):
+            for e in range(LANES * (path.shape[0] - 1)):
+                self.borne[e] = self.slid[e] = 0.0
+
+    @ti.kernel
+    def give_slid(self, slid: F32x2):
+        """How far places have gone along in this frame, (3, ties) [m]."""
+        ti.loop_config(serialize=True)
+        for c, k in ti.ndrange(slid.shape[0], slid.shape[1]):
+            slid[c, k] = self.slid[k * LANES + c]
 
     @ti.kernel
     def give(self, usual: F32x2):
@@ -119,6 +133,8 @@ class TieFields:
         """Every tie, the first time in a substep; from then on those that were much too wide, one after the other."""
         # How much of the frame is over.
         share = ti.cast(done + 1, ti.f32) * self.path[self.capacity, 1]
+        if ti.static(not self.repeated) and self.wide[None] < 0:
+            self.slide(points, share)
         if ti.static(points.sums and self.repeated) and self.wide[None] == FRESH:
             self.move_all(points, self.usual)
             self.wide[None] = PUSHED
@@ -182,6 +198,10 @@ class TieFields:
             for e in range(self.answer_begin[k], self.answer_begin[k + 1]):
                 together += self.answer[e] * load(self.apart, points.lanes(self.other[e] * LANES))
             store(self.push, points.lanes(k * LANES), together)
+            if ti.static(not self.repeated):
+                borne = self.bear(k, ti.Vector([self.push[k * LANES + c] for c in ti.static(range(6))]))
+                for c in ti.static(range(6)):
+                    self.push[k * LANES + c] = borne[c]
         self.move_all(points, self.push)
         for k in range(count):  # pyright: ignore[reportArgumentType]
             self.learn(points, k, ti.Vector([self.push[k * LANES + c] for c in ti.static(range(6))]))
@@ -206,6 +226,8 @@ class TieFields:
         for c in ti.static(range(3)):
             out[c] = -self.path[k, c] - share * self.path[k, 3 + c]
             out[3 + c] = -moved * self.path[k, 3 + c]
+            if ti.static(not self.repeated):
+                out[c] -= self.slid[k * LANES + c]
         for j in ti.static(range(NODES)):
             p, weight = self.node[k, j], self.row[k, j]
             for c in ti.static(range(3)):
@@ -221,6 +243,34 @@ class TieFields:
             for c in ti.static(range(3)):
                 points.position[c][p] -= f * push[c]
                 points.step[c][p] -= f * push[3 + c]
+
+    @ti.func
+    def bear(self, k, push):
+        """Of what tie k to a place is to be pushed by, as much as it bears beside what it has borne in this substep."""
+        out, most = ti.Vector([0.0] * 6), self.path[k, MOST]
+        for part in ti.static((0, 3)):
+            whole = ti.Vector([push[part + c] + self.borne[k * LANES + part + c] for c in ti.static(range(3))])
+            whole *= ti.min(1.0, most / ti.max(whole.norm(), 1e-15))
+            for c in ti.static(range(3)):
+                out[part + c] = whole[c] - self.borne[k * LANES + part + c]
+                self.borne[k * LANES + part + c] = whole[c]
+        return out
+
+    @ti.func
+    def slide(self, points: Template, share):
+        """Before anything is pushed in a substep: places of ties that bore all they can have gone along to where the
+        substep before left them (Coulomb)."""
+        for k in range(ti.cast(self.path[self.capacity, 0], ti.i32)):  # pyright: ignore[reportArgumentType]
+            longest = 0.0
+            for part in ti.static((0, 3)):
+                borne = ti.Vector([self.borne[k * LANES + part + c] for c in ti.static(range(3))])
+                longest = ti.max(longest, borne.norm())
+            apart = self.measure(points, k, share)
+            for c in ti.static(range(3)):
+                if longest > 0.999 * self.path[k, MOST]:
+                    self.slid[k * LANES + c] += apart[c] - apart[3 + c]
+            for c in ti.static(range(6)):
+                self.borne[k * LANES + c] = 0.0
 
     @ti.func
     def wanted(self, points: Template, k, share):
@@ -245,6 +295,8 @@ class TieFields:
     def close(self, points: Template, k, share):
         """Closes tie k to the width allowed after this share of the frame. Returns whether it was wider by SLACK."""
         push, wide = self.wanted(points, k, share)
+        if ti.static(not self.repeated):
+            push = self.bear(k, push)
         self.move(points, k, push)
         self.learn(points, k, push)
         return wide

@@ -24,6 +24,9 @@ late does, and shake it.
 A gap wider than CLOSED shrinks at a set speed instead, so that panels are drawn together, and loses no
 more of its steps than it grows. Holds come before contact, which has the last word: they close what a step has opened,
 and draw at a set speed only beyond that.
+
+What the body holds it holds by friction: a tie to a place bears a force up to `most`, and beyond that its place goes
+along with the cloth, and stays there.
 """
 
 import numpy as np
@@ -32,7 +35,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from taichi_cloth.constraints.beside_ties import LINKS, beside
-from taichi_cloth.constraints.tie_fields import ALLOWED, NODES, PATH, USUAL, TieFields
+from taichi_cloth.constraints.tie_fields import ALLOWED, MOST, NODES, PATH, USUAL, TieFields
 from taichi_cloth.ground.arrays import Template
 from taichi_cloth.ground.cache import digest
 from taichi_cloth.ground.errors import InputError
@@ -79,6 +82,7 @@ class Ties(SharedConstraint):
     it has a place. speed: at which gaps are closed [m/s].
     places: (n, 3) [m] at rest for a tie to a place, NaN for one between two points; None: all of the latter.
     bones: (n,) the bone that carries each place, −1 for none; None: none are carried.
+    most: (n,) [N] that a tie to a place bears before that slides; None: any force.
     repeated: in turn with the strain limit, after contact; otherwise they give way to contact.
 
     Raises InputError on shapes that differ or no ties.
@@ -90,6 +94,7 @@ class Ties(SharedConstraint):
     step: float
     reach: float
     gain: float
+    _at_end: F64 | None
 
     def __init__(
         self,
@@ -100,6 +105,7 @@ class Ties(SharedConstraint):
         speed: float = 0.5,
         places: F64 | None = None,
         bones: NDArray[np.int64] | None = None,
+        most: F64 | None = None,
         repeated: bool = True,
     ) -> None:
         n, m = weights.shape
@@ -108,7 +114,7 @@ class Ties(SharedConstraint):
             raise InputError(f"ties: nodes and weights of shapes {shapes}; allowed: (n, m, 2) and (n, m), m at most 8")
         self.count, self.speed, self.repeated = n, speed, repeated
         self.least = LEARNT * min(sheet.springs.spacing_x, sheet.springs.spacing_y)
-        self.keeps = -(-3 * n // sheet.padded(sheet.present).size) if repeated else 0
+        self.keeps = -(-3 * n // sheet.padded(sheet.present).size) if repeated or most is not None else 0
         self.index = np.zeros((n, NODES), np.int32)
         self.weight = np.zeros((n, NODES), np.float32)
         self.index[:, :m] = (nodes[..., 0] + PAD) * sheet.width + nodes[..., 1]
@@ -122,6 +128,8 @@ class Ties(SharedConstraint):
         inverse = sheet.padded(sheet.inverse_mass).reshape(-1)[self.index]
         compliance = (self.weight.astype(np.float64) ** 2 * inverse).sum(axis=1, keepdims=True)
         self.share = self.weight * inverse / np.where(compliance > 0, compliance, np.inf)
+        self.most = None if most is None else np.asarray(most, np.float64)
+        self._yields, self._at_end = compliance[:, 0], None
         self.blend = self.weight.astype(np.float64)
         self.answer = self._answer(inverse, compliance) if n <= MOST_AT_ONCE else None
         self.beside = beside(sheet, self.index, self.weight)
@@ -155,11 +163,15 @@ class Ties(SharedConstraint):
         return points, tie[order].astype(np.int32), self.share[tie, node][order].astype(np.float32)
 
     def made_of(self) -> str:
-        return digest(self.index, self.weight, self.share, self.places, self.bones, self.reach, self.repeated)
+        most = () if self.most is None else self.most
+        return digest(self.index, self.weight, self.share, self.places, self.bones, self.reach, self.repeated, most)
 
-    def targets(self, bones: F64 | None) -> F64:
-        """Places (n, 3) [m] with the bones there, (bones, 4, 4) or None for rest; 0 for ties between two points."""
+    def targets(self, bones: F64 | None, state: SheetState | None = None) -> F64:
+        """Places (n, 3) [m] with the bones there, (bones, 4, 4) or None for rest; 0 for ties between two points. state:
+        which tells how far they have slid."""
         out = np.where(self.held[:, None], self.places, 0.0)
+        if state is not None and self.most is not None:
+            out += self._kept(state).T
         carried = self.held & (self.bones >= 0)
         if bones is not None and carried.any():
             moved = bones[self.bones[carried]]
@@ -168,7 +180,7 @@ class Ties(SharedConstraint):
 
     def gaps(self, state: SheetState, bones: F64 | None = None) -> F64:
         """Width of each gap (n,) [m]."""
-        return self._widths(state, self.targets(bones))
+        return self._widths(state, self.targets(bones, state))
 
     def _widths(self, state: SheetState, targets: F64) -> F64:
         flat = state.values[:3].reshape(3, -1)
@@ -180,21 +192,26 @@ class Ties(SharedConstraint):
         self.gain = min(step / FOLLOWING, 1.0)
 
     def rescale(self, state: SheetState, share: float) -> None:
-        if self.keeps:
-            self._usual(state)[:] *= share * share
+        if self.repeated:
+            self._kept(state)[:] *= share * share
 
     def pushes(self, state: SheetState) -> NDArray[np.float32]:
         """What keeps each tie closed beside what it finds open, (3, ties) [m/s²]: 0 of what is held to a place."""
-        return self._usual(state) / self.step**2 if self.keeps else np.zeros((3, self.count), np.float32)
+        return self._kept(state) / self.step**2 if self.repeated else np.zeros((3, self.count), np.float32)
 
     def push(self, state: SheetState, pushes: NDArray[np.float32]) -> None:
         """Begins with `pushes` of another simulation of the same ties, so that nothing springs when it starts."""
-        if self.keeps:
-            self._usual(state)[:] = pushes * self.step**2
+        if self.repeated:
+            self._kept(state)[:] = pushes * self.step**2
 
-    def _usual(self, state: SheetState) -> NDArray[np.float32]:
-        """What each tie is usually pushed by in a substep, a view (3, ties) [m]."""
-        return state.values[-self.keeps :].reshape(-1)[: 3 * self.count].reshape(3, self.count)
+    def slid(self, state: SheetState) -> NDArray[np.float32]:
+        """How far each place has slid on what carries it, in its axes at rest, (3, ties) [m]."""
+        return np.zeros((3, self.count), np.float32) if self.most is None else self._kept(state)
+
+    def _kept(self, state: SheetState) -> NDArray[np.float32]:
+        """What each tie is usually pushed by in a substep, or how far its place has slid, a view (3, ties) [m]."""
+        last = len(state.values) - self.kept_behind
+        return state.values[last - self.keeps : last].reshape(-1)[: 3 * self.count].reshape(3, self.count)
 
     def fill(self, state: SheetState) -> None:
         row = np.concatenate([self.weight, self.share], axis=1).astype(np.float32)
@@ -205,26 +222,35 @@ class Ties(SharedConstraint):
     def begin(self, state: SheetState, forces: FrameForces) -> None:
         super().begin(state, forces)
         frame, fields = forces.body, self.fields
-        start = self.targets(frame.start if frame else None)
-        end = self.targets(frame.end if frame else None)
+        start = self.targets(frame.start if frame else None, state)
+        end = self.targets(frame.end if frame else None, state)
+        self._at_end = frame.end if frame else None
         now = self._widths(state, start)
         path = np.zeros((self.count + 1, PATH), np.float32)
         path[:-1, :3], path[:-1, 3:ALLOWED] = start, end - start
         allowed = np.where((now > CLOSED) & self.repeated, now, 0.0)
         path[:-1, ALLOWED] = allowed
         path[:-1, ALLOWED + 1] = np.maximum(allowed - self.reach, 0.0) - allowed
-        if self.keeps:
-            path[:-1, USUAL:] = self._usual(state).T
+        if self.repeated:
+            path[:-1, USUAL:MOST] = self._kept(state).T
+        path[:-1, MOST] = 1e9 if self.most is None else self.most * self._yields * self.step**2
         most = np.inf if self.repeated else self.reach / self.substeps
         drawn = float((now <= CLOSED).all())
         path[-1, :7] = self.count, 1.0 / self.substeps, most, self.gain, self.least, drawn, 1.0 / (MOVING * self.step)
         fields.take(path)
 
     def end(self, state: SheetState) -> None:
-        if self.keeps:
-            usual = np.empty((3, self.count), np.float32)
-            self.fields.give(usual)
-            self._usual(state)[:] = usual
+        given = np.empty((3, self.count), np.float32)
+        if self.repeated:
+            self.fields.give(given)
+            self._kept(state)[:] = given
+        elif self.most is not None:
+            self.fields.give_slid(given)
+            carried = self.held & (self.bones >= 0)
+            if self._at_end is not None and carried.any():  # back to the axes of what carries them, at rest
+                turn = self._at_end[self.bones[carried], :3, :3]
+                given[:, carried] = np.einsum("nji,jn->in", turn, given[:, carried])
+            self._kept(state)[:] += given
 
     @ti.func
     def before(self, points: Template, done, n: Template):

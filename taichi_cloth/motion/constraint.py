@@ -44,7 +44,8 @@ class Constraint:
     clock: the solver's, see `KernelSolver`.
     known_as: in a line that says what a device lacks.
     keeps: planes of the state, as large as one of positions, that it uses as it likes, by `begin`, `end` and `rescale`.
-    They are the last of the state. At most one constraint of a solver may.
+    They are the last of the state, in the order of the constraints. kept_behind: planes of those after it, said by the
+    solver.
     """
 
     answers = ""
@@ -56,6 +57,7 @@ class Constraint:
     let_off = 0
     remembers = 0
     keeps = 0
+    kept_behind = 0
     spreads = False
     spread = False
     clock: Any = None

@@ -84,8 +84,10 @@ class KernelSolver(Solver):
     ) -> None:
         self.sheet, self.forces, self.frame_rate, self.constraints = sheet, forces, frame_rate, constraints
         self.clock = _clock[-1]
-        for one in constraints:
-            one.clock = self.clock
+        behind = 0
+        for one in reversed(constraints):
+            one.clock, one.kept_behind = self.clock, behind
+            behind += one.keeps
         for name in ("body", "strain_limit", "self_contact"):
             if (
                 getattr(forces, name) is not None

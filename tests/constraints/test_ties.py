@@ -2,14 +2,19 @@
 
 import numpy as np
 import pytest
-from strips import NOTHING, PLAIN, simulate
+from strips import COLS, NOTHING, PLAIN, simulate, strip
 
 from taichi_cloth.constraints.beside_ties import PULL
+from taichi_cloth.constraints.constraints_for import constraints_for
 from taichi_cloth.constraints.tie_fields import TieFields
 from taichi_cloth.constraints.ties import CLOSED, Ties
+from taichi_cloth.motion.forces import Forces
+from taichi_cloth.motion.simulation import Simulation
 from taichi_cloth.sheet.energy import elastic_energy, kinetic_energy
 from taichi_cloth.sheet.sheet import PAD, Sheet
 from taichi_cloth.sheet.springs import calibrate
+from taichi_cloth.solvers.verlet import Verlet
+from taichi_cloth.solvers.yarns import Yarns
 
 TIES = 40
 
@@ -94,3 +99,27 @@ def test_threads_wait_until_all_seams_are_closed(strips, monkeypatch):
     for positions in (joined(sheet), apart):
         ties.begin(sheet.state(positions, ties.keeps), NOTHING.during(0.0, 1 / 60))
     assert drawn == [1.0, 0.0]
+
+
+@pytest.mark.parametrize("share", [2.5, 0.6])
+@pytest.mark.parametrize("solver", [Verlet, Yarns])
+def test_what_hangs_on_more_than_its_holds_bear_slides(share, solver):
+    """A strip by its upper edge, of holds that bear so many times its weight between them: it hangs, or slides at what
+    is left of gravity (Coulomb). Where they have gone stays with the state."""
+    sheet = strip(rows=9, length=0.08)
+    forces = Forces(gravity=(0.0, -9.81, 0.0))
+    nodes = np.array([[[0, c]] for c in range(COLS)])
+    x = sheet.flat() * np.array([1.0, -1.0, 1.0])
+    most = share * 9.81 * sheet.mass.sum() * np.array([0.25, 0.5, 0.25])
+    ties = Ties(sheet, nodes, np.ones((COLS, 1)), places=x[0], most=most, repeated=False)
+    constraints = constraints_for(sheet, forces, ties=(ties,))
+    simulation = Simulation(
+        sheet, solver(sheet, forces, frame_rate=60.0, constraints=constraints), forces=forces, positions=x
+    )
+    for _ in range(30):
+        simulation.step()
+    fallen = float((x - simulation.positions)[0, :, 1].mean())
+    expected = max(0.0, 1.0 - share) * 9.81 * 0.5**2 / 2
+    assert fallen == pytest.approx(expected, rel=0.03, abs=2e-5)
+    slid = ties.slid(simulation.state)
+    assert slid[1] == pytest.approx(-expected, rel=0.03, abs=2e-5)

@@ -12,7 +12,7 @@ from taichi_cloth.body.primitives.primitives import Primitive
 from taichi_cloth.body.skin.names import JOINTS
 from taichi_cloth.garment.pattern.cut import cut
 from taichi_cloth.garment.pattern.pattern import Flat, Panel, Pattern
-from taichi_cloth.garment.sewn.limbs import LIMBS, bearer, spared
+from taichi_cloth.garment.sewn.limbs import LIMBS, bearer, limb_of_bones, spared
 from taichi_cloth.motion.forces import Forces
 from taichi_cloth.sheet.sheet import Sheet
 from taichi_cloth.sheet.springs import calibrate
@@ -148,18 +148,18 @@ def test_cloth_between_an_arm_and_the_chest_is_not_torn(sparing):
         assert largest > 0.02
 
 
-@pytest.mark.parametrize("between", [None, 5e-4])
-def test_limbs_that_face_each_other_give_way_to_cloth_between_them(between):
-    """A patch lies on one limb; another, which it does not meet, reaches 6 mm into that from above. It lies at the gap,
-    or as far from the middle between both as these leave it."""
+@pytest.mark.parametrize(("between", "both"), [(None, False), (5e-4, False), (5e-4, True)])
+def test_limbs_that_face_each_other_give_way_to_cloth_between_them(between, both):
+    """A patch lies on one limb; another, which it does not meet or meets as well, reaches 6 mm into that from above. It
+    lies at the gap, or as far from the middle between both as these leave it."""
     sheet = patches(np.ones((ROWS - 1, COLS - 1), bool))
     positions = sheet.flat()[..., [0, 2, 1]] + [-0.12, 0.002, -0.04]
     chest, arm = (
         Primitive(kind="sphere", start=y * UP, end=y * UP, radii=(5.0, 5.0), bone=bone)
         for y, bone in ((-5.0, CHEST), (4.994, ARM))
     )
-    bits = np.full((ROWS, COLS), 1 << ARM, np.int32)
-    body = Colliders(primitives=(chest, arm), gap=0.001, spared=bits, between=between)
+    bits = np.full((ROWS, COLS), 0 if both else 1 << ARM, np.int32)
+    body = Colliders(primitives=(chest, arm), gap=0.001, spared=bits, between=between, limbs=limb_of_bones())
     simulation = simulate(sheet, forces=Forces(body=body), positions=positions)
     for _ in range(8):
         simulation.step()

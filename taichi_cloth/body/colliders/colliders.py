@@ -59,8 +59,10 @@ class Colliders:
     get no speed by it [m/s].
     spared: (rows, cols) int32 of one sheet's key points, bits 1 << bone of the bones that each does not meet
     (`garment/limbs.py`); None: all meet all, and nothing is spent on it.
-    between: where key points that do not meet one limb lie between it and another that they meet, how far from the
-    middle these leave them at least, and give way themselves [m]; None: each keeps out what it meets.
+    between: where key points lie between two limbs that face each other, how far from the middle those leave them at
+    least, and give way themselves [m]; None: each keeps out what it meets.
+    limbs: of each bone the number of the limb that it is of; empty: all are one, and only those give way that face one
+    which key points do not meet.
     """
 
     primitives: tuple[Primitive, ...] = ()
@@ -73,6 +75,7 @@ class Colliders:
     recovery: float = 1.0
     spared: NDArray[np.int32] | None = field(default=None, repr=False)
     between: float | None = None
+    limbs: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.primitives and not self.grids:
@@ -124,7 +127,7 @@ class Colliders:
         """A hash of what cloth meets. Of a motion that has no name, where it leads in the first seconds."""
         moves = [self.name] if self.name or self.motion is None else [self.at(t) for t in (0.0, 0.1, 0.37, 1.0, 2.3)]
         grids = [(g.origin, g.spacing, g.values, g.part, g.bone) for g in self.grids]
-        spared = tuple(one for one in (self.spared, self.between) if one is not None)
+        spared = tuple(one for one in (self.spared, self.between, self.limbs or None) if one is not None)
         return digest(
             list(self.primitives), grids, moves, self.friction, self.gap, list(self.beyond), self.recovery, *spared
         )

@@ -25,6 +25,7 @@ UP = np.array([0.0, 1.0, 0.0])
 FRONT = np.array([0.0, 0.0, 1.0])
 CLEAR = 0.012  # between the body and a panel where it starts [m]
 SNUG = 0.007  # between the body and a waistband [m]
+SEAT = 0.04  # by which the back of trousers is higher at its middle [m]
 BEND = 0.02  # radius of the bend by which forks lie between the legs [m]
 
 
@@ -248,7 +249,7 @@ def _dress(f: Figure, cut: Cut) -> Pattern:
 
 def _trousers(f: Figure, cut: Cut) -> Pattern:
     """Two fronts and two backs; y = 0 at the waist. The fork is 0.06 (front) and 0.13 (back) of the hip, 3.5 cm below
-    the crotch."""
+    the crotch; the back rises at its middle, as the way over the seat grows where a person sits."""
     ease = 1 + _set(cut.ease, 0.08)
     down = f.waist_height - f.crotch_height + 0.035
     long = _set(cut.length, f.waist_height - 0.05)
@@ -264,15 +265,16 @@ def _trousers(f: Figure, cut: Cut) -> Pattern:
             hip, top, hem = f.hip * ease * share, waist * share, f.thigh * 0.42
             crotch = fork * f.hip * ease
             middle = hip / 2 + 0.25 * crotch - crotch / 2  # of the leg
+            rise = SEAT if name == "back" else 0.0
             # x from the centre line of the body outwards; the loop: hem, outer side, waist, centre, inner leg
             outer = bezier([(middle + hem / 2, -long), (hip, -0.62 * long), (hip * 1.02, -down * 0.6), (top, 0.0)])
-            centre = bezier([(0.0, 0.0), (0.0, -0.55 * down), (0.0, -0.97 * down), (-crotch, -down)])
+            centre = bezier([(0.0, rise), (0.0, -0.55 * down), (0.0, -0.97 * down), (-crotch, -down)])
             inside = middle - hem / 2
             inner = bezier([(-crotch, -down), (-crotch * 0.55, -down - 0.1), (inside, -0.6 * long), (inside, -long)])
             edges = [
                 _line((inside, -long), (inside + hem, -long)),
                 outer,
-                _line((top, 0.0), (0.0, 0.0)),
+                _line((top, 0.0), (0.0, rise)),
                 centre,
                 inner,
             ]

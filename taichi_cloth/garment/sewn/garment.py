@@ -36,6 +36,11 @@ LIGHTEST = 2.0
 the lattice. What lies beyond the outline is then the centimetre of cloth that a seam allows. With half of that, what
 seams pull at is four times as light as the cloth beside it, and its threads set the step."""
 
+BAND = 20.0
+"""Tension of a waistband that is worn [N]: it presses on the body, round which it goes in a circle, by that over its
+radius, and bears by friction µ times that of each metre of it; 44 N/m of a waist of 0.85 m at µ = 0.3. Beyond that it
+slides: of trousers that are sat down in the waistband comes down at the back."""
+
 LAG = 3e-5  # [s] least damping of the threads: what seams and skin strike dies out in a few milliseconds
 
 
@@ -152,6 +157,18 @@ class Garment:
             return np.zeros((0, 4, 2), np.int64), np.zeros((0, 4)), np.zeros((0, 3))
         return np.concatenate(nodes), np.concatenate(weights), np.concatenate(places)
 
+    def borne(self, friction: float) -> F64:
+        """What each point of `holds` bears before it slides (n,) [N], see BAND. friction: Coulomb's µ."""
+        each = []
+        for hold in self.pattern.holds:
+            along_edge = length(self.pattern.edge(hold.side))
+            parts = max(1, int(np.ceil(along_edge / max(self.atlas.spacing))))
+            share = np.full(parts + 1, along_edge / parts)
+            share[[0, -1]] /= 2
+            each.append(share)
+        metres = np.concatenate(each) if each else np.zeros(0)
+        return friction * BAND * 2 * np.pi / max(metres.sum(), 1e-9) * metres
+
     def _embedded(self, side: Side, points: F64) -> tuple[I64, F64]:
         piece = self.atlas.panel(side.panel)
         return piece.embed(turned(points, piece.panel.grain))
@@ -159,21 +176,26 @@ class Garment:
     def ties(
         self, sheet: Sheet, bones: NDArray | None, speed: float, body: Colliders | None = None
     ) -> tuple[Ties, ...]:
-        """Holds, carried by `bones` (n,) or none, and seams, where there are any, but for ties of two points that are
-        held. A garment without holds has one that holds nothing, so that its kernel is that of all garments.
+        """Holds and seams, where there are any. bones: (n,) that carry holds, which slide then (`borne`); None: none
+        do, nothing slides, and seams are without ties of two points that are held. A garment without holds has one that
+        holds nothing, so that its kernel is that of all garments.
 
         What is held keeps the gap to the body at rest: held within, it would be drawn in and pushed out in every
         substep, and key points beside it flip to and fro by a millimetre.
         """
         seams, seam_weights = self.seams()
         nodes, weights, places = self.holds()
-        seams, seam_weights = seams[self.asked], seam_weights[self.asked]
+        most = None
+        if bones is None:
+            seams, seam_weights = seams[self.asked], seam_weights[self.asked]
+        elif body is not None and len(nodes):
+            most = self.borne(body.friction)
         if not len(nodes):
             nodes, weights, places = np.zeros((1, 4, 2), np.int64), np.zeros((1, 4)), np.zeros((1, 3))
             bones = None
         elif body is not None:
             places = body.let_out(places)
-        out = [Ties(sheet, nodes, weights, speed=speed, places=places, bones=bones, repeated=False)]
+        out = [Ties(sheet, nodes, weights, speed=speed, places=places, bones=bones, most=most, repeated=False)]
         if len(seams):
             out.append(Ties(sheet, seams, seam_weights, speed=speed))
         return tuple(out)
@@ -211,7 +233,9 @@ class Garment:
         simulation = Simulation(sheet, made, forces=forces, positions=positions, settled=settled)
         if pushes is not None and pushes.size:
             for seam in seams_of(simulation):
-                seam.push(simulation.state, pushes)
+                whole = np.zeros((3, seam.count), np.float32)
+                whole[:, self.asked if seam.count == len(self.asked) else slice(None)] = pushes
+                seam.push(simulation.state, whole)
         if isinstance(made, Yarns) and sweeps:
             made.take_sweeps(sweeps)
         if anchors is not None and anchors.size:

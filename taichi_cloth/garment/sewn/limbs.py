@@ -21,7 +21,7 @@ from taichi_cloth.body.primitives.primitives import Primitive
 from taichi_cloth.body.skin.names import JOINTS
 from taichi_cloth.garment.pattern.cut import Atlas
 
-__all__ = ["LIMBS", "bearer", "spared"]
+__all__ = ["LIMBS", "bearer", "limb_of_bones", "spared"]
 
 F64 = NDArray[np.float64]
 
@@ -47,6 +47,12 @@ FOLD, HIDDEN = 0.075, 0.05
 """From both of two limbs with a fold between them, at rest, within which cloth in motion meets its own alone, and
 within which it hides in the fold [m]. Hidden farther out, an arm that comes down shows through the front of its sleeve;
 within 40 mm alone, the paper's T-shirt has threads of 3.5 % and twice the sweeps, within 25 mm any has 5 %."""
+
+
+def limb_of_bones() -> tuple[int, ...]:
+    """Of each bone the number of its limb in LIMBS, or one of its own."""
+    of = {name: number for number, names in enumerate(LIMBS.values()) for name in names}
+    return tuple(of.get(name, len(LIMBS) + k) for k, name in enumerate(JOINTS))
 
 
 def bearer(places: NDArray, primitives: Sequence[Primitive]) -> int:
