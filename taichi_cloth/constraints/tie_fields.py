@@ -247,13 +247,14 @@ class TieFields:
     @ti.func
     def bear(self, k, push):
         """Of what tie k to a place is to be pushed by, as much as it bears beside what it has borne in this substep."""
-        out, most = ti.Vector([0.0] * 6), self.path[k, MOST]
+        out, most = ti.Vector([push[c] for c in ti.static(range(6))]), self.path[k, MOST]
         for part in ti.static((0, 3)):
             whole = ti.Vector([push[part + c] + self.borne[k * LANES + part + c] for c in ti.static(range(3))])
-            whole *= ti.min(1.0, most / ti.max(whole.norm(), 1e-15))
+            share = most / ti.max(whole.norm(), 1e-15)
             for c in ti.static(range(3)):
-                out[part + c] = whole[c] - self.borne[k * LANES + part + c]
-                self.borne[k * LANES + part + c] = whole[c]
+                if share < 1.0:
+                    out[part + c] = share * whole[c] - self.borne[k * LANES + part + c]
+                self.borne[k * LANES + part + c] = ti.min(share, 1.0) * whole[c]
         return out
 
     @ti.func
