@@ -62,7 +62,10 @@ def garment_stages(scene: Scene) -> tuple[dict[str, str], dict[str, str], int, S
         built |= more_built
         left |= more_left
     if section.pattern not in CLEAR and "self_contact" not in (scene.forces or ForcesSection()).model_fields_set:
-        left[LAYERS] = "garments of this pattern may start through themselves; forces.self_contact={} asks for it"
+        left[LAYERS] = (
+            "garments of this pattern may start through themselves, and are sewn with it only where they would not fit "
+            "else; forces.self_contact={} asks for it"
+        )
     cloth, prepared = None, None
     if section.representation == "fibre":
         prepared = prepare_garment(scene, atlas)

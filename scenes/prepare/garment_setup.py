@@ -21,19 +21,20 @@ from taichi_cloth.garment.pattern.garmentcode import read_garmentcode
 from taichi_cloth.garment.pattern.measure import figure_of
 from taichi_cloth.garment.pattern.pattern import Pattern
 from taichi_cloth.garment.sewn.garment import Garment
+from taichi_cloth.garment.sewn.lies import CROSSED
 from taichi_cloth.garment.sewn.limbs import bearer, limb_of_bones, spared
 from taichi_cloth.garment.sewn.sew import RECOVERY, Worn, sew
 from taichi_cloth.garment.sewn.weaving import crossings_shape
 from taichi_cloth.ground.cache import digest, kept
 from taichi_cloth.ground.errors import InputError
-from taichi_cloth.motion.forces import Forces
+from taichi_cloth.motion.forces import Forces, SelfContact
 from taichi_cloth.motion.simulation import Simulation
 from taichi_cloth.sheet.materials import Material
 from taichi_cloth.solvers.choice import Choice
 
 from ..scene.body_section import BodySection, prepare_body, prepare_motion
 from ..scene.cloth_schema import SolverSection
-from ..scene.garment_schema import GarmentSection
+from ..scene.garment_schema import CLEAR, GarmentSection
 from ..scene.schema import FabricSection, Scene, WeavePatch
 from ..scene.section import PATTERN_FILE
 from .body_setup import grids_of, primitives_of
@@ -58,10 +59,11 @@ __all__ = [
     "motion_of",
     "own_drafts",
     "prepare_garment",
+    "sewn_with",
     "woven_garment",
 ]
 
-VERSION = 40
+VERSION = 42
 """Of what is kept on disk: raised whenever the same scene would come to another rest."""
 
 BETWEEN, FOLDED = 2.0, 0.125
@@ -126,18 +128,31 @@ def dress(scene: Scene, each: Progress | None = None) -> Dressed:
     parts = dressed_parts(scene)
     colliders = garment_colliders(scene, parts)
     forces = garment_forces(scene, parts)
-    limit, layers = forces.strain_limit, forces.self_contact
+    limit, (layers, allowed) = forces.strain_limit, sewn_with(scene, parts)
     solver = garment_choice(scene, parts).name
-    made_of = digest(VERSION, solver, parts.garment, limit, layers, colliders.made_of(), list(parts.primitives))
+    known = VERSION, solver, parts.garment, limit, layers, allowed
+    made_of = digest(*known, colliders.made_of(), list(parts.primitives))
 
     def make() -> dict[str, np.ndarray]:
-        worn = sew(parts.garment, colliders, limit=limit, layers=layers, solver=solver, each=each)
+        worn = sew(parts.garment, colliders, limit=limit, layers=layers, allowed=allowed, solver=solver, each=each)
         return {name: np.asarray(getattr(worn, name)) for name in Worn.__dataclass_fields__}
 
     arrays, found = kept("worn", made_of, make)
     numbers = {name: arrays[name].item() for name in ("gap", "depth", "stretch", "taut", "speed", "frames", "sweeps")}
     worn = Worn(**{name: arrays[name] for name in ("positions", "pushes", "anchors", "spared")}, **numbers)
     return Dressed(**vars(parts), worn=worn, from_disk=found)
+
+
+def sewn_with(scene: Scene, parts: Parts) -> tuple[SelfContact | None, float]:
+    """Contact of a garment with itself while it is sewn, and how much of it may pass through itself before that is
+    taken up. A pattern of another's that a scene says nothing of has it where it would not fit else; it then moves
+    without. Raises InputError."""
+    assert scene.garment is not None
+    asked = garment_forces(scene, parts).self_contact
+    said = scene.forces is not None and "self_contact" in scene.forces.model_fields_set
+    if asked or said or scene.garment.pattern in CLEAR:
+        return asked, 0.0
+    return SelfContact(thickness=parts.gaps.layers.size, friction=parts.gaps.friction), CROSSED
 
 
 def garment_forces(scene: Scene, parts: Parts) -> Forces:

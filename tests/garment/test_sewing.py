@@ -20,6 +20,7 @@ from taichi_cloth.garment.pattern.garmentcode import read_garmentcode
 from taichi_cloth.garment.pattern.measure import figure_of
 from taichi_cloth.garment.pattern.pattern import Cone, Flat, Panel, Pattern, Seam, Side
 from taichi_cloth.garment.sewn.garment import Garment
+from taichi_cloth.garment.sewn.lies import CROSSED
 from taichi_cloth.garment.sewn.limbs import bearer, spared
 from taichi_cloth.garment.sewn.misfit import misfit
 from taichi_cloth.garment.sewn.sew import Worn, sew
@@ -27,7 +28,13 @@ from taichi_cloth.layers.outline import crossings_of
 from taichi_cloth.motion.forces import Forces, StrainLimit
 from taichi_cloth.scenes.__main__ import _status
 from taichi_cloth.scenes.prepare.body_setup import grids_of, primitives_of
-from taichi_cloth.scenes.prepare.garment_setup import dress, dressed_parts, garment_simulation
+from taichi_cloth.scenes.prepare.garment_setup import (
+    dress,
+    dressed_parts,
+    garment_forces,
+    garment_simulation,
+    sewn_with,
+)
 from taichi_cloth.scenes.scene.body_section import BodySection, prepare_body, prepare_motion
 from taichi_cloth.scenes.scene.load import load_scene
 from taichi_cloth.sheet.materials import MATERIALS
@@ -327,3 +334,27 @@ def test_what_walks_is_not_torn(name, gender, contact, frames):
             local = (positions[present].astype(np.float64) - shift) @ turn
             deep |= (solid_distance([one], local) < -3e-3) & ((bits[present] >> one.bone) & 1 == 0)
         assert deep.mean() <= 1e-3
+
+
+@pytest.mark.parametrize(
+    ("name", "more", "asked", "allowed"),
+    [
+        ("tshirt", [], True, 0.0),
+        ("tshirt", ["forces.self_contact=false"], False, 0.0),
+        ("tee", [], True, CROSSED),
+        ("tee", ["forces.self_contact=false"], False, 0.0),
+        ("tee", ["forces.self_contact={}"], True, 0.0),
+    ],
+)
+def test_patterns_of_others_are_sewn_with_contact_where_they_would_not_fit_else(name, more, asked, allowed):
+    """Where a scene says nothing of it; they then move without."""
+    file = f"garment.pattern={SAMPLES.get(name, name)}"
+    scene = load_scene("tshirt", ["garment.key_points=800", "garment.representation=mesh", file, *more])
+    parts = dressed_parts(scene)
+    layers, through = sewn_with(scene, parts)
+    assert (layers is not None) == asked
+    assert through == allowed
+    moves = garment_forces(scene, parts).self_contact
+    assert (moves is not None) == (asked and allowed == 0.0)
+    if layers:
+        assert layers.thickness == parts.gaps.layers.size

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from taichi_cloth.garment.fit.grade import even_out, find_rings, grade
-from taichi_cloth.garment.fit.holding import held
+from taichi_cloth.garment.fit.holding import held, hung
 from taichi_cloth.garment.fit.landmarks import SMPL_ORIGIN, Landmarks, drafting_body
 from taichi_cloth.garment.fit.lay_out import at_waist, drawn_for, lay_out
 from taichi_cloth.garment.fit.limbs import lay_sleeves, turn_legs
@@ -46,7 +46,9 @@ def fitted(pattern: Pattern, worn: Landmarks) -> Pattern:
         )
         for piece, edges, place in ((piece, *start_of(work, piece, worn)) for piece in work.pieces.values())
     ]
-    return Pattern(pattern.name, tuple(panels), work.seams, holds, (*pattern.notes, *notes, *more))
+    return Pattern(
+        pattern.name, tuple(panels), work.seams, holds, (*pattern.notes, *notes, *more), hung=hung(work, by, worn)
+    )
 
 
 def placed(pattern: Pattern, worn: Landmarks) -> tuple[Work, Carried, list[str]]:

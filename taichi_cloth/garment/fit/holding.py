@@ -1,7 +1,8 @@
 """What is held: the top of what hangs from the waist, as by a belt, and of what has no straps over the bust.
 
 A closed loop of cloth of length L slides down to where the body grows as wide as it; there it is held, on a ring of its
-own length in the proportions of the body. What lies on shoulders is held by nothing.
+own length in the proportions of the body. What lies on shoulders is held by nothing once it is sewn; while seams close
+it hangs by those that close over the shoulders, as on a hanger, or skirts would have no weight and fold.
 """
 
 import numpy as np
@@ -9,11 +10,11 @@ from numpy.typing import NDArray
 
 from taichi_cloth.garment.fit.landmarks import Landmarks
 from taichi_cloth.garment.fit.piece import UP, Piece, Work
-from taichi_cloth.garment.fit.stack import Carried
+from taichi_cloth.garment.fit.stack import Carried, over_shoulders
 from taichi_cloth.garment.pattern.curves import along, length
 from taichi_cloth.garment.pattern.pattern import Course, Hold, Side
 
-__all__ = ["held"]
+__all__ = ["held", "hung"]
 
 F64 = NDArray[np.float64]
 
@@ -64,6 +65,27 @@ def held(work: Work, by: Carried, worn: Landmarks) -> tuple[tuple[Hold, ...], li
         for side, middle, width in zip(order, middles + offset, widths, strict=True)
     ]
     return tuple(Hold(side, course) for side, course in zip(order, _joined(work, order, courses), strict=True)), notes
+
+
+def hung(work: Work, by: Carried, worn: Landmarks) -> tuple[Hold, ...]:
+    """Both sides of the seams over the shoulders on one line, half way between where they stand, over the joints."""
+    if by.by != "shoulders":
+        return ()
+    out, alike = [], {(seam.first, seam.second): bool(seam.alike) for seam in work.seams}
+    for pair in over_shoulders(work):
+        t = np.linspace(0.0, 1.0, max(8, int(max(length(work.pieces[s.panel].graded[s.edge]) for s in pair) / FINE)))
+        lines = [along(work.pieces[side.panel].graded[side.edge], t) for side in pair]
+        stands = [_standing(work.pieces[side.panel], line) for side, line in zip(pair, lines, strict=True)]
+        way = 1 if alike[pair] else -1
+        places = 0.5 * (stands[0] + stands[1][::way])
+        places[:, 2] = worn.arm[0, 2]
+        out += [Hold(pair[0], Course(lines[0], places)), Hold(pair[1], Course(lines[1], places[::way]))]
+    return tuple(out)
+
+
+def _standing(piece: Piece, xy: F64) -> F64:
+    """(n, 3) where points (n, 2) of a graded piece start [m]."""
+    return np.pad(xy, ((0, 0), (0, 1))) @ piece.rotation.T + piece.shift
 
 
 def _top(work: Work, *, strapless: bool) -> list[Side]:

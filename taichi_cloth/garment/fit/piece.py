@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from taichi_cloth.garment.pattern.curves import length
 from taichi_cloth.garment.pattern.pattern import Flat, Panel, Pattern, Seam, Side, area, crossing
 
-__all__ = ["UP", "Piece", "Work", "arc_of", "circle", "crosses", "pieces_of", "turned_towards"]
+__all__ = ["ON_ARC", "UP", "Piece", "Work", "arc_of", "circle", "crosses", "pieces_of", "turned_towards"]
 
 F64 = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ from taichi_cloth.garment.fit.landmarks import Landmarks
 from taichi_cloth.garment.fit.piece import Work
 from taichi_cloth.garment.pattern.pattern import Side
 
-__all__ = ["Carried", "carried", "stack"]
+__all__ = ["Carried", "carried", "over_shoulders", "stack"]
 
 F64 = NDArray[np.float64]
 
@@ -66,19 +66,7 @@ def carried(work: Work, drafted: Landmarks) -> Carried:
     """Shoulders where cloth closes over them between front and back; else bust or waist. Its lift is that at which it
     lies on the landmark; what hangs from the waist stays as drawn."""
     h = drafted.height
-    over, sides = [], []
-    for a, b in work.joined():
-        pa, pb = work.pieces[a.panel], work.pieces[b.panel]
-        if pa.part != "trunk" or pb.part != "trunk" or {pa.side, pb.side} != {"front", "back"}:
-            continue
-        ends = [(work.at(a), pa.world()), (work.at(b), pb.world())]
-        steep = min(_steepness(w) for w, _ in ends)
-        near_top = all(w[:, 1].max() > whole[:, 1].max() - 0.10 for w, whole in ends)
-        short = all(np.ptp(w[:, 1]) < 0.4 * np.ptp(whole[:, 1]) for w, whole in ends)  # no side of a band
-        if steep < 1.5 and near_top and short:
-            over.append((a, b))
-        elif steep >= 1.5:
-            sides += [float(w[:, 1].max()) for w, _ in ends]
+    over, sides = _fronts_to_backs(work)
     if over:
         highest = max(float(work.at(side)[:, 1].max()) for pair in over for side in pair)
         low = [y for y in sides if h["waist"] < y + h["neck"] - highest < h["neck"] - 0.08]
@@ -94,6 +82,30 @@ def carried(work: Work, drafted: Landmarks) -> Carried:
     if "strapless_top" in said or (trunk and top - low > 0.10 * h["top"] and not banded):
         return Carried("bust", h["underarm"] - 0.02 - max(sides, default=top))
     return Carried("waist", 0.0)
+
+
+def over_shoulders(work: Work) -> list[tuple[Side, Side]]:
+    """Both sides of the seams that close over the shoulders."""
+    return _fronts_to_backs(work)[0]
+
+
+def _fronts_to_backs(work: Work) -> tuple[list[tuple[Side, Side]], list[float]]:
+    """Seams of the trunk from front to back: those over the shoulders, and the heights of both upper ends of those at
+    the sides [m]."""
+    over, sides = [], []
+    for a, b in work.joined():
+        pa, pb = work.pieces[a.panel], work.pieces[b.panel]
+        if pa.part != "trunk" or pb.part != "trunk" or {pa.side, pb.side} != {"front", "back"}:
+            continue
+        ends = [(work.at(a), pa.world()), (work.at(b), pb.world())]
+        steep = min(_steepness(w) for w, _ in ends)
+        near_top = all(w[:, 1].max() > whole[:, 1].max() - 0.10 for w, whole in ends)
+        short = all(np.ptp(w[:, 1]) < 0.4 * np.ptp(whole[:, 1]) for w, whole in ends)  # no side of a band
+        if steep < 1.5 and near_top and short:
+            over.append((a, b))
+        elif steep >= 1.5:
+            sides += [float(w[:, 1].max()) for w, _ in ends]
+    return over, sides
 
 
 def _steepness(w: F64) -> float:

@@ -1,14 +1,17 @@
 """Where graded panels start: before, behind and beside the body, CLEAR of it. Files have them much farther off."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from taichi_cloth.garment.fit.grade import top_edge
 from taichi_cloth.garment.fit.landmarks import Landmarks
-from taichi_cloth.garment.fit.piece import Piece, Work, arc_of, circle
+from taichi_cloth.garment.fit.piece import ON_ARC, Piece, Work, arc_of, circle
 from taichi_cloth.garment.fit.widen import tiers, widths
 from taichi_cloth.garment.pattern.curves import along, length
-from taichi_cloth.garment.pattern.pattern import Cone, Flat, Wrap
+from taichi_cloth.garment.pattern.folded import Folded
+from taichi_cloth.garment.pattern.pattern import Flat, Wrap
 
 __all__ = ["CLEAR", "stand", "start_of"]
 
@@ -20,6 +23,10 @@ LAPEL = 0.01
 """Of lapels over the fronts [m]."""
 SNUG = 0.012
 """Between the body and the top of a cone [m]."""
+FOLDS, TIERED = 16, 24
+"""Round a skirt of sectors of a ring where it starts, and round one of tiers, whose hem is up to ten metres long."""
+TIER = 0.01
+"""From the hem of a tier to where the next one starts, over which it gets as long as that is [m]."""
 
 
 def stand(work: Work, worn: Landmarks) -> None:
@@ -61,32 +68,104 @@ def _in_its_slit(work: Work, piece: Piece) -> None:
     piece.shift = piece.shift + gap * [1, 1, 0]
 
 
-def start_of(work: Work, piece: Piece, worn: Landmarks) -> tuple[list[F64], Flat | Cone | Wrap]:
+def start_of(work: Work, piece: Piece, worn: Landmarks) -> tuple[list[F64], Flat | Folded | Wrap]:
     """Edges and where they start: as they stand; what is sewn to itself round its part of the body; sectors of a ring
-    in skirts hang round it as a cone does, with the share of the turn that their arc has of the loop."""
+    in skirts hang round it in folds, with the share of the turn that their arc has of the loop, and tiers where the one
+    above them ends."""
     flat = Flat(piece.rotation, piece.shift)
     if piece.tube:
         return _round_arm(piece, worn) if piece.part.startswith("arm") else _round_body(piece, worn)
     if piece.ring is None or piece.part != "skirt" or abs(piece.normal[2]) < 0.9:
         return piece.graded, flat
-    arc = arc_of(piece.graded, piece.ring)
-    top = float(piece.level(piece.ring, worn=True).mean())
-    own = length(arc)
-    beside = next(tier for tier in tiers(work, work.of("skirt", "trunk")) if piece in tier)
-    loop = sum(float(widths(other, np.array([top - 0.01]))[0]) for other in beside)
-    if loop < 1.2 * own or own < 0.05:
+    sector = _sector(work, piece)
+    if sector is None:
         return piece.graded, flat
-    centre, radius = circle(arc)
-    middle = along(arc, np.array([0.5]))[0]
+    hangs = [sector]
+    while (above := _above(work, hangs[0].piece)) is not None:
+        hangs.insert(0, above)
+    first = hangs[0]
+    top = float(first.piece.level(first.piece.ring, worn=True).mean())
+    centre, radius = circle(sector.arc)
+    middle = along(sector.arc, np.array([0.5]))[0]
     way = (centre - middle) / np.linalg.norm(centre - middle)  # to be +y
     turn = np.array([[way[1], way[0]], [-way[0], way[1]]])
     edges = [(edge - middle) @ turn for edge in piece.graded]
     _, breadth, depth, at = worn.ring(top)
-    scale = max(1.0, loop / (np.pi * (breadth + depth + 2 * SNUG)))
+    scale = max(1.0, first.loop / (np.pi * (breadth + depth + 2 * SNUG)))
     axes = (depth + SNUG) * scale, (breadth + SNUG) * scale
     outward = np.array([0.0, 0.0, float(np.sign(piece.normal[2]))])
-    turn_of = own / radius
-    return edges, Cone(np.array([0.0, top, at]), outward, axes, radius, turn_of, share=own / loop)
+    begins, profile = 0.0, list[tuple[float, float]]()
+    for one in hangs:
+        begins = profile[-1][0] + TIER if profile else 0.0
+        profile += [(begins, one.loop), (begins + one.long, one.loop * (1 + one.long / circle(one.arc)[1]))]
+    own = length(sector.arc)
+    return edges, Folded(
+        np.array([0.0, top, at]),
+        outward,
+        axes,
+        radius,
+        own / radius,
+        share=own / sector.loop,
+        folds=TIERED if any(other.ring is not None and _above(work, other) for other in work.of("skirt")) else FOLDS,
+        begins=begins,
+        profile=np.array(profile),
+    )
+
+
+class _Sector(NamedTuple):
+    """A sector of a ring that falls in folds. arc: (n, 2) its top. loop: length of the whole turn of such arcs [m].
+    long: how far down the next tier begins, or its hem lies [m]."""
+
+    piece: Piece
+    arc: F64
+    loop: float
+    long: float
+
+
+def _sector(work: Work, piece: Piece, below: int | None = None) -> _Sector | None:
+    """Of a skirt's piece before or behind, whose turn others share. below: edge that the next tier hangs on."""
+    if piece.ring is None or piece.part != "skirt" or abs(piece.normal[2]) < 0.9:
+        return None
+    arc = arc_of(piece.graded, piece.ring)
+    level, own = piece.level(worn=True), length(arc)
+    top = float(piece.level(piece.ring, worn=True).mean())
+    beside = _beside(work, piece)
+    loop = sum(length(arc_of(other.graded, other.ring)) for other in beside if other.ring is not None)
+    if len(beside) < 2:
+        tier = next(tier for tier in tiers(work, work.of("skirt", "trunk")) if piece in tier)
+        loop = sum(float(widths(other, np.array([top - 0.01]))[0]) for other in tier)
+    if loop < 1.2 * own or own < 0.05:
+        return None
+    low = level.min() if below is None else piece.level(below, worn=True).mean()
+    return _Sector(piece, arc, loop, max(top - float(low), TIER))
+
+
+def _beside(work: Work, piece: Piece) -> list[Piece]:
+    """It and what is sewn to its ends, and to theirs: sectors of one ring."""
+    out, left = [piece], [piece]
+    while left:
+        one = left.pop()
+        for own, other in work.pairs(one.name):
+            there = work.pieces[other.panel]
+            if one.is_end(own.edge) and there.is_end(other.edge) and there not in out:
+                out.append(there)
+                left.append(there)
+    return out
+
+
+def _above(work: Work, piece: Piece) -> _Sector | None:
+    """The tier that it hangs on: what its arc is sewn to, where that falls in folds itself."""
+    arc = piece.level(piece.ring, worn=True).mean()
+    found = [
+        (piece.edge_length(own.edge), other)
+        for own, other in work.pairs(piece.name)
+        if not piece.is_end(own.edge) and abs(piece.level(own.edge, worn=True).mean() - arc) < ON_ARC[1]
+    ]
+    for _, other in sorted(found, key=lambda one: -one[0]):
+        there = work.pieces[other.panel]
+        if there.ring is not None and not there.is_end(other.edge) and other.edge != there.ring:
+            return _sector(work, there, other.edge)
+    return None
 
 
 def _round_arm(piece: Piece, worn: Landmarks) -> tuple[list[F64], Wrap]:

@@ -9,6 +9,7 @@ from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
 from taichi_cloth.garment.fit.grade import BELOW, even_out, of_ring
 from taichi_cloth.garment.fit.landmarks import Landmarks
+from taichi_cloth.garment.fit.levels import worn_levels
 from taichi_cloth.garment.fit.piece import UP, Piece, Work, arc_of, circle, crosses
 from taichi_cloth.garment.pattern.curves import length
 from taichi_cloth.garment.pattern.cut import intervals
@@ -137,12 +138,13 @@ def _closed_from(work: Work, tier: list[Piece], crotch: float) -> float:
 
 def _open_from(work: Work, tier: list[Piece]) -> float:
     """The height up to which tops go round the body: the lowest point of their armholes and of their neckline [m]."""
+    level = worn_levels(work, tier)
     seams = {own: work.pieces[to.panel].part for piece in tier for own, to in work.pairs(piece.name)}
     sewn, low = work.sewn(), [np.inf]
     for piece in tier:
-        middle = float(np.mean([piece.worn()[:, 1].min(), piece.worn()[:, 1].max()]))
-        for k in range(len(piece.graded)):
-            y = piece.worn(k)[:, 1]
+        everywhere = np.concatenate(level[piece.name])
+        middle = float(everywhere.min() + everywhere.max()) / 2
+        for k, y in enumerate(level[piece.name]):
             on = seams.get(Side(piece.name, k), "trunk" if (piece.name, k) in sewn else "")
             if piece.part == "trunk" and on[:4] in ("", "arm_", "head") and y.mean() > middle:
                 low.append(float(y.min()))
@@ -154,14 +156,16 @@ def _levels(
 ) -> list[str]:
     if not pieces:
         return []
-    own_heights = np.concatenate([piece.level(worn=True) for piece in pieces])
+    level = worn_levels(work, pieces)
+    own_heights = np.concatenate([y for edges in level.values() for y in edges])
     heights = np.arange(max(low, own_heights.min()), min(high, own_heights.max()), STEP)
     if len(heights) < 2:
         return []
     girth = np.array([_girth(worn, float(y), what) for y in heights])
     need, first = EASE * girth, None
     for _ in range(ROUNDS):
-        each = np.array([widths(piece, heights) for piece in pieces])
+        level = worn_levels(work, pieces)
+        each = np.array([widths(piece, heights, level[piece.name]) for piece in pieces])
         own = each.sum(axis=0)
         before, behind = (np.array([piece.tube or piece.normal[2] * sign > 0 for piece in pieces]) for sign in (1, -1))
         halves = np.minimum(each[before].sum(axis=0), each[behind].sum(axis=0))
@@ -175,11 +179,11 @@ def _levels(
         factor = np.minimum(factor, MOST)
         factor = gaussian_filter1d(maximum_filter1d(factor, 2 * SPREAD + 1), 1.0, mode="nearest")
         # Over the levels that are looked at, what lies on shoulders, or a waist on the legs' hips, keeps its width.
-        levels = np.append(heights, heights[-1] + np.array([KEPT, KEPT + FADE]))
+        upto = np.append(heights, heights[-1] + np.array([KEPT, KEPT + FADE]))
         by = np.append(np.maximum(factor, 1.0), [max(factor[-1], 1.0), 1.0])
         for piece in pieces:
             drawn = piece.graded
-            _widened(piece, levels, by)
+            _widened(piece, upto, by, level[piece.name])
             if crosses(piece.graded) and not crosses(drawn):
                 piece.graded = drawn
         if not last:
@@ -220,13 +224,14 @@ def _frame(piece: Piece) -> tuple[F64, F64, float]:
     return rise, np.array([rise[1], -rise[0]]), steep
 
 
-def widths(piece: Piece, heights: F64) -> F64:
-    """(n,) of a graded piece at heights [m]: darts in it are no cloth. Of a sector of a ring as its arcs are long."""
-    rise, across, steep = _frame(piece)
+def widths(piece: Piece, heights: F64, level: list[F64] | None = None) -> F64:
+    """(n,) of a graded piece at heights [m]: darts in it are no cloth. Of a sector of a ring as its arcs are long.
+    level: at which heights the points of its edges are worn (`worn_levels`); None: as they lie in its plane."""
+    _, across, steep = _frame(piece)
     out = np.zeros(len(heights))
     if piece.ring is not None:
-        level = piece.level(worn=True)
-        low, high = float(level.min()), float(level.max())
+        y = piece.level(worn=True)
+        low, high = float(y.min()), float(y.max())
         there = (heights >= low - BEYOND) & (heights <= high + BEYOND)
         arc = arc_of(piece.graded, piece.ring)
         radius = circle(arc)[1]
@@ -235,26 +240,27 @@ def widths(piece: Piece, heights: F64) -> F64:
     if steep < 0.3:
         return out
     starts, tips = {a for a, _ in piece.notches}, {b for _, b in piece.notches}  # sewn, side darts take nothing of it
-    kept = [edge[: 1 if k in starts else -1] for k, edge in enumerate(piece.graded) if k not in tips]
-    outline = np.concatenate(kept)
-    ring = np.stack([outline @ across, outline @ rise], -1)
+    level = level or [piece.level(k, worn=True) for k in range(len(piece.graded))]
+    kept = [k for k in range(len(piece.graded)) if k not in tips]
+    upto = [1 if k in starts else -1 for k in kept]
+    ring = np.concatenate(
+        [np.stack([piece.graded[k][:n] @ across, level[k][:n]], -1) for k, n in zip(kept, upto, strict=True)]
+    )
     low, high = float(ring[:, 1].min()), float(ring[:, 1].max())
-    beyond = BEYOND / steep
-    first, last = _whole(piece, rise, across, MARGIN / steep)
+    first, last = _whole(piece, across, level)
     for n, y in enumerate(heights):
-        t = (float(y) - float(piece.shift[1])) / steep
-        if low - beyond <= t <= high + beyond:
-            pieces = intervals(ring, float(np.clip(t, first, last)), 1)
+        if low - BEYOND <= y <= high + BEYOND:
+            pieces = intervals(ring, float(np.clip(y, first, last)), 1)
             out[n] = float((pieces[:, 1] - pieces[:, 0]).sum())
     return out
 
 
-def _whole(piece: Piece, rise: F64, across: F64, margin: float) -> tuple[float, float]:
-    """Between which heights in its plane a piece goes from one side to the other: over the hem, which may slant or
+def _whole(piece: Piece, across: F64, level: list[F64]) -> tuple[float, float]:
+    """Between which heights [m] a piece goes from one side to the other: over the hem, which may slant or
     curve, and under the top. Outlines run counter-clockwise, so along the hem with `across`, along the top against it.
     """
     lows, highs = [], []
-    everything = np.concatenate(piece.graded) @ rise
+    everything = np.concatenate(level)
     notches = {k for pair in piece.notches for k in pair}
     for k, edge in enumerate(piece.graded):
         if k in notches:
@@ -262,16 +268,17 @@ def _whole(piece: Piece, rise: F64, across: F64, margin: float) -> tuple[float, 
         way = edge[-1] - edge[0]
         share = float(way @ across) / max(float(np.linalg.norm(way)), 1e-9)
         if share > 0.6:
-            lows.append(float((edge @ rise).max()))
+            lows.append(float(level[k].max()))
         elif share < -0.6:
-            highs.append(float((edge @ rise).min()))
+            highs.append(float(level[k].min()))
     low, high = float(everything.min()), float(everything.max())
-    first = max((v for v in lows if v < low + 0.5 * (high - low)), default=low) + margin
-    last = min((v for v in highs if v > low + 0.5 * (high - low)), default=high) - margin
+    first = max((v for v in lows if v < low + 0.5 * (high - low)), default=low) + MARGIN
+    last = min((v for v in highs if v > low + 0.5 * (high - low)), default=high) - MARGIN
     return (first, last) if first < last else ((low + high) / 2, (low + high) / 2)
 
 
-def _widened(piece: Piece, heights: F64, factor: F64) -> None:
+def _widened(piece: Piece, heights: F64, factor: F64, worn: list[F64]) -> None:
+    """worn: at which heights the points of its edges are [m]."""
     rise, level, steep = _frame(piece)
     if piece.ring is not None:
         y = piece.level(worn=True)
@@ -290,8 +297,8 @@ def _widened(piece: Piece, heights: F64, factor: F64) -> None:
     elif abs(way[0]) > 0.5:
         base = -float(piece.shift[0]) / float(way[0])
     out = []
-    for edge in piece.graded:
+    for edge, y in zip(piece.graded, worn, strict=True):
         t, c = edge @ rise, edge @ level
-        f = np.interp(piece.shift[1] + steep * t, heights, factor)
+        f = np.interp(y, heights, factor)
         out.append(np.outer(t, rise) + np.outer(base + (c - base) * f, level))
     piece.graded = out

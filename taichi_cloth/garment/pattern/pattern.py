@@ -244,7 +244,7 @@ class Pattern:
 
     notes: what was changed of what a file says, one line each. drafted: None where panels stand as on a body; else
     their places tell only which way they face and their labels the part of the body, and these are measures [m] of whom
-    they were drawn for, where they are known (`fit/lay_out.py`).
+    they were drawn for, where they are known (`fit/lay_out.py`). hung: what is held while seams close, and no longer.
     """
 
     name: str
@@ -253,6 +253,7 @@ class Pattern:
     holds: tuple[Hold, ...] = ()
     notes: tuple[str, ...] = ()
     drafted: dict[str, float] | None = None
+    hung: tuple[Hold, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.panels:

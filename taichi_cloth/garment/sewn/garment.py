@@ -112,6 +112,12 @@ class Garment:
         first, second = _named(nodes[:, :4], weights[:, :4]), _named(nodes[:, 4:], -weights[:, 4:])
         return np.array([not (a in held and b in held) for a, b in zip(first, second, strict=True)], bool)
 
+    @cached_property
+    def closing(self) -> "Garment":
+        """The same with what it hangs by while its seams close."""
+        pattern = self.pattern
+        return replace(self, pattern=replace(pattern, holds=pattern.holds + pattern.hung)) if pattern.hung else self
+
     def sewn(self) -> NDArray[np.bool_]:
         """Key points (rows, cols) that the seams join."""
         nodes, weights = self.seams()

@@ -17,12 +17,13 @@ from taichi_cloth.body.primitives.primitives import Primitive
 from taichi_cloth.body.skin.names import JOINTS
 from taichi_cloth.garment.pattern.curves import along, length
 from taichi_cloth.garment.pattern.cut import turned
+from taichi_cloth.garment.pattern.folded import Folded
 from taichi_cloth.garment.pattern.pattern import Cone, Panel, Side
 from taichi_cloth.garment.sewn.garment import Garment
 from taichi_cloth.garment.sewn.limbs import LIMBS
 from taichi_cloth.layers.outline import crossings_of
 
-__all__ = ["Lie", "Loop", "crossed", "free_loops", "lies", "lying_faults"]
+__all__ = ["CROSSED", "Lie", "Loop", "crossed", "free_loops", "lies", "lying_faults"]
 
 F64 = NDArray[np.float64]
 
@@ -58,10 +59,10 @@ docs/garments.md has what good and bad ones come to."""
 @dataclass(frozen=True)
 class Lie:
     """Of one panel. rise: of the middle of its area over where it was placed [m]; of one placed as a cone that of its
-    top, WAIST high, as the rest may hang straight down; of a sleeve that of its armhole. astray: share of its area that
-    lies nearest to another limb than its own, 0 of one without a label. turned: share whose right side faces the body
-    (a sleeve's: its arm), 0 of one that hangs by one side. folded: length of its folds over the root of its area; one
-    across it has about 1."""
+    top, WAIST high, as the rest may hang straight down; of a tier over that, or under where it then would be; of a
+    sleeve that of its armhole. astray: share of its area that lies nearest to another limb than its own, 0 of one
+    without a label. turned: share whose right side faces the body (a sleeve's: its arm), 0 of one that hangs by one
+    side. folded: length of its folds over the root of its area; one across it has about 1."""
 
     panel: str
     rise: float
@@ -101,8 +102,14 @@ def lies(garment: Garment, positions: NDArray, primitives: Sequence[Primitive]) 
         mine, own = owner == number, OWN.get(piece.panel.label)
         share = area[mine] / max(float(area[mine].sum()), 1e-12)
         placed = start[faces[mine], 1].mean(axis=1)
-        top = placed > placed.max() - WAIST if isinstance(piece.panel.place, Cone) else np.ones_like(placed, bool)
-        rise = float(np.average((middle[mine, 1] - placed)[top], weights=share[top]))
+        top, place = np.ones_like(placed, bool), piece.panel.place
+        rises = middle[mine, 1] - placed
+        if isinstance(place, Folded) and place.begins:
+            lowest = place.hanging(turned(cloth.flat[faces[mine]].mean(axis=1), -piece.panel.grain))
+            rises = middle[mine, 1] - np.clip(middle[mine, 1], np.minimum(lowest, placed), placed)
+        elif isinstance(place, Cone):
+            top = placed > placed.max() - WAIST
+        rise = float(np.average(rises[top], weights=share[top]))
         if piece.panel.label.startswith("arm"):
             rise = _armhole_rise(garment, piece.panel, positions)
         bones = [one for name in own or () for one in LIMBS.get(name, (name,))]

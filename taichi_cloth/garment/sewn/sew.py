@@ -1,8 +1,8 @@
 """Sewing (paper 4): panels stand round the body, seams draw them together, gravity lets the garment settle.
 
 1. Closing: thick air; the gaps of all seams shrink at a set speed, the body keeps the cloth out. What is held hangs, so
-   that it closes round the body as long as it will be (trousers would fold over themselves on the hips); what is not
-   has no weight yet.
+   that it closes round the body as long as it will be (trousers would fold over themselves on the hips): what shoulders
+   carry by the seams over them, until they are closed (`Pattern.hung`). What is not has no weight yet.
 2. Settling: gravity and friction, each panel on its own limbs (`limbs.py`); at first halted whenever it has begun to
    slow down, then, with what rubs within the cloth, slowed a little in every frame, until it is at rest or the time is
    up.
@@ -86,13 +86,15 @@ def sew(
     *,
     limit: StrainLimit | None = None,
     layers: SelfContact | None = None,
+    allowed: float = 0.0,
     solver: str = "verlet",
     each: Callable[[str, int, int], None] | None = None,
     closing: int = CLOSING,
     settling: int = SETTLING,
 ) -> Worn:
-    """Sews a garment on a body at rest. limit: of how far its threads may grow. layers: its contact with itself. each:
-    told the stage, the frame and the most there may be, after each frame. solver: see `named_solver`.
+    """Sews a garment on a body at rest. limit: of how far its threads may grow. layers: its contact with itself.
+    allowed: pairs of triangles through each other, over all, up to which that is not taken up. each: told the stage,
+    the frame and the most there may be, after each frame. solver: see `named_solver`.
 
     Few garments pass through themselves while they are sewn: contact is taken up only for those that come to rest so.
     They are sewn anew with contact from the first frame, in which panels stand round the body; else settled anew from
@@ -129,6 +131,8 @@ def sew(
             "allowed: a pattern whose panels start clear of the body and whose seams can close round it"
         ) from None
     through = _through(garment, worn.positions) if layers else 0
+    if layers and through <= allowed * len(garment.outline.faces):
+        return worn
     if through:
         as_worn = worn.positions, worn.frames, closed[2]
         tries = [lambda: rest(close(layers), layers)]
@@ -162,8 +166,9 @@ def _closed(
 ) -> tuple[F32, int]:
     """Stage 1: where key points are with seams closed, and after how many frames."""
     smooth = replace(body, friction=0.05)
-    weight = Forces().gravity if garment.pattern.holds else (0.0, 0.0, 0.0)
-    simulation = garment.simulation(
+    hangs = garment.closing
+    weight = Forces().gravity if hangs.pattern.holds else (0.0, 0.0, 0.0)
+    simulation = hangs.simulation(
         Forces(gravity=weight, body=smooth, strain_limit=limit, self_contact=layers),
         garment.atlas.start(),
         air_damping=THICK,

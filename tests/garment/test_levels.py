@@ -1,0 +1,81 @@
+"""Heights at which cloth is worn: flat where there are no darts, lower over one at the side, by its width."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from taichi_cloth.garment.fit.fitted import fitted
+from taichi_cloth.garment.fit.levels import worn_levels
+from taichi_cloth.garment.fit.piece import Work, pieces_of
+from taichi_cloth.garment.fit.taped import landmarks_of
+from taichi_cloth.garment.fit.widen import widths
+from taichi_cloth.garment.pattern.garmentcode import read_garmentcode
+from taichi_cloth.garment.pattern.pattern import Course, Flat, Panel, Pattern, Seam, Side
+from taichi_cloth.scenes.scene.body_section import BodySection, prepare_body
+
+UNSEEN = Path(__file__).parents[1] / "data" / "patterns" / "unseen"
+
+
+def bodice(mouth: float) -> Work:
+    """A front 30 cm wide with a dart in its left side, and a back lower by the dart's width, sewn there."""
+    low, high = 0.2 - mouth / 2, 0.2 + mouth / 2
+    corner = np.array([[0, 0], [0.3, 0], [0.3, low], [0.15, 0.2], [0.3, high], [0.3, 0.4], [0.0, 0.4], [0.0, 0.0]])
+    front = Panel("front", tuple(corner[k : k + 2] for k in range(7)), Flat(np.eye(3), np.zeros(3)))
+    tall = 0.4 - mouth
+    corner = np.array([[0, 0], [0.3, 0], [0.3, tall], [0.0, tall], [0.0, low], [0, 0.0]])
+    back = Panel(
+        "back", tuple(corner[k : k + 2] for k in range(5)), Flat(np.diag([-1.0, 1, -1]), np.array([0.6, 0, 0]))
+    )
+    seams = (
+        Seam(Side("front", 2), Side("front", 3), alike=False),
+        Seam(Side("front", 1), Side("back", 4), alike=False),
+        Seam(Side("front", 4), Side("back", 3), alike=False),
+    )
+    work = pieces_of(Pattern("bodice", (front, back), seams))
+    for piece in work.pieces.values():
+        piece.graded, piece.shift, piece.part = piece.edges, piece.at, "trunk"
+    return work
+
+
+def test_a_closed_dart_lowers_what_lies_over_it_at_the_side():
+    """By its width at the seam, and not at the other side, where the cloth goes on over its tip."""
+    work = bodice(0.03)
+    front, back = work.pieces["front"], work.pieces["back"]
+    level = worn_levels(work, [front, back])
+    over, under = level["front"][4], level["front"][1]
+    assert over[0] == pytest.approx(under[-1], abs=1e-3)  # the dart's mouth is closed
+    other = level["front"][6]
+    assert np.ptp(other) == pytest.approx(0.4, abs=0.012)  # the middle of the front is as long as it was
+    assert 0.365 < np.ptp(np.concatenate([over, under])) < 0.385
+    for mine, theirs in ((under, level["back"][4]), (over, level["back"][3])):
+        assert mine[[0, -1]] == pytest.approx(theirs[[-1, 0]], abs=1e-3)
+    found = widths(front, np.array([0.1, 0.3]), level["front"])
+    np.testing.assert_allclose(found, 0.3, atol=1e-6)
+
+
+def test_without_darts_heights_are_those_of_the_plane():
+    work = bodice(0.03)
+    work.seams = work.seams[1:]
+    front = work.pieces["front"]
+    level = worn_levels(work, [front, work.pieces["back"]])
+    for k, found in enumerate(level["front"]):
+        np.testing.assert_array_equal(found, front.level(k, worn=True))
+
+
+def test_what_shoulders_carry_hangs_by_their_seams_while_others_close():
+    """Both sides of each on one line; once it is sewn nothing holds it."""
+    worn = landmarks_of(prepare_body(BodySection()))
+    pattern = fitted(read_garmentcode(next(UNSEEN.glob("900140_*.json"))), worn)
+    assert pattern.holds == ()
+    assert len(pattern.hung) == 4
+    places = {hold.side: hold.place for hold in pattern.hung if isinstance(hold.place, Course)}
+    for seam in pattern.seams:
+        if seam.first in places:
+            one, other = (places[side].points(at) for side, at in
+                          zip((seam.first, seam.second), pattern.pairs(seam, 12), strict=True))  # fmt: skip
+            np.testing.assert_allclose(one, other, atol=5e-3)
+            assert one[:, 1].min() > worn.height["underarm"]
+    held = fitted(read_garmentcode(next(UNSEEN.glob("900132_*.json"))), worn)
+    assert held.holds
+    assert held.hung == ()
