@@ -75,14 +75,13 @@ def start_of(work: Work, piece: Piece, worn: Landmarks) -> tuple[list[F64], Flat
     flat = Flat(piece.rotation, piece.shift)
     if piece.tube:
         return _round_arm(piece, worn) if piece.part.startswith("arm") else _round_body(piece, worn)
-    if piece.ring is None or piece.part != "skirt" or abs(piece.normal[2]) < 0.9:
-        return piece.graded, flat
     sector = _sector(work, piece)
     if sector is None:
         return piece.graded, flat
-    hangs = [sector]
-    while (above := _above(work, hangs[0].piece)) is not None:
+    hangs, above = [sector], _above(work, piece)
+    while above is not None and above.piece not in [one.piece for one in hangs]:  # low ones may seem to hang in a ring
         hangs.insert(0, above)
+        above = _above(work, above.piece)
     first = hangs[0]
     top = float(first.piece.level(first.piece.ring, worn=True).mean())
     centre, radius = circle(sector.arc)

@@ -59,8 +59,7 @@ class Folded(Cone):
         whole = self.angle / self.share
         alone = np.array([[0.0, self.inner * whole], [DEEP, (self.inner + DEEP) * whole]])
         given = self.profile if len(self.profile) else alone
-        deepest = max(float(given[-1, 0]), self.begins + 0.05)
-        d = deepest * np.linspace(0, 1, LEVELS) ** 2 if not len(self.profile) else np.linspace(0, deepest, LEVELS)
+        d = np.linspace(0.0, float(given[-1, 0]), LEVELS)
         a, b = self.radius
         angle = np.linspace(-np.pi, np.pi, ROUND)
         first = _walked(np.stack([a * np.cos(angle), b * np.sin(angle)], -1))
@@ -71,7 +70,6 @@ class Folded(Cone):
         wide = np.clip((long - long[0]) / (2 * np.pi), 0.0, wide)
         long = np.maximum(long - long[0] + first[-1], first[-1])
         wave = np.cos(self.folds * 2 * np.pi * (first / first[-1] - 0.5))
-
         turn = np.linspace(0.0, 1.0, ROUND)
         places = np.zeros((LEVELS, ROUND, 3))
 
