@@ -160,9 +160,8 @@ def _lacks(built: dict[str, str]) -> str:
     """Which of the stages of a moving cloth run on a CPU alone. built[DEVICES]: what of its solver does."""
     of_solver = built.get(DEVICES, "")
     wanting = [of_solver] if of_solver else []
-    wanting += [name for name in ("seams", "cloth on cloth") if name in built and name not in of_solver]
-    if "strain limit" in built and built["solver"].startswith("verlet") and "strain limit" not in of_solver:
-        wanting.append("a strain limit of Verlet")
+    if "cloth on cloth" in built and "cloth on cloth" not in of_solver:
+        wanting.append("cloth on cloth")
     return ", ".join(wanting)
 
 

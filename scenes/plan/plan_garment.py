@@ -2,6 +2,7 @@
 
 from math import hypot
 
+from taichi_cloth.constraints.ties import MOST_AT_ONCE, Ties
 from taichi_cloth.motion.forces import Forces
 from taichi_cloth.solvers.named import named_solver
 
@@ -49,6 +50,8 @@ def garment_stages(scene: Scene) -> tuple[dict[str, str], dict[str, str], int, S
         built["weaves"] = ", ".join(f"{name}: {draft}" for name, draft in section.weaves.items())
     built |= material_stage(scene)
     built |= _solver(scene, parts)
+    if max(len(parts.garment.seams()[0]), len(parts.garment.holds()[0])) > MOST_AT_ONCE:
+        built["devices"] = ", ".join(filter(None, (built["devices"], Ties.known_as)))
     left = {}
     if moves.name == "rest":
         left["motion"] = 'body.motion is "rest": the garment hangs as it was sewn'

@@ -123,11 +123,16 @@ class BesideFields:
         """Lists those that are nearly too long: how many."""
         found = 0
         for t in range(self.count[None]):
-            x, y, z = self.across(points, t)
-            if x * x + y * y + z * z > self.number[t, 1]:
+            if self.is_nearly(points, t):
                 self.nearly[found] = t
                 found += 1
         return found
+
+    @ti.func
+    def is_nearly(self, points: Template, t):
+        """Whether thread t is nearly too long."""
+        x, y, z = self.across(points, t)
+        return x * x + y * y + z * z > self.number[t, 1]
 
     @ti.func
     def draw(self, points: Template, listed):

@@ -10,7 +10,13 @@ A sweep mends a thread but hardly the long row that hangs on it. What does not c
 pull that each has to bear, so a substep begins with that of the one before, and sweeps only add to it or take of it
 what turns out too much (warm starting; Catto 2005, "Iterative Dynamics with Temporal Coherence"). So one sweep is
 enough where five that begin anew left more. Pulls are part of the state: a run that goes on is the run left alone.
+
+Threads of one direction share key points within their yarn alone. So where frames are parallel loops a yarn is one
+thread of the device, which goes along it in the order of the list, and the answer is the list's.
 """
+
+from collections.abc import Callable
+from typing import Any
 
 import taichi as ti
 
@@ -20,7 +26,7 @@ from taichi_cloth.motion.capacity import capacity_of
 from taichi_cloth.motion.constraint import SharedConstraint
 from taichi_cloth.motion.crew import PARTS
 from taichi_cloth.motion.stencil import largest, load, load_xyz, near, store
-from taichi_cloth.sheet.sheet import LANES, Sheet, SheetState
+from taichi_cloth.sheet.sheet import LANES, PAD, Sheet, SheetState
 
 __all__ = ["ThreadLimit"]
 
@@ -65,6 +71,23 @@ class ThreadFields:
         over = x * x + y * y + z * z - near * near + 1e12 * load(pull, p)
         return there * over + (1.0 - there) * NONE
 
+    @ti.func
+    def measure(self, points: Template, p, x, y):
+        """By how much the threads of the lanes at p are over what is near, along rows (x) and across (y)."""
+        store(self.over[0], p, self.grown(points, p, 1, points.east, x, self.pull[0]))
+        store(self.over[1], p, self.grown(points, p, points.row[None], points.north, y, self.pull[1]))
+
+    @ti.func
+    def mark(self, points: Template, p):
+        """Of the lanes at p, which threads are listed: in place of the lists, where frames are parallel loops."""
+        for over, listed, offset in ti.static(
+            ((self.over[0], self.along, 1), (self.over[1], self.across, points.row[None]))
+        ):
+            own = load(over, p)
+            near_here = ti.max(load(over, near(p - offset)), own, load(over, near(p + offset)))
+            for k in ti.static(range(LANES)):
+                listed[p + k] = int(near_here[k] > 0.0 and own[k] > NONE)  # pyright: ignore[reportIndexIssue]
+
     @routine
     def seek(self, points: Template, x: Float, y: Float):
         """Lists the threads near the limit or drawn together, and those before and after each in its yarn, which may be
@@ -75,11 +98,8 @@ class ThreadFields:
         row = points.row[None]
         for c in range(row + 1):
             self.column[c] = 0
-        # By how much each is over what is near, along rows (x) and across (y).
         for e in range(points.cut[0], points.cut[PARTS]):
-            p = points.lanes(points.packet[e] * LANES)
-            store(over_x, p, self.grown(points, p, 1, points.east, x, self.pull[0]))
-            store(over_y, p, self.grown(points, p, row, points.north, y, self.pull[1]))
+            self.measure(points, points.lanes(points.packet[e] * LANES), x, y)
         # A thread is listed where it or one beside it in its yarn is over; and how many each column has.
         for e in range(points.cut[0], points.cut[PARTS]):
             p = points.lanes(points.packet[e] * LANES)
@@ -116,16 +136,34 @@ class ThreadFields:
         self.pull_all(points, self.across, self.count[1], points.row[None], self.pull[1])
 
     @ti.func
-    def pull_all(self, points: Template, listed: Template, count, offset, pull: Template):
-        x, y, z = ti.static(*points.position)
+    def go_along(
+        self, points: Template, listed: Template, pull: Template, first, offset, count, longest, back, again: Template
+    ):
+        """A yarn: of its threads that are marked, drawn together as in the last substep, where `again`, or to
+        `longest`. first: its first key point; offset: to the next; count: how many."""
         for k in range(count):
-            p = listed[k]
-            q = p + offset
-            if pull[p] > 0.0:
-                dx, dy, dz = x[q] - x[p], y[q] - y[p], z[q] - z[p]
-                pull[p] *= KEPT
-                share = pull[p] / ti.sqrt(ti.max(dx * dx + dy * dy + dz * dz, 1e-20))
-                self.draw(points, p, q, dx, dy, dz, share, share)
+            p = first + (count - 1 - k if back else k) * offset
+            if listed[p] > 0:
+                if ti.static(again):
+                    self.pull_one(points, p, offset, pull)
+                else:
+                    self.shorten_one(points, p, offset, longest, pull)
+
+    @ti.func
+    def pull_all(self, points: Template, listed: Template, count, offset, pull: Template):
+        for k in range(count):
+            self.pull_one(points, listed[k], offset, pull)
+
+    @ti.func
+    def pull_one(self, points: Template, p, offset, pull: Template):
+        """The thread from p to p + offset, as in the last substep."""
+        x, y, z = ti.static(*points.position)
+        q = p + offset
+        if pull[p] > 0.0:
+            dx, dy, dz = x[q] - x[p], y[q] - y[p], z[q] - z[p]
+            pull[p] *= KEPT
+            share = pull[p] / ti.sqrt(ti.max(dx * dx + dy * dy + dz * dz, 1e-20))
+            self.draw(points, p, q, dx, dy, dz, share, share)
 
     @routine
     def shorten(self, points: Template, back: Int, x: Float, y: Float):
@@ -135,25 +173,30 @@ class ThreadFields:
 
     @ti.func
     def shorten_all(self, points: Template, listed: Template, count, offset, longest, pull: Template, back):
-        """To `longest` [m] where a thread is longer, or lets it grow to that where it was pulled too much."""
+        """Every thread of a list."""
+        for k in range(count):
+            self.shorten_one(points, listed[count - 1 - k if back else k], offset, longest, pull)
+
+    @ti.func
+    def shorten_one(self, points: Template, p, offset, longest, pull: Template):
+        """The thread from p to p + offset to `longest` [m] where it is longer, or lets it grow to that where it was
+        pulled too much."""
         x, y, z = ti.static(*points.position)
         u, v, w = ti.static(*points.step)
-        for k in range(count):
-            p = listed[count - 1 - k if back else k]
-            q = p + offset
-            dx, dy, dz = x[q] - x[p], y[q] - y[p], z[q] - z[p]
-            squared = dx * dx + dy * dy + dz * dz
-            if squared > longest * longest or pull[p] > 0.0:
-                length = ti.sqrt(ti.max(squared, 1e-20))
-                scale = 1.0 / length
-                # Shares of its length: what it is too long by, what it grows by in this step, what the step loses.
-                over = 1.0 - longest * scale
-                growth = ((u[q] - u[p]) * dx + (v[q] - v[p]) * dy + (w[q] - w[p]) * dz) * scale * scale
-                slow = ti.max(ti.min(growth, over), -pull[p] * scale)
-                if over < 0.0:
-                    over = slow
-                pull[p] = ti.min(ti.max(pull[p] + slow * length, 0.0), MOST * longest)
-                self.draw(points, p, q, dx, dy, dz, over, slow)
+        q = p + offset
+        dx, dy, dz = x[q] - x[p], y[q] - y[p], z[q] - z[p]
+        squared = dx * dx + dy * dy + dz * dz
+        if squared > longest * longest or pull[p] > 0.0:
+            length = ti.sqrt(ti.max(squared, 1e-20))
+            scale = 1.0 / length
+            # Shares of its length: what it is too long by, what it grows by in this step, what the step loses.
+            over = 1.0 - longest * scale
+            growth = ((u[q] - u[p]) * dx + (v[q] - v[p]) * dy + (w[q] - w[p]) * dz) * scale * scale
+            slow = ti.max(ti.min(growth, over), -pull[p] * scale)
+            if over < 0.0:
+                over = slow
+            pull[p] = ti.min(ti.max(pull[p] + slow * length, 0.0), MOST * longest)
+            self.draw(points, p, q, dx, dy, dz, over, slow)
 
     @ti.func
     def draw(self, points: Template, p, q, dx, dy, dz, over, slow):
@@ -182,11 +225,11 @@ class ThreadLimit(SharedConstraint):
     """The limit of one sheet's threads; how far they may grow stands in the solver's `Numbers`."""
 
     fields_of = ThreadFields
-    known_as = "a strain limit of Verlet"
     answers = "strain_limit"
     whole = True
     repeated = True
     remembers = 2
+    spreads = True
 
     def __init__(self, sheet: Sheet) -> None:
         self._size = capacity_of(sheet.padded_shape)
@@ -198,17 +241,62 @@ class ThreadLimit(SharedConstraint):
     def rescale(self, state: SheetState, share: float) -> None:
         state.values[6:8] *= share**2  # what a force does in a step
 
+    def loop(self, loops: Any, again: bool) -> Callable[..., Any]:
+        return self._along_yarns(loops, False)
+
+    def warm_loops(self, loops: Any) -> tuple[Callable[..., Any], ...]:
+        fields, points, packets = self.fields, loops.frame, loops.packets
+
+        @ti.kernel
+        def mark():
+            for e in range(packets):
+                if loops.now() % 2 == 0:
+                    n = points.numbers[None]
+                    x, y = n.longest_x - NEAR * n.spacing_x, n.longest_y - NEAR * n.spacing_y
+                    fields.measure(points, points.lanes(points.packet[e] * LANES), x, y)
+            for e in range(packets):
+                if loops.now() % 2 == 0:
+                    fields.mark(points, points.lanes(points.packet[e] * LANES))
+
+        return mark, self._along_yarns(loops, True)
+
+    def _along_yarns(self, loops: Any, again: bool) -> Callable[..., Any]:
+        fields, points = self.fields, loops.frame
+        rows, width = loops.padded_shape[0] - 2 * PAD, loops.padded_shape[1]
+        first = PAD * width
+
+        @ti.kernel
+        def go():
+            for i in range(rows):
+                back, longest = 0 if ti.static(again) else fields.turn[None] % 2, points.numbers[None].longest_x
+                fields.go_along(points, fields.along, fields.pull[0], first + i * width, 1, width, longest, back, again)
+            for j in range(width):
+                back, longest = 0 if ti.static(again) else fields.turn[None] % 2, points.numbers[None].longest_y
+                fields.go_along(points, fields.across, fields.pull[1], first + j, width, rows, longest, back, again)
+            for _ in range(1):
+                fields.turn[None] = loops.now() if ti.static(again) else fields.turn[None] + 1
+
+        return go
+
     @ti.func
     def open(self, values: Template, p, i, j):
+        for k in range(LANES):
+            self.open_one(values, p + k, i, j + k)
+
+    @ti.func
+    def open_one(self, values: Template, p, i, j):
         for axis in ti.static(range(2)):
-            for k in range(LANES):
-                self.fields.pull[axis][p + k] = values[6 + axis, i, j + k]
+            self.fields.pull[axis][p] = values[6 + axis, i, j]
 
     @ti.func
     def close(self, values: Template, p, i, j):
+        for k in range(LANES):
+            self.close_one(values, p + k, i, j + k)
+
+    @ti.func
+    def close_one(self, values: Template, p, i, j):
         for axis in ti.static(range(2)):
-            for k in range(LANES):
-                values[6 + axis, i, j + k] = self.fields.pull[axis][p + k]
+            values[6 + axis, i, j] = self.fields.pull[axis][p]
 
     @ti.func
     def warm_start(self, points: Template, done, n: Template):

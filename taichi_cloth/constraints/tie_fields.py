@@ -48,6 +48,7 @@ class TieFields:
     usual, apart, push: LANES numbers of each tie, of which the first three are [m] of places, the next three of steps.
     borne, slid: as many numbers of ties to places: what they have pushed by in this substep, and how far their places
     have gone along in this frame.
+    far: of each tie, whether it was wider than SLACK when all were closed at once.
     point, point_begin: key points that ties move, and where those of each begin in `of`, with their shares in `share`.
     answer: of the matrix row after row what is not negligible, `other` its columns, answer_begin where rows begin.
     """
@@ -68,6 +69,7 @@ class TieFields:
             self.answer_begin: Any = _begins(capacity)
         self.holder: object = None
         self.wide, self.listed = ti.field(ti.i32, ()), ti.field(ti.i32, capacity)
+        self.far = ti.field(ti.i32, capacity)
         self.beside = BesideFields(threads)
 
     @ti.kernel
@@ -131,8 +133,7 @@ class TieFields:
     @routine
     def pull(self, points: Template, done: Int):
         """Every tie, the first time in a substep; from then on those that were much too wide, one after the other."""
-        # How much of the frame is over.
-        share = ti.cast(done + 1, ti.f32) * self.path[self.capacity, 1]
+        share = self.share_of(done)
         if ti.static(not self.repeated) and self.wide[None] < 0:
             self.slide(points, share)
         if ti.static(points.sums and self.repeated) and self.wide[None] == FRESH:
@@ -150,7 +151,7 @@ class TieFields:
                     self.draw_beside(points, share, done)
         else:
             first = self.wide[None] < 0
-            count, found = ti.cast(self.path[self.capacity, 0], ti.i32) if first else self.wide[None], 0
+            count, found = self.count() if first else self.wide[None], 0
             for m in range(count):  # pyright: ignore[reportArgumentType]
                 k = m if first else self.listed[m]
                 if self.close(points, k, share) and first:
@@ -161,13 +162,19 @@ class TieFields:
 
     @ti.func
     def draw_beside(self, points: Template, share, done):
-        """Threads beside ties that are too long, in turn with the ties at their ends. Seams have the last word, and
-        threads where cloth is held: it may be held a hair off, and no thread is so long for it."""
+        """Threads beside ties that are too long, in turn with the ties at their ends."""
         listed = 0
-        if self.path[self.capacity, 5] > 0.0:
-            if done % LOOKS == 0 or share > 1.0 - 0.5 * self.path[self.capacity, 1]:
+        if self.closed():
+            if self.looks(share, done):
                 self.beside.listed[None] = self.beside.look(points)
             listed = self.beside.listed[None]
+        self.take_turns(points, listed, share)
+
+    @ti.func
+    def take_turns(self, points: Template, found, share):
+        """Threads beside ties that were found, and ties at their ends. Seams have the last word, and threads where
+        cloth is held: it may be held a hair off, and no thread is so long for it."""
+        listed = found
         for turn in range(TURNS):
             if listed > 0:
                 drawn = self.beside.draw(points, listed)
@@ -180,44 +187,82 @@ class TieFields:
                     listed = 0
 
     @ti.func
+    def closed(self):
+        """Whether no tie is still being drawn together."""
+        return self.path[self.capacity, 5] > 0.0
+
+    @ti.func
+    def looks(self, share, done):
+        """Whether all threads beside ties are looked at in this substep."""
+        return done % LOOKS == 0 or share > 1.0 - 0.5 * self.path[self.capacity, 1]
+
+    @ti.func
+    def share_of(self, done):
+        """How much of the frame is over after a substep."""
+        return ti.cast(done + 1, ti.f32) * self.path[self.capacity, 1]
+
+    @ti.func
+    def count(self) -> Any:
+        """Of all ties."""
+        return ti.cast(self.path[self.capacity, 0], ti.i32)
+
+    @ti.func
     def close_all(self, points: Template, share):
         """Closes all ties at once, and lists those that were wider than SLACK."""
-        # d: how much each tie, and its steps, is to come together; six numbers.
-        found, count = 0, ti.cast(self.path[self.capacity, 0], ti.i32)
-        for k in range(count):  # pyright: ignore[reportArgumentType]
-            push, wide = self.wanted(points, k, share)
-            for c in ti.static(range(6)):
-                self.apart[k * LANES + c] = push[c]
-            if wide:
+        found, count = 0, self.count()
+        for k in range(count):
+            if self.ask(points, k, share):
                 self.listed[found] = k
                 found += 1
         self.wide[None] = found
-        # λ: d times the known matrix, all six numbers of a tie at once.
-        for k in range(count):  # pyright: ignore[reportArgumentType]
-            together = nothing()
-            for e in range(self.answer_begin[k], self.answer_begin[k + 1]):
-                together += self.answer[e] * load(self.apart, points.lanes(self.other[e] * LANES))
-            store(self.push, points.lanes(k * LANES), together)
-            if ti.static(not self.repeated):
-                borne = self.bear(k, ti.Vector([self.push[k * LANES + c] for c in ti.static(range(6))]))
-                for c in ti.static(range(6)):
-                    self.push[k * LANES + c] = borne[c]
+        for k in range(count):
+            self.answer_one(points, k)
         self.move_all(points, self.push)
-        for k in range(count):  # pyright: ignore[reportArgumentType]
-            self.learn(points, k, ti.Vector([self.push[k * LANES + c] for c in ti.static(range(6))]))
+        for k in range(count):
+            self.learn_one(points, k)
+
+    @ti.func
+    def ask(self, points: Template, k, share):
+        """d: how much tie k, and its steps, is to come together; six numbers. Returns whether it was wider by SLACK."""
+        push, wide = self.wanted(points, k, share)
+        for c in ti.static(range(6)):
+            self.apart[k * LANES + c] = push[c]
+        return wide
+
+    @ti.func
+    def answer_one(self, points: Template, k):
+        """λ of tie k: d of all times the known matrix, all six numbers at once; of a place, what it bears of it."""
+        together = nothing()
+        for e in range(self.answer_begin[k], self.answer_begin[k + 1]):
+            together += self.answer[e] * load(self.apart, points.lanes(self.other[e] * LANES))
+        store(self.push, points.lanes(k * LANES), together)
+        if ti.static(not self.repeated):
+            borne = self.bear(k, ti.Vector([self.push[k * LANES + c] for c in ti.static(range(6))]))
+            for c in ti.static(range(6)):
+                self.push[k * LANES + c] = borne[c]
+
+    @ti.func
+    def learn_one(self, points: Template, k):
+        """From what tie k was pushed by when all were closed."""
+        self.learn(points, k, ti.Vector([self.push[k * LANES + c] for c in ti.static(range(6))]))
 
     @ti.func
     def move_all(self, points: Template, push: Template):
         """Brings all ties together by what `push` has for them, key point after key point: to change one as often as
         ties name it would take each time as long as the last to be written."""
         for m in range(self.points[None]):
-            moves = nothing()
-            for e in range(self.point_begin[m], self.point_begin[m + 1]):
-                moves += self.share[e] * load(push, points.lanes(self.of[e] * LANES))
-            p = self.point[m]
-            for c in ti.static(range(3)):
-                points.position[c][p] -= moves[c]  # pyright: ignore[reportIndexIssue]
-                points.step[c][p] -= moves[3 + c]  # pyright: ignore[reportIndexIssue]
+            self.move_point(points, push, m)
+
+    @ti.func
+    def move_point(self, points: Template, push: Template, m):
+        """By what `push` has for its ties, the key point that is number m of those that ties move."""
+        moves = nothing()
+        for e in range(self.point_begin[m], self.point_begin[m + 1]):
+            moves += self.share[e] * load(push, points.lanes(self.of[e] * LANES))
+        p = self.point[m]
+        for c in ti.static(range(3)):
+            points.position[c][p] -= moves[c]  # pyright: ignore[reportIndexIssue]
+            points.step[c][p] -= moves[3 + c]  # pyright: ignore[reportIndexIssue]
 
     @ti.func
     def measure(self, points: Template, k, share):
@@ -259,19 +304,24 @@ class TieFields:
 
     @ti.func
     def slide(self, points: Template, share):
-        """Before anything is pushed in a substep: places of ties that bore all they can have gone along to where the
-        substep before left them (Coulomb)."""
-        for k in range(ti.cast(self.path[self.capacity, 0], ti.i32)):  # pyright: ignore[reportArgumentType]
-            longest = 0.0
-            for part in ti.static((0, 3)):
-                borne = ti.Vector([self.borne[k * LANES + part + c] for c in ti.static(range(3))])
-                longest = ti.max(longest, borne.norm())
-            apart = self.measure(points, k, share)
-            for c in ti.static(range(3)):
-                if longest > 0.999 * self.path[k, MOST]:
-                    self.slid[k * LANES + c] += apart[c] - apart[3 + c]
-            for c in ti.static(range(6)):
-                self.borne[k * LANES + c] = 0.0
+        """`slide_one` of all."""
+        for k in range(self.count()):
+            self.slide_one(points, k, share)
+
+    @ti.func
+    def slide_one(self, points: Template, k, share):
+        """Before anything is pushed in a substep: the place of tie k, if it bore all it can, has gone along to where
+        the substep before left it (Coulomb)."""
+        longest = 0.0
+        for part in ti.static((0, 3)):
+            borne = ti.Vector([self.borne[k * LANES + part + c] for c in ti.static(range(3))])
+            longest = ti.max(longest, borne.norm())
+        apart = self.measure(points, k, share)
+        for c in ti.static(range(3)):
+            if longest > 0.999 * self.path[k, MOST]:
+                self.slid[k * LANES + c] += apart[c] - apart[3 + c]
+        for c in ti.static(range(6)):
+            self.borne[k * LANES + c] = 0.0
 
     @ti.func
     def wanted(self, points: Template, k, share):

@@ -29,6 +29,9 @@ What the body holds it holds by friction: a tie to a place bears a force up to `
 along with the cloth, and stays there.
 """
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
@@ -36,6 +39,7 @@ from scipy.sparse import csr_array
 
 from taichi_cloth.constraints.beside_ties import LINKS, beside
 from taichi_cloth.constraints.tie_fields import ALLOWED, MOST, NODES, PATH, USUAL, TieFields
+from taichi_cloth.constraints.tie_loops import TieLoops
 from taichi_cloth.ground.arrays import Template
 from taichi_cloth.ground.cache import digest
 from taichi_cloth.ground.errors import InputError
@@ -44,7 +48,7 @@ from taichi_cloth.motion.constraint import SharedConstraint
 from taichi_cloth.motion.forces import FrameForces
 from taichi_cloth.sheet.sheet import LANES, PAD, Sheet, SheetState
 
-__all__ = ["LEARNT", "Ties"]
+__all__ = ["LEARNT", "MOST_AT_ONCE", "Ties"]
 
 F64 = NDArray[np.float64]
 CLOSED = 2e-3
@@ -90,6 +94,8 @@ class Ties(SharedConstraint):
 
     fields_of = TieFields
     whole = True
+    known_as = f"more than {MOST_AT_ONCE:,} seams and holds"
+    _loops: TieLoops | None = None
     substeps: int
     step: float
     reach: float
@@ -132,6 +138,7 @@ class Ties(SharedConstraint):
         self._yields, self._at_end = compliance[:, 0], None
         self.blend = self.weight.astype(np.float64)
         self.answer = self._answer(inverse, compliance) if n <= MOST_AT_ONCE else None
+        self.spreads = self.answer is not None  # one after the other is no parallel form
         self.beside = beside(sheet, self.index, self.weight)
         self.places = np.full((n, 3), np.nan) if places is None else np.asarray(places, np.float64)
         self.bones = np.full(n, -1) if bones is None else np.asarray(bones)
@@ -186,6 +193,11 @@ class Ties(SharedConstraint):
         flat = state.values[:3].reshape(3, -1)
         apart = np.einsum("cnk,nk->nc", flat[:, self.index], self.blend) - targets
         return np.sqrt((apart * apart).sum(axis=1))
+
+    def loop(self, loops: Any, again: bool) -> Callable[..., Any]:
+        if self._loops is None or self._loops.ties is not self.fields:
+            self._loops = TieLoops(self.fields, self.kind[-1])
+        return self._loops.kernel(loops, again)
 
     def join(self, substeps: int, step: float) -> None:
         self.substeps, self.step, self.reach = substeps, step, self.speed * step * substeps

@@ -180,6 +180,8 @@ class FrameLoops(ABC):
                 self.frame.position[c][p] = x
                 self.frame.step[c][p] = u
                 self.frame.ahead[c][p] = x + self.frame.numbers[None].lag * u
+            for one in ti.static([one for one in self.frame.constraints if one.remembers]):
+                one.open_one(values, p, i, j)
             if ti.static(self.features.slips):
                 for k in ti.static(range(ANCHORS)):
                     self.frame.slipping.anchor[k][p] = values[self.frame.plane + k, i, j]
@@ -204,6 +206,8 @@ class FrameLoops(ABC):
                 else:
                     values[c, i, j] = self.frame.ahead[c][p]
                 values[3 + c, i, j] = self.frame.step[c][p]
+            for one in ti.static([one for one in self.frame.constraints if one.remembers]):
+                one.close_one(values, p, i, j)
             if ti.static(self.features.slips):
                 for k in ti.static(range(ANCHORS)):
                     values[self.frame.plane + k, i, j] = self.frame.slipping.anchor[k][p]

@@ -10,6 +10,7 @@ from taichi_cloth.ground.arrays import Float, Template
 from taichi_cloth.loops.frame_loops import NOW, WIND, FrameLoops, Largest, Launch
 from taichi_cloth.motion.frame import Frame
 from taichi_cloth.motion.stencil import Features, store, taking
+from taichi_cloth.sheet.sheet import LANES
 
 __all__ = ["VerletLoops"]
 
@@ -22,11 +23,22 @@ class VerletLoops(FrameLoops):
         super().__init__(frame, features, packets, lanes, padded_shape)
         self.bound = Largest(self.count * lanes)
 
+    def settings(self) -> Any:
+        return int(self.frame.numbers[None].sweeps)
+
     def substep(self, odd: int) -> Iterator[Launch]:
         if not self.features.leads:
             yield self.kernel("alone", _alone), WIND, self.lanes
             for one in self.frame.constraints:
-                yield from self.constrain(one, False)
+                for kernel in self.kernel((id(one), "warm"), one.warm_loops):
+                    yield kernel, (), LANES
+            for one in self.frame.constraints:
+                if not one.repeated:
+                    yield from self.constrain(one, False)
+            for sweep in range(self.settings()):
+                for one in self.frame.constraints:
+                    if one.repeated:
+                        yield from self.constrain(one, sweep > 0)
         elif not odd:
             yield self.kernel("both", _both), WIND, self.lanes
 

@@ -61,13 +61,17 @@ class Constraint:
     spreads = False
     spread = False
     clock: Any = None
-    known_as = "ties and seams"
+    known_as = "a constraint"
 
     def loop(self, loops: Any, again: bool) -> Callable[..., Any] | None:
         """Where frames are parallel loops (`loops/frame_loops.py`): a kernel, a plain function without arguments, that
         does all of a substep after the springs, in loops over key points. again: once more in the same substep, as
         `correct_again`."""
         return None
+
+    def warm_loops(self, loops: Any) -> tuple[Callable[..., Any], ...]:
+        """Where frames are parallel loops: kernels like that, for `warm_start`; with `open_one` and `close_one`."""
+        return ()
 
     def made_of(self) -> str:
         """A hash of what the motion follows from beside the sheet and the forces; "" where that is all."""
@@ -102,6 +106,14 @@ class Constraint:
 
     @ti.func
     def close(self, values: Template, p, i, j):
+        """And back."""
+
+    @ti.func
+    def open_one(self, values: Template, p, i, j):
+        """What is remembered of element p alone, from values[6 + k, i, j]."""
+
+    @ti.func
+    def close_one(self, values: Template, p, i, j):
         """And back."""
 
     @ti.func

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from taichi_cloth.body.colliders.colliders import Colliders
 from taichi_cloth.body.primitives.primitives import Primitive
 from taichi_cloth.constraints.constraints_for import constraints_for
+from taichi_cloth.constraints.ties import Ties
 from taichi_cloth.ground import runtime
 from taichi_cloth.motion.forces import Forces, Plane, Sphere, StrainLimit, Wind
 from taichi_cloth.motion.simulation import Simulation
@@ -28,14 +29,17 @@ CASES = {
     "verlet, wind": (Verlet, {"wind": True}),
     "verlet, friction within": (Verlet, {"within": True}),
     "yarns, wind": (Yarns, {"wind": True}),
-    "yarns, limit": (Yarns, {"limit": True}),
+    "yarns, limit": (Yarns, {"limit": 1e-4}),
     "yarns, chains": (Yarns, {"wind": True, "chains": True}),
     "yarns, table": (Yarns, {"body": True}),
     "verlet, table": (Verlet, {"body": True}),
     "verlet, thin": (Verlet, {"body": True, "thin": True}),
+    "yarns, seam": (Yarns, {"wind": True, "seam": True}),
+    "verlet, seam": (Verlet, {"wind": True, "seam": True, "limit": 5e-4}),
     "yarns, drape": (Yarns, {"drape": True}),
 }
-"""Hanging from their top edge in wind, falling on a table, folding over a ball. Only the last buckles."""
+"""Hanging from their top edge in wind, falling on a table, sewn of two halves and hung from places, folding over a
+ball. Only the last buckles."""
 
 
 def simulation(case: str, *, n: int = N, long: int = 0) -> Simulation:
@@ -50,22 +54,42 @@ def simulation(case: str, *, n: int = N, long: int = 0) -> Simulation:
     lies = asked.get("body") or asked.get("drape")
     held = np.zeros((rows, n), bool)
     held[-1] = not lies
-    sheet = Sheet.rectangle(rows, n, material=material, springs=springs, pinned=held)
+    cells = np.ones((rows - 1, n - 1), bool)
+    cells[:, n // 2] = not asked.get("seam")
+    held[-1] = held[-1] & (not asked.get("seam"))
+    sheet = Sheet.of_cells(cells, material=material, springs=springs, pinned=held)
     forces = Forces(
         wind=Wind(velocity=(0.3, 0.0, 1.5), gusts=0.3) if asked.get("wind") else None,
         sphere=Sphere(centre=(0.15, -0.11, -0.15), radius=0.1) if asked.get("drape") else None,
         plane=Plane(height=-0.15) if asked.get("drape") else None,
-        strain_limit=StrainLimit(strain=0.004, passes=1) if asked.get("limit") else None,
+        strain_limit=StrainLimit(strain=asked["limit"], passes=1) if "limit" in asked else None,
         body=table(0.02 if asked.get("thin") else 0.05) if asked.get("body") else None,
     )
     x = sheet.flat()
     if lies:
         x = x[..., [0, 2, 1]] * np.array([1.0, 1.0, -1.0])
         x[..., 1] += 0.01 * x[..., 0]  # one edge arrives first, and nothing is decided by rounding
-    held_by = constraints_for(sheet, forces, answered=solver.answers)
+    ties = sewn_and_hung(sheet) if asked.get("seam") else ()
+    if ties:
+        x[:, n // 2 + 1 :, 0] -= spacing
+    held_by = constraints_for(sheet, forces, ties=ties, answered=solver.answers)
     chains = {"chains": True} if asked.get("chains") else {}
     made = solver(sheet, forces, frame_rate=60, constraints=held_by, **chains)
-    return Simulation(sheet, made, forces=forces, positions=x, pins=() if lies else (Pins(held),))
+    return Simulation(sheet, made, forces=forces, positions=x, pins=() if lies or ties else (Pins(held),))
+
+
+def sewn_and_hung(sheet: Sheet) -> tuple[Ties, Ties]:
+    """A seam down the middle, closed, and places of the top edge as it is then."""
+    rows, n = sheet.shape
+    row, column = np.arange(rows), np.arange(n)
+    seam = np.stack([np.stack([row, np.full(rows, n // 2 + side)], axis=1) for side in (0, 1)], axis=1)
+    top = np.stack([np.full(n, rows - 1), column], axis=1)[:, None]
+    places = sheet.flat()[-1].copy()
+    places[n // 2 + 1 :, 0] -= sheet.springs.spacing_x
+    return (
+        Ties(sheet, seam, np.tile([1.0, -1.0], (rows, 1))),
+        Ties(sheet, top, np.ones((n, 1)), places=places, repeated=False),
+    )
 
 
 def table(radius: float) -> Colliders:

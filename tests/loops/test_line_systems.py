@@ -73,19 +73,21 @@ def test_pieces_solve_what_the_whole_line_is(length: int, across: bool) -> None:
             assert np.abs(found[line] - exact).max() < 1e-6 * np.linalg.cond(whole) * np.abs(exact).max()
 
 
-def test_loops_give_the_bytes_of_the_kernel(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("case", ["verlet, wind", "verlet, seam"])
+def test_loops_give_the_bytes_of_the_kernel(case: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In wind; and sewn, hung from places, its threads at a limit."""
     if not runtime.on_host():
         pytest.skip("on a device there are only loops")
-    kernel = moved("verlet, wind", 4)
+    kernel = moved(case, 4)
     monkeypatch.setattr(Verlet, "loops_from", 0)
-    assert moved("verlet, wind", 4).tobytes() == kernel.tobytes()
+    assert moved(case, 4).tobytes() == kernel.tobytes()
 
 
 @pytest.mark.slow  # both forms of whole yarns are compiled
 def test_loops_of_whole_yarns_give_the_motion_of_the_kernel(monkeypatch: pytest.MonkeyPatch) -> None:
     if not runtime.on_host():
         pytest.skip("on a device there are only loops")
-    for case in ("yarns, wind", "yarns, chains", "yarns, limit", "yarns, table"):
+    for case in ("yarns, wind", "yarns, chains", "yarns, limit", "yarns, table", "yarns, seam"):
         monkeypatch.setattr(Yarns, "loops_from", np.inf)
         kernel = moved(case, 8)
         monkeypatch.setattr(Yarns, "loops_from", 0)
