@@ -40,8 +40,13 @@ def test_what_has_no_parallel_form_takes_the_cpu_and_says_so(capsys: pytest.Capt
     assert device_of(made, "vulkann") == "vulkann"  # whoever starts it refuses it
     assert capsys.readouterr().err == ""
     limited = ["forces.strain_limit={percent=5}", "solver.name=verlet"]
-    assert planned("drape", ALONE, *limited).lacks == "a strain limit of Verlet"
-    assert planned("drape", ALONE, limited[0]).lacks == ""  # whole yarns hold it in their solve
+    assert planned("drape", ALONE, *limited).lacks == ""
+
+
+def test_a_garment_runs_on_a_device_where_it_does_not_meet_itself() -> None:
+    shirt = "garment.representation=mesh", "garment.key_points=500"
+    assert plan(load_scene("tshirt", [*shirt])).lacks == "cloth on cloth"
+    assert plan(load_scene("tshirt", [*shirt, ALONE])).lacks == ""
 
 
 class Holder:
