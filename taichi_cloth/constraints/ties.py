@@ -71,6 +71,9 @@ FOLLOWING = 0.1
 threads beyond 3 % without, 15 at 0.1 and 8 at 0.04; but key points that stand half outside the cloth twitch in its
 armpits, by 27 mm/s at 0.1 and by 140 at 0.03, and at 0.01 a curtain shakes that has a seam across."""
 
+ANY = 1e9
+"""More than any tie is pushed by in a substep [m]."""
+
 LEARNT = 0.004
 """Push of a substep that is too small to be learnt from, as a share of a cell. Learnt from all the same, pushes hunt:
 what adds up makes a spring of what was a tie, and a T-shirt at rest trembled at 4 mm/s. With 0.008 and 0.012 the
@@ -245,7 +248,7 @@ class Ties(SharedConstraint):
         path[:-1, ALLOWED + 1] = np.maximum(allowed - self.reach, 0.0) - allowed
         if self.repeated:
             path[:-1, USUAL:MOST] = self._kept(state).T
-        path[:-1, MOST] = 1e9 if self.most is None else self.most * self._yields * self.step**2
+        path[:-1, MOST] = ANY if self.most is None else np.minimum(self.most * self._yields * self.step**2, ANY)
         most = np.inf if self.repeated else self.reach / self.substeps
         drawn = float((now <= CLOSED).all())
         path[-1, :7] = self.count, 1.0 / self.substeps, most, self.gain, self.least, drawn, 1.0 / (MOVING * self.step)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from device_cases import CASES, moved
+from device_cases import CASES, WITHIN, moved
 
 from taichi_cloth.ground import runtime
 
@@ -31,7 +31,7 @@ def on_cpu(case: str, folder: Path) -> np.ndarray:
 def test_what_does_not_buckle_is_where_it_is_on_a_cpu(case: str, tmp_path: Path) -> None:
     there, here = moved(case, FRAMES), on_cpu(case, tmp_path)
     apart = np.abs(there.astype(np.float64) - here).max(axis=(1, 2, 3))
-    assert apart.max() < 1e-6, apart
+    assert apart.max() < WITHIN.get(case, 1e-6), apart
 
 
 def test_middles_of_springs_answer_alike_in_another_order(tmp_path: Path) -> None:

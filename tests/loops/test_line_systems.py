@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 import taichi as ti
-from device_cases import moved
+from device_cases import WITHIN, moved
 
 from taichi_cloth.ground import runtime
 from taichi_cloth.loops.line_systems import PIECE, LineSystems
@@ -91,4 +91,4 @@ def test_loops_of_whole_yarns_give_the_motion_of_the_kernel(monkeypatch: pytest.
         monkeypatch.setattr(Yarns, "loops_from", np.inf)
         kernel = moved(case, 8)
         monkeypatch.setattr(Yarns, "loops_from", 0)
-        assert np.abs(moved(case, 8) - kernel).max() < 1e-6, case
+        assert np.abs(moved(case, 8) - kernel).max() < WITHIN.get(case, 1e-6), case
