@@ -1,4 +1,5 @@
-"""`check`: triangles of a cloth that pass through others, frame by frame, and which panels they are of."""
+"""`check`: triangles of a cloth that pass through others, frame by frame, and which panels they are of; how long its
+threads are, how deep a garment lies in its body, and how fast it moves at the end."""
 
 import json
 import zipfile
@@ -14,6 +15,7 @@ from pydantic import ValidationError
 
 from taichi_cloth.body.files.mesh_reading import FORMATS, read_mesh
 from taichi_cloth.crossings.crossings import Crossings, find_crossings
+from taichi_cloth.garment.sewn.in_motion import Watch
 from taichi_cloth.ground import runtime
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.motion.simulation import Simulation
@@ -21,7 +23,7 @@ from taichi_cloth.motion.simulation import Simulation
 from ..commands.device import device_of
 from ..models.model import STATE
 from ..plan.plan import plan
-from ..prepare.garment_setup import dress, garment_simulation
+from ..prepare.garment_setup import dress, garment_simulation, motion_of
 from ..prepare.sett import on_cells
 from ..prepare.sheet_setup import sheet_simulation, standing_in
 from ..scene.load import load_scene
@@ -31,19 +33,23 @@ __all__ = ["Skin", "check", "skin_of"]
 
 MOST_PLACES = 3
 """Pairs of panels that a line names."""
+LOOKS = 10
+"""Frames from one look at how deep a garment lies in its body to the next."""
 
 
 @dataclass(frozen=True, eq=False)
 class Skin:
     """The triangles that are drawn of a cloth. points: from key points (rows, cols, 3) to its points (n, 3) [m]. faces:
     (m, 3). same: (n,) numbers of points, alike where they are sewn together, or None. panel: (m,) of each triangle.
-    names: of the panels."""
+    names: of the panels. depth: from key points and the time [s] to how deep they lie in the body [m], and in which
+    part of it; None: there is none."""
 
     points: Callable[[NDArray], NDArray]
     faces: NDArray
     same: NDArray | None
     panel: NDArray
     names: list[str]
+    depth: Callable[[NDArray, float], tuple[float, str]] | None = None
 
     def crossings(self, positions: NDArray) -> Crossings:
         """At key points (rows, cols, 3) [m]."""
@@ -61,7 +67,14 @@ def skin_of(scene: Scene) -> tuple[Skin, Simulation]:
     dressed = dress(scene)
     surface = dressed.garment.surface
     names = [piece.panel.name for piece in dressed.garment.atlas.panels]
-    skin = Skin(lambda x: surface.points(x)[0], surface.faces, surface.same, surface.panel[surface.faces[:, 0]], names)
+    watch, motion = Watch(dressed.garment, dressed.grids or dressed.primitives), motion_of(scene, dressed.body)
+
+    def depth(positions: NDArray, time: float) -> tuple[float, str]:
+        moment = watch.at(positions, dressed.body.bone_transforms(motion.pose(time)))
+        return moment.depth, moment.part
+
+    panel = surface.panel[surface.faces[:, 0]]
+    skin = Skin(lambda x: surface.points(x)[0], surface.faces, surface.same, panel, names, depth)
     return skin, garment_simulation(scene, dressed)
 
 
@@ -90,11 +103,12 @@ def check(what: str, overrides: list[str], *, frames: int | None, arch: Any, thr
         raise InputError(f"check: {what} has no cloth that moves; allowed: a scene of a [cloth] or a [garment]")
     runtime.start(arch if arch == "cpu" else device_of(plan(scene), arch), threads=threads)
     skin, simulation = skin_of(scene)
-    counts, let_off = [], 0
+    counts, let_off, moved = [], 0, _Moved(skin, simulation)
     for frame in range(count):
         if frame:
             simulation.step()
             let_off += simulation.solver.let_off
+        moved.look()
         found = skin.crossings(simulation.positions)
         counts.append(found.count)
         if found.count:
@@ -103,8 +117,41 @@ def check(what: str, overrides: list[str], *, frames: int | None, arch: Any, thr
         yield f"{kept} was left by another version of this program, or on another device: this is the same scene, anew"
     if let_off:
         yield f"{let_off:,} pairs could not be kept apart, and were let off"
+    yield moved.line()
     yield _summary(counts, len(skin.faces))
     return any(counts)
+
+
+class _Moved:
+    """The longest thread, the deepest place in the body, and the speed in the last frame."""
+
+    def __init__(self, skin: Skin, simulation: Simulation) -> None:
+        self._skin, self._simulation = skin, simulation
+        self._longest, self._deepest, self._speed = (0.0, 0), (0.0, 0, ""), 0.0
+        self._before = simulation.positions
+
+    def look(self) -> None:
+        simulation = self._simulation
+        positions, frame = simulation.positions, simulation.frame
+        longest = max(float(family.max()) for family in simulation.sheet.stretch(positions))
+        if longest > self._longest[0]:
+            self._longest = longest, frame
+        if self._skin.depth is not None and frame % LOOKS == 0:
+            depth, part = self._skin.depth(positions, simulation.time)
+            if depth > self._deepest[0]:
+                self._deepest = depth, frame, part
+        way = np.linalg.norm(positions - self._before, axis=-1)[simulation.sheet.present]
+        self._speed, self._before = float(way.mean()) / simulation.frame_time, positions
+
+    def line(self) -> str:
+        said = [f"longest thread {100 * self._longest[0]:.1f} %, in frame {self._longest[1]}"]
+        if self._skin.depth is not None:
+            depth, frame, part = self._deepest
+            said.append(
+                f"deepest in the body {1e3 * depth:.1f} mm" + (f", in frame {frame}, in {part}" if part else "")
+            )
+        said.append(f"in the last frame it moves by {1e3 * self._speed:.1f} mm/s in the mean")
+        return "; ".join(said)
 
 
 def _run(kept: Path) -> tuple[Scene, tuple[int, NDArray]]:

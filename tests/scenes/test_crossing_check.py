@@ -42,10 +42,13 @@ def folding(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("folding", "keep_taichi")
 def test_a_scene_and_a_run_of_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run("drape", *SETS, "--frames", "2") == 0
-    assert capsys.readouterr().out == "2 frames: none of 72 triangles passes through another\n"
+    said, summary = capsys.readouterr().out.splitlines()
+    assert said == "longest thread 0.0 %, in frame 0; in the last frame it moves by 0.0 mm/s in the mean"
+    assert summary == "2 frames: none of 72 triangles passes through another"
     assert run("drape", *SETS, "--frames", "4") == 1
     lines = capsys.readouterr().out.splitlines()
-    assert [line.split(":")[0] for line in lines] == ["frame 2", "frame 3", "2 of 4 frames"]
+    assert [line.split(":")[0] for line in lines] == ["frame 2", "frame 3", lines[2], "2 of 4 frames"]
+    assert lines[2].startswith("longest thread 27.0 %, in frame 2; in the last")
     # A run that was left after frame 3.
     scene = load_scene("drape", SMALL)
     simulation = sheet_simulation(scene)
