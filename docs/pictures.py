@@ -16,10 +16,12 @@ from taichi_cloth.render.image.image import contact_sheet, read_png
 from taichi_cloth.scenes.body.body_fit import draw_fit
 from taichi_cloth.scenes.models.build import build
 from taichi_cloth.scenes.models.cloth_model import ClothModel
+from taichi_cloth.scenes.models.garment_model import GarmentModel, box_round
 from taichi_cloth.scenes.paper.figures import FIGURES, fitted
 from taichi_cloth.scenes.picture.view import View
 from taichi_cloth.scenes.picture.zoom import zoom
 from taichi_cloth.scenes.prepare.body_setup import primitives_of
+from taichi_cloth.scenes.prepare.garment_setup import dropped
 from taichi_cloth.scenes.scene.load import load_scene
 from taichi_cloth.scenes.studies.appearance import measured, side_by_side
 from taichi_cloth.scenes.studies.looks.cases import CASES
@@ -182,6 +184,19 @@ def appearance() -> np.ndarray:
     return contact_sheet(pairs, columns=4, thumbnail=480)
 
 
+def violence() -> np.ndarray:
+    """A silk flag in a gale, a T-shirt whose wearer has folded the arms, and one that was dropped on the floor."""
+    gale = moved("flag", "forces.wind.velocity_m_per_s=[20,0,0.8]", size=(960, 960), frame=40)
+    folded = moved("tshirt", "body.motion=arms-folded", "camera.azimuth_deg=20", size=(960, 960), frame=50)
+    model = build(load_scene("tshirt", ["camera.elevation_deg=35"]))
+    assert isinstance(model, GarmentModel)
+    model.simulation, model.solids = dropped(model.scene, model.dressed), lambda: ()  # pyright: ignore[reportAttributeAccessIssue]
+    model.step(60)
+    model.bounds = box_round(model.simulation.positions[model.simulation.sheet.present])
+    heap = View(model, (960, 960))
+    return np.concatenate([gale, folded, *(image for _, image in heap.turntable(1, [0]))], axis=1)
+
+
 def zoomed() -> np.ndarray:
     """Twelve frames of `taichi-cloth zoom swatch`."""
     view = View(build(load_scene("swatch", [])), (960, 640))
@@ -201,6 +216,7 @@ PICTURES = {
     "zoom": zoomed,
     "drape": drape,
     "flag": lambda: moved("flag", size=FABRIC, frame=90),
+    "violence": violence,
     "hanging": lambda: moved("hanging", size=(1080, 1350), frame=60),
     "swatch": lambda: picture("swatch", size=FABRIC)[0],
     "fibre": fibre,

@@ -27,7 +27,7 @@ from taichi_cloth.garment.sewn.sew import RECOVERY, Worn, sew
 from taichi_cloth.garment.sewn.weaving import crossings_shape
 from taichi_cloth.ground.cache import digest, kept
 from taichi_cloth.ground.errors import InputError
-from taichi_cloth.motion.forces import Forces, SelfContact
+from taichi_cloth.motion.forces import Forces, Plane, SelfContact
 from taichi_cloth.motion.simulation import Simulation
 from taichi_cloth.sheet.materials import Material
 from taichi_cloth.solvers.choice import Choice
@@ -51,6 +51,7 @@ __all__ = [
     "Parts",
     "dress",
     "dressed_parts",
+    "dropped",
     "garment_choice",
     "garment_colliders",
     "garment_forces",
@@ -289,6 +290,22 @@ def garment_simulation(
         pushes=worn.pushes,
         sweeps=worn.sweeps,
         anchors=worn.anchors,
+    )
+
+
+def dropped(scene: Scene, dressed: Dressed, fall: float = 0.3) -> Simulation:
+    """The garment as it hung on its body, which is no more there, so far over a floor [m]: it falls as a heap."""
+    worn, forces = dressed.worn, garment_forces(scene, dressed)
+    low = float(worn.positions[dressed.garment.atlas.present()][:, 1].min())
+    thick = forces.self_contact.thickness if forces.self_contact else 0.0
+    known = {"pushes": worn.pushes, "sweeps": worn.sweeps, "anchors": worn.anchors}
+    return dressed.garment.simulation(
+        replace(forces, plane=Plane(height=low - fall, gap=thick / 2)),
+        worn.positions,
+        frame_rate=float(scene.output.fps),
+        solver=garment_choice(scene, dressed).name,
+        settled=True,
+        **known,
     )
 
 
