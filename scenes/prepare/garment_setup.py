@@ -65,7 +65,7 @@ __all__ = [
     "woven_garment",
 ]
 
-VERSION = 42
+VERSION = 43
 """Of what is kept on disk: raised whenever the same scene would come to another rest."""
 
 BETWEEN, FOLDED = 2.0, 0.125

@@ -132,6 +132,7 @@ class LayerContact(SharedConstraint):
     def end(self, state: SheetState) -> None:
         """Cloth that flies apart, as on steps that are too long for it, has no room for what it meets: it is left so
         that the solver sees it, and takes shorter ones."""
+        self.pushed = int(self.fields.certificate.pushed[None])
         self._torn = bool(self._full()) and not self._whole(state)
         if self._torn:
             state.values[:3] = np.nan

@@ -37,6 +37,7 @@ class Constraint:
     stops: it also works between substeps, by `stop`, and may want a frame taken again, see `again`. At most one of a
     solver does.
     let_off: how often in the last frame it could not keep apart what it should, and let it through.
+    pushed: how often in the last frame it had to push after its substeps what those should have kept apart.
     remembers: numbers of each key point that it keeps in the state from frame to frame, by `open` and `close`; above 0
     it has a `warm_start`. At most one constraint of a solver may.
     spreads: it has a `loop`, and so can do without the kernel that threads share. spread: whether it is to; said by the
@@ -55,6 +56,7 @@ class Constraint:
     repeated = False
     stops = False
     let_off = 0
+    pushed = 0
     remembers = 0
     keeps = 0
     kept_behind = 0

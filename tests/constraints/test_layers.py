@@ -138,7 +138,8 @@ def test_cloth_that_flies_apart_is_left_to_the_solver(monkeypatch: pytest.Monkey
     sheet = sheet_of(1)
     one = LayerContact(sheet, SelfContact(thickness=THICKNESS))
     monkeypatch.setattr(LayerContact, "_full", lambda _: "no room")
-    monkeypatch.setattr(LayerContact, "fields", SimpleNamespace(unproven={None: 0}))
+    fields = SimpleNamespace(unproven={None: 0}, certificate=SimpleNamespace(pushed={None: 0}))
+    monkeypatch.setattr(LayerContact, "fields", fields)
     whole, apart = sheet.state(sheet.flat()), sheet.state(3 * sheet.flat())
     one.end(whole)
     assert one.again(), "more carefully"

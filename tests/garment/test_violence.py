@@ -44,9 +44,9 @@ def test_a_body_that_folds_its_arms_does_not_draw_its_shirt_through_itself() -> 
 
 @pytest.mark.slow
 def test_a_t_shirt_that_is_dropped_lies_as_a_heap_clear_of_itself() -> None:
-    """Off a body that is no more there, on a floor 30 cm below its hem."""
+    """Off a body that is no more there, on a floor 30 cm below its hem: at rest two seconds after it lies."""
     scene = load_scene("tshirt", ["garment.representation=mesh"])
     through, longest, speed = course((skin_of(scene)[0], dropped(scene, dress(scene))), 80)
     assert not any(through)
-    assert longest < 0.1
-    assert speed < 0.03
+    assert longest < 0.06
+    assert speed < 0.005
