@@ -107,6 +107,7 @@ def scene_of(name: str) -> Scene:
         f"garment.gap_mm={GAP_MM}",
         f"body.gender={gender}",
         "body.motion=walk",
+        "forces.self_contact={}",  # of which the paper says nothing
         f"output.fps={RATE}",
         "yarn.plies=1",
         "yarn.hairiness.loops_per_m=0",

@@ -159,6 +159,8 @@ def test_garments_have_the_papers_counts(name: str) -> None:
     from taichi_cloth.scenes.prepare.garment_setup import dressed_parts
 
     scene = scene_of(name)
+    assert scene.forces is not None
+    assert scene.forces.self_contact is not None
     assert abs(dressed_parts(scene).garment.atlas.key_points / PAPER[name].key_points - 1) < 0.01
     assert abs(_count(scene) / PAPER[name].particles - 1) < 0.01
     assert scene.garment is not None
