@@ -53,7 +53,7 @@ EVENLY = 0.54
 FADING = 1.9
 """Fibres of a level are whole from so many times the smallest radius on, and from where the next finer level begins; of
 smaller ones some are of the next coarser level."""
-MEETING = 0.75
+MEETING = 0.7
 """Power of the share of a level that goes as the next finer one comes. With 1, half of each covers up to 3 % less than
 the thickest fibres alone; with 0.5, finer ones cover more and are brighter than alone, which then ends at once."""
 APART, FINER = 0.6, 0.42
