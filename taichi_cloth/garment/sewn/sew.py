@@ -131,21 +131,20 @@ def sew(
             "allowed: a pattern whose panels start clear of the body and whose seams can close round it"
         ) from None
     through = _through(garment, worn.positions) if layers else 0
-    if layers and through <= allowed * len(garment.outline.faces):
-        return worn
-    if through:
+    enough = allowed * len(garment.outline.faces) if layers else 0.0
+    if through > enough:
         as_worn = worn.positions, worn.frames, closed[2]
         tries = [lambda: rest(close(layers), layers)]
         if _through(garment, closed[0]) < through:
             tries.append(lambda: rest(closed, layers))
         tries.append(lambda: rest(as_worn, layers, UNTANGLING))
-        for attempt in tries:
+        for attempt in tries[:1] if allowed else tries:  # each takes minutes: all of them where contact is asked for
             with contextlib.suppress(InputError, Unstable):  # what cannot be sewn so stays as it is
                 again = attempt()
                 left = _through(garment, again.positions)
                 if left < through:
                     worn, through = again, left
-            if not through:
+            if through <= enough:
                 break
     return worn
 
