@@ -186,7 +186,7 @@ def appearance() -> np.ndarray:
 
 def violence() -> np.ndarray:
     """A silk flag in a gale, a T-shirt whose wearer has folded the arms, and one that was dropped on the floor."""
-    gale = moved("flag", "forces.wind.velocity_m_per_s=[20,0,0.8]", "camera.zoom=1.5", size=(960, 960), frame=40)
+    gale = moved("flag", "forces.wind.velocity_m_per_s=[20,0,0.8]", "camera.zoom=1.15", size=(960, 960), frame=40)
     folded = moved("tshirt", "body.motion=arms-folded", "camera.azimuth_deg=20", size=(960, 960), frame=50)
     model = build(load_scene("tshirt", ["camera.elevation_deg=35", "camera.zoom=1.5", "stage.ground=true"]))
     assert isinstance(model, GarmentModel)
