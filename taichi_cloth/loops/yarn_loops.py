@@ -106,7 +106,7 @@ class YarnLoops(FrameLoops):
     def shapes(self):
         """A loop: the fixed ball and half space."""
         for t in range(self.count):
-            self.frame.touch(self.place(t), self.frame.numbers[None], self.features)
+            self.frame.touch(self.place(t), 0, self.frame.numbers[None], self.features)
 
     @ti.func
     def all_anew(self, n: Template, first: Template):

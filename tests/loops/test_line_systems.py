@@ -92,3 +92,15 @@ def test_loops_of_whole_yarns_give_the_motion_of_the_kernel(monkeypatch: pytest.
         kernel = moved(case, 8)
         monkeypatch.setattr(Yarns, "loops_from", 0)
         assert np.abs(moved(case, 8) - kernel).max() < WITHIN.get(case, 1e-6), case
+
+
+def test_loops_of_whole_yarns_fold_over_a_ball_as_the_kernel_does(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The fixed shapes. Where it folds point by point it is no oracle, but as a whole."""
+    if not runtime.on_host():
+        pytest.skip("on a device there are only loops")
+    kernel = moved("yarns, drape", 8)[..., 1]
+    monkeypatch.setattr(Yarns, "loops_from", 0)
+    loops = moved("yarns, drape", 8)[..., 1]
+    assert np.abs(loops[:4] - kernel[:4]).max() < 1e-6
+    assert loops[-1].min() == pytest.approx(kernel[-1].min(), abs=5e-3)
+    assert loops[-1].mean() == pytest.approx(kernel[-1].mean(), abs=2e-3)
