@@ -93,7 +93,7 @@ class Entries(BodySurface):
                 if self.limb(self.entry_of[e]) != self.limb(self.entry_of[f]):
                     q, b = self.lanes_of(f, ENTRY), self.anchor(self.entry_of[f])
                     for k in range(LANES):
-                        p, d, other, along = self.entry_block[e] * LANES + k, 0.0, 0.0, 0.0
+                        p, along = self.entry_block[e] * LANES + k, 0.0
                         d, other = -self.entry[o + OFFSET + k], -self.entry[q + OFFSET + k]
                         for axis in ti.static(range(3)):
                             n, m = self.entry[o + axis * LANES + k], self.entry[q + axis * LANES + k]

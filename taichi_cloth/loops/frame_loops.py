@@ -100,16 +100,16 @@ class FrameLoops(ABC):
         WIND."""
         with taking(self.lanes), runtime.plain_code(routines=True):
             self.read(values)
-            kind = substeps, self.settings()
+            kind = substeps, self.sweeps()
             if kind not in self._graphs:
                 self._graphs[kind] = self._recorded(substeps)
             names = (arg.name for arg in WIND)
             self._graphs[kind].run(dict(zip(names, [*wind, *change], strict=True)))
             self.write(values)
 
-    def settings(self) -> Any:
-        """What else decides which kernels a substep is made of."""
-        return None
+    def sweeps(self) -> int:
+        """Of a substep: with it goes which kernels that is made of."""
+        return int(self.frame.numbers[None].sweeps)
 
     def _recorded(self, substeps: int) -> Any:
         builder = ti.graph.GraphBuilder()

@@ -23,9 +23,6 @@ class VerletLoops(FrameLoops):
         super().__init__(frame, features, packets, lanes, padded_shape)
         self.bound = Largest(self.count * lanes)
 
-    def settings(self) -> Any:
-        return int(self.frame.numbers[None].sweeps)
-
     def substep(self, odd: int) -> Iterator[Launch]:
         if not self.features.leads:
             yield self.kernel("alone", _alone), WIND, self.lanes
@@ -35,7 +32,7 @@ class VerletLoops(FrameLoops):
             for one in self.frame.constraints:
                 if not one.repeated:
                     yield from self.constrain(one, False)
-            for sweep in range(self.settings()):
+            for sweep in range(self.sweeps()):
                 for one in self.frame.constraints:
                     if one.repeated:
                         yield from self.constrain(one, sweep > 0)

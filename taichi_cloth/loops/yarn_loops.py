@@ -49,11 +49,8 @@ class YarnLoops(FrameLoops):
         )
         self.late, self.seen = ti.field(ti.i32, max(one.lines for one in self.systems)), ti.field(ti.i32, ())
 
-    def settings(self) -> Any:
-        return int(self.frame.numbers[None].sweeps)
-
     def substep(self, odd: int) -> Iterator[Launch]:
-        sweeps = self.settings()
+        sweeps = self.sweeps()
         yield self.kernel("soft", _soft), WIND, 1
         yield from self._touch(False)
         for sweep in range(sweeps):

@@ -75,17 +75,12 @@ def hung(work: Work, by: Carried, worn: Landmarks) -> tuple[Hold, ...]:
     for pair in over_shoulders(work):
         t = np.linspace(0.0, 1.0, max(8, int(max(length(work.pieces[s.panel].graded[s.edge]) for s in pair) / FINE)))
         lines = [along(work.pieces[side.panel].graded[side.edge], t) for side in pair]
-        stands = [_standing(work.pieces[side.panel], line) for side, line in zip(pair, lines, strict=True)]
+        stands = [work.pieces[side.panel].standing(line) for side, line in zip(pair, lines, strict=True)]
         way = 1 if alike[pair] else -1
         places = 0.5 * (stands[0] + stands[1][::way])
         places[:, 2] = worn.arm[0, 2]
         out += [Hold(pair[0], Course(lines[0], places)), Hold(pair[1], Course(lines[1], places[::way]))]
     return tuple(out)
-
-
-def _standing(piece: Piece, xy: F64) -> F64:
-    """(n, 3) where points (n, 2) of a graded piece start [m]."""
-    return np.pad(xy, ((0, 0), (0, 1))) @ piece.rotation.T + piece.shift
 
 
 def _top(work: Work, *, strapless: bool) -> list[Side]:

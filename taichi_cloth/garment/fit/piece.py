@@ -64,7 +64,10 @@ class Piece:
 
     def worn(self, edge: int | None = None) -> F64:
         """(n, 3) of the graded outline or one edge where it starts on the body [m]."""
-        xy = np.concatenate([e[:-1] for e in self.graded]) if edge is None else self.graded[edge]
+        return self.standing(np.concatenate([e[:-1] for e in self.graded]) if edge is None else self.graded[edge])
+
+    def standing(self, xy: F64) -> F64:
+        """(n, 3) of points (n, 2) of the graded piece where they start [m]."""
         return np.pad(xy, ((0, 0), (0, 1))) @ self.rotation.T + self.shift
 
     def level(self, edge: int | None = None, *, worn: bool = False) -> F64:

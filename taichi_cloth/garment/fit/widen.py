@@ -163,8 +163,9 @@ def _levels(
         return []
     girth = np.array([_girth(worn, float(y), what) for y in heights])
     need, first = EASE * girth, None
-    for _ in range(ROUNDS):
-        level = worn_levels(work, pieces)
+    for number in range(ROUNDS):
+        if number:
+            level = worn_levels(work, pieces)
         each = np.array([widths(piece, heights, level[piece.name]) for piece in pieces])
         own = each.sum(axis=0)
         before, behind = (np.array([piece.tube or piece.normal[2] * sign > 0 for piece in pieces]) for sign in (1, -1))
