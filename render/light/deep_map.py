@@ -9,13 +9,14 @@ import taichi as ti
 from taichi_cloth.ground import runtime
 from taichi_cloth.ground.arrays import Template
 from taichi_cloth.ground.copies import zeros
-from taichi_cloth.ground.vectors import Vec16
+from taichi_cloth.ground.particles import NORMAL, POSITION
+from taichi_cloth.ground.vectors import Octets, Vec16, of_group
 
 from ..data.light_sizes import LAYERS
 
 __all__ = [
     "AWAY", "EMPTY", "ORIGIN", "RIGHT", "SCALE", "UP", "DeepMap", "counts_for", "deepen", "laid", "lift", "lower",
-    "new_deep_map",
+    "moved_out", "new_deep_map",
 ]  # fmt: skip
 
 EMPTY = 1e30
@@ -75,7 +76,19 @@ def deepen(layers: Template, counts: Template, cell, layer, optical):
     if ti.static(runtime.resident()):
         ti.atomic_add(counts[cell, layer], ti.cast(optical * FIXED + 0.5, ti.i32))
     else:
-        layers[cell, 0][layer] += optical
+        layers[cell, 0][layer] = layers[cell, 0][layer] + optical  # of one thread: `+=` would be atomic
+
+
+@ti.func
+def moved_out(particles: Octets, b, by):
+    """Places [m] of the particles at once from b on, moved so far along their normals, and these."""
+    nx = of_group(particles, NORMAL, b)
+    ny = of_group(particles, NORMAL + 1, b)
+    nz = of_group(particles, NORMAL + 2, b)
+    px = of_group(particles, POSITION, b) + by * nx
+    py = of_group(particles, POSITION + 1, b) + by * ny
+    pz = of_group(particles, POSITION + 2, b) + by * nz
+    return px, py, pz, nx, ny, nz
 
 
 @ti.func

@@ -3,11 +3,12 @@
 import taichi as ti
 
 from taichi_cloth.ground.arrays import F32x1, F32x2, I32x2, Int, Template
-from taichi_cloth.ground.particles import LANES, NORMAL, POSITION, RADIUS
-from taichi_cloth.ground.vectors import Blocks, Vec16, keep
+from taichi_cloth.ground.particles import OCTET, RADIUS
+from taichi_cloth.ground.vectors import Octets, each, keep, lanes, of_group, set_row
 
 from ..data.light_sizes import LAYERS
-from .deep_map import AWAY, ORIGIN, RIGHT, SCALE, UP, DeepMap
+from ..tiles.compiling import left_to_llvm
+from .deep_map import AWAY, ORIGIN, RIGHT, SCALE, UP, DeepMap, moved_out
 from .transmittance import layer_of
 
 __all__ = ["gather", "look_up"]
@@ -25,39 +26,34 @@ def _corner(width, height, u, v):
 
 
 @ti.func
-def _nearest(levels: I32x2, level, u, v, nearest: F32x1):
-    """The first depths [m] of the four texels of a level around u, v [texels of the finest], and where the first is."""
+def _place(levels: I32x2, level, u, v):
+    """Where the first of the four texels of a level around u, v [texels of the finest] lies, their row's width, and the
+    shares of the second ones."""
     width = levels[level, 1]
     scale = 1.0 / ti.cast(1 << level, ti.f32)
     left, top, f, g = _corner(width, levels[level, 2], u * scale, v * scale)
-    cell = levels[level, 0] + top * width + left
-    near = ti.Vector([nearest[cell], nearest[cell + 1], nearest[cell + width], nearest[cell + width + 1]])
-    return near, cell, f, g
+    return levels[level, 0] + top * width + left, width, f, g
 
 
 @ti.func
 def _bilinear(deep: Template, levels: I32x2, level, u, v, depth, nearest: F32x1, through: F32x2):
-    """Transmittance at u, v [texels of the finest level] and a depth [m]: four texels at once."""
-    near, cell, f, g = _nearest(levels, level, u, v, nearest)
+    """Transmittance at u, v [texels of the finest level] and a depth [m]."""
+    cell, width, f, g = _place(levels, level, u, v)
     value = ti.Vector([1.0, 1.0, 1.0, 1.0])
-    if depth > near.min():  # mostly not outside a cloth
-        # Between which two layers the place lies, in each of the four texels.
-        at = ti.max(layer_of(ti.max(depth - near, 0.0), deep) - 1.0, 0.0)
+    for k in ti.static(range(4)):
+        # Between which two layers the place lies, in each of the four texels; then across the four.
+        texel = cell + k // 2 * width + k % 2
+        at = ti.max(layer_of(ti.max(depth - nearest[texel], 0.0), deep) - 1.0, 0.0)
         low = ti.min(ti.cast(at, ti.i32), ti.static(LAYERS - 2))
-        part = ti.min(at - low, 1.0)
-        # Along the depth in each texel, then across the four.
-        for k in ti.static(range(4)):
-            texel = cell + k // 2 * levels[level, 1] + k % 2
-            here = through[texel, low[k]]  # pyright: ignore[reportIndexIssue]
-            there = through[texel, low[k] + 1]  # pyright: ignore[reportIndexIssue]
-            # Undefined where nothing is behind.
-            value[k] = ti.select(at[k] > 0.0, here + part[k] * (there - here), 1.0)  # pyright: ignore[reportIndexIssue]
-    return (1.0 - g) * (value[0] + f * (value[1] - value[0])) + g * (value[2] + f * (value[3] - value[2]))
+        here, there = through[texel, low], through[texel, low + 1]
+        # Undefined where nothing is behind.
+        value[k] = ti.select(at > 0.0, here + ti.min(at - low, 1.0) * (there - here), 1.0)  # pyright: ignore[reportIndexIssue]
+    return (1.0 - g) * (value[0] + f * (value[1] - value[0])) + g * (value[2] + f * (value[3] - value[2]))  # pyright: ignore[reportIndexIssue]
 
 
 @ti.func
 def _through(soft: Template, deep: Template, levels: I32x2, u, v, depth, nearest: F32x1, through: F32x2):
-    """Transmittance at a place of the map.
+    """Transmittance at a place of the map. No branches: a loop over lanes that calls this becomes one of vectors.
 
     levels: rows (first texel, width, height). Between two levels the two are mixed, as in a mip map.
     """
@@ -65,9 +61,10 @@ def _through(soft: Template, deep: Template, levels: I32x2, u, v, depth, nearest
     if ti.static(soft):
         # What stops the light of a penumbra may stand beside this texel: look as wide as the coarsest level.
         top = levels.shape[0] - 1
-        near, _, _, _ = _nearest(levels, top, u, v, nearest)
+        cell, width, _, _ = _place(levels, top, u, v)
+        near = ti.min(nearest[cell], nearest[cell + 1], nearest[cell + width], nearest[cell + width + 1])
         # The mean of a texel read bilinearly blurs an edge over one to two texels, by where it falls in them.
-        wide = ti.max((depth - near.min()) * (deep.softness / 1.5), 1.0)
+        wide = ti.max((depth - near) * (deep.softness / 1.5), 1.0)
         bits = ti.bit_cast(wide, ti.i32)
         low = ti.min((bits >> 23) - 127, top - 1)  # a power of two, and how far on to the next
         part = ti.min(wide / ti.cast(1 << low, ti.f32) - 1.0, 1.0)
@@ -79,11 +76,20 @@ def _through(soft: Template, deep: Template, levels: I32x2, u, v, depth, nearest
 
 
 @ti.func
+def _on_map(axes: F32x2, px, py, pz):
+    """u, v [texels] and depth [m] of places [m]."""
+    u = (px * axes[RIGHT, 0] + py * axes[RIGHT, 1] + pz * axes[RIGHT, 2] - axes[ORIGIN, 0]) * axes[SCALE, 0]
+    v = (px * axes[UP, 0] + py * axes[UP, 1] + pz * axes[UP, 2] - axes[ORIGIN, 1]) * axes[SCALE, 0]
+    return u, v, px * axes[AWAY, 0] + py * axes[AWAY, 1] + pz * axes[AWAY, 2] - axes[ORIGIN, 2]
+
+
+@ti.func
 def _slope(cosine):
     """1 + tan of the angle between light and normal, up to 4: how the depth of a surface varies over a texel."""
     return 1.0 + ti.min(ti.sqrt(ti.max(1.0 - cosine * cosine, 0.0)) / ti.max(cosine, 0.05), 3.0)
 
 
+@left_to_llvm
 @ti.kernel
 def gather(
     soft: Template,
@@ -95,10 +101,11 @@ def gather(
     nearest: F32x1,
     through: F32x2,
     # in:
-    particles: Blocks,
+    particles: Octets,
+    octet_count: Int,
     row: Int,
     # out:
-    light_out: Blocks,
+    light_out: Octets,
 ):
     """light_out[block, row, lane]: the light that reaches each particle, 0..1; in bulk, at row + 1 what reaches the
     cloth there: read nearer to the light by as much as leads out of it.
@@ -108,36 +115,25 @@ def gather(
     on the surface do not yet shadow it.
     """
     keep(light_out, (0, 0), row)
-    for b in range(particles.shape[1]):
+    for b in range(octet_count * ti.static(OCTET // lanes())):
         # Where it reads: out along its normal.
-        size = particles[RADIUS, b]
-        out = deep.offset + 0.5 * size
-        nx = particles[NORMAL, b]
-        ny = particles[NORMAL + 1, b]
-        nz = particles[NORMAL + 2, b]
-        px = particles[POSITION, b] + out * nx
-        py = particles[POSITION + 1, b] + out * ny
-        pz = particles[POSITION + 2, b] + out * nz
-        # That place on the map: u, v [texels] and depth [m], less what leads towards the light.
-        u = (px * axes[RIGHT, 0] + py * axes[RIGHT, 1] + pz * axes[RIGHT, 2] - axes[ORIGIN, 0]) * axes[SCALE, 0]
-        v = (px * axes[UP, 0] + py * axes[UP, 1] + pz * axes[UP, 2] - axes[ORIGIN, 1]) * axes[SCALE, 0]
-        depth = px * axes[AWAY, 0] + py * axes[AWAY, 1] + pz * axes[AWAY, 2] - axes[ORIGIN, 2]
+        size = of_group(particles, RADIUS, b)
+        px, py, pz, nx, ny, nz = moved_out(particles, b, deep.offset + 0.5 * size)
+        # That place on the map, less what leads towards the light.
+        u, v, depth = _on_map(axes, px, py, pz)
         cosine = -(axes[AWAY, 0] * nx + axes[AWAY, 1] * ny + axes[AWAY, 2] * nz)
         depth -= deep.lag * _slope(cosine) + 0.5 * size
-        # Lane by lane, as each reads texels of its own.
-        light = Vec16(1.0)
-        outside = Vec16(1.0)
-        for lane in range(LANES):
-            if size[lane] > 0.0:
-                light[lane] = _through(soft, deep, levels, u[lane], v[lane], depth[lane], nearest, through)
-                if ti.static(bulk):
-                    nearer = depth[lane] - deep.beyond
-                    outside[lane] = _through(soft, deep, levels, u[lane], v[lane], nearer, nearest, through)
-        light_out[b, row] = light
+        light, outside = each(1.0), each(1.0)
+        for i in range(ti.static(lanes())):
+            light[i] = _through(soft, deep, levels, u[i], v[i], depth[i], nearest, through)
         if ti.static(bulk):
-            light_out[b, row + 1] = outside
+            for i in range(ti.static(lanes())):
+                outside[i] = _through(soft, deep, levels, u[i], v[i], depth[i] - deep.beyond, nearest, through)
+            set_row(light_out, b, row + 1, ti.select(size > 0.0, outside, 1.0))
+        set_row(light_out, b, row, ti.select(size > 0.0, light, 1.0))
 
 
+@left_to_llvm
 @ti.kernel
 def look_up(
     soft: Template,
@@ -154,10 +150,5 @@ def look_up(
 ):
     """light_out[i]: the light that reaches points (n, 3) [m], 0..1, read the map's lag towards the light."""
     for i in range(points.shape[0]):
-        px = points[i, 0]
-        py = points[i, 1]
-        pz = points[i, 2]
-        u = (px * axes[RIGHT, 0] + py * axes[RIGHT, 1] + pz * axes[RIGHT, 2] - axes[ORIGIN, 0]) * axes[SCALE, 0]
-        v = (px * axes[UP, 0] + py * axes[UP, 1] + pz * axes[UP, 2] - axes[ORIGIN, 1]) * axes[SCALE, 0]
-        depth = px * axes[AWAY, 0] + py * axes[AWAY, 1] + pz * axes[AWAY, 2] - axes[ORIGIN, 2] - deep.lag
-        light_out[i] = _through(soft, deep, levels, u, v, depth, nearest, through)
+        u, v, depth = _on_map(axes, points[i, 0], points[i, 1], points[i, 2])
+        light_out[i] = _through(soft, deep, levels, u, v, depth - deep.lag, nearest, through)

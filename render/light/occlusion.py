@@ -93,7 +93,8 @@ class SkyMaps:
         if blocks.shape[1]:
             how = sky.Looking(self.walls is not None, depth > 0, part)
             told = self._map(BEYOND * depth + self.texel, blind(self.texel, depth), 2.0 / max(depth, 1e-9))
-            sky.look(how, *told, blocks, row, light_out)
+            octets = in_octets(blocks)
+            sky.look(how, *told, octets, octets.shape[1], row, in_octets(light_out))
 
     def seen_from(self, points: ArrayLike, normals: ArrayLike) -> NDArray[np.float32]:
         """The share of the sky, 0..1, that world points (n, 3) [m] with unit normals (n, 3) see, shape (n,)."""

@@ -91,7 +91,8 @@ class ShadowMap:
         if blocks.shape[1]:
             beyond = BEYOND * depth + self.texel
             numbers = self._numbers(offset=0.5 * self.texel, lag=0.5 * self.texel, beyond=beyond)
-            lookup.gather(self.softness > 0, depth > 0, numbers, *self._arrays, blocks, row, light_out)
+            octets, light = in_octets(blocks), in_octets(light_out)
+            lookup.gather(self.softness > 0, depth > 0, numbers, *self._arrays, octets, octets.shape[1], row, light)
             lead(light_out, row, 1, blind(self.texel, depth))
 
     def shadow_at(self, points: ArrayLike, *, lag: float | None = None) -> NDArray[np.float32]:

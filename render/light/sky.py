@@ -17,12 +17,24 @@ import taichi as ti
 
 from taichi_cloth.ground import runtime
 from taichi_cloth.ground.arrays import F32x1, F32x2, F32x3, Float, I32x2, Int, Template
-from taichi_cloth.ground.particles import LANES, NORMAL, OCTET, POSITION, RADIUS, TANGENT
-from taichi_cloth.ground.vectors import CHUNK_STEPS, Blocks, Octets, Vec16, keep
+from taichi_cloth.ground.particles import OCTET, POSITION, RADIUS, TANGENT
+from taichi_cloth.ground.vectors import (
+    CHUNK_STEPS,
+    Blocks,
+    Octets,
+    Vec16,
+    each,
+    keep,
+    lanes,
+    of_group,
+    of_row,
+    set_row,
+)
 
 from ..data.light_sizes import LAYERS
+from ..tiles.compiling import left_to_llvm
 from ..tiles.sort import share
-from .deep_map import AWAY, EMPTY, ORIGIN, RIGHT, SCALE, UP, deepen, laid, lift, lower
+from .deep_map import AWAY, EMPTY, ORIGIN, RIGHT, SCALE, UP, deepen, laid, lift, lower, moved_out
 from .fibre import decay
 from .map_place import LEANT
 
@@ -102,48 +114,62 @@ def _place(layout: Template, stretch, particles: Octets, b, axes: F32x3, m, plac
 
 @ti.func
 def _lay(
-    layout: Template, turn, placed: Octets, b, lane, maps: I32x2, m, fine, ends: F32x2, depth_out: Blocks, counts: I32x2
-):
-    """One particle, point by point: into the first and last depths, then into the layers between them."""
-    begin = maps[m, 0]
-    width = maps[m, 1]
-    high = maps[m, 2]
-    optical = placed[b, 3][lane]
-    if optical > 0.0:
-        points = 1
-        u = placed[b, 0][lane]
-        v = placed[b, 1][lane]
-        depth = placed[b, 2][lane]
-        if ti.static(layout.elliptic):
-            points = ti.cast(placed[b, 7][lane], ti.i32)
-            back = 0.5 * (points - 1.0)
-            u -= back * placed[b, 4][lane]
-            v -= back * placed[b, 5][lane]
-            depth -= back * placed[b, 6][lane]
-        for _ in range(points):  # pyright: ignore[reportArgumentType]
-            left = ti.min(ti.max(ti.cast(u, ti.i32), 0), width - 2)
-            top = ti.min(ti.max(ti.cast(v, ti.i32), 0), high - 2)
-            cell = begin + top * width + left
-            if turn == 0:
+    layout: Template, turn: Template, placed: Octets, t, maps: I32x2, m, fine, ends: F32x2, depth_out: Blocks,
+    counts: I32x2,
+):  # fmt: skip
+    """The particles at once from t on, point by point: into the first and last depths, then into the layers between
+    them. What is reckoned is a loop over lanes without branches, which becomes one of vectors."""
+    begin, width, high = maps[m, 0], maps[m, 1], maps[m, 2]
+    u, v, depth, optical = _placed(placed, 0, t), _placed(placed, 1, t), _placed(placed, 2, t), _placed(placed, 3, t)
+    on_u, on_v, on_depth, points = each(0.0), each(0.0), each(0.0), each(1.0)
+    if ti.static(layout.elliptic):
+        on_u, on_v, on_depth = _placed(placed, 4, t), _placed(placed, 5, t), _placed(placed, 6, t)
+        points = _placed(placed, 7, t)
+    points *= ti.cast(optical > 0.0, ti.f32)
+    back = 0.5 * (points - 1.0)
+    u -= back * on_u
+    v -= back * on_v
+    depth -= back * on_depth
+    cell = ti.cast(each(0.0), ti.i32)
+    layer = ti.Matrix([[0 for _ in range(ti.static(lanes()))] for _ in range(4)])
+    amount = ti.Matrix([[0.0 for _ in range(ti.static(lanes()))] for _ in range(4)])
+    for p in range(ti.cast(points.max(), ti.i32)):  # pyright: ignore[reportArgumentType]
+        for i in range(ti.static(lanes())):
+            left = ti.min(ti.max(ti.cast(u[i], ti.i32), 0), width - 2)
+            top = ti.min(ti.max(ti.cast(v[i], ti.i32), 0), high - 2)
+            cell[i] = begin + top * width + left  # pyright: ignore[reportIndexIssue]
+            if ti.static(turn == 1):
+                f, g = u[i] - left, v[i] - top
                 for j in ti.static(range(4)):
-                    c = cell + (j // 2) * width + j % 2
-                    lower(ends, (0, c), depth)
-                    lift(ends, (1, c), depth)
-            else:
-                f = u - left
-                g = v - top
-                for j in ti.static(range(4)):
-                    c = cell + (j // 2) * width + j % 2
+                    c = cell[i] + j // 2 * width + j % 2  # pyright: ignore[reportIndexIssue]
                     part = (f if ti.static(j % 2 == 1) else 1.0 - f) * (g if ti.static(j // 2 == 1) else 1.0 - g)
-                    k = _coordinate(depth - ends[0, c], ends[1, c] - depth, fine)
-                    layer = ti.min(ti.cast(k, ti.i32), LAYERS - 1)
-                    deepen(depth_out, counts, c, layer, optical * part)
-            if ti.static(layout.elliptic):
-                u += placed[b, 4][lane]
-                v += placed[b, 5][lane]
-                depth += placed[b, 6][lane]
+                    k = _coordinate(depth[i] - ends[0, c], ends[1, c] - depth[i], fine)
+                    layer[j, i] = ti.min(ti.cast(k, ti.i32), LAYERS - 1)
+                    amount[j, i] = optical[i] * part
+        for i in range(ti.static(lanes())):
+            if p < points[i]:
+                for j in ti.static(range(4)):
+                    c = cell[i] + j // 2 * width + j % 2  # pyright: ignore[reportIndexIssue]
+                    if ti.static(turn == 0):
+                        lower(ends, (0, c), depth[i])
+                        lift(ends, (1, c), depth[i])
+                    else:
+                        deepen(depth_out, counts, c, layer[j, i], amount[j, i])
+        u += on_u
+        v += on_v
+        depth += on_depth
 
 
+@ti.func
+def _placed(placed: Octets, row, t):
+    """What `_place` wrote of the particles at once from t on."""
+    if ti.static(lanes() == OCTET):
+        return placed[t, row]
+    else:
+        return ti.Vector([placed[t // OCTET, row][t % OCTET]])
+
+
+@left_to_llvm
 @ti.kernel
 def fill(
     layout: Template,
@@ -173,9 +199,9 @@ def fill(
         for t in range(maps.shape[0] * octet_count):
             _place(layout, stretch, particles, t % octet_count, axes, t // octet_count, placed, t)
         for turn in ti.static(range(2)):
-            for i in range(maps.shape[0] * octet_count * OCTET):
-                t = i // OCTET
-                _lay(layout, turn, placed, t, i % OCTET, maps, t // octet_count, fine, ends_out, depth_out, counts)
+            for t in range(maps.shape[0] * octet_count * OCTET):
+                m = t // OCTET // octet_count
+                _lay(layout, turn, placed, t, maps, m, fine, ends_out, depth_out, counts)
         for cell in range(ends_out.shape[1]):
             if ends_out[0, cell] < EMPTY:
                 _sum_up(cell, depth_out, counts)
@@ -195,13 +221,13 @@ def fill(
                     ends_out[0, cell] = EMPTY
                     ends_out[1, cell] = -EMPTY
                 # First where anything stands, then what each layer takes of the light; at last summed front to back.
-                for turn in range(2):
-                    for i in range(octet_count * OCTET):
-                        t = at + i // OCTET
-                        _lay(layout, turn, placed, t, i % OCTET, maps, m, fine, ends_out, depth_out, counts)
+                for turn in ti.static(range(2)):
+                    for b in range(octet_count * ti.static(OCTET // lanes())):
+                        t = at * ti.static(OCTET // lanes()) + b
+                        _lay(layout, turn, placed, t, maps, m, fine, ends_out, depth_out, counts)
                     for cell in range(begin, begin + width * high):
                         if ends_out[0, cell] < EMPTY:
-                            if turn == 0:
+                            if ti.static(turn == 0):
                                 depth_out[cell, 0] = Vec16(0.0)
                             else:
                                 _sum_up(cell, depth_out, counts)
@@ -219,129 +245,146 @@ def _sum_up(cell, depth_out: Blocks, counts: I32x2):
 
 
 @ti.func
-def _passing(how: Template, front, depth, cell, width, near, far, fine, depth_of: F32x2, walls: F32x2):
-    """What passes between a depth [m] and the nearer ends of the four texels from `cell` on, or their farther ones: as
-    of whole layers. near, far: those ends [m]."""
-    through = ti.Vector([1.0, 1.0, 1.0, 1.0])
-    f, g = depth - near, far - depth
-    inside = f
-    if not front:
-        inside = g
-    if inside.max() > 0.0:  # mostly not outside a cloth, and never where all four are empty
-        k = _coordinate(ti.max(f, 0.0), ti.max(g, 0.0), fine)
-        k = ti.min(ti.max(k + (-1.0 if front else 1.0), 0.0), 16.0)
+def _passing(how: Template, side, at, cell, width, s, t, fine, ends: F32x2, depth_of: F32x2, walls: F32x2):
+    """What passes between a depth [m] and the nearer ends of the four texels from `cell` on, side 1, or their farther
+    ones, -1, as of whole layers: their mean at s, t of the way from the first to the others. No branches: a loop over
+    lanes that calls this becomes one of vectors."""
+    passing = 0.0
+    for j in ti.static(range(4)):
+        c = cell + j // 2 * width + j % 2
+        f, g = at - ends[0, c], ends[1, c] - at
+        k = _coordinate(ti.max(f, 0.0), ti.max(g, 0.0), fine) - side
+        k = ti.min(ti.max(k, 0.0), 16.0)
         low = ti.min(ti.cast(k, ti.i32), ti.static(LAYERS - 1))
-        optical = ti.Vector([0.0, 0.0, 0.0, 0.0])
-        for j in ti.static(range(4)):
-            c = cell + j // 2 * width + j % 2
-            layer = low[j]  # pyright: ignore[reportIndexIssue]
-            before = depth_of[c, ti.max(layer - 1, 0)] * ti.cast(layer > 0, ti.f32)
-            optical[j] = before + (k[j] - layer) * (depth_of[c, layer] - before)  # pyright: ignore[reportIndexIssue]
-            if not front:
-                optical[j] = depth_of[c, LAYERS - 1] - optical[j]
-        through = ti.select(inside > 0.0, decay(optical), 1.0)
-    if ti.static(how.walled):
-        for j in ti.static(range(4)):
-            c = cell + j // 2 * width + j % 2
-            if (front and depth > walls[0, c]) or (not front and depth < walls[1, c]):
-                through[j] = 0.0  # pyright: ignore[reportIndexIssue]
-    return through
+        before = depth_of[c, ti.max(low - 1, 0)] * ti.cast(low > 0, ti.f32)
+        optical = before + (k - low) * (depth_of[c, low] - before)
+        optical = ti.select(side > 0.0, optical, depth_of[c, LAYERS - 1] - optical)
+        # Nothing is in the way outside a cloth, nor where texels are empty, in which no depth is laid.
+        through = ti.select(ti.select(side > 0.0, f, g) > 0.0, decay(optical), 1.0)
+        if ti.static(how.walled):
+            through = ti.select(ti.select(side > 0.0, at - walls[0, c], walls[1, c] - at) > 0.0, 0.0, through)
+        part = (s if ti.static(j % 2 == 1) else 1.0 - s) * (t if ti.static(j // 2 == 1) else 1.0 - t)
+        passing += part * through
+    return passing
+
+
+@ti.func
+def _farthest(side, depth, cell, width, ends: F32x2):
+    """How far the last thing in four texels stands behind a depth [m]; -1e30 where nothing stands."""
+    inner = -EMPTY
+    for j in ti.static(range(4)):
+        c = cell + j // 2 * width + j % 2
+        inner = ti.max(inner, ti.select(side > 0.0, ends[1, c] - depth, depth - ends[0, c]))
+    return inner
 
 
 @ti.func
 def _seen(
-    how: Template, place, normal, outward, lag, around, reading: F32x1, axes: F32x3, maps: I32x2,
+    how: Template, px, py, pz, nx, ny, nz, lag, mean, lx, ly, lz, closed, reading: F32x1, axes: F32x3, maps: I32x2,
     ends: F32x2, depth_of: F32x2, walls: F32x2,
 ):  # fmt: skip
-    """The share of the sky, by the cosine to the normal, that is seen from a place moved `outward` [m] along it; and in
-    bulk the mean direction of what is open before it (3), and, read BEYOND [m] farther out where the cloth that it is
-    in hides nothing, the share of the sky seen by a surface that faces that way, and by its other side: with the sky's
-    mean m and its mean m1 times direction, m + 2 m1 . n, which is exact where the sky is linear in the direction. Last,
-    how closed the cloth is behind, 1, or how far it is a yarn alone, 0: by the mean over the directions of
-    1 / (1 + (g / d)^2), where the last thing behind a place stands g behind it, and d is a yarn's diameter.
+    """Of places p with normals n, as many as there are lanes: the share of the sky, by the cosine to the normal, that
+    is seen from them; and in bulk, read BEYOND [m] farther out where the cloth that they are in hides nothing, the
+    share of the sky seen by a surface that faces the mean direction of what is open, and by its other side: with the
+    sky's mean m and its mean m1 times direction, m + 2 m1 . n, which is exact where the sky is linear in the direction.
+    Then that direction (3), and how closed the cloth is behind, 1, or how far it is a yarn alone, 0: by the mean over
+    the directions of 1 / (1 + (g / d)^2), where the last thing behind a place stands g behind it, and d is a yarn's
+    diameter.
 
-    around: m and 2 m1 of the cloth and how closed it is, where they are known (`Looking.part`), (5,); of "cloth" they
-    are what is given back.
+    mean, lx, ly, lz, closed: m and 2 m1 of the cloth and how closed it is, where they are known (`Looking.part`); of
+    "cloth" they are what is given back.
     lag: how far towards each end of a map it is moved before it reads [m]. BLIND: how far the maps do not show what
     hides what within a cloth, 0 to 1 (see `map_place.blind`): as far, a fibre sees all of the sky that the cloth does,
     on the side that is more open unless it faces the other, and what is open to it lies between there and its normal.
     """
-    total, weight, mean = 0.0, 0.0, around[0]
-    leaning = ti.Vector([around[1], around[2], around[3]])
-    near_behind, closed = 0.0, around[4]
-    open_way = ti.Vector([0.0, 0.0, 0.0])
-    nx, ny, nz = normal[0], normal[1], normal[2]
-    px = place[0] + outward * nx
-    py = place[1] + outward * ny
-    pz = place[2] + outward * nz
+    total, weight, near_behind = each(0.0), each(0.0), each(0.0)
+    ox, oy, oz = each(0.0), each(0.0), each(0.0)
+    fine, farther, yarns = reading[FINE], reading[BEYOND], reading[YARNS]
+    count = ti.cast(maps.shape[0], ti.f32)
     for m in range(maps.shape[0]):
-        # Where the place lies on the map, and which of its ends the surface faces.
-        cosine = -(nx * axes[m, AWAY, 0] + ny * axes[m, AWAY, 1] + nz * axes[m, AWAY, 2])
-        front = cosine > 0.0
-        cosine = ti.abs(cosine)
-        texels = axes[m, SCALE, 0]
-        width = maps[m, 1]
-        high = maps[m, 2]
-        u = (px * axes[m, RIGHT, 0] + py * axes[m, RIGHT, 1] + pz * axes[m, RIGHT, 2] - axes[m, ORIGIN, 0]) * texels
-        v = (px * axes[m, UP, 0] + py * axes[m, UP, 1] + pz * axes[m, UP, 2] - axes[m, ORIGIN, 1]) * texels
-        depth = px * axes[m, AWAY, 0] + py * axes[m, AWAY, 1] + pz * axes[m, AWAY, 2] - axes[m, ORIGIN, 2]
-        # How the depth of a surface varies over a texel: 1 + tan of the angle, up to 4.
-        moved = lag * (1.0 + ti.min(ti.sqrt(ti.max(1.0 - cosine * cosine, 0.0)) / ti.max(cosine, 0.05), 3.0))
-        moved = moved if front else -moved
-        farther = reading[BEYOND] if front else -reading[BEYOND]
-        u = ti.min(ti.max(u - 0.5, 0.0), width - 1.001)
-        v = ti.min(ti.max(v - 0.5, 0.0), high - 1.001)
-        left = ti.cast(u, ti.i32)
-        top = ti.cast(v, ti.i32)
-        s = u - left
-        t = v - top
-        # What passes on the way out there, of four texels.
-        cell = maps[m, 0] + top * width + left
-        part = ti.Vector([(1.0 - s) * (1.0 - t), s * (1.0 - t), (1.0 - s) * t, s * t])
-        near = ti.Vector([ends[0, cell], ends[0, cell + 1], ends[0, cell + width], ends[0, cell + width + 1]])
-        far = ti.Vector([ends[1, cell], ends[1, cell + 1], ends[1, cell + width], ends[1, cell + width + 1]])
-        at = depth - moved
+        right = ti.Vector([axes[m, RIGHT, k] for k in ti.static(range(3))])
+        up = ti.Vector([axes[m, UP, k] for k in ti.static(range(3))])
         away = ti.Vector([axes[m, AWAY, k] for k in ti.static(range(3))])
-        way = -away if front else away
-        if ti.static(how.part != "cloth"):
-            passing = part.dot(_passing(how, front, at, cell, width, near, far, reading[FINE], depth_of, walls))
-            total += cosine * passing
-            weight += cosine
-            open_way += passing * way
-        if ti.static(how.bulk and how.part != "own"):
-            at -= farther
-            outside = part.dot(_passing(how, front, at, cell, width, near, far, reading[FINE], depth_of, walls))
-            at = depth + moved + farther
-            opposite = part.dot(_passing(how, not front, at, cell, width, near, far, reading[FINE], depth_of, walls))
-            mean += (0.5 / maps.shape[0]) * (outside + opposite)
-            leaning += (outside - opposite) / maps.shape[0] * way
-            inner = (far - depth).max() if front else (depth - near).max()  # -1e30 where nothing stands
-            inner = ti.max(inner, 0.0) * reading[YARNS]
-            near_behind += 1.0 / (1.0 + inner * inner)
-    seen, before, behind = total / ti.max(weight, 1e-6), 1.0, 1.0
+        origin = ti.Vector([axes[m, ORIGIN, k] for k in ti.static(range(3))])
+        texels, begin, width = axes[m, SCALE, 0], maps[m, 0], maps[m, 1]
+        most_u, most_v = width - 1.001, maps[m, 2] - 1.001
+        for i in range(ti.static(lanes())):
+            # Where the place lies on the map, and which of its ends the surface faces: the first, 1, or the last, -1.
+            cosine = -(nx[i] * away[0] + ny[i] * away[1] + nz[i] * away[2])
+            side = ti.select(cosine > 0.0, 1.0, -1.0)
+            cosine = ti.abs(cosine)
+            u = (px[i] * right[0] + py[i] * right[1] + pz[i] * right[2] - origin[0]) * texels
+            v = (px[i] * up[0] + py[i] * up[1] + pz[i] * up[2] - origin[1]) * texels
+            depth = px[i] * away[0] + py[i] * away[1] + pz[i] * away[2] - origin[2]
+            # How the depth of a surface varies over a texel: 1 + tan of the angle, up to 4.
+            slope = ti.min(ti.sqrt(ti.max(1.0 - cosine * cosine, 0.0)) / ti.max(cosine, 0.05), 3.0)
+            moved = side * (lag[i] * (1.0 + slope))
+            u = ti.min(ti.max(u - 0.5, 0.0), most_u)
+            v = ti.min(ti.max(v - 0.5, 0.0), most_v)
+            left = ti.cast(u, ti.i32)
+            top = ti.cast(v, ti.i32)
+            s = u - left
+            t = v - top
+            cell = begin + top * width + left
+            at = depth - moved
+            # What passes on the way out there.
+            if ti.static(how.part != "cloth"):
+                passing = _passing(how, side, at, cell, width, s, t, fine, ends, depth_of, walls)
+                total[i] += cosine * passing
+                weight[i] += cosine
+                passing *= -side
+                ox[i] += passing * away[0]
+                oy[i] += passing * away[1]
+                oz[i] += passing * away[2]
+            if ti.static(how.bulk and how.part != "own"):
+                beyond = side * farther
+                outside = _passing(how, side, at - beyond, cell, width, s, t, fine, ends, depth_of, walls)
+                at = depth + moved + beyond
+                opposite = _passing(how, -side, at, cell, width, s, t, fine, ends, depth_of, walls)
+                mean[i] += 0.5 / count * (outside + opposite)
+                lean = -side * ((outside - opposite) / count)
+                lx[i] += lean * away[0]
+                ly[i] += lean * away[1]
+                lz[i] += lean * away[2]
+                inner = ti.max(_farthest(side, depth, cell, width, ends), 0.0) * yarns
+                near_behind[i] += 1.0 / (1.0 + inner * inner)
+    seen, before, behind = total / ti.max(weight, 1e-6), each(1.0), each(1.0)
     if ti.static(how.bulk and how.part != "own"):
         low, high = ti.static(OPEN_BEHIND)
-        closed = ti.math.clamp((high - near_behind / maps.shape[0]) * ti.static(1.0 / (high - low)), 0.0, 1.0)
+        closed = _share((high - near_behind / count) * ti.static(1.0 / (high - low)))
     if ti.static(how.part == "cloth"):
-        seen, open_way = mean, leaning
+        seen, ox, oy, oz = mean, lx, ly, lz
     elif ti.static(how.bulk):
         # Where nothing is open the normal stands for it.
-        open_way = (open_way + 0.05 * normal).normalized()
-        lean = leaning.dot(open_way)
-        before = ti.math.clamp(mean + lean, 0.0, 1.0)
-        behind = ti.math.clamp(mean - lean, 0.0, 1.0)
-        if reading[BLIND] > 0.0:
-            side = leaning.norm()
-            side *= ti.math.clamp(1.0 + 2.0 * leaning.dot(normal) / (side + 1e-6), -1.0, 1.0)
-            of_cloth = ti.math.clamp(mean + side, 0.0, 1.0)
-            seen += reading[BLIND] * (of_cloth - seen)
-            before += reading[BLIND] * (of_cloth - before)
-            behind += reading[BLIND] * (ti.math.clamp(mean - side, 0.0, 1.0) - behind)
-            open_way = (open_way + (LEANT * reading[BLIND]) * (normal - open_way)).normalized()
-            closed += reading[BLIND] * (1.0 - closed)
-    return seen, before, behind, open_way, closed
+        ox, oy, oz = _unit(ox + 0.05 * nx, oy + 0.05 * ny, oz + 0.05 * nz)
+        lean = lx * ox + ly * oy + lz * oz
+        before, behind = _share(mean + lean), _share(mean - lean)
+        blind = reading[BLIND]
+        if blind > 0.0:
+            side = ti.sqrt(lx * lx + ly * ly + lz * lz)
+            side *= ti.min(ti.max(1.0 + 2.0 * (lx * nx + ly * ny + lz * nz) / (side + 1e-6), -1.0), 1.0)
+            of_cloth = _share(mean + side)
+            seen += blind * (of_cloth - seen)
+            before += blind * (of_cloth - before)
+            behind += blind * (_share(mean - side) - behind)
+            leant = LEANT * blind
+            ox, oy, oz = _unit(ox + leant * (nx - ox), oy + leant * (ny - oy), oz + leant * (nz - oz))
+            closed += blind * (1.0 - closed)
+    return seen, before, behind, ox, oy, oz, closed
 
 
+@ti.func
+def _share(x):
+    return ti.min(ti.max(x, 0.0), 1.0)
+
+
+@ti.func
+def _unit(x, y, z):
+    scale = 1.0 / ti.sqrt(x * x + y * y + z * z)
+    return scale * x, scale * y, scale * z
+
+
+@left_to_llvm
 @ti.kernel
 def look(
     how: Template,
@@ -353,10 +396,11 @@ def look(
     depth_of: F32x2,
     walls: F32x2,
     # in:
-    particles: F32x3,
+    particles: Octets,
+    octet_count: Int,
     row: Int,
     # out:
-    light_out: F32x3,
+    light_out: Octets,
 ):
     """light_out[block, row, lane]: the share of the sky that packed particles see, 0..1; in bulk, in the rows after it
     what the cloth at their place sees before it and behind it, the direction (3) of what is open to them, and how
@@ -365,34 +409,24 @@ def look(
 
     reading: numbers by which they are read, `OFFSET` and so on.
     """
-    keep(light_out, (0, 0, 0), row)
-    for i in range(particles.shape[1] * LANES):
-        b = i // LANES
-        lane = i % LANES
-        size = particles[RADIUS, b, lane]
-        if size > 0.0:
-            place = ti.Vector([particles[POSITION + k, b, lane] for k in ti.static(range(3))])
-            normal = ti.Vector([particles[NORMAL + k, b, lane] for k in ti.static(range(3))])
-            outward = reading[OFFSET] + 0.5 * size
-            lag = reading[OFFSET] + 0.25 * size
-            around = ti.Vector([0.0, 0.0, 0.0, 0.0, 1.0])
-            if ti.static(how.part == "own"):
-                around = ti.Vector([light_out[b, row + k, lane] for k in ti.static((0, 3, 4, 5, 6))])
-            value, before, behind, way, closed = _seen(
-                how, place, normal, outward, lag, around, reading, axes, maps, ends, depth_of, walls
-            )
-            light_out[b, row, lane] = value
-            if ti.static(how.bulk):
-                light_out[b, row + 1, lane] = before
-                light_out[b, row + 2, lane] = behind
-                for k in ti.static(range(3)):
-                    light_out[b, row + 3 + k, lane] = way[k]
-                light_out[b, row + 6, lane] = closed
-        else:
-            for k in ti.static(range(7 if how.bulk else 1)):
-                light_out[b, row + k, lane] = 1.0
+    keep(light_out, (0, 0), row)
+    for b in range(octet_count * ti.static(OCTET // lanes())):
+        size = of_group(particles, RADIUS, b)
+        px, py, pz, nx, ny, nz = moved_out(particles, b, reading[OFFSET] + 0.5 * size)
+        mean, closed = each(0.0), each(1.0)
+        lx, ly, lz = each(0.0), each(0.0), each(0.0)
+        if ti.static(how.part == "own"):
+            mean, closed = of_row(light_out, b, row), of_row(light_out, b, row + 6)
+            lx, ly, lz = of_row(light_out, b, row + 3), of_row(light_out, b, row + 4), of_row(light_out, b, row + 5)
+        lag = reading[OFFSET] + 0.25 * size
+        found = _seen(
+            how, px, py, pz, nx, ny, nz, lag, mean, lx, ly, lz, closed, reading, axes, maps, ends, depth_of, walls
+        )
+        for k in ti.static(range(7 if how.bulk else 1)):
+            set_row(light_out, b, row + k, ti.select(size > 0.0, found[k], 1.0))
 
 
+@left_to_llvm
 @ti.kernel
 def look_at(
     how: Template,
@@ -410,11 +444,20 @@ def look_at(
     light_out: F32x1,
 ):
     """light_out[i]: the share of the sky that points (n, 3) [m] with normals (n, 3) see. reading: as of `look`."""
-    for i in range(points.shape[0]):
-        place = ti.Vector([points[i, k] for k in ti.static(range(3))])
-        normal = ti.Vector([normals[i, k] for k in ti.static(range(3))])
-        none = ti.Vector([0.0, 0.0, 0.0, 0.0, 1.0])
-        value, _, _, _, _ = _seen(
-            how, place, normal, reading[OFFSET], reading[OFFSET], none, reading, axes, maps, ends, depth_of, walls
-        )
-        light_out[i] = value
+    for b in range((points.shape[0] - 1) // ti.static(lanes()) + 1):
+        px, py, pz, nx, ny, nz = each(0.0), each(0.0), each(0.0), each(0.0), each(0.0), each(0.0)
+        for i in range(ti.static(lanes())):
+            k = ti.min(b * ti.static(lanes()) + i, points.shape[0] - 1)
+            nx[i], ny[i], nz[i] = normals[k, 0], normals[k, 1], normals[k, 2]
+            px[i] = points[k, 0] + reading[OFFSET] * nx[i]
+            py[i] = points[k, 1] + reading[OFFSET] * ny[i]
+            pz[i] = points[k, 2] + reading[OFFSET] * nz[i]
+        none = each(0.0)
+        found = _seen(
+            how, px, py, pz, nx, ny, nz, each(reading[OFFSET]), none, none, none, none, each(1.0), reading, axes, maps,
+            ends, depth_of, walls,
+        )  # fmt: skip
+        for i in range(ti.static(lanes())):
+            k = b * ti.static(lanes()) + i
+            if k < points.shape[0]:
+                light_out[k] = found[0][i]  # pyright: ignore[reportIndexIssue]

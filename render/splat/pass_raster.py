@@ -92,7 +92,7 @@ def raster_passes(
                             if ti.static(wanted.normals):
                                 for c in ti.static(range(3)):
                                     part = weight * particles[NORMAL + c, k // LANES, k % LANES]
-                                    seen_out[FACING + c, at, x] += part
+                                    seen_out[FACING + c, at, x] = seen_out[FACING + c, at, x] + part
 
 
 @ti.func

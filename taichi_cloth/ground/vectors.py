@@ -25,6 +25,7 @@ __all__ = [
     "lanes",
     "of_group",
     "of_row",
+    "set_row",
 ]  # fmt: skip
 
 Vec8: Any = ti.types.vector(OCTET, ti.f32)
@@ -90,6 +91,15 @@ def of_row(groups: Template, b, row):
         return groups[b // 2, 2 * row + b % 2]
     else:
         return ti.Vector([groups[b // LANES, 2 * row + b // OCTET % 2][b % OCTET]])
+
+
+@ti.func
+def set_row(groups: Template, b, row, value):
+    """Writes what `of_row` reads."""
+    if ti.static(lanes() == OCTET):
+        groups[b // 2, 2 * row + b % 2] = value
+    else:
+        groups[b // LANES, 2 * row + b // OCTET % 2][b % OCTET] = value[0]
 
 
 @ti.func
