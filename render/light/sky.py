@@ -280,23 +280,25 @@ def _farthest(side, depth, cell, width, ends: F32x2):
 
 @ti.func
 def _seen(
-    how: Template, px, py, pz, nx, ny, nz, lag, mean, lx, ly, lz, closed, reading: F32x1, axes: F32x3, maps: I32x2,
-    ends: F32x2, depth_of: F32x2, walls: F32x2,
+    how: Template, places, lag, around, reading: F32x1, axes: F32x3, maps: I32x2, ends: F32x2, depth_of: F32x2,
+    walls: F32x2,
 ):  # fmt: skip
-    """Of places p with normals n, as many as there are lanes: the share of the sky, by the cosine to the normal, that
-    is seen from them; and in bulk, read BEYOND [m] farther out where the cloth that they are in hides nothing, the
-    share of the sky seen by a surface that faces the mean direction of what is open, and by its other side: with the
-    sky's mean m and its mean m1 times direction, m + 2 m1 . n, which is exact where the sky is linear in the direction.
-    Then that direction (3), and how closed the cloth is behind, 1, or how far it is a yarn alone, 0: by the mean over
-    the directions of 1 / (1 + (g / d)^2), where the last thing behind a place stands g behind it, and d is a yarn's
-    diameter.
+    """Of `places`, p (3) and normals n (3) of as many as there are lanes: the share of the sky, by the cosine to the
+    normal, that is seen from them; and in bulk, read BEYOND [m] farther out where the cloth that they are in hides
+    nothing, the share of the sky seen by a surface that faces the mean direction of what is open, and by its other
+    side: with the sky's mean m and its mean m1 times direction, m + 2 m1 . n, which is exact where the sky is linear in
+    the direction. Then that direction (3), and how closed the cloth is behind, 1, or how far it is a yarn alone, 0: by
+    the mean over the directions of 1 / (1 + (g / d)^2), where the last thing behind a place stands g behind it, and d
+    is a yarn's diameter.
 
-    mean, lx, ly, lz, closed: m and 2 m1 of the cloth and how closed it is, where they are known (`Looking.part`); of
-    "cloth" they are what is given back.
+    around: m and 2 m1 (3) of the cloth and how closed it is, where they are known (`Looking.part`); of "cloth" they are
+    what is given back.
     lag: how far towards each end of a map it is moved before it reads [m]. BLIND: how far the maps do not show what
     hides what within a cloth, 0 to 1 (see `map_place.blind`): as far, a fibre sees all of the sky that the cloth does,
     on the side that is more open unless it faces the other, and what is open to it lies between there and its normal.
     """
+    px, py, pz, nx, ny, nz = places
+    mean, lx, ly, lz, closed = around[0], around[1], around[2], around[3], around[4]
     total, weight, near_behind = each(0.0), each(0.0), each(0.0)
     ox, oy, oz = each(0.0), each(0.0), each(0.0)
     fine, farther, yarns = reading[FINE], reading[BEYOND], reading[YARNS]
@@ -412,16 +414,14 @@ def look(
     keep(light_out, (0, 0), row)
     for b in range(octet_count * ti.static(OCTET // lanes())):
         size = of_group(particles, RADIUS, b)
-        px, py, pz, nx, ny, nz = moved_out(particles, b, reading[OFFSET] + 0.5 * size)
-        mean, closed = each(0.0), each(1.0)
-        lx, ly, lz = each(0.0), each(0.0), each(0.0)
+        places = moved_out(particles, b, reading[OFFSET] + 0.5 * size)
+        mean, lx, ly, lz, closed = each(0.0), each(0.0), each(0.0), each(0.0), each(1.0)
         if ti.static(how.part == "own"):
             mean, closed = of_row(light_out, b, row), of_row(light_out, b, row + 6)
             lx, ly, lz = of_row(light_out, b, row + 3), of_row(light_out, b, row + 4), of_row(light_out, b, row + 5)
+        around = (mean, lx, ly, lz, closed)
         lag = reading[OFFSET] + 0.25 * size
-        found = _seen(
-            how, px, py, pz, nx, ny, nz, lag, mean, lx, ly, lz, closed, reading, axes, maps, ends, depth_of, walls
-        )
+        found = _seen(how, places, lag, around, reading, axes, maps, ends, depth_of, walls)
         for k in ti.static(range(7 if how.bulk else 1)):
             set_row(light_out, b, row + k, ti.select(size > 0.0, found[k], 1.0))
 
@@ -452,11 +452,9 @@ def look_at(
             px[i] = points[k, 0] + reading[OFFSET] * nx[i]
             py[i] = points[k, 1] + reading[OFFSET] * ny[i]
             pz[i] = points[k, 2] + reading[OFFSET] * nz[i]
-        none = each(0.0)
-        found = _seen(
-            how, px, py, pz, nx, ny, nz, each(reading[OFFSET]), none, none, none, none, each(1.0), reading, axes, maps,
-            ends, depth_of, walls,
-        )  # fmt: skip
+        places, none = (px, py, pz, nx, ny, nz), each(0.0)
+        around = (none, none, none, none, each(1.0))
+        found = _seen(how, places, each(reading[OFFSET]), around, reading, axes, maps, ends, depth_of, walls)
         for i in range(ti.static(lanes())):
             k = b * ti.static(lanes()) + i
             if k < points.shape[0]:
