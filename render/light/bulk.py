@@ -6,7 +6,7 @@ controllable hair and fur model for production path tracing", CGF 35(2), 2016, e
 it sends on less on the side that is lit, and the rest shines through. With the transmittance T at a particle, U a
 cloth's depth nearer to the light, the share of the sky S that it sees, F and G that a cloth there sees before and
 behind it, the direction b that is open to it, its tangent t, phi the angle between light l and view v round the fibre,
-and A how far it is in a yarn alone (`sky.look`),
+and A how far it is in a yarn alone (`lookup.look`),
 
     L = key T E (w0 C(phi) (3 + 2 b.l) / 5 + w1 C(pi - phi))
       + key U (w2 max(b.l, 0) (1 - ALONE A S) + w3 max(-b.l, 0) (1 - SHUT S))

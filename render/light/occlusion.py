@@ -22,7 +22,7 @@ from taichi_cloth.ground.vectors import in_octets
 from ..data.blocks import Layout
 from ..data.light_sizes import LAYERS, SCRATCH_ROWS, SKY_DIRECTIONS, SKY_SIZE
 from ..tiles.mesh import Mesh
-from . import sky
+from . import lookup, sky
 from .deep_map import counts_for
 from .map_place import blind, place_map, typical_radius
 from .meshlight import walls
@@ -89,12 +89,12 @@ class SkyMaps:
     ) -> None:
         """Write the share of the sky that packed particles see, 0..1, to light_out (blocks, rows, 16), at `row`; with a
         depth, in the six after it what a cloth `depth` [m] thick at their place sees, or a `part` of it (see
-        `sky.look`)."""
+        `lookup.look`)."""
         if blocks.shape[1]:
-            how = sky.Looking(self.walls is not None, depth > 0, part)
+            how = lookup.Looking(self.walls is not None, depth > 0, part)
             told = self._map(BEYOND * depth + self.texel, blind(self.texel, depth), 2.0 / max(depth, 1e-9))
             octets = in_octets(blocks)
-            sky.look(how, *told, octets, octets.shape[1], row, in_octets(light_out))
+            lookup.look(how, *told, octets, octets.shape[1], row, in_octets(light_out))
 
     def seen_from(self, points: ArrayLike, normals: ArrayLike) -> NDArray[np.float32]:
         """The share of the sky, 0..1, that world points (n, 3) [m] with unit normals (n, 3) see, shape (n,)."""
@@ -103,7 +103,7 @@ class SkyMaps:
             raise InputError(f"seen_from: points {points.shape}, normals {normals.shape}; allowed: (n, 3) both")
         light = np.ones(len(points), np.float32)
         if len(points):
-            sky.look_at(sky.Looking(self.walls is not None, False), *self._map(), points, normals, light)
+            lookup.look_at(lookup.Looking(self.walls is not None, False), *self._map(), points, normals, light)
         return light
 
     def _map(self, beyond: float = 0.0, unseen: float = 0.0, yarns: float = 0.0) -> tuple[Any, Any, Any, Any, Any, Any]:

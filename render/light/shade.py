@@ -31,7 +31,7 @@ class Shading:
     lobes: the model of `fibre` instead of Kajiya's and Kay's.
     dome: the sky has a horizon of another colour than its zenith.
     bulk: light goes from fibre to fibre (see `bulk`). After the row of a light comes one of what reaches the cloth
-    there, and after that of the sky the six of `sky.look`.
+    there, and after that of the sky the six of `lookup.look`.
     """
 
     shadows: tuple[int, ...] = (-1,)
