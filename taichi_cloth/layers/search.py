@@ -19,7 +19,7 @@ from taichi_cloth.ground.routine import routine
 from taichi_cloth.layers.nearest import CORNERS, gather
 from taichi_cloth.layers.outline import BEYOND
 from taichi_cloth.layers.paths import CELL, EAST, NORTH
-from taichi_cloth.layers.tree import LEVELS
+from taichi_cloth.layers.tree import LEVELS, NONE
 from taichi_cloth.motion.stencil import load, store
 from taichi_cloth.sheet.sheet import LANES
 
@@ -71,6 +71,51 @@ class Search:
                 other -= ti.max(self.each(fast, a, half) - self.all_of(slow, b), 0.0)
                 gap = ti.max(gap, ti.max(one, other))
             store(self.gap, half * LANES, gap)
+
+    @routine
+    def children_apart(self, tree: Template, level: Int, i: Int, j: Int, k: Int, m: Int):
+        """The same of the children of nodes (i, j) and (k, m) of the level above, which are on this one."""
+        self.apart(tree, self.children(tree, level, i, j), self.children(tree, level, k, m))
+
+    @routine
+    def strangers(
+        self, tree: Template, level: Int, one: Int, other: Int, anew: Int, reach: Float, target: Int, begin: Int
+    ) -> Int:
+        """All sixteen pairs of the children, on a level, of two nodes that do not touch, which are part of no patch:
+        what `done` and `clear` say of each. one, other: of the two, as in lists. begin: how many pairs there are in
+        list `target`; returns how many there are then."""
+        i, j, k, m = one // COLUMNS, one % COLUMNS, other // COLUMNS, other % COLUMNS
+        a, b = self.children(tree, level, i, j), self.children(tree, level, k, m)
+        self.apart(tree, a, b)
+        found, far = begin, ti.Vector([NONE] * 4)
+        for half in ti.static(range(2)):
+            look = self.each(tree.stale, a, half) | self.all_of(tree.stale, b) | anew
+            gap = ti.select(look != 0, load(self.gap, half * LANES), NONE)
+            store(self.gap, half * LANES, gap)
+            least = ti.select(gap > reach, gap, NONE)
+            far = ti.min(far, ti.Vector([self.lower(least, y, y + 4) for y in ti.static(range(4))]))
+            for x in ti.static(range(2)):
+                node, q = a[2 * half + x], 4 * x
+                nearest = ti.min(self.lower(least, q, q + 1), self.lower(least, q + 2, q + 3))
+                tree.clear[node] = ti.min(tree.clear[node], 0.5 * nearest)
+        for y in ti.static(range(4)):
+            tree.clear[b[y]] = ti.min(tree.clear[b[y]], 0.5 * far[y])  # pyright: ignore[reportIndexIssue]
+        rows, columns, all_in = tree.at[level, 1], tree.at[level, 2], ti.select(level > 0, -anew, 0)
+        for x in range(4):
+            g = 4 * x
+            near = ti.min(ti.min(self.gap[g], self.gap[g + 1]), ti.min(self.gap[g + 2], self.gap[g + 3]))
+            s, t = 2 * i + (x >> 1), 2 * j + (x & 1)
+            if near <= reach and s < rows and t < columns:
+                for y in range(4):
+                    u, v = 2 * k + (y >> 1), 2 * m + (y & 1)
+                    if self.gap[g + y] <= reach and u < rows and v < columns:
+                        found = self.add(target, found, s, t, u, v, all_in)
+        return found
+
+    @ti.func
+    def lower(self, values: Template, k: Template, m: Template):
+        """Of two lanes."""
+        return ti.min(values[k], values[m])
 
     @ti.func
     def each(self, field: Template, a, half: Template):
@@ -124,9 +169,9 @@ class Search:
         return ti.min(found + 1, self.room)
 
     @ti.func
-    def done(self, tree: Template, level, i, j, k, m, reach, anew, gap):
-        """0 where two nodes need a closer look, −1 where all in them does; 1 where they need none. anew: whether
-        nothing is known of them. gap: how far they are apart."""
+    def done(self, tree: Template, level, i, j, k, m, anew):
+        """0 where two nodes need a closer look, −1 where all in them does; 1 where they need none, as far as may be
+        said without how far they are apart. anew: whether nothing is known of them."""
         a, b = tree.node(level, i, j), tree.node(level, k, m)
         out, look, was = 0, tree.stale[a] | tree.stale[b] | anew, 0
         if ti.max(ti.abs(i - k), ti.abs(j - m)) <= 1:
@@ -138,11 +183,15 @@ class Search:
                 tree.flat[node] = ti.select(out == 1, tree.flat[node] | bit, tree.flat[node] & ~bit)
         if look == 0:
             out = 1
-        elif out == 0 and gap > reach:
-            out = 1
+        return ti.select(out == 0 and (was | anew) != 0, -1, out)
+
+    @ti.func
+    def clear(self, tree: Template, a, b, reach, gap):
+        """Whether nodes a and b are so far apart that they need no closer look. gap: how far they are."""
+        if gap > reach:
             tree.clear[a] = ti.min(tree.clear[a], 0.5 * gap)
             tree.clear[b] = ti.min(tree.clear[b], 0.5 * gap)
-        return ti.select(out == 0 and (was | anew) != 0, -1, out)
+        return gap > reach
 
     @routine
     def begin(self, tree: Template, reach: Float):
@@ -156,9 +205,8 @@ class Search:
                 others = ti.Vector([first + ti.min(4 * group + y, total - 1) for y in ti.static(range(4))])
                 self.apart(tree, ti.Vector([first + a] * 4), others)
                 for b in range(ti.max(a, 4 * group), ti.min(4 * group + 4, total)):
-                    gap = self.gap[b - 4 * group]
-                    done = self.done(tree, level, a // wide, a % wide, b // wide, b % wide, reach, 0, gap)
-                    if done <= 0:
+                    done = self.done(tree, level, a // wide, a % wide, b // wide, b % wide, 0)
+                    if done <= 0 and not self.clear(tree, first + a, first + b, reach, self.gap[b - 4 * group]):
                         found = self.add(level & 1, found, a // wide, a % wide, b // wide, b % wide, done)
         self.count[level & 1] = found
 
@@ -172,19 +220,26 @@ class Search:
             anew = ti.select(one & ANEW != 0, 1, 0)
             one &= ~ANEW
             i, j, k, m = one // COLUMNS, one % COLUMNS, other // COLUMNS, other % COLUMNS
-            same = one == other
-            self.apart(tree, self.children(tree, level - 1, i, j), self.children(tree, level - 1, k, m))
-            for x in range(4):
+            same, known = one == other, False
+            alone = ti.max(ti.abs(i - k), ti.abs(j - m)) > 1
+            if alone:
+                found = self.strangers(tree, level - 1, one, other, anew, reach, target, found)
+            for x in range(ti.select(alone, 0, 4)):
                 s, t = 2 * i + (x >> 1), 2 * j + (x & 1)
                 if s < rows and t < columns:
                     for y in range(4):
                         u, v = 2 * k + (y >> 1), 2 * m + (y & 1)
                         if u < rows and v < columns and (not same or x < y or (x == y and level > 1)):
-                            done = self.done(tree, level - 1, s, t, u, v, reach, anew, self.gap[4 * x + y])
+                            done = self.done(tree, level - 1, s, t, u, v, anew)
+                            if done <= 0 and not known:  # of all sixteen at once
+                                self.children_apart(tree, level - 1, i, j, k, m)
+                                known = True
                             if level == 1 and done < 0:
                                 done = 0
                             if done <= 0:
-                                found = self.add(target, found, s, t, u, v, done)
+                                a, b = tree.node(level - 1, s, t), tree.node(level - 1, u, v)
+                                if not self.clear(tree, a, b, reach, self.gap[4 * x + y]):
+                                    found = self.add(target, found, s, t, u, v, done)
         self.count[target] = found
 
 

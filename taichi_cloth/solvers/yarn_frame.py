@@ -172,16 +172,25 @@ class YarnFrame(Frame):
         x, y, z = load(self.position[0], p), load(self.position[1], p), load(self.position[2], p)
         if ti.static(features.sphere):
             u, v, w = x - n.sphere_x, y - n.sphere_y, z - n.sphere_z
-            distance = ti.sqrt(ti.max(u * u + v * v + w * w, 1e-12))
-            scale = 1.0 / distance
-            self.press(BALL, p, u * scale, v * scale, w * scale, n.sphere_radius - distance, n.sphere_friction)
-            if ti.static(features.grips):
-                self.hold(BALL, p, at, (u * scale, v * scale, w * scale), n.sphere_friction)
+            squared = ti.max(u * u + v * v + w * w, 1e-12)
+            if self.near(BALL, p, n.sphere_radius * n.sphere_radius - squared):
+                distance = ti.sqrt(squared)
+                scale, depth = 1.0 / distance, n.sphere_radius - distance
+                self.press(BALL, p, u * scale, v * scale, w * scale, depth, n.sphere_friction)
+                if ti.static(features.grips):
+                    self.hold(BALL, p, at, (u * scale, v * scale, w * scale), n.sphere_friction)
         if ti.static(features.plane):
             depth = n.plane_height - (x * n.plane_x + y * n.plane_y + z * n.plane_z)
-            self.press(FLOOR, p, n.plane_x, n.plane_y, n.plane_z, depth, n.plane_friction)
-            if ti.static(features.grips):
-                self.hold(FLOOR, p, at, (n.plane_x, n.plane_y, n.plane_z), n.plane_friction)
+            if self.near(FLOOR, p, depth):
+                self.press(FLOOR, p, n.plane_x, n.plane_y, n.plane_z, depth, n.plane_friction)
+                if ti.static(features.grips):
+                    self.hold(FLOOR, p, at, (n.plane_x, n.plane_y, n.plane_z), n.plane_friction)
+
+    @ti.func
+    def near(self, shape: Template, p, depth):
+        """Whether a shape has pushed any of the lanes at p in this substep, or is about to, as `depth` is above 0.
+        To others it does nothing."""
+        return largest(ti.max(depth, load(self.pressed[shape], p))) > 0.0
 
     @ti.func
     def press(self, shape: Template, p, nx, ny, nz, depth, friction):
