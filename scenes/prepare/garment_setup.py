@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +13,7 @@ from taichi_cloth.body.moving.motion import Motion
 from taichi_cloth.body.primitives.primitives import Primitive
 from taichi_cloth.body.skin.skinning import Body
 from taichi_cloth.garment.fit.fitted import fitted
+from taichi_cloth.garment.fit.let_out import LetOut, both
 from taichi_cloth.garment.fit.taped import landmarks_of
 from taichi_cloth.garment.pattern.cut import Atlas, cut, spacing_for
 from taichi_cloth.garment.pattern.drafts import DRAFTS, Cut, draft
@@ -24,6 +25,7 @@ from taichi_cloth.garment.sewn.garment import Garment
 from taichi_cloth.garment.sewn.lies import CROSSED
 from taichi_cloth.garment.sewn.limbs import bearer, limb_of_bones, spared
 from taichi_cloth.garment.sewn.sew import RECOVERY, Worn, sew
+from taichi_cloth.garment.sewn.tried_on import tight
 from taichi_cloth.garment.sewn.weaving import crossings_shape
 from taichi_cloth.ground.cache import digest, kept
 from taichi_cloth.ground.errors import InputError
@@ -68,6 +70,10 @@ __all__ = [
 VERSION = 43
 """Of what is kept on disk: raised whenever the same scene would come to another rest."""
 
+TOILE, FITTINGS = 2000, 2
+"""Key points of what is sewn of a pattern of another's to try it on, and how often it is let out, at most."""
+TRIED = 90
+"""Frames that each stage of sewing has for that, at most: strain shows long before all is at rest."""
 BETWEEN, FOLDED = 2.0, 0.125
 """Thicknesses, and of the spacing, that limbs leave cloth on either side of the middle between them, at least: the
 sides of a seam that folds there keep twice the latter."""
@@ -111,6 +117,16 @@ def dressed_parts(scene: Scene) -> Parts:
     return Parts(*found, garment_gaps(scene, found[-1].atlas.spacing))
 
 
+def _let_out(scene: Scene, parts: Parts, tight: LetOut) -> Parts:
+    """The same with its pattern let out. Raises InputError."""
+    assert scene.garment is not None
+    sett = sett_of(scene)
+    per_m = None if sett is None else (sett.ends, sett.picks)
+    solver = scene.solver or SolverSection()
+    garment = garment_of(scene.garment, parts.body, solver, per_m, own_material(scene), tight)
+    return replace(parts, garment=garment, gaps=garment_gaps(scene, garment.atlas.spacing))
+
+
 Made = tuple[Body, tuple[Primitive, ...], tuple[DistanceGrid, ...], Garment]
 
 
@@ -126,20 +142,51 @@ def _parts(garment: str, body: str, solver: str, per_m: tuple[float, float] | No
 
 
 def dress(scene: Scene, each: Progress | None = None) -> Dressed:
-    """The scene's garment on its body, sewn unless it was before. Raises InputError; needs Taichi only to sew."""
+    """The scene's garment on its body, sewn unless it was before; a pattern of another's is tried on first. Raises
+    InputError; needs Taichi only to sew."""
     parts = dressed_parts(scene)
+    if known := _tried_on(scene, each):
+        parts = _let_out(scene, parts, known)
+    return _sewn(scene, parts, *sewn_with(scene, parts), each)
+
+
+def _tried_on(scene: Scene, each: Progress | None) -> LetOut:
+    """What of a pattern of another's is too tight for its body: sewn of TOILE key points, it is let out where it shows
+    to be tight, FITTINGS times at most."""
+    assert scene.garment is not None
+    if scene.garment.pattern in DRAFTS:
+        return {}
+    few = scene.garment.model_copy(update={"key_points": min(TOILE, scene.garment.key_points)})
+    toile = scene.model_copy(update={"garment": few})
+    parts, known = dressed_parts(toile), dict[str, tuple[np.ndarray, np.ndarray]]()
+    for _ in range(FITTINGS):
+        sewn = _sewn(toile, _let_out(toile, parts, known) if known else parts, None, 0.0, each, toile=True)
+        more = tight(sewn.garment, sewn.worn.positions)
+        if not more:
+            break
+        known = both(known, more)
+    return known
+
+
+def _sewn(
+    scene: Scene,
+    parts: Parts,
+    layers: SelfContact | None,
+    allowed: float,
+    each: Progress | None,
+    toile: bool = False,
+) -> Dressed:
     colliders = garment_colliders(scene, parts)
-    forces = garment_forces(scene, parts)
-    limit, (layers, allowed) = forces.strain_limit, sewn_with(scene, parts)
-    solver = garment_choice(scene, parts).name
+    limit, solver = garment_forces(scene, parts).strain_limit, garment_choice(scene, parts).name
     known = VERSION, solver, parts.garment, limit, layers, allowed
     made_of = digest(*known, colliders.made_of(), list(parts.primitives))
 
     def make() -> dict[str, np.ndarray]:
-        worn = sew(parts.garment, colliders, limit=limit, layers=layers, allowed=allowed, solver=solver, each=each)
+        made = partial(sew, parts.garment, colliders, limit=limit, solver=solver, each=each)
+        worn = made(closing=TRIED, settling=TRIED) if toile else made(layers=layers, allowed=allowed)
         return {name: np.asarray(getattr(worn, name)) for name in Worn.__dataclass_fields__}
 
-    arrays, found = kept("worn", made_of, make)
+    arrays, found = kept("toile" if toile else "worn", made_of, make)
     numbers = {name: arrays[name].item() for name in ("gap", "depth", "stretch", "taut", "speed", "frames", "sweeps")}
     worn = Worn(**{name: arrays[name] for name in ("positions", "pushes", "anchors", "spared")}, **numbers)
     return Dressed(**vars(parts), worn=worn, from_disk=found)
@@ -174,13 +221,14 @@ def garment_of(
     solver: SolverSection | None = None,
     per_m: tuple[float, float] | None = None,
     own: Material | None = None,
+    tight: LetOut | None = None,
 ) -> Garment:
     """A pattern, fitted to the body and cut. solver, own: see `material_of`. per_m: ends and picks a metre, whole
-    numbers of which are to fit between key points. Raises InputError."""
+    numbers of which are to fit between key points. tight: see `fitted`. Raises InputError."""
     pattern: Pattern
     if PATTERN_FILE.fits(section.pattern):
         read = read_dxf if section.pattern.lower().endswith(".dxf") else read_garmentcode
-        pattern = fitted(read(Path(section.pattern)), landmarks_of(body))
+        pattern = fitted(read(Path(section.pattern)), landmarks_of(body), tight)
     elif section.pattern in DRAFTS:
         metres = {name: None if cm is None else 0.01 * cm for name, cm in
                   (("length", section.length_cm), ("sleeve", section.sleeve_cm))}  # fmt: skip

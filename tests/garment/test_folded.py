@@ -8,8 +8,9 @@ import pytest
 from taichi_cloth.garment.fit.fitted import fitted
 from taichi_cloth.garment.fit.taped import landmarks_of
 from taichi_cloth.garment.pattern.curves import length
-from taichi_cloth.garment.pattern.folded import Folded
+from taichi_cloth.garment.pattern.folded import Folded, halved
 from taichi_cloth.garment.pattern.garmentcode import read_garmentcode
+from taichi_cloth.garment.pattern.pattern import Flat, Panel, Pattern, Seam, Side
 from taichi_cloth.scenes.scene.body_section import BodySection, prepare_body
 
 PATTERNS = Path(__file__).parents[1] / "data" / "patterns" / "unseen"
@@ -68,3 +69,55 @@ def test_a_tier_begins_where_the_one_above_ends():
     for name, place in tiers.items():
         highest = place.hanging(pattern.panel(name).outline).max()
         assert highest == pytest.approx(place.origin[1] - place.begins, abs=2e-3)
+
+
+def nearly_whole(jointed: bool) -> Pattern:
+    """Two sectors of 340° sewn to each other at their sides, before and behind, and a band on the first."""
+    angle, inner, outer = np.radians(340.0), 0.08, 0.4
+    turn = np.linspace(-angle / 2, angle / 2, 171)
+    ring = [np.stack([r * np.sin(turn), inner - r * np.cos(turn)], -1) for r in (inner, outer)]
+    hem, top = ring[1], ring[0][::-1]
+    tops = [top[:86], top[85:]] if jointed else [top]
+    edges = (*tops, np.stack([top[-1], hem[0]]), hem, np.stack([hem[-1], top[0]]))
+    place = half(angle, inner)
+    band = length(top)
+    corner = np.array([[0, 0], [band, 0], [band, 0.05], [0, 0.05], [0, 0]])
+    n = len(tops)
+    seams = [
+        Seam(Side("one", n), Side("two", n + 2), alike=False),
+        Seam(Side("one", n + 2), Side("two", n), alike=False),
+    ]
+    seams += [] if jointed else [Seam(Side("one", 0), Side("band", 0), alike=False)]
+    bands = Panel("band", tuple(corner[k : k + 2] for k in range(4)), Flat(np.eye(3), np.zeros(3)), marks=((2, "top"),))
+    panels = (Panel("one", edges, place, hems=(n + 1,)), Panel("two", edges, place), bands)
+    return Pattern("ring", panels, tuple(seams))
+
+
+@pytest.mark.parametrize("jointed", [True, False])
+def test_a_sector_that_is_nearly_a_ring_is_cut_in_two(jointed):
+    """Along its middle, with all seams as long as they were; what its arc is sewn to is cut where the arc is."""
+    before = nearly_whole(jointed)
+    after = halved(before)
+    names = [panel.name for panel in after.panels]
+    assert names == ["one", "one_half", "two", "two_half", "band"]
+    for name in ("one", "two"):
+        halves = [after.panel(name).area, after.panel(f"{name}_half").area]
+        assert sum(halves) == pytest.approx(before.panel(name).area, rel=1e-3)
+        assert halves[0] == pytest.approx(halves[1], rel=1e-2)
+    assert len(after.seams) == len(before.seams) + (2 if jointed else 3)
+    for seam in after.seams:
+        assert length(after.edge(seam.first)) == pytest.approx(length(after.edge(seam.second)), rel=1e-2)
+        one, other = (after.panel(side.panel).place.points(at) for side, at in
+                      zip((seam.first, seam.second), after.pairs(seam, 9), strict=True))  # fmt: skip
+        if seam.first.panel[:3] == seam.second.panel[:3]:
+            np.testing.assert_allclose(one, other, atol=1e-6)
+    assert [len(after.panel(name).hems) for name in names] == [1, 1, 0, 0, 0]
+    band = after.panel("band")
+    assert len(band.edges) == (4 if jointed else 5)
+    assert dict(band.marks) == {2 if jointed else 3: "top"}
+
+
+def test_half_a_circle_stays_in_one_piece():
+    worn = landmarks_of(prepare_body(BodySection()))
+    pattern = fitted(read_garmentcode(next(PATTERNS.glob("900126_*.json"))), worn)
+    assert halved(pattern) is pattern

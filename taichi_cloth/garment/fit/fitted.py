@@ -8,12 +8,14 @@ from taichi_cloth.garment.fit.grade import even_out, find_rings, grade
 from taichi_cloth.garment.fit.holding import held, hung
 from taichi_cloth.garment.fit.landmarks import SMPL_ORIGIN, Landmarks, drafting_body
 from taichi_cloth.garment.fit.lay_out import at_waist, drawn_for, lay_out
+from taichi_cloth.garment.fit.let_out import LetOut, let_out
 from taichi_cloth.garment.fit.limbs import lay_sleeves, turn_legs
 from taichi_cloth.garment.fit.parts import assign, crotch_of, is_floor
 from taichi_cloth.garment.fit.piece import UP, Work, pieces_of
 from taichi_cloth.garment.fit.stack import Carried, carried, stack
 from taichi_cloth.garment.fit.stand import stand, start_of
 from taichi_cloth.garment.fit.widen import raise_tight, widen
+from taichi_cloth.garment.pattern.folded import halved
 from taichi_cloth.garment.pattern.pattern import Pattern
 from taichi_cloth.ground.errors import InputError
 
@@ -29,13 +31,14 @@ BELOW_WAIST = 0.027
 """Of GarmentCode's waist under the narrowest girth [m]."""
 
 
-def fitted(pattern: Pattern, worn: Landmarks) -> Pattern:
+def fitted(pattern: Pattern, worn: Landmarks, tight: LetOut | None = None) -> Pattern:
     """The pattern graded for a body and stood round it, held where its seams say that the waist or the bust carries it;
-    panels are labelled with their part of the body. What was changed is in its notes.
+    panels are labelled with their part of the body. What was changed is in its notes. tight: what it was found to be
+    when it was tried on as it is without.
 
     Raises InputError where nothing could carry it.
     """
-    work, by, notes = placed(pattern, worn)
+    work, by, notes = placed(pattern, worn, tight)
     holds, more = held(work, by, worn)
     panels = [
         replace(
@@ -46,12 +49,13 @@ def fitted(pattern: Pattern, worn: Landmarks) -> Pattern:
         )
         for piece, edges, place in ((piece, *start_of(work, piece, worn)) for piece in work.pieces.values())
     ]
-    return Pattern(
+    made = Pattern(
         pattern.name, tuple(panels), work.seams, holds, (*pattern.notes, *notes, *more), hung=hung(work, by, worn)
     )
+    return halved(made)
 
 
-def placed(pattern: Pattern, worn: Landmarks) -> tuple[Work, Carried, list[str]]:
+def placed(pattern: Pattern, worn: Landmarks, tight: LetOut | None = None) -> tuple[Work, Carried, list[str]]:
     """All pieces graded and stood round the body; what carries them; what was widened."""
     work = pieces_of(pattern)
     laid = pattern.drafted is None
@@ -95,6 +99,7 @@ def placed(pattern: Pattern, worn: Landmarks) -> tuple[Work, Carried, list[str]]
     notes += lay_sleeves(work, drafted, worn)
     even_out(work)
     widen(work, worn, last=True)
+    notes += let_out(work, tight or {})
     stand(work, worn)
     if by.by == "shoulders":
         for piece in work.pieces.values():

@@ -4,18 +4,23 @@ Of a full circle the hem is several times as long as a cone that hangs as steepl
 the second order of its waves, which is enough of a flared skirt; a full circle starts stretched and squeezed by a half,
 and what springs back out of that crumples. Here waves are as high as it takes for each level to be as long as the
 cloth is there, points lie along them by length, and how far down each lies follows from how far out it came.
+
+The two ends of a sector that is nearly a whole ring lie side by side in the flat, nearer than two key points may be, so
+that both would be cut from the same ones. Such a sector is cut in two along its middle.
 """
 
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import RegularGridInterpolator
 
-from taichi_cloth.garment.pattern.pattern import Cone
+from taichi_cloth.garment.pattern.curves import length
+from taichi_cloth.garment.pattern.pattern import Cone, Hold, Panel, Pattern, Seam, Side
 
-__all__ = ["Folded"]
+__all__ = ["Folded", "halved"]
 
 F64 = NDArray[np.float64]
 
@@ -28,6 +33,11 @@ LEVELS, ROUND = 48, 721
 LEAST = 0.15
 """How far down a piece goes with each length of its own, at least: near a full circle's waist folds cannot begin as
 fast as cloth is added there."""
+
+WIDEST = np.radians(300.0)
+"""Of a sector in one piece [rad]."""
+NEAR = 0.1
+"""Of a sector's inner arc, from its middle to a joint of two edges, up to which it is cut there."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,3 +115,109 @@ def _at_shares(line: F64, walked: F64) -> F64:
 def _walked(line: F64) -> F64:
     """(n,) lengths along a line (n, 2 or 3) from its start."""
     return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
+
+
+def halved(pattern: Pattern) -> Pattern:
+    """The same with each sector wider than WIDEST cut in two along its middle, where a seam joins both: the second half
+    of `skirt` is `skirt_half`. What its arcs are sewn to is cut there, too."""
+    for panel in pattern.panels:
+        if isinstance(panel.place, Folded) and panel.place.angle > WIDEST:
+            pattern = _in_two(pattern, panel.name, panel.place)
+    return pattern
+
+
+def _in_two(pattern: Pattern, name: str, place: Folded) -> Pattern:
+    middle = list[F64]()  # where it is cut, on the inner arc and on the outer one
+    for which in (min, max):
+        panel = pattern.panel(name)
+        away, edge, share = which(_on_the_middle(panel, place.inner))
+        long, reach = length(panel.edges[edge]), NEAR * place.inner * place.angle * away / place.inner
+        if share * long > reach and (1 - share) * long > reach:
+            pattern = _with_joint(pattern, Side(name, edge), share)
+            edge, share = edge + 1, 0.0
+        edges = pattern.panel(name).edges
+        middle.append(edges[(edge + round(share)) % len(edges)][0])
+    panel = pattern.panel(name)
+    n = len(panel.edges)
+    start = np.array([edge[0] for edge in panel.edges])
+    first, last = (int(np.argmin(np.linalg.norm(start - point, axis=1))) for point in middle)
+    two, panels, to = f"{name}_half", list[Panel](), dict[Side, Side]()
+    for own, begin, end in ((name, first, last), (two, last, first)):
+        kept = [(begin + k) % n for k in range((end - begin) % n)]
+        at = {k: number for number, k in enumerate(kept)}
+        to |= {Side(name, k): Side(own, number) for k, number in at.items()}
+        edges = (*(panel.edges[k] for k in kept), np.array([start[end], start[begin]]))
+        hems = tuple(at[k] for k in panel.hems if k in at)
+        marks = tuple((at[k], mark) for k, mark in panel.marks if k in at)
+        panels.append(replace(panel, name=own, edges=edges, hems=hems, marks=marks))
+
+    def moved(side: Side) -> Side:
+        return to.get(side, side)
+
+    seams = [replace(seam, first=moved(seam.first), second=moved(seam.second)) for seam in pattern.seams]
+    cut = Seam(*(Side(one.name, len(one.edges) - 1) for one in panels), alike=False)
+    others = [(one,) if one.name != name else tuple(panels) for one in pattern.panels]
+    return replace(
+        pattern,
+        panels=tuple(one for pair in others for one in pair),
+        seams=(*seams, cut),
+        holds=tuple(replace(hold, side=moved(hold.side)) for hold in pattern.holds),
+        hung=tuple(replace(hold, side=moved(hold.side)) for hold in pattern.hung),
+    )
+
+
+def _on_the_middle(panel: Panel, inner: float) -> Iterator[tuple[float, int, float]]:
+    """Where a sector's outline crosses its middle line: how far from the centre [m], the edge, and the share of its
+    length up to there."""
+    for number, edge in enumerate(panel.edges):
+        x = edge[:, 0]
+        for k in np.flatnonzero((x[:-1] > 0) != (x[1:] > 0)):
+            point = edge[k] + x[k] / (x[k] - x[k + 1]) * (edge[k + 1] - edge[k])
+            if point[1] < inner:
+                upto = length(np.concatenate([edge[: k + 1], point[None]]))
+                yield float(inner - point[1]), number, upto / length(edge)
+
+
+def _with_joint(pattern: Pattern, side: Side, share: float) -> Pattern:
+    """The same with an edge cut in two at a share of its length, and all that it is sewn to."""
+    at = {side: share}
+    for seam in pattern.seams:
+        if side in (seam.first, seam.second):
+            other = seam.second if seam.first == side else seam.first
+            at[other] = share if pattern.is_alike(seam) else 1 - share
+
+    def parts(old: Side) -> list[Side]:
+        edge = old.edge + sum(one.panel == old.panel and one.edge < old.edge for one in at)
+        return [Side(old.panel, edge + k) for k in range(1 + (old in at))]
+
+    def of(panel: Panel) -> Panel:
+        edges = list[F64]()
+        for k, edge in enumerate(panel.edges):
+            cut = at.get(Side(panel.name, k))
+            edges += [edge] if cut is None else _cut(edge, cut)
+        hems = tuple(one.edge for k in panel.hems for one in parts(Side(panel.name, k)))
+        marks = tuple((one.edge, mark) for k, mark in panel.marks for one in parts(Side(panel.name, k)))
+        return replace(panel, edges=tuple(edges), hems=hems, marks=marks)
+
+    seams = list[Seam]()
+    for seam in pattern.seams:
+        alike = pattern.is_alike(seam)
+        one, other = parts(seam.first), parts(seam.second)[:: 1 if alike else -1]
+        seams += [Seam(a, b, alike) for a, b in zip(one, other, strict=True)]
+    holds, hung = ([Hold(one, hold.place) for hold in held for one in parts(hold.side)]
+                   for held in (pattern.holds, pattern.hung))  # fmt: skip
+    return replace(
+        pattern,
+        panels=tuple(of(panel) for panel in pattern.panels),
+        seams=tuple(seams),
+        holds=tuple(holds),
+        hung=tuple(hung),
+    )
+
+
+def _cut(edge: F64, share: float) -> list[F64]:
+    long = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(edge, axis=0), axis=1))])
+    to = share * long[-1]
+    k = int(np.searchsorted(long, to))
+    point = np.array([[np.interp(to, long, edge[:, axis]) for axis in (0, 1)]])
+    return [np.concatenate([edge[:k], point]), np.concatenate([point, edge[k if long[k] > to else k + 1 :]])]

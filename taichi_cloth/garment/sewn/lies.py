@@ -48,6 +48,8 @@ BOTH = 0.2
 """Share of a loop's points at each leg from which on it goes round both."""
 FOLD = np.cos(np.radians(150.0))
 """Of the angle between the normals of two neighbouring triangles that are a fold."""
+BESIDE = 1
+"""Cells from those that a dart's edges run through."""
 LAID = 0.6
 """Share of its outline below which a panel that is sewn along one stretch may be turned over: lapels are."""
 
@@ -156,8 +158,33 @@ def lying_faults(garment: Garment, positions: NDArray, primitives: Sequence[Prim
 
 
 def crossed(garment: Garment, positions: NDArray) -> float:
-    """Pairs of triangles that pass through each other, over all triangles, of what is sewn: closed along its seams."""
-    return crossings_of(garment.outline, positions).count / max(len(garment.outline.faces), 1)
+    """Triangles that pass through others, over all, of what is sewn: closed along its seams. What lies on both sides of
+    a dart, beside it, counts as one: at the tip, narrower than a cell, it is of the same key points, which crumple."""
+    pairs = crossings_of(garment.outline, positions).pairs
+    pairs = pairs[~_of_one_dart(garment, pairs)]
+    return len(np.unique(pairs)) / max(len(garment.outline.faces), 1)
+
+
+def _of_one_dart(garment: Garment, pairs: NDArray) -> NDArray[np.bool_]:
+    """Which pairs of triangles (n, 2) have both of their cells beside the same dart, within BESIDE cells."""
+    atlas, cols = garment.atlas, garment.atlas.shape[1]
+    row, col = np.divmod(garment.outline.cell[pairs], cols)
+    out = np.zeros(len(pairs), bool)
+    for seam in garment.pattern.seams:
+        if not garment.pattern.dart_width(seam):
+            continue
+        piece = atlas.panel(seam.first.panel)
+        edges = [garment.pattern.edge(side) for side in (seam.first, seam.second)]
+        count = int(2 * max(length(edge) for edge in edges) / min(atlas.spacing)) + 2
+        line = np.concatenate([along(edge, np.linspace(0, 1, count)) for edge in edges])
+        at = (turned(line, piece.panel.grain) - piece.origin) / np.asarray(piece.spacing) + [piece.col, piece.row]
+        cells = np.unique(np.floor(at).astype(np.int64), axis=0)
+        near = np.zeros((atlas.shape[0] + 2 * BESIDE, cols + 2 * BESIDE), bool)
+        for i in range(2 * BESIDE + 1):
+            for j in range(2 * BESIDE + 1):
+                near[cells[:, 1] + i, cells[:, 0] + j] = True
+        out |= near[row + BESIDE, col + BESIDE].all(axis=1)
+    return out
 
 
 def free_loops(garment: Garment, positions: NDArray, primitives: Sequence[Primitive]) -> list[Loop]:

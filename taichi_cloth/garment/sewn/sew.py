@@ -12,6 +12,7 @@ What comes out is where the key points rest. Seams then stay as ties for as long
 import contextlib
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from numpy.typing import NDArray
 
 from taichi_cloth.body.colliders.colliders import Colliders, solid_distance
 from taichi_cloth.garment.sewn.garment import Garment, seams_of
+from taichi_cloth.garment.sewn.lies import crossed
 from taichi_cloth.garment.sewn.limbs import spared
 from taichi_cloth.ground.errors import InputError, Unstable
 from taichi_cloth.layers.outline import crossings_of
@@ -93,7 +95,7 @@ def sew(
     settling: int = SETTLING,
 ) -> Worn:
     """Sews a garment on a body at rest. limit: of how far its threads may grow. layers: its contact with itself.
-    allowed: pairs of triangles through each other, over all, up to which that is not taken up. each: told the stage,
+    allowed: triangles through others, over all, up to which that is not taken up (`crossed`). each: told the stage,
     the frame and the most there may be, after each frame. solver: see `named_solver`.
 
     Few garments pass through themselves while they are sewn: contact is taken up only for those that come to rest so.
@@ -119,8 +121,10 @@ def sew(
     def rest(begin: Closed, apart: SelfContact | None, most: int = settling) -> Worn:
         positions, before, meets = begin
         forces = Forces(body=meets, strain_limit=limit, self_contact=apart)
-        return _rest(garment, forces, positions, solver, most, before, lambda frame: told("settling", frame, most))
+        tell = partial(told, "settling", most=most)
+        return _rest(garment, forces, positions, solver, most, before, tell, lambda at: passes(garment, at) <= allowed)
 
+    passes = crossed if allowed else _through
     still = replace(body, motion=None, recovery=RECOVERY)
     try:
         closed = close(None)
@@ -130,9 +134,8 @@ def sew(
             f"garment {garment.pattern.name}: torn while it was sewn ({error}); it does not fit this body: "
             "allowed: a pattern whose panels start clear of the body and whose seams can close round it"
         ) from None
-    through = _through(garment, worn.positions) if layers else 0
-    enough = allowed * len(garment.outline.faces) if layers else 0.0
-    if through > enough:
+    through = passes(garment, worn.positions) if layers else 0
+    if through > allowed:
         as_worn = worn.positions, worn.frames, closed[2]
         tries = [lambda: rest(close(layers), layers)]
         if _through(garment, closed[0]) < through:
@@ -141,10 +144,10 @@ def sew(
         for attempt in tries[:1] if allowed else tries:  # each takes minutes: all of them where contact is asked for
             with contextlib.suppress(InputError, Unstable):  # what cannot be sewn so stays as it is
                 again = attempt()
-                left = _through(garment, again.positions)
+                left = passes(garment, again.positions)
                 if left < through:
                     worn, through = again, left
-            if through <= enough:
+            if through <= allowed:
                 break
     return worn
 
@@ -193,9 +196,10 @@ def _rest(
     settling: int,
     before: int,
     told: Callable[[int], None],
+    clear: Callable[[F32], bool],
 ) -> Worn:
     """Stage 2 from `positions`, `before` frames after sewing began."""
-    simulation, speed, frames = _settled(garment, forces, positions, solver, settling, told)
+    simulation, speed, frames = _settled(garment, forces, positions, solver, settling, told, clear)
     positions, body = simulation.positions, forces.body
     assert body is not None
     distance = solid_distance(body.solids, garment.surface.places(positions))
@@ -213,10 +217,16 @@ def _rest(
 
 
 def _settled(
-    garment: Garment, forces: Forces, positions: F32, solver: str, most: int, told: Callable[[int], None]
+    garment: Garment,
+    forces: Forces,
+    positions: F32,
+    solver: str,
+    most: int,
+    told: Callable[[int], None],
+    clear: Callable[[F32], bool],
 ) -> tuple[Simulation, float, int]:
     """Stage 2 from `positions`: the garment at rest, its speed (STILL), and the frames that it took, `most` at most.
-    told: of each frame. With contact of layers it is not at rest before none is through another.
+    told: of each frame. clear: whether, with contact of layers, few enough pass through others for it to be at rest.
 
     What rubs within the cloth goes along as long as it is halted, and holds from then on: it comes to rest as what has
     been moved about does, and then stays. Held all the way it would keep the folds that sewing made; never held, folds
@@ -243,11 +253,7 @@ def _settled(
             simulation.slow(SLOWED)
             speeds.append(moving)
             speed = max(speeds[-STEADY:])
-            if (
-                len(speeds) >= STEADY
-                and speed < STILL
-                and not (forces.self_contact and _through(garment, simulation.positions))
-            ):
+            if len(speeds) >= STEADY and speed < STILL and (forces.self_contact is None or clear(simulation.positions)):
                 return simulation, speed, frame + 1
     return simulation, speed, most
 

@@ -1,0 +1,59 @@
+"""What a sewn garment shows to be tight: rows of threads that its body has drawn longer, panel by panel."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d, maximum_filter1d
+
+from taichi_cloth.garment.fit.let_out import LetOut, axes
+from taichi_cloth.garment.pattern.pattern import Flat
+from taichi_cloth.garment.sewn.garment import Garment
+
+__all__ = ["tight"]
+
+F64 = NDArray[np.float64]
+
+TAUT = 0.03
+"""Mean strain of what is not slack of a row, from which on it is tight: a thread that hangs or lies has less."""
+EASE = 0.015
+"""Over what would take that strain away."""
+LEAST = 4
+"""Pieces of thread of a row that tells something."""
+SPREAD = 0.02
+"""Along a panel to either side of a tight row, over which it is let out as much [m]."""
+LYING = 0.9
+"""Cosine between rows of threads and the width of a panel, at least: threads aslant tell little of widths."""
+
+
+def tight(garment: Garment, positions: NDArray) -> LetOut:
+    """What is tight and how much wider it wants to be. positions: key points (rows, cols, 3) as sewn [m]."""
+    out = dict[str, tuple[F64, F64]]()
+    weft, warp = garment.strains(positions.astype(np.float32))
+    for piece in garment.atlas.panels:
+        place, part = piece.panel.place, piece.panel.label
+        if not isinstance(place, Flat) or piece.panel.grain:
+            continue
+        up, across = axes(place.rotation, part)
+        along = int(abs(across[0]) < LYING)  # 0: across are threads of the weft
+        if abs(across[along]) < LYING:
+            continue
+        rows, cols = piece.shape
+        own = (slice(piece.row, piece.row + rows - along), slice(piece.col, piece.col + cols - 1 + along))
+        strain = (warp.T if along else weft)[own[::-1] if along else own]
+        at, by = _rows(strain, piece.origin, np.asarray(piece.spacing), up, 1 - along)
+        if by.max(initial=1.0) > 1.0:
+            out[piece.panel.name] = at, by
+    return out
+
+
+def _rows(strain: F64, origin: F64, spacing: F64, up: F64, axis: int) -> tuple[F64, F64]:
+    """Of each row of threads (n, m) where it lies along `up`, rising [m], and how much wider it wants to be. axis: of
+    flat coordinates along which rows follow each other."""
+    asked = strain != 0
+    count = asked.sum(axis=1)
+    mean = np.where(asked, np.maximum(strain, 0.0), 0.0).sum(axis=1) / np.maximum(count, 1)
+    by = np.where((count >= LEAST) & (mean > TAUT), 1 + mean + EASE, 1.0)
+    wide = max(1, round(SPREAD / float(spacing[axis])))
+    by = gaussian_filter1d(maximum_filter1d(by, 2 * wide + 1, mode="nearest"), 0.5 * wide, mode="nearest")
+    at = (origin[axis] + spacing[axis] * np.arange(len(by))) * float(np.sign(up[axis]))
+    order = np.argsort(at)
+    return at[order], by[order]
