@@ -151,9 +151,7 @@ def lying_faults(garment: Garment, positions: NDArray, primitives: Sequence[Prim
             out.append(f"the free edge of {panels} goes {loop.worn} times round its limb, not {loop.placed}")
     through = crossed(garment, positions)
     if through > CROSSED:
-        out.append(
-            f"it passes through itself: {100 * through:.0f} pairs of each 100 triangles (allowed {100 * CROSSED:.0f})"
-        )
+        out.append(f"it passes through itself: {100 * through:.0f} of each 100 triangles (allowed {100 * CROSSED:.0f})")
     return out
 
 

@@ -16,7 +16,7 @@ TAUT = 0.03
 """Mean strain of what is not slack of a row, from which on it is tight: a thread that hangs or lies has less."""
 EASE = 0.015
 """Over what would take that strain away."""
-LEAST = 4
+LEAST = 3
 """Pieces of thread of a row that tells something."""
 SPREAD = 0.02
 """Along a panel to either side of a tight row, over which it is let out as much [m]."""
@@ -25,12 +25,13 @@ LYING = 0.9
 
 
 def tight(garment: Garment, positions: NDArray) -> LetOut:
-    """What is tight and how much wider it wants to be. positions: key points (rows, cols, 3) as sewn [m]."""
+    """What is tight and how much wider it wants to be, but for hoods and collars, which lie or stand where they meet
+    nothing. positions: key points (rows, cols, 3) as sewn [m]."""
     out = dict[str, tuple[F64, F64]]()
-    weft, warp = garment.strains(positions.astype(np.float32))
+    weft, warp = garment.sheet().stretch(positions.astype(np.float32))
     for piece in garment.atlas.panels:
         place, part = piece.panel.place, piece.panel.label
-        if not isinstance(place, Flat) or piece.panel.grain:
+        if not isinstance(place, Flat) or piece.panel.grain or part == "head":
             continue
         up, across = axes(place.rotation, part)
         along = int(abs(across[0]) < LYING)  # 0: across are threads of the weft
