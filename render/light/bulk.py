@@ -35,11 +35,11 @@ import taichi as ti
 from taichi_cloth.ground.arrays import Template
 from taichi_cloth.ground.mixing import SURFACE_SHARE
 
-__all__ = ["ALONE", "ALONG", "BODY", "OF_KEY", "OF_SKY", "SHUT", "dyed", "weight"]
+__all__ = ["ALONE", "ALONG", "BODY", "OF_KEY", "OF_SKY", "ROUND", "SATED", "SHUT", "dyed", "weight"]
 
 OF_KEY = (
     (0.013, 0.17, 0.86, -0.318, -0.103),
-    (0.0, 0.0, 2.64, -3.13, 1.241),
+    (0.0, 0.0, 2.52, -3.01, 1.241),
     (0.0, 0.0, 0.0, 0.984, -0.656),
     (0.0, 0.0, 0.139, 2.025, -1.396),
 )
@@ -60,6 +60,13 @@ ALONE = 0.6
 SHUT = 0.85
 """How much less of a light behind a cloth gets to its fibres that see all of the sky before it: to a flat cloth, too,
 some of it."""
+
+SATED = 0.15
+"""How much less a dark crown of a cloth sends on of the sky for what it sees of it beyond a half, which lies low."""
+
+ROUND = 0.3
+"""Of a light that others take from a fibre, what gets to it all the same from fibre to fibre, where it sees little of
+the sky."""
 
 BODY = 0.81
 """What the highlights of the fibres that were fitted leave of the light: of others that have more it is less."""

@@ -1,7 +1,8 @@
 """How a cloth looks as the sheet it is: measured on its fibres, from both sides and several angles, and kept on disk.
 
-A flat piece is drawn of all its fibres, the warp red and the weft green and nothing blue, so that one picture tells
-what of its light has the warp's colour, the weft's, and none. As a sheet it must cover as much and be as bright.
+A flat piece is drawn of all its fibres, the warp red and the weft green and both of them blue, so that one picture
+tells how bright it is where it is all of one colour, and what of that goes where its warp is dark, or its weft. As a
+sheet it must cover as much and be as bright.
 """
 
 from collections.abc import Callable
@@ -10,10 +11,10 @@ from math import asin, cos, degrees, log, pi, sin
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from taichi_cloth.detail.cell_stream import CellStream
-from taichi_cloth.detail.surfels import AREA, FLANKS, OPEN, TILTS, TURNED, WARP, WEFT, SheetLook, guess_of
+from taichi_cloth.detail.surfels import AREA, FLANKS, OPEN, TILTS, TO_EYE, TURNED, WARP, WEFT, SheetLook, guess_of
 from taichi_cloth.fabric.cells import CellCloth, CellPanel, CellThreads
 from taichi_cloth.ground.cache import digest, kept
 from taichi_cloth.ground.mixing import SURFACE_SHARE
@@ -31,7 +32,7 @@ __all__ = ["fit_look", "flat_piece", "seen_light"]
 
 F64 = NDArray[np.float64]
 
-VERSION = 14
+VERSION = 15
 """Of what is kept on disk: raised whenever the same cloth would come to another look."""
 SIZE = 256, 192
 AZIMUTH = 30.0
@@ -56,6 +57,8 @@ CLEAR = 1e-3
 """Of light that passes through, less is taken for as much."""
 AROUND = ((0.0, 1.0, 0.0, 0.3), *((0.8 * cos(2 * pi * k / 5), 0.6, 0.8 * sin(2 * pi * k / 5), 0.2) for k in range(5)))
 """Directions and intensities of lights above the cloth and round it: a look is a mean over how light falls."""
+PROBE = (0.6, 0.0, 0.6), (0.0, 0.6, 0.6)
+"""Colours of warp and of weft by which they are told apart."""
 WHITE, BLACK, UNSEEN = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0), 1e-9
 """UNSEEN: of a light that is there only so that all pictures are drawn by the same kernel."""
 ONE_LIGHT = Lighting()
@@ -85,7 +88,7 @@ def fit_look(source: CellStream, finish: Finish, like: Lighting = ONE_LIGHT) -> 
     bank = cloth.bank
     parts = bank.particle, bank.start, bank.first, bank.phases, [(one.kind, *one.ahead) for one in cloth.repeats]
     dyed = bool((cloth.threads.colour != cloth.threads.colour[0]).any())  # else nobody asks what one sends back alone
-    made_of = digest(VERSION, FLANKS, TURNED, finish, guess, source.pitch, dyed, *parts)
+    made_of = digest(VERSION, FLANKS, TO_EYE, TURNED, finish, guess, source.pitch, dyed, *parts)
 
     def make() -> dict[str, NDArray]:
         every = [_measured(cloth, number, source.pitch, guess, finish, like) for number in range(len(cloth.repeats))]
@@ -115,7 +118,7 @@ def _alone(cloth: CellCloth, number: int, pitch: tuple[float, float], finish: Fi
                 for k in (0, 1):
                     splatter.render(camera, lighting=lighting, finish=replace(finish, alone=float(k)))
                     red, green, blue, _ = splatter.linear()[where].mean(axis=0, dtype=np.float64)
-                    seen[k] += red - blue, green - blue
+                    seen[k] += blue - green, blue - red
         out += np.clip(seen[1] / np.maximum(seen[0], 1e-9), LEAST, 1.0).tolist()
     return np.array(out)
 
@@ -169,16 +172,18 @@ def flat_piece(
     colours: NDArray | None = None,
     *,
     dark: float = SURFACE_SHARE,
+    probe: ArrayLike | None = None,
 ) -> CellStream:
     """A flat piece of so many threads each way, woven as a repeat says. colours: of its warp ends and then of its weft
-    picks, `CELL` for each cell and one more of both, (n, 3); None: red and green, by which they are told apart, over
-    the `dark` that none is darker than: else the little that a mixture has of one would be nothing."""
+    picks, `CELL` for each cell and one more of both, (n, 3); None: of `probe`, or `PROBE`, over the `dark` that none is
+    darker than: else the little that a mixture has of one would be nothing."""
     cells = -(-threads // CELL)
     shape = cells + 1, cells + 1
     count = cells * CELL + 1
-    probe = np.maximum(np.repeat(np.eye(3)[:2], count, axis=0), dark) if colours is None else colours
+    if colours is None:
+        colours = np.maximum(np.repeat(PROBE if probe is None else probe, count, axis=0), dark)
     panel = CellPanel(0, 0, *shape, number)
-    dyed = CellThreads.whole(np.asarray(probe, np.float32))
+    dyed = CellThreads.whole(np.asarray(colours, np.float32))
     piece = CellCloth(shape, (CELL, CELL), cloth.repeats, (panel,), dyed, bank=cloth.bank)
     points = np.zeros((*shape, 3))
     points[..., 0] = np.arange(shape[1]) * CELL * pitch[0]
@@ -209,7 +214,7 @@ def seen_light(
     finish: Finish,
     like: Lighting = ONE_LIGHT,
 ) -> F64:
-    """Coverage; of lights all round, what comes by the colour of warp and by that of weft; of the sky before the cloth,
+    """Coverage; of lights all round, what comes by warp and by weft where both are white; of the sky before the cloth,
     likewise: means of those pixels. In the light that maps of a whole garment tell of (`FlatLight`). like: see
     `fit_look`."""
     side = int(camera.forward[1] > 0)
@@ -222,5 +227,12 @@ def seen_light(
         means.append(splatter.linear()[where].mean(axis=0, dtype=np.float64))
     splatter.light.hold(None)
     *keys, sky = means
-    red, green, blue, _ = np.sum(keys, axis=0)
-    return np.array([sky[3], red - blue, green - blue, sky[0] - sky[2], sky[1] - sky[2]])
+    return np.array([sky[3], *_shared(np.sum(keys, axis=0)), *_shared(sky)])
+
+
+def _shared(light: F64) -> F64:
+    """Of what is seen where all is of one colour, blue, what comes by warp and by weft: as they are missed where they
+    are dark, green and red."""
+    red, green, blue = np.maximum(light[:3], 0.0)
+    missed = np.array([blue - green, blue - red])
+    return blue * missed / max(missed.sum(), 1e-9)

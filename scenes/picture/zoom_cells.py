@@ -28,7 +28,7 @@ from ...render.splat.splat import Splatter
 from ...render.tiles.mesh import Mesh, join, visible
 from ..models.moving_model import MovingModel
 from ..prepare.drawing import LIT, has_floor
-from .gains import colours_at, matched
+from .gains import PROBE, colours_at, matched
 from .sheet_look import fit_look, flat_piece
 from .streamed import Closer, Streamed
 from .view import View
@@ -52,7 +52,7 @@ REGIONS = 0.05, 0.01
 LIT_BY = Lighting(key_follows_camera=False, shadows=True, occlusion=True)
 SIZE = 320, 192
 THREADS, CROSSINGS = 40, 6
-VERSION = 2
+VERSION = 3
 
 
 def zoom_cells(view: View, count: int, numbers: list[int]) -> Iterator[tuple[int, Image]]:
@@ -157,7 +157,7 @@ def _skin_gain(near: NearCells, finish: Finish) -> NDArray[np.float32]:
     made_of = digest(VERSION, cloth.bank.particle, near.cells.pitch, near.skins.skin, finish, own)
 
     def make() -> dict[str, NDArray]:
-        flat = flat_piece(cloth, 0, THREADS, near.cells.pitch)
+        flat = flat_piece(cloth, 0, THREADS, near.cells.pitch, probe=PROBE)
         flat.sheets = False
         points = flat.cloth.node[:, :3].astype(np.float64)
         splatter, skin = Splatter(*SIZE), NearCells(flat, near.skins.skin)

@@ -33,7 +33,19 @@ from taichi_cloth.ground.arrays import F32x1, F32x2, F32x3, I32x1, I32x2
 from taichi_cloth.ground.particles import COLOUR, HALF_LENGTH, LANES, NORMAL, OPENNESS, POSITION, RADIUS, TANGENT
 from taichi_cloth.ground.vectors import chunk_steps
 
-__all__ = ["AREA", "FLANKS", "OPEN", "TILTS", "TURNED", "WARP", "WEFT", "SheetLook", "guess_of", "lay_surfels"]
+__all__ = [
+    "AREA",
+    "FLANKS",
+    "OPEN",
+    "TILTS",
+    "TO_EYE",
+    "TURNED",
+    "WARP",
+    "WEFT",
+    "SheetLook",
+    "guess_of",
+    "lay_surfels",
+]
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -42,10 +54,14 @@ TILTS = (0.1, 0.3, 0.5, 0.65, 0.8, 1.0)
 """Cosines of the angle between the cloth's normal and the view at which a look is known."""
 AREA, WARP, WEFT, OPEN = range(4)
 """Of a look: area of surfels over that of the cloth, factors of the warp's and the weft's colour, openness."""
-LEAN = 0.6
+LEAN = 0.7
 """How far normals and directions lean from the cloth's, of what fibres' do."""
-FLANKS, TURNED = 1.0, 0.35
+FLANKS, TO_EYE = 1.0, 0.35
 """How much farther, and how far towards the eye, where the cloth is seen edge-on."""
+TURNED = 5.0
+"""How far fibres turn to face the eye, which sees that side of a thread that goes over and under: this times the square
+of how far they lean and the share of crossings at which it changes sides, for what floats is straight. By fibres of a
+plain weave, a twill, a satin and a denim in lights from all sides (`docs/appearance.md`)."""
 OVERLAP = 3.0
 
 EVEN_ROW, EVEN_COL = 0.7548776662, 0.5698402910
@@ -56,8 +72,9 @@ Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018)."""
 @dataclass(frozen=True)
 class SheetLook:
     """How the sheets of some repeats look. factor: (repeats, 2, TILTS, 4) of their right and their wrong side, what
-    `AREA` and so on name. lean: (repeats, 5) share of the right side that is warp; then of warp and of weft the mean
-    sine by which normals lean across the thread, and by which fibres lean from the cloth's plane along it. alone:
+    `AREA` and so on name. lean: (repeats, 7) share of the right side that is warp; then of warp and of weft the mean
+    sine by which normals lean across the thread, and by which fibres lean from the cloth's plane along it; and how far
+    the one and the other turn to the eye along the thread. alone:
     (repeats, 4) what threads send back with nothing but black ones round them, over what they do among their like: of
     warp and of weft on the right side, then on the wrong one."""
 
@@ -69,7 +86,7 @@ class SheetLook:
 def guess_of(bank: RepeatBank, repeats: tuple[WeaveRepeat, ...]) -> SheetLook:
     """A look before anything is measured: leans of the fibres on the upper side, colours by who lies on top."""
     factor = np.empty((len(repeats), 2, len(TILTS), 4), np.float32)
-    lean = np.zeros((len(repeats), 5), np.float32)
+    lean = np.zeros((len(repeats), 7), np.float32)
     first = np.concatenate([bank.first, [bank.templates]])
     begin = 0
     for r, repeat in enumerate(repeats):
@@ -87,6 +104,9 @@ def guess_of(bank: RepeatBank, repeats: tuple[WeaveRepeat, ...]) -> SheetLook:
             for c, column in enumerate((COLUMN.normal + 1, COLUMN.tangent + 2)):
                 square = float((weight * p[:, column] ** 2).sum() / max(float(weight.sum()), 1e-30))
                 lean[r, 1 + 2 * family + c] = LEAN * square**0.5
+            over = repeat.layout.cloth.warp_up
+            changes = float((np.diff(over.astype(np.int8), axis=family) != 0).mean())
+            lean[r, 5 + family] = TURNED * changes * lean[r, 2 + 2 * family] ** 2
         factor[r, ..., AREA] = OVERLAP * np.array(TILTS)
         factor[r, 0, :, WARP], factor[r, 0, :, WEFT] = up, 1.0 - up
         factor[r, 1, :, WARP], factor[r, 1, :, WEFT] = 1.0 - up, up
@@ -115,7 +135,7 @@ def lay_surfels(
 
     bounds: (CHUNKS + 1,) first of the chosen of each chunk of work. starts: (chosen + 1,) where each one's begin. grid:
     (patches, 2) rows and columns of each one's. share: (patches,) of their area that is drawn. look: (panels, sides ·
-    TILTS, 4), lean: (panels, 9) with what threads send back alone, see `SheetLook`. eye: 1 and where it is [m], or 0
+    TILTS, 4), lean: (panels, 11) with what threads send back alone, see `SheetLook`. eye: 1 and where it is [m], or 0
     for the right side from above; then how far the surfels lie above the cloth's middle [m].
     """
     for step in range((bounds.shape[0] - 1) * ti.static(chunk_steps())):
@@ -157,7 +177,7 @@ def lay_surfels(
                     seen[c] = look[p, number, c] + part * (look[p, number + 1, c] - look[p, number, c])
                 # Its colour, and what an outline leaves of it.
                 dyed = cell_mean(
-                    cloth, p, i, j, tall, broad, seen[WARP], seen[WEFT], lean[p, 5 + 2 * side], lean[p, 6 + 2 * side]
+                    cloth, p, i, j, tall, broad, seen[WARP], seen[WEFT], lean[p, 7 + 2 * side], lean[p, 8 + 2 * side]
                 )
                 inside = cell_inside(cloth, p, i, j, tall, broad)
                 # As warp or as weft, and to which side it leans.
@@ -178,7 +198,8 @@ def lay_surfels(
                 # Seen at a flat angle, threads show their flanks: normals lean farther, and towards the eye.
                 to_side = ti.math.clamp(to_side * (1.0 + FLANKS * (1.0 - tilt)), -0.9, 0.9)
                 facing = ti.sqrt(1.0 - to_side * to_side) * out + to_side * across
-                facing = (facing + TURNED * (1.0 - tilt) * way).normalized()
+                facing = (facing + TO_EYE * (1.0 - tilt) * way).normalized()
+                to_end = ti.math.clamp(to_end - lean[p, 5 + family] * way.dot(along), -0.9, 0.9)
                 along = ti.sqrt(1.0 - to_end * to_end) * along + to_end * out
                 at = starts[k] + m
                 group, lane = at // LANES, at % LANES

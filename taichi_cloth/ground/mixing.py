@@ -51,10 +51,10 @@ def lit_among(sent, others, alone):
 
 @ti.func
 def colour_in_kernel(share):
-    """The colour of a thin cloth that sends back a share: r's inverse, from r(1) on along its tangent."""
+    """The colour of a thin cloth that sends back a share: r's inverse, white where that is more than white does."""
     most = ti.min(share, WHITE)
     colour = most / DARK
     for _ in ti.static(range(TURNS)):
         less = LESS * colour * colour * colour
         colour -= (colour * (DARK - less) - most) / (DARK - 4.0 * less)
-    return colour + (share - most) / (DARK - 4.0 * LESS)
+    return colour
