@@ -25,7 +25,7 @@ UP = np.array([0.0, 1.0, 0.0])
 FRONT = np.array([0.0, 0.0, 1.0])
 CLEAR = 0.012  # between the body and a panel where it starts [m]
 SNUG = 0.007  # between the body and a waistband [m]
-SEAT = 0.04  # by which the back of trousers is higher at its middle [m]
+SEAT, LEAN = 0.05, 0.16  # by which the back of trousers is higher at its middle [m]; by which its seam leans, over y
 BEND = 0.02  # radius of the bend by which forks lie between the legs [m]
 
 
@@ -249,7 +249,8 @@ def _dress(f: Figure, cut: Cut) -> Pattern:
 
 def _trousers(f: Figure, cut: Cut) -> Pattern:
     """Two fronts and two backs; y = 0 at the waist. The fork is 0.06 (front) and 0.13 (back) of the hip, 3.5 cm below
-    the crotch; the back rises at its middle, as the way over the seat grows where a person sits."""
+    the crotch. The back's centre seam leans from the waist to the hip and rises above the waist: the way over the seat
+    grows where a person sits, and the way round it, for which backs are wider than fronts."""
     ease = 1 + _set(cut.ease, 0.08)
     down = f.waist_height - f.crotch_height + 0.035
     long = _set(cut.length, f.waist_height - 0.05)
@@ -261,20 +262,25 @@ def _trousers(f: Figure, cut: Cut) -> Pattern:
     ring = _ring(section, waist, SNUG)
     panels, band = [], []
     for side, sign in (("left", 1.0), ("right", -1.0)):
-        for name, share, fork, away in (("front", 0.245, 0.06, 0.16), ("back", 0.255, 0.13, -0.18)):
-            hip, top, hem = f.hip * ease * share, waist * share, f.thigh * 0.42
+        for name, share, round_hip, fork, away in (
+            ("front", 0.245, 0.245, 0.06, 0.16),
+            ("back", 0.255, 0.285, 0.13, -0.18),
+        ):
+            hip, hem = f.hip * ease * round_hip, f.thigh * 0.42
             crotch = fork * f.hip * ease
             middle = hip / 2 + 0.25 * crotch - crotch / 2  # of the leg
-            rise = SEAT if name == "back" else 0.0
+            rise, lean = (SEAT, LEAN * down) if name == "back" else (0.0, 0.0)
+            top = lean + waist * share
             # x from the centre line of the body outwards; the loop: hem, outer side, waist, centre, inner leg
             outer = bezier([(middle + hem / 2, -long), (hip, -0.62 * long), (hip * 1.02, -down * 0.6), (top, 0.0)])
-            centre = bezier([(0.0, rise), (0.0, -0.55 * down), (0.0, -0.97 * down), (-crotch, -down)])
+            straight = 0.45 * lean * down / (down + rise)  # where the centre seam begins to curve
+            centre = bezier([(lean, rise), (straight, -0.55 * down), (0.0, -0.97 * down), (-crotch, -down)])
             inside = middle - hem / 2
             inner = bezier([(-crotch, -down), (-crotch * 0.55, -down - 0.1), (inside, -0.6 * long), (inside, -long)])
             edges = [
                 _line((inside, -long), (inside + hem, -long)),
                 outer,
-                _line((top, 0.0), (0.0, rise)),
+                _line((top, 0.0), (lean, rise)),
                 centre,
                 inner,
             ]
@@ -286,7 +292,8 @@ def _trousers(f: Figure, cut: Cut) -> Pattern:
             plane = Flat(turn, np.array([0.0, f.waist_height, away]))
             place = Bent(plane, -mirrored, -CLEAR / 2, BEND)
             panels.append(Panel(f"{side}_{name}", tuple(edges), place, hems=(0,)))
-            round_waist = Wrap(middle_of_waist, UP, FRONT if name == "front" else -FRONT, ring)
+            outward = FRONT if name == "front" else -FRONT
+            round_waist = Wrap(middle_of_waist, UP, outward, ring, middle=mirrored * lean)
             band.append(Hold(Side(f"{side}_{name}", 2 if mirrored > 0 else 3), place=round_waist))
 
     def edge(panel: str, part: int) -> Side:
