@@ -8,7 +8,7 @@ cloth's depth nearer to the light, the share of the sky S that it sees, F and G 
 behind it, the direction b that is open to it, its tangent t, phi the angle between light l and view v round the fibre,
 and A how far it is in a yarn alone (`lookup.look`),
 
-    L = key T E (w0 C(phi) (3 + 2 b.l) / 5 + w1 C(pi - phi))
+    L = key T E (w0 C(phi) (3 + 2 b.l) / 5 + w1 C(pi - phi) (1 + ROUND (U - T) (1 - S)))
       + key U (w2 max(b.l, 0) (1 - ALONE A S) + w3 max(-b.l, 0) (1 - SHUT S))
       + sky(b) F (w4 + w5 S) + sky(-b) G (w6 + w7 (1 - S))
     C(phi) = (sin phi + (pi - phi) cos phi) / pi                     a Lambertian cylinder
@@ -35,11 +35,11 @@ import taichi as ti
 from taichi_cloth.ground.arrays import Template
 from taichi_cloth.ground.mixing import SURFACE_SHARE
 
-__all__ = ["ALONE", "ALONG", "BODY", "OF_KEY", "OF_SKY", "ROUND", "SATED", "SHUT", "dyed", "weight"]
+__all__ = ["ALONE", "ALONG", "BODY", "OF_KEY", "OF_SKY", "ROUND", "SHUT", "dyed", "weight"]
 
 OF_KEY = (
     (0.013, 0.17, 0.86, -0.318, -0.103),
-    (0.0, 0.0, 2.52, -3.01, 1.241),
+    (0.0, 0.0, 2.64, -3.13, 1.241),
     (0.0, 0.0, 0.0, 0.984, -0.656),
     (0.0, 0.0, 0.139, 2.025, -1.396),
 )
@@ -61,12 +61,9 @@ SHUT = 0.85
 """How much less of a light behind a cloth gets to its fibres that see all of the sky before it: to a flat cloth, too,
 some of it."""
 
-SATED = 0.15
-"""How much less a dark crown of a cloth sends on of the sky for what it sees of it beyond a half, which lies low."""
-
-ROUND = 0.3
-"""Of a light that others take from a fibre, what gets to it all the same from fibre to fibre, where it sees little of
-the sky."""
+ROUND = 2.0
+"""How much more of a light on the other side gets round the fibres that are in its way, from one to the next, to those
+that see little of the sky: over what gets there straight, as a share of what does not."""
 
 BODY = 0.81
 """What the highlights of the fibres that were fitted leave of the light: of others that have more it is less."""

@@ -12,7 +12,7 @@ from taichi_cloth.ground.arrays import F32x2, Template
 from taichi_cloth.ground.particles import COLOUR, NORMAL, POSITION, TANGENT
 from taichi_cloth.ground.vectors import Octets, each, of_group, of_row
 
-from .bulk import ALONE, ALONG, OF_KEY, OF_SKY, ROUND, SATED, SHUT, weight
+from .bulk import ALONE, ALONG, OF_KEY, OF_SKY, ROUND, SHUT, weight
 from .fibre import decay, lobes
 from .view import BULK, COAT, DOME, DYE, EDGE, EYE, FIBRE, GROUND, KEY_DIRECTION, LOBES, OTHERS, SKY, SURFACE
 
@@ -130,26 +130,25 @@ def _root(albedo):
 
 
 @ti.func
-def _sent(albedo, root, seen, alike, sated, front, back):
+def _sent(albedo, root, seen, alike, front, back):
     """Of the sky's light before a cloth and behind it, what a particle in it sends on that sees a share of the sky."""
-    before = alike * weight(OF_SKY[0], albedo, root)
-    before += seen * (1.0 - sated * (1.0 - albedo)) * weight(OF_SKY[1], albedo, root)
+    before = alike * weight(OF_SKY[0], albedo, root) + seen * weight(OF_SKY[1], albedo, root)
     behind = weight(OF_SKY[2], albedo, root) + (1.0 - seen) * weight(OF_SKY[3], albedo, root)
     return front * before + back * behind
 
 
 @ti.func
-def _from_sky(shading: Template, view: F32x2, up, mirrored, albedo, root, seen, before, behind, closed):
+def _from_sky(shading: Template, view: F32x2, up, mirrored, albedo, root, seen, before, behind):
     """What a particle in a bulk sends on of light from all round: of the sky before the cloth, of that behind it, and
     as its fibres' highlights. up: height of the direction open to it; mirrored: of that which a fibre mirrors."""
     front, back, gleam = _sky(shading, view, up), _sky(shading, view, -up), _sky(shading, view, mirrored)
-    alike, sated = _alike(view, seen), SATED * closed * ti.max(seen - 0.5, 0.0)
+    alike = _alike(view, seen)
     shine = view[BULK, 2] * seen * before
     before *= view[BULK, 0]
     behind *= view[BULK, 0]
-    red = _sent(albedo[0], root[0], seen, alike, sated, before * front[0], behind * back[0])
-    green = _sent(albedo[1], root[1], seen, alike, sated, before * front[1], behind * back[1])
-    blue = _sent(albedo[2], root[2], seen, alike, sated, before * front[2], behind * back[2])
+    red = _sent(albedo[0], root[0], seen, alike, before * front[0], behind * back[0])
+    green = _sent(albedo[1], root[1], seen, alike, before * front[1], behind * back[1])
+    blue = _sent(albedo[2], root[2], seen, alike, before * front[2], behind * back[2])
     red += shine * gleam[0] * (1.0 + view[COAT, 0] * (albedo[0] - 1.0))
     green += shine * gleam[1] * (1.0 + view[COAT, 0] * (albedo[1] - 1.0))
     blue += shine * gleam[2] * (1.0 + view[COAT, 0] * (albedo[2] - 1.0))
@@ -163,7 +162,7 @@ def _parts(shadowed: Template, view: F32x2, b_l, around, along, arriving, outsid
     there; seen: of the sky; closed: how far the cloth is no yarn alone."""
     around = ti.min(ti.max(around, -1.0), 1.0)
     gain = (1.5 * view[BULK, 0] * view[COAT, 1]) * decay(ALONG * along * along)
-    here, through = gain * arriving, gain * (arriving + ROUND * (outside - arriving) * (1.0 - seen))
+    here, through = gain * arriving, gain * arriving * (1.0 + ROUND * (outside - arriving) * (1.0 - seen))
     # Where no map does it, the direction that is open keeps light from passing through the cloth.
     unseen = view[BULK, 1] if ti.static(shadowed) else 1.0
     turned, shown = ti.max(0.2 + 0.8 * b_l, 0.0), 0.6 + 0.4 * b_l
@@ -243,7 +242,7 @@ def shade(layout: Template, shading: Template, particles: Octets, light: Octets,
             closed = of_row(light, b, sky + 6)
         seen *= 1.0 - view[BULK, 1] * (1.0 - opening)
         albedo, root = (albedo_r, albedo_g, albedo_b), (root_r, root_g, root_b)
-        red, green, blue = _from_sky(shading, view, by, vy - 2.0 * t_v * ty, albedo, root, seen, before, behind, closed)
+        red, green, blue = _from_sky(shading, view, by, vy - 2.0 * t_v * ty, albedo, root, seen, before, behind)
     else:
         # Light from all around, less what neighbours hide of it.
         red, green, blue = _sky(shading, view, ny)
