@@ -7,7 +7,7 @@ import pytest
 
 from taichi_cloth.garment.fit.fitted import fitted
 from taichi_cloth.garment.fit.taped import landmarks_of
-from taichi_cloth.garment.pattern.curves import length
+from taichi_cloth.garment.pattern.curves import along, length
 from taichi_cloth.garment.pattern.folded import Folded, halved
 from taichi_cloth.garment.pattern.garmentcode import read_garmentcode
 from taichi_cloth.garment.pattern.pattern import Flat, Panel, Pattern, Seam, Side
@@ -121,3 +121,19 @@ def test_half_a_circle_stays_in_one_piece():
     worn = landmarks_of(prepare_body(BodySection()))
     pattern = fitted(read_garmentcode(next(PATTERNS.glob("900126_*.json"))), worn)
     assert halved(pattern) is pattern
+
+
+def test_frills_of_both_legs_start_apart():
+    """As long as they are drawn, each round its own leg: flat ones, wider than from leg to leg, began in one plane."""
+    worn = landmarks_of(prepare_body(BodySection()))
+    pattern = fitted(read_garmentcode(next(PATTERNS.glob("900165_*.json"))), worn)
+    frills = [panel for panel in pattern.panels if "cuff_skirt" in panel.name]
+    assert len(frills) == 4
+    for panel in frills:
+        sign = 1.0 if panel.label == "leg_l" else -1.0
+        line = np.concatenate([along(edge, np.linspace(0, 1, 200)) for edge in panel.edges])
+        placed = panel.place.points(line)
+        assert np.ptp(line[:, 0]) > 2 * worn.leg[0, 0]
+        assert (sign * placed[:, 0]).min() > 0.004
+        assert length(placed) == pytest.approx(length(line), rel=2e-3)
+        assert np.sign(placed[:, 2].mean()) == (1.0 if panel.name.endswith("_f") else -1.0)

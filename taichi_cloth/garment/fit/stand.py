@@ -23,6 +23,8 @@ LAPEL = 0.01
 """Of lapels over the fronts [m]."""
 SNUG = 0.012
 """Between the body and the top of a cone [m]."""
+APART = 0.006
+"""Of a frill on a leg from the middle plane, and from the crotch [m]."""
 FOLDS, TIERED = 16, 24
 """Round a skirt of sectors of a ring where it starts, and round one of tiers, whose hem is up to ten metres long."""
 TIER = 0.01
@@ -77,7 +79,7 @@ def start_of(work: Work, piece: Piece, worn: Landmarks) -> tuple[list[F64], Flat
         return _round_arm(piece, worn) if piece.part.startswith("arm") else _round_body(piece, worn)
     sector = _sector(work, piece)
     if sector is None:
-        return piece.graded, flat
+        return piece.graded, _round_leg(piece, worn) or flat
     hangs, above = [sector], _above(work, piece)
     while above is not None and above.piece not in [one.piece for one in hangs]:  # low ones may seem to hang in a ring
         hangs.insert(0, above)
@@ -165,6 +167,27 @@ def _above(work: Work, piece: Piece) -> _Sector | None:
         if there.ring is not None and not there.is_end(other.edge) and other.edge != there.ring:
             return _sector(work, there, other.edge)
     return None
+
+
+def _round_leg(piece: Piece, worn: Landmarks) -> Wrap | None:
+    """A frill or cuff below the crotch that reaches over the middle plane: half round its leg, on an ellipse that
+    leaves room for the other leg's, with which it would start in one plane. None: any other piece."""
+    sign, w = (1.0 if piece.part == "leg_l" else -1.0), piece.worn()
+    across = np.concatenate(piece.graded)[:, 0]
+    upright = min(abs(float(piece.normal[2])), float(piece.rotation[1, 1])) > 0.9
+    over = float((sign * w[:, 0]).min()) < APART and float(w[:, 1].max()) < worn.height["crotch"] - APART
+    if not piece.part.startswith("leg") or not upright or not over:
+        return None
+    y = float(w[:, 1].mean())
+    x, z = (float(np.interp(y, worn.leg[::-1, 1], worn.leg[::-1, k])) for k in (0, 2))
+    side, round_ = x - APART, 2 * float(np.ptp(across))
+    deep = np.linspace(side, round_ / 2, 200)
+    h = ((deep - side) / (deep + side)) ** 2
+    around = np.pi * (deep + side) * (1 + 3 * h / (10 + np.sqrt(4 - 3 * h)))  # Ramanujan 1914
+    outward = np.array([0.0, 0.0, float(np.sign(piece.normal[2]))])
+    origin = np.array([sign * x, float(piece.shift[1]), z])
+    radius = float(np.interp(round_, around, deep)), side
+    return Wrap(origin, np.array([0.0, 1.0, 0.0]), outward, radius, float(across.min() + across.max()) / 2)
 
 
 def _round_arm(piece: Piece, worn: Landmarks) -> tuple[list[F64], Wrap]:
