@@ -14,7 +14,7 @@ from taichi_cloth.garment.fit.parts import assign, crotch_of, is_floor
 from taichi_cloth.garment.fit.piece import UP, Work, pieces_of
 from taichi_cloth.garment.fit.stack import Carried, carried, stack
 from taichi_cloth.garment.fit.stand import stand, start_of
-from taichi_cloth.garment.fit.widen import raise_tight, widen
+from taichi_cloth.garment.fit.widen import lengthen_jumpsuit, raise_tight, widen
 from taichi_cloth.garment.pattern.folded import halved
 from taichi_cloth.garment.pattern.pattern import Pattern
 from taichi_cloth.ground.errors import InputError
@@ -94,6 +94,8 @@ def placed(pattern: Pattern, worn: Landmarks, tight: LetOut | None = None) -> tu
     grade(work, drafted, worn, None if by.armhole is None else by.armhole + lift)
     even_out(work)
     notes = raise_tight(work, worn)
+    if by.by == "shoulders":
+        notes += lengthen_jumpsuit(work, worn)
     notes += widen(work, worn)
     turn_legs(work, worn)
     notes += lay_sleeves(work, drafted, worn)

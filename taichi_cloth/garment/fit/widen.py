@@ -15,7 +15,7 @@ from taichi_cloth.garment.pattern.curves import length
 from taichi_cloth.garment.pattern.cut import intervals
 from taichi_cloth.garment.pattern.pattern import Side
 
-__all__ = ["EASE", "MORE", "raise_tight", "tiers", "widen", "widths"]
+__all__ = ["EASE", "MORE", "lengthen_jumpsuit", "raise_tight", "tiers", "widen", "widths"]
 
 F64 = NDArray[np.float64]
 
@@ -39,6 +39,8 @@ UNDER = 0.005
 KEPT, FADE = 0.01, 0.06
 """Over the highest of the levels that are looked at, to where it is widened like that, of a top up to its armholes; and
 then until it is not [m]."""
+ROOM = 0.04
+"""Of a jumpsuit over the body's height from fork to shoulder [m]."""
 UPRIGHT = 1.5
 """Rise over run of the edges of a slit."""
 MOST = 1.5
@@ -82,14 +84,29 @@ def raise_tight(work: Work, worn: Landmarks) -> list[str]:
         up = np.arange(top, waist + STEP, STEP)
         fits = [y for y in up if loop >= EASE * worn.ring(float(y))[0]]
         by = float((fits[0] if fits else waist) - top)
-        for piece in work.of("skirt", "leg_l", "leg_r"):
-            piece.shift = piece.shift + by * UP
-        arm = worn.height["underarm"] - BELOW
-        for piece in work.of("trunk"):
-            _shortened(piece, arm, (arm - top - by) / (arm - top))
-        even_out(work, rounds=2)
+        _raised(work, worn, top, by)
         return [f"waist: raised by {100 * by:.0f} cm to where the body is as narrow as its {100 * loop:.0f} cm"]
     return []
+
+
+def lengthen_jumpsuit(work: Work, worn: Landmarks) -> list[str]:
+    """Trousers that shoulders carry come ROOM lower, and what they hang on is as much longer below the arms: cloth goes
+    over the bust and through the fork, and what is too short for that draws itself off the shoulders."""
+    legs = work.of("leg_l", "leg_r")
+    if not legs:
+        return []
+    _raised(work, worn, max(float(piece.level(worn=True).max()) for piece in legs), -ROOM)
+    return [f"trunk: {100 * ROOM:.0f} cm longer, as trousers hang on it"]
+
+
+def _raised(work: Work, worn: Landmarks, top: float, by: float) -> None:
+    """Skirts and trousers, whose top is at a height, go up, and what is between them and the arms gets shorter [m]."""
+    for piece in work.of("skirt", "leg_l", "leg_r"):
+        piece.shift = piece.shift + by * UP
+    arm = worn.height["underarm"] - BELOW
+    for piece in work.of("trunk"):
+        _shortened(piece, arm, (arm - top - by) / (arm - top))
+    even_out(work, rounds=2)
 
 
 def _shortened(piece: Piece, under: float, by: float) -> None:
