@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from taichi_cloth.garment.fit.fitted import fitted
+from taichi_cloth.garment.fit import widen
+from taichi_cloth.garment.fit.fitted import fitted, placed
 from taichi_cloth.garment.fit.levels import worn_levels
 from taichi_cloth.garment.fit.piece import Work, pieces_of
 from taichi_cloth.garment.fit.taped import landmarks_of
@@ -79,3 +80,20 @@ def test_what_shoulders_carry_hangs_by_their_seams_while_others_close():
     held = fitted(read_garmentcode(next(UNSEEN.glob("900132_*.json"))), worn)
     assert held.holds
     assert held.hung == ()
+
+
+def test_a_jumpsuit_is_longer_in_the_trunk_and_no_other_garment_is(monkeypatch):
+    """Its fork comes lower by that, its shoulders stay; trousers that hang from the waist keep their places."""
+    worn = landmarks_of(prepare_body(BodySection()))
+
+    def heights(number: int, part: str, room: float) -> tuple[float, float]:
+        monkeypatch.setattr(widen, "ROOM", room)
+        work = placed(read_garmentcode(next(UNSEEN.glob(f"900{number}_*.json"))), worn)[0]
+        y = np.concatenate([piece.worn()[:, 1] for piece in work.of(part)])
+        return float(y.min()), float(y.max())
+
+    for part, lower in (("leg_l", 0.04), ("trunk", 0.04)):
+        before, after = heights(177, part, 0.0), heights(177, part, 0.04)
+        assert before[0] - after[0] == pytest.approx(lower, abs=0.006)
+        assert before[1] - after[1] == pytest.approx(lower if part == "leg_l" else 0.0, abs=0.006)
+    assert heights(138, "leg_l", 0.0) == heights(138, "leg_l", 0.04)
