@@ -209,6 +209,8 @@ PICTURES = {
     "skirt": lambda: worn("skirt", size=(840, 1120), views=[0, 2]),
     "dress": lambda: worn("dress", size=(840, 1120), views=[0, 2]),
     "trousers": lambda: worn("trousers", size=(840, 1120), views=[0, 2]),
+    "outfit_summer": lambda: worn("outfit-summer", size=(840, 1120), views=[0, 2]),
+    "outfit_tartan": lambda: worn("outfit-tartan", size=(840, 1120), views=[0, 2]),
     "body": body,
     "materials": materials,
     "cloths": cloths,

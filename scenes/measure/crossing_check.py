@@ -57,8 +57,8 @@ class Skin:
 
 
 def skin_of(scene: Scene) -> tuple[Skin, Simulation]:
-    """The cloth of a scene of a [cloth] or a [garment] and its simulation, at the start. Taichi is running. Raises
-    InputError."""
+    """The cloth of a scene of a [cloth], a [garment] or several, and its simulation, at the start. Taichi is running.
+    Raises InputError."""
     if scene.subject == "cloth":
         simulation = sheet_simulation(on_cells(scene), standing_in(scene))
         faces = simulation.sheet.triangles
@@ -99,7 +99,7 @@ def check(what: str, overrides: list[str], *, frames: int | None, arch: Any, thr
     else:
         scene = load_scene(what, overrides)
         count = frames or scene.output.frames
-    if scene.subject not in ("cloth", "garment"):
+    if scene.subject not in ("cloth", "garment", "outfit"):
         raise InputError(f"check: {what} has no cloth that moves; allowed: a scene of a [cloth] or a [garment]")
     runtime.start(arch if arch == "cpu" else device_of(plan(scene), arch), threads=threads)
     skin, simulation = skin_of(scene)

@@ -23,6 +23,10 @@ def build(scene: Scene, prepared: Prepared | None = None, each: Callable[[str, i
         from .garment_model import GarmentModel
 
         return GarmentModel.of(scene, prepared, each=each)
+    if scene.subject == "outfit":
+        from .outfit_model import OutfitModel
+
+        return OutfitModel.worn(scene, each=each)
     if scene.subject == "cloth":
         from .cloth_model import ClothModel
 
@@ -47,4 +51,4 @@ def shown_frame(scene: Scene, model: Model) -> int:
     which it rests."""
     if scene.output.frame is not None:
         return scene.output.frame
-    return 0 if scene.subject == "garment" else model.frames - 1
+    return 0 if scene.subject in ("garment", "outfit") else model.frames - 1

@@ -264,12 +264,18 @@ class GarmentModel(MovingModel):
         return self.facts()
 
     def cloth_facts(self) -> list[Fact]:
-        worn, garment = self.dressed.worn, self.dressed.garment
-        sheet = self.simulation.sheet
-        facts = [
+        garment, sheet = self.dressed.garment, self.simulation.sheet
+        return [
             Fact("garment", f"{garment.pattern.name}: {len(garment.pattern.panels)} panels"),
             Fact("key points", f"{garment.atlas.key_points:,}"),
             Fact("mass of the garment", f"{1e3 * float(sheet.mass.sum()):.0f} g"),
+            *self.sewn_facts(),
+        ]
+
+    def sewn_facts(self) -> list[Fact]:
+        """How what is worn was sewn, and whether it fits."""
+        worn, garment = self.dressed.worn, self.dressed.garment
+        facts = [
             Fact("widest seam", f"{1e3 * worn.gap:.2f} mm"),
             Fact("deepest in the body", f"{1e3 * worn.depth:.2f} mm"),
             Fact("largest stretch", f"{100 * worn.stretch:.1f} %, away from seams {100 * worn.taut:.1f} %"),

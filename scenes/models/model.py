@@ -51,6 +51,13 @@ class Panel:
     """Surfaces among the particles, lit and shadowed with them."""
     source: FabricStream | CellStream | None = None
     """Makes what is drawn, a batch at a time; `particles` are then a sample of it, which casts its shadows."""
+    shading: tuple[Mesh, ...] = ()
+    """Surfaces that are not drawn with it and cast shadows on it."""
+    within: "tuple[Panel, ...]" = ()
+    """What is drawn before it into the same picture, in this order, each made by a source of its own: garments that are
+    worn under another."""
+    scene: Scene | None = None
+    """Whose fibres it shows, where that is not the model's scene."""
 
 
 class Model(Protocol):

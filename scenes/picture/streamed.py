@@ -4,11 +4,13 @@ Batches know nothing of one another, so what darkens them is cast by a sample of
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import log
 
 import numpy as np
 from numpy.typing import NDArray
+
+from taichi_cloth.ground.copies import fetched
 
 from ...render.data.backdrop import Backdrop
 from ...render.data.blocks import ParticleBlocks
@@ -22,7 +24,7 @@ from ...render.splat.splat import Splatter
 from ...render.splat.stream import Source, stream
 from ...render.stage.paint import paint
 from ...render.stage.stage import stage_under
-from ...render.tiles.mesh import Mesh
+from ...render.tiles.mesh import Mesh, join
 
 __all__ = ["Closer", "Streamed"]
 
@@ -43,7 +45,8 @@ class Closer:
 
 class Streamed:
     """Draws on one splatter. sample: of the whole. floor: whether it lies on one. mesh: what stands among the fibres.
-    resolution: texels along a shadow map, at most. closer: where light is told more finely from near by."""
+    shading: what else casts shadows on all that. resolution: texels along a shadow map, at most. closer: where light is
+    told more finely from near by."""
 
     def __init__(
         self,
@@ -52,10 +55,13 @@ class Streamed:
         *,
         floor: bool,
         mesh: Mesh | None = None,
+        shading: Mesh | None = None,
         resolution: int = MAP_SIZE,
         closer: Closer | None = None,
     ) -> None:
         self.splatter, self.sample, self.mesh, self.resolution = splatter, sample, mesh, resolution
+        both = [one for one in (mesh, shading) if one is not None]
+        self._shading = join(both) if len(both) > 1 else mesh or shading
         self.stage = stage_under(sample, mesh) if floor else None
         self._towards: NDArray[np.float64] | None = None
         self._whole: LightMaps | None = None
@@ -69,7 +75,7 @@ class Streamed:
         if self._towards is None or not np.allclose(towards, self._towards, atol=1e-6):
             light = self.splatter.light
             light.hold(None)
-            self.splatter.load(self.sample, self.mesh)
+            self.splatter.load(self.sample, self._shading)
             self._whole, self._mixed = self.splatter.cast_light(camera, lighting, resolution=self.resolution), []
             light.hold(self._whole)
             self._towards = towards
@@ -86,9 +92,15 @@ class Streamed:
         finish: Finish,
         background: Background,
         linear: NDArray[np.float32] | None = None,
+        drawn: NDArray[np.float32] | None = None,
     ) -> tuple[NDArray[np.uint8], Backdrop | None]:
-        """The image and what stands behind. linear: takes the linear colour without it (see `stream`)."""
+        """The image and what stands behind. linear: takes the linear colour without it (see `stream`). drawn: linear
+        colour (height, width, 3) of what was drawn before it, and stands behind."""
         backdrop = self.behind(camera, lighting, background)
+        if drawn is not None and backdrop is not None:
+            colour = fetched(backdrop.colour)
+            colour[:, : camera.width] = drawn
+            backdrop = replace(backdrop, colour=colour)
         if self._closer is not None:
             self.splatter.light.hold(self._told(self._closer, camera, lighting, finish.depth), each=True)
         options = {"lighting": lighting, "finish": finish, "background": background, "backdrop": backdrop}

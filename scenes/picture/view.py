@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_cloth.detail.cell_stream import TARGET, CellStream
+from taichi_cloth.ground.copies import fetched
 from taichi_cloth.weave.colour_order import colour
 
 from ...render.data.backdrop import Backdrop
@@ -64,8 +65,10 @@ class View:
         self._panels: list[Panel] = []
         self._stages: list[Stage | None] = []
         self._streamed: list[Streamed | None] = []
+        self._within: list[list[tuple[Streamed, CellStream, Finish]]] = []
         self._meshes: list[Mesh | None] = []
-        self._fitted: CellStream | None = None
+        self._own: dict[int, Splatter] = {}
+        self._fitted: list[CellStream] = []
 
     def turntable(self, count: int, numbers: list[int]) -> Iterator[tuple[int, Image]]:
         """The views `numbers` out of `count` evenly spaced ones, all framed alike."""
@@ -157,20 +160,38 @@ class View:
         self._meshes = [join(panel.meshes) if panel.meshes else None for panel in self._panels]
         on = has_floor(self.scene)
         self._stages, self._streamed = [], []
+        both = zip(self._panels, self._splatters, strict=True)
+        self._within = [[self._inner(one, splatter) for one in panel.within] for panel, splatter in both]
         for panel, splatter, mesh in zip(self._panels, self._splatters, self._meshes, strict=True):
             if panel.source is not None:
-                assert isinstance(panel.particles, ParticleBlocks)
-                if isinstance(panel.source, CellStream):
-                    panel.source.target = TARGET * self.scale
-                    if panel.source is not self._fitted:  # it stays the same while cloth moves
-                        panel.source.look = fit_look(panel.source, self.finish, self.lighting)
-                        self._fitted = panel.source
-                self._streamed.append(Streamed(splatter, panel.particles, floor=on, mesh=mesh))
+                self._streamed.append(self._stream(panel, splatter, mesh, floor=on))
                 self._stages.append(None)
                 continue
             splatter.load(panel.particles, mesh)
             self._streamed.append(None)
             self._stages.append(stage_under(panel.particles, mesh) if on else None)
+
+    def _stream(self, panel: Panel, splatter: Splatter, mesh: Mesh | None, *, floor: bool) -> Streamed:
+        """What draws a panel that comes in batches."""
+        assert isinstance(panel.particles, ParticleBlocks)
+        if isinstance(panel.source, CellStream):
+            panel.source.target = TARGET * self.scale
+            if not any(panel.source is one for one in self._fitted):  # it stays the same while cloth moves
+                panel.source.look = fit_look(panel.source, self._finish(panel), self.lighting)
+                self._fitted.append(panel.source)
+        shading = join(panel.shading) if panel.shading else None
+        return Streamed(splatter, panel.particles, floor=floor, mesh=mesh, shading=shading)
+
+    def _inner(self, panel: Panel, like: Splatter) -> tuple[Streamed, CellStream, Finish]:
+        """What draws a panel that is drawn before another, on a splatter of its own as large as that one's."""
+        assert isinstance(panel.source, CellStream)
+        own = self._own.get(id(panel.source)) or Splatter(like.width, like.height, profile=like.profile)
+        self._own[id(panel.source)] = own
+        mesh = join(panel.meshes) if panel.meshes else None
+        return self._stream(panel, own, mesh, floor=False), panel.source, self._finish(panel)
+
+    def _finish(self, panel: Panel) -> Finish:
+        return self.finish if panel.scene is None else finish_of(panel.scene)
 
     def _draw(self, cameras: list[Camera]) -> Image:
         images = []
@@ -190,9 +211,16 @@ class View:
         near = self._near(camera)
         light, ground, finish = self.lighting, self.background, self.finish
         if streamed is not None and panel.source is not None:
+            options = {"lighting": light, "background": ground}
+            before = None
+            for inner, source, own in self._within[k]:
+                rgba = np.zeros((near.height, near.width, 4), np.float32)
+                _, behind = inner.draw(near, source, finish=own, linear=rgba, drawn=before, **options)
+                assert behind is not None
+                before = rgba[..., :3] + (1 - rgba[..., 3:]) * fetched(behind.colour)[:, : near.width]
             rgba = np.zeros((near.height, near.width, 4), np.float32) if linear else None
             image, backdrop = streamed.draw(
-                near, panel.source, lighting=light, finish=finish, background=ground, linear=rgba
+                near, panel.source, finish=self._finish(panel), linear=rgba, drawn=before, **options
             )
             return Shot(panel, splatter, near, backdrop, linear=rgba), image
         mesh = self._meshes[k]

@@ -37,6 +37,10 @@ FITTED = 9
 
 def require_threads(scene: Scene, name: str) -> None:
     """Raises InputError for a scene that no zoom can show."""
+    if scene.outfit:
+        raise InputError(
+            f"zoom: {name} has several garments; zoom shows one cloth, such as that of {scene.garments[0].title}"
+        )
     moving = scene.cloth or scene.garment
     if scene.weave is None or (scene.subject != "fabric" and moving is None):
         raise InputError(f"zoom: {name} has no [weave]; use a woven scene, such as swatch or tshirt")

@@ -1,5 +1,6 @@
 """What a scene will build and what it leaves out, counted before anything runs."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from taichi_cloth.fabric.layout import drawn_density
@@ -84,7 +85,8 @@ ORDER = (
 
 @dataclass
 class _Counted:
-    """What is known so far. built, left: stages to what of, and to why not. woven: the cloth as a scene of its own."""
+    """What is known so far. built, left: stages to what of, and to why not. woven: the cloth as a scene of its own.
+    worn: those of several garments."""
 
     built: dict[str, str] = field(default_factory=dict)
     left: dict[str, str] = field(default_factory=dict)
@@ -94,6 +96,7 @@ class _Counted:
     about: bool = False
     woven: Scene | None = None
     prepared: Prepared | None = None
+    worn: Sequence[Prepared] = ()
     lacks: str = ""
 
 
@@ -118,7 +121,7 @@ def plan(scene: Scene) -> Plan:
         counted.about,
         _bytes(scene, counted),
         memory_limit(),
-        prepared.notes if prepared else (),
+        prepared.notes if prepared else tuple(note for one in counted.worn for note in one.notes),
         prepared,
         counted.lacks,
     )
@@ -143,6 +146,12 @@ def _count_cloth(scene: Scene, counted: _Counted) -> None:
         from .plan_garment import garment_stages
 
         built, left, counted.key_points, counted.woven, counted.prepared = garment_stages(scene)
+    elif scene.outfit:
+        from .plan_garment import outfit_stages
+
+        built, left, counted.key_points, counted.worn = outfit_stages(scene)
+        counted.blocks = sum(one.cells.blocks for one in counted.worn if one.cells)
+        counted.particles, counted.about = sum(one.particles for one in counted.worn), bool(counted.worn)
     else:
         counted.woven = scene if scene.weave else None
         return
@@ -170,7 +179,9 @@ def _count_strands(scene: Scene, counted: _Counted) -> None:
     built, left, subject = counted.built, counted.left, scene.subject
     fibre = fibre_kind(scene)
     source = "own sphere set" if scene.fibre.spheres is not None else fibre.name
-    if subject in ("cloth", "garment") and not scene.yarn:
+    if subject == "outfit":
+        pass
+    elif subject in ("cloth", "garment") and not scene.yarn:
         left["fibre lattice"] = "only a scene of one fibre needs it"
         left["yarn"] = "the scene has no [yarn]"
     elif subject == "fibre":
@@ -187,7 +198,7 @@ def _count_strands(scene: Scene, counted: _Counted) -> None:
         counted.particles, counted.about = twist_particles(scene), True
         zones = f"zones of {scene.twist.zone_a_mm:g} and {scene.twist.zone_b_mm:g} mm"
         built["twist"] = f"{zones}, {scene.output.frames} frames"
-    elif subject not in ("fibre", "cloth", "garment"):
+    elif subject not in ("fibre", "cloth", "garment", "outfit"):
         left["twist"] = "the scene has no [twist]"
     if subject == "yarn":
         counted.particles, counted.about = yarn_piece(scene).particles, True
@@ -219,7 +230,9 @@ def _count_weave(scene: Scene, counted: _Counted) -> None:
         built["fibre blocks"] = f"{len(layout.kinds.section)} kinds of path, {layout.detail.variants} variants"
         if not (layout.warp.yarn.hairiness.ends_per_m or layout.warp.yarn.hairiness.loops_per_m):
             left["hairs"] = "yarn.hairiness is 0"
-    elif scene.garment:
+    elif counted.worn:
+        built["fibre blocks"] = "of each garment's own threads, made where a picture shows them"
+    elif scene.garment or scene.outfit:
         left["weave"] = "nothing is drawn of it"
     elif scene.cloth:
         left["fibre blocks"] = 'cloth.representation is "mesh"'
@@ -273,12 +286,15 @@ def _bytes(scene: Scene, counted: _Counted) -> int:
     held = counted.particles
     if prepared is not None and prepared.in_batches:
         held = min(held, LIT if prepared.cells is None else CELLS_LIT)
+    if counted.worn:
+        held = CELLS_LIT * len(counted.worn)
     shadows = _lamps(scene) if scene.light.shadows else 0
     occlusion = scene.light.occlusion and scene.light.fill_strength > 0
-    total = prepared.bytes if prepared else drawn_bytes(counted.particles)
+    total = prepared.bytes if prepared else drawn_bytes(0 if counted.worn else counted.particles)
+    total += sum(one.bytes for one in counted.worn)
     total += light_bytes(held, shadows=shadows, occlusion=occlusion)
     meshes = "meshes" in counted.built
-    total += MESH_BYTES * meshes + MOTION_BYTES * bool(scene.cloth or scene.garment)
+    total += MESH_BYTES * meshes + MOTION_BYTES * (scene.subject in ("cloth", "garment", "outfit"))
     total += LAYERS_BYTES * ("cloth on cloth" in counted.built)
     return PROCESS_BYTES + total + picture_bytes(scene.output.size, meshes=meshes)
 

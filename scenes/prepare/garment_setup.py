@@ -1,6 +1,6 @@
 """From a scene's words to a garment worn by a body: both are made once, and kept on disk by what made them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from pathlib import Path
@@ -15,6 +15,8 @@ from taichi_cloth.body.skin.skinning import Body
 from taichi_cloth.garment.fit.fitted import fitted
 from taichi_cloth.garment.fit.let_out import LetOut, both
 from taichi_cloth.garment.fit.taped import landmarks_of
+from taichi_cloth.garment.outfit.outfit import Outfit
+from taichi_cloth.garment.outfit.over import start_over
 from taichi_cloth.garment.pattern.cut import Atlas, cut, spacing_for
 from taichi_cloth.garment.pattern.drafts import DRAFTS, Cut, draft
 from taichi_cloth.garment.pattern.dxf_pattern import read_dxf
@@ -52,6 +54,7 @@ from .yarns import repeat_of
 __all__ = [
     "Dressed",
     "Parts",
+    "bearers",
     "dress",
     "dressed_parts",
     "dropped",
@@ -62,8 +65,12 @@ __all__ = [
     "garment_simulation",
     "motion_of",
     "own_drafts",
+    "pattern_of",
     "prepare_garment",
+    "sewn",
     "sewn_with",
+    "stood",
+    "tried_on",
     "woven_garment",
 ]
 
@@ -87,13 +94,15 @@ Progress = Callable[[str, int, int], None]
 @dataclass(frozen=True, eq=False)
 class Parts:
     """What is known before anything is sewn: a body, its primitives, which tell its limbs, the distance grids that
-    cloth touches instead of them where a scene asks for those, a garment cut for it, and the gaps that it keeps."""
+    cloth touches instead of them where a scene asks for those, a garment cut for it, or several as one, the gaps that
+    it keeps, and its friction on skin (Coulomb's µ)."""
 
     body: Body
     primitives: tuple[Primitive, ...]
     grids: tuple[DistanceGrid, ...]
     garment: Garment
     gaps: SheetGaps
+    friction: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,6 +115,10 @@ class Dressed(Parts):
 
 def dressed_parts(scene: Scene) -> Parts:
     """Body, primitives and garment of a scene; the last few are remembered. Raises InputError."""
+    if scene.outfit:
+        from .outfit_setup import outfit_parts
+
+        return outfit_parts(scene)
     assert scene.garment is not None
     body = (scene.body or BodySection()).model_dump_json()
     sett = sett_of(scene)
@@ -114,7 +127,7 @@ def dressed_parts(scene: Scene) -> Parts:
     solver = (scene.solver or SolverSection()).model_dump_json()
     per_m = None if sett is None else (sett.ends, sett.picks)
     found = _parts(scene.garment.model_dump_json(), body, solver, per_m, own_material(scene))
-    return Parts(*found, garment_gaps(scene, found[-1].atlas.spacing))
+    return Parts(*found, garment_gaps(scene, found[-1].atlas.spacing), scene.garment.friction)
 
 
 def _let_out(scene: Scene, parts: Parts, tight: LetOut) -> Parts:
@@ -122,9 +135,16 @@ def _let_out(scene: Scene, parts: Parts, tight: LetOut) -> Parts:
     assert scene.garment is not None
     sett = sett_of(scene)
     per_m = None if sett is None else (sett.ends, sett.picks)
-    solver = scene.solver or SolverSection()
-    garment = garment_of(scene.garment, parts.body, solver, per_m, own_material(scene), tight)
-    return replace(parts, garment=garment, gaps=garment_gaps(scene, garment.atlas.spacing))
+    pattern = pattern_of(scene.garment, parts.body, tight)
+    spacing = _spacing(pattern, scene.garment, per_m)
+    garment = garment_of(scene.garment, pattern, spacing, scene.solver or SolverSection(), own_material(scene))
+    return replace(parts, garment=garment, gaps=garment_gaps(scene, spacing))
+
+
+def _spacing(pattern: Pattern, section: GarmentSection, per_m: tuple[float, float] | None) -> tuple[float, float]:
+    """Of a garment's key points [m]. per_m: ends and picks a metre, whole numbers of which are to fit between them."""
+    spacing = spacing_for(pattern, section.key_points)
+    return spacing if per_m is None else spacing_on(per_m, spacing)[0]
 
 
 Made = tuple[Body, tuple[Primitive, ...], tuple[DistanceGrid, ...], Garment]
@@ -135,22 +155,32 @@ def _parts(garment: str, body: str, solver: str, per_m: tuple[float, float] | No
     """All of `Parts` but its gaps, which other sections of a scene tell too."""
     section, worn_by = GarmentSection.model_validate_json(garment), BodySection.model_validate_json(body)
     moved_by = SolverSection.model_validate_json(solver)
-    figure = prepare_body(worn_by)
-    grids = grids_of(figure) if worn_by.contact == "grid" else ()
-    made = garment_of(section, figure, moved_by, per_m, own)
-    return figure, primitives_of(figure, worn_by.primitives), grids, made
+    figure, primitives, grids = stood(worn_by)
+    pattern = pattern_of(section, figure)
+    spacing = _spacing(pattern, section, per_m)
+    return figure, primitives, grids, garment_of(section, pattern, spacing, moved_by, own)
+
+
+def stood(section: BodySection) -> tuple[Body, tuple[Primitive, ...], tuple[DistanceGrid, ...]]:
+    """A body, its primitives, and its grids where a scene asks for those. Raises InputError."""
+    body = prepare_body(section)
+    return body, primitives_of(body, section.primitives), grids_of(body) if section.contact == "grid" else ()
 
 
 def dress(scene: Scene, each: Progress | None = None) -> Dressed:
-    """The scene's garment on its body, sewn unless it was before; a pattern of another's is tried on first. Raises
-    InputError; needs Taichi only to sew."""
+    """The scene's garment on its body, or its garments, sewn unless they were before; patterns of others are tried on
+    first. Raises InputError; needs Taichi only to sew."""
+    if scene.outfit:
+        from .outfit_setup import dress_outfit
+
+        return dress_outfit(scene, each)
     parts = dressed_parts(scene)
-    if known := _tried_on(scene, each):
+    if known := tried_on(scene, each):
         parts = _let_out(scene, parts, known)
-    return _sewn(scene, parts, *sewn_with(scene, parts), each)
+    return sewn(scene, parts, *sewn_with(scene, parts), each)
 
 
-def _tried_on(scene: Scene, each: Progress | None) -> LetOut:
+def tried_on(scene: Scene, each: Progress | None) -> LetOut:
     """What of a pattern of another's is too tight for its body: sewn of TOILE key points, it is let out where it shows
     to be tight, FITTINGS times at most."""
     assert scene.garment is not None
@@ -160,30 +190,40 @@ def _tried_on(scene: Scene, each: Progress | None) -> LetOut:
     toile = scene.model_copy(update={"garment": few})
     parts, known = dressed_parts(toile), dict[str, tuple[np.ndarray, np.ndarray]]()
     for _ in range(FITTINGS):
-        sewn = _sewn(toile, _let_out(toile, parts, known) if known else parts, None, 0.0, each, toile=True)
-        more = tight(sewn.garment, sewn.worn.positions)
+        made = sewn(toile, _let_out(toile, parts, known) if known else parts, None, 0.0, each, toile=True)
+        more = tight(made.garment, made.worn.positions)
         if not more:
             break
         known = both(known, more)
     return known
 
 
-def _sewn(
+def sewn(
     scene: Scene,
     parts: Parts,
     layers: SelfContact | None,
     allowed: float,
     each: Progress | None,
+    *,
     toile: bool = False,
+    inner: Worn | None = None,
 ) -> Dressed:
-    colliders = garment_colliders(scene, parts)
+    """Sewn unless it was before. layers, allowed: see `sewn_with`. toile: only far enough to try it on. inner: how all
+    garments but the last rest, over which that is worn."""
+    colliders = garment_colliders(parts)
     limit, solver = garment_forces(scene, parts).strain_limit, garment_choice(scene, parts).name
     known = VERSION, solver, parts.garment, limit, layers, allowed
-    made_of = digest(*known, colliders.made_of(), list(parts.primitives))
+    made_of = digest(*known, colliders.made_of(), list(parts.primitives), *([] if inner is None else [inner.positions]))
 
     def make() -> dict[str, np.ndarray]:
         made = partial(sew, parts.garment, colliders, limit=limit, solver=solver, each=each)
-        worn = made(closing=TRIED, settling=TRIED) if toile else made(layers=layers, allowed=allowed)
+        if toile:
+            worn = made(closing=TRIED, settling=TRIED)
+        else:
+            start = None
+            if inner is not None and isinstance(parts.garment, Outfit):
+                start = start_over(parts.garment, inner.positions)
+            worn = made(layers=layers, allowed=allowed, start=start)
         return {name: np.asarray(getattr(worn, name)) for name in Worn.__dataclass_fields__}
 
     arrays, found = kept("toile" if toile else "worn", made_of, make)
@@ -196,11 +236,10 @@ def sewn_with(scene: Scene, parts: Parts) -> tuple[SelfContact | None, float]:
     """Contact of a garment with itself while it is sewn, and how much of it may pass through itself before that is
     taken up. A pattern of another's that a scene says nothing of has it where it would not fit else, on the CPU, as
     this contact has no parallel form; it then moves without. Raises InputError."""
-    assert scene.garment is not None
     asked = garment_forces(scene, parts).self_contact
     said = scene.forces is not None and "self_contact" in scene.forces.model_fields_set
     device = generation() > 0 and not on_host()
-    if asked or said or device or scene.garment.pattern in CLEAR:
+    if asked or said or device or scene.garment is None or scene.garment.pattern in CLEAR:
         return asked, 0.0
     return SelfContact(thickness=parts.gaps.layers.size, friction=parts.gaps.friction), CROSSED
 
@@ -215,16 +254,8 @@ def garment_choice(scene: Scene, parts: Parts) -> Choice:
     return choice_of(parts.garment.moving(), garment_forces(scene, parts), scene.solver, seams=True)
 
 
-def garment_of(
-    section: GarmentSection,
-    body: Body,
-    solver: SolverSection | None = None,
-    per_m: tuple[float, float] | None = None,
-    own: Material | None = None,
-    tight: LetOut | None = None,
-) -> Garment:
-    """A pattern, fitted to the body and cut. solver, own: see `material_of`. per_m: ends and picks a metre, whole
-    numbers of which are to fit between key points. tight: see `fitted`. Raises InputError."""
+def pattern_of(section: GarmentSection, body: Body, tight: LetOut | None = None) -> Pattern:
+    """A garment's pattern, fitted to the body. tight: see `fitted`. Raises InputError."""
     pattern: Pattern
     if PATTERN_FILE.fits(section.pattern):
         read = read_dxf if section.pattern.lower().endswith(".dxf") else read_garmentcode
@@ -242,9 +273,17 @@ def garment_of(
         for name in getattr(section, key):
             if name not in names:
                 raise InputError(f"garment.{key}: no panel {name!r}; known: {', '.join(names)}")
-    spacing = spacing_for(pattern, section.key_points)
-    if per_m is not None:
-        spacing = spacing_on(per_m, spacing)[0]
+    return pattern
+
+
+def garment_of(
+    section: GarmentSection,
+    pattern: Pattern,
+    spacing: tuple[float, float],
+    solver: SolverSection | None = None,
+    own: Material | None = None,
+) -> Garment:
+    """A pattern cut, its key points so far apart [m]. solver, own: see `material_of`. Raises InputError."""
     return Garment(pattern, cut(pattern, spacing), material_of(section, solver, own), 1e-3 * section.hem_mm)
 
 
@@ -307,7 +346,7 @@ def garment_simulation(
     does, instead of what the scene says. settled: whether it is worn as it was sewn, see `Simulation`."""
     moves = moves or motion_of(scene, dressed.body)
     still = moves.name == "rest"
-    colliders = garment_colliders(scene, dressed)
+    colliders = garment_colliders(dressed)
     if not still:
         poses = [dressed.body.bone_transforms(moves.pose(time)) for time in (0.1, 0.37, 1.0, 2.3)]
         name = f"{moves.name} {digest(poses)}"
@@ -325,13 +364,11 @@ def garment_simulation(
             between = max(BETWEEN * forces.self_contact.thickness, FOLDED * min(garment.atlas.spacing))
             colliders = replace(colliders, between=between, limbs=limb_of_bones(), recovery=GIVEN_BACK)
     forces = replace(forces, body=colliders)
-    places = garment.holds()[2]
     solver = scene.solver or SolverSection()
-    bones = np.full(len(places), bearer(places, dressed.primitives) if len(places) else -1)
     return garment.simulation(
         forces,
         worn.positions,
-        bones=bones,
+        bones=bearers(garment, dressed.primitives),
         frame_rate=float(scene.output.fps),
         step=None if solver.step_ms is None else 1e-3 * solver.step_ms,
         safety=solver.safety,
@@ -341,6 +378,13 @@ def garment_simulation(
         sweeps=worn.sweeps,
         anchors=worn.anchors,
     )
+
+
+def bearers(garment: Garment, primitives: Sequence[Primitive]) -> np.ndarray:
+    """The bones that carry what is held, (n,): all of a garment by one."""
+    parts = garment.parts if isinstance(garment, Outfit) else (garment,)
+    places = [part.holds()[2] for part in parts]
+    return np.concatenate([np.full(len(p), bearer(p, primitives) if len(p) else -1) for p in places])
 
 
 def dropped(scene: Scene, dressed: Dressed, fall: float = 0.3) -> Simulation:
@@ -359,15 +403,13 @@ def dropped(scene: Scene, dressed: Dressed, fall: float = 0.3) -> Simulation:
     )
 
 
-def garment_colliders(scene: Scene, parts: Parts) -> Colliders:
+def garment_colliders(parts: Parts) -> Colliders:
     """The body of a scene as a garment meets it, at rest."""
-    section = scene.garment
-    assert section is not None
     touched, gaps = () if parts.grids else parts.primitives, parts.gaps
     return Colliders(
         primitives=touched,
         grids=parts.grids,
-        friction=section.friction,
+        friction=parts.friction,
         gap=gaps.body.size,
         beyond=gaps.beyond(parts.grids or touched),
     )

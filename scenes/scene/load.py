@@ -3,6 +3,7 @@
 import os
 import re
 import tomllib
+from collections.abc import Mapping
 from importlib.resources import files
 from pathlib import Path
 from types import NoneType, UnionType
@@ -17,6 +18,7 @@ from taichi_cloth.weave.colour_order import colour
 from ...render.data.finish import finish_for
 from .constructions import give_way, is_stated, with_construction, woven_where_changed
 from .draft_file import draft_file
+from .outfit_data import apart, is_outfit, name_of, overrides_of, together, worn_over
 from .scene_files import files_named
 from .schema import Scene
 from .section import DRAFT_FILE, SPRITE_FILE
@@ -72,20 +74,64 @@ def load_scene(name: str, overrides: list[str] | None = None) -> Scene:
     4
     """
     data, where, folder = _read(name)
+    if is_outfit(data):
+        return make_scene(_outfit(data, where, folder, overrides or []), where)
     given = {key.strip(): value.strip() for key, _, value in (text.partition("=") for text in overrides or [])}
     taken_up = give_way(data, given)
     for text in overrides or []:
         _override(data, text)
     if taken_up:
         data = woven_where_changed(data)
+    _placed(data, folder, given)
+    return make_scene(data, where)
+
+
+def _placed(data: dict[str, Any], folder: Path | None, given: Mapping[str, str]) -> None:
+    """A path in a file is meant from where the file lies; not one that an override states."""
     for name, table, key in files_named(data) if folder else ():
         if not is_stated(given, name):
-            table[key] = str(folder / table[key])  # a path in a file is meant from where the file lies
-    return make_scene(data, where)
+            table[key] = str(folder / table[key])
+
+
+def _outfit(data: dict[str, Any], where: str, folder: Path | None, overrides: list[str]) -> dict[str, Any]:
+    """The data of an outfit: each garment as if it were a scene of its own, with overrides of all or of itself."""
+    alone = []
+    for number, said in enumerate(data.pop("garment")):
+        made, source, its_folder = {}, None, folder
+        if isinstance(said, dict) and "scene" in said:
+            source = said["scene"]
+            if not isinstance(source, str):
+                raise InputError(
+                    f"{where}: garment {number + 1}: scene: {_short(source)}; allowed: a scene of a [garment]"
+                )
+            path = source if folder is None or not source.endswith(".toml") else str(folder / source)
+            made, _, its_folder = _read(path)
+            if not isinstance(made.get("garment"), dict):
+                raise InputError(f"{where}: garment {number + 1}: scene: {source!r} has no [garment]")
+            _placed(made, its_folder, {})
+        own = apart(said, number, where)
+        _placed(own, folder, {})
+        alone.append(worn_over(made, own, source))
+    names = [name_of(one) for one in alone]
+    _placed(data, folder, {text.partition("=")[0].strip(): "" for text in overrides})
+    for one, name in zip(alone, names, strict=True):
+        mine = overrides_of(overrides, name, names)
+        given = {key.strip(): value.strip() for key, _, value in (text.partition("=") for text in mine)}
+        taken_up = give_way(one, given)
+        for text in mine:
+            _override(one, text)
+        if taken_up:
+            one.update(woven_where_changed(one))
+    for text in overrides:
+        if not text.strip().startswith("garment."):
+            _override(data, text)
+    return {**data, "outfit": [together(with_construction(one)) for one in alone]}
 
 
 def make_scene(data: dict[str, Any], where: str = "scene") -> Scene:
     """Check a scene given as nested dictionaries. Raises InputError; `where` names its source in the line."""
+    if is_outfit(data):
+        data = _outfit(dict(data), where, None, [])
     if _longest(data) > LONGEST_LIST:
         raise InputError(f"{where}: a list of {_longest(data):,} values; allowed: up to {LONGEST_LIST:,}")
     try:
@@ -106,6 +152,11 @@ def _longest(data: Any) -> int:
 
 def _check_names(scene: Scene) -> None:
     """Look up what the schema leaves as text, so that a misspelling shows before anything is built."""
+    for one in scene.garments:
+        try:
+            _check_names(one)
+        except InputError as error:
+            raise InputError(f"{one.title}: {error}") from None
     yarn, weft, twist = scene.yarn, scene.weft_yarn, scene.twist
     named = [("fibre.colour", scene.fibre.colour)]
     named += [("yarn.colour", yarn.colour if yarn else None), ("weft_yarn.colour", weft.colour if weft else None)]
@@ -215,6 +266,8 @@ def _line(error: ValidationError) -> str:
     first = problems[0]
     path = [part for part in first["loc"] if not (isinstance(part, str) and part.startswith("function-"))]
     key = ".".join(str(part) for part in path) or "scene"
+    if path[:1] == ["outfit"] and len(path) > 1:
+        key = ": ".join(filter(None, [f"garment {int(path[1]) + 1}", ".".join(str(part) for part in path[2:])]))
     if first["type"] == "extra_forbidden":
         allowed = _keys_at(path[:-1])
         said = str(path[-1])[:100]
@@ -255,6 +308,8 @@ def _keys_at(path: list[Any]) -> list[str]:
     """The keys that a section allows."""
     model: Any = Scene
     for part in path:
+        if isinstance(part, int):
+            continue
         if not (isinstance(model, type) and issubclass(model, BaseModel)) or part not in model.model_fields:
             return []
         model = _section_of(model.model_fields[part].annotation)
@@ -264,4 +319,6 @@ def _keys_at(path: list[Any]) -> list[str]:
 def _section_of(annotation: Any) -> Any:
     if get_origin(annotation) in (Union, UnionType):
         return next((a for a in get_args(annotation) if a is not NoneType), annotation)
+    if get_origin(annotation) is tuple:
+        return get_args(annotation)[0]
     return annotation

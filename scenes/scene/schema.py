@@ -5,22 +5,25 @@ A scene builds the last thing it names: `[fibre]` alone gives one fibre, with `[
 built.
 """
 
+from functools import cached_property
+from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, ValidationError, field_validator, model_validator
 
 from taichi_cloth.fabric.pose import Pose
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.yarn.count import parse_count
 from taichi_cloth.yarn.yarn import Direction
 
-from ...render.image.tone import Tone
 from .body_section import BodySection
 from .cloth_schema import ClothSection, ForcesSection, SolverSection
 from .garment_schema import CLEAR, GarmentSection
+from .picture_schema import Camera, Light, Output, StageSection
 from .section import DRAFT_FILE, SPRITE_FILE, Positive, Section, Share
 
 __all__ = [
+    "OWN",
     "WOVEN",
     "Camera",
     "FabricSection",
@@ -33,13 +36,14 @@ __all__ = [
     "Subject",
     "Twist",
     "Weave",
+    "WornSection",
     "YarnSection",
 ]
 
 WOVEN = "woven"
 """The material of a cloth whose properties follow from its yarns and weave."""
 
-Subject = Literal["fibre", "yarn", "twist", "fabric", "cloth", "garment"]
+Subject = Literal["fibre", "yarn", "twist", "fabric", "cloth", "garment", "outfit"]
 
 
 class Fibre(Section):
@@ -205,83 +209,26 @@ class Twist(Section):
     colours: tuple[str, str] = ("#c8102e", "#12863a")
 
 
-class Camera(Section):
-    elevation_deg: float = Field(default=45.0, ge=-90, le=90, description="height of the camera above the horizon")
-    azimuth_deg: float = Field(default=25.0, ge=-3600, le=3600, description="where the first view stands")
-    fov_deg: float = Field(default=24.0, ge=1, le=120, description="vertical field of view")
-    box_m: tuple[tuple[float, float, float], tuple[float, float, float]] | None = Field(
-        default=None,
-        description="two corners of what a picture of cloth or a garment frames [m]; default: where it starts",
-    )
-    follow: bool | None = Field(
-        default=None,
-        description="whether the camera of an animation goes with the body that wears a garment; default: where it "
-        "walks away and no box_m is stated",
-    )
-    margin: float = Field(default=0.03, ge=0, le=0.45, description="empty share of the frame on each side")
-    zoom: float = Field(
-        default=1.0, gt=0, le=1e4, description="how much nearer than the framing distance; above 1 crops"
-    )
-    aim: tuple[float, float] | None = Field(
-        default=None,
-        description="where a zoom goes: shares of the first picture's width and height, from its upper left; default: "
-        "the middle of a cloth, the chest of a garment",
-    )
+class WornSection(GarmentSection):
+    """A garment of an outfit, and the cloth that it is cut from."""
+
+    name: str | None = Field(default=None, description="what it is called; default: its pattern's name")
+    fibre: Fibre = Fibre()
+    yarn: YarnSection | None = None
+    weft_yarn: YarnSection | None = None
+    weave: Weave | None = None
+    fabric: FabricSection | None = None
+
+    @property
+    def called(self) -> str:
+        return self.name or Path(self.pattern).stem
 
 
-class Light(Section):
-    """Lights, and how brightness is made of them. Directions are the viewer's of the first view."""
-
-    key_azimuth_deg: float = Field(default=-68.0, description="from where the key light comes, from the camera's right")
-    key_elevation_deg: float = Field(default=38.0, ge=-90, le=90)
-    key_strength: float = Field(default=1.5, ge=0, le=1e3)
-    key_size_deg: float = Field(default=5.0, ge=0, le=90, description="how wide the key light is: soft shadows")
-    fill_strength: float = Field(default=0.5, ge=0, le=1e3)
-    zenith: str | None = Field(default=None, description="colour of the sky overhead: a name or #rrggbb")
-    horizon: str | None = Field(default=None, description="of the sky at the horizon; default: that of the zenith")
-    ground: str | None = Field(default=None, description="of the light that comes back from below")
-    rim_strength: float = Field(default=0.0, ge=0, le=1e3, description="a light from behind that makes fibres glow")
-    rim_azimuth_deg: float = Field(default=150.0, description="from where the rim light comes")
-    rim_elevation_deg: float = Field(default=30.0, ge=-90, le=90)
-    follows_camera: bool | None = Field(
-        default=None, description="the lights turn with the camera; default: not where a fabric lies still"
-    )
-    shadows: bool = Field(default=True, description="fibres shadow one another from the key light")
-    occlusion: bool = Field(default=True, description="fibres hide the sky from one another")
-    shading: Literal["kajiya", "marschner"] = Field(default="marschner", description="model of a fibre's highlight")
-    tone: Tone = Field(
-        default="shoulder", description="srgb, shoulder, neutral or aces: how bright highlights are kept from clipping"
-    )
-    exposure: float = Field(default=0.0, ge=-20, le=20, description="in stops")
-    background: tuple[str, str] = Field(default=("#f4f2ee", "#cfccc6"), description="top and bottom of the backdrop")
-    finish: str | None = Field(default=None, description="how fibres shine; default: the fibre's kind")
-
-
-class StageSection(Section):
-    """What the subject stands or lies on."""
-
-    ground: bool | None = Field(
-        default=None, description="a floor with the subject's shadow; default: under fabrics only"
-    )
-
-
-class Output(Section):
-    views: int = Field(default=36, ge=1, le=10_000, description="views of a turntable")
-    frame: int | None = Field(
-        default=None, ge=0, le=100_000, description="of a scene that moves, the one a still shows; default: the last"
-    )
-    frames: int = Field(default=72, ge=1, le=100_000, description="frames of an animation")
-    size: tuple[int, int] = Field(default=(1080, 720), description="width and height [px]")
-    fps: int = Field(default=18, ge=1, le=240, description="frames per second of the video")
-    webp: bool = Field(default=False, description="also an animated WebP, at most 720 px wide, for a README")
-
-    @model_validator(mode="after")
-    def size_fits(self) -> "Output":
-        if not all(1 <= n <= 16384 for n in self.size):
-            raise ValueError(f"size: {self.size[0]}x{self.size[1]}; allowed: 1x1 to 16384x16384")
-        if self.frame is not None and self.frame >= self.frames:
-            raise ValueError(f"frame: {self.frame}; allowed: 0 to {self.frames - 1}, for output.frames = {self.frames}")
-        return self
+OWN = ("fibre", "yarn", "weft_yarn", "weave", "fabric")
+"""Sections that each garment of an outfit has for itself."""
+MOST_WORN = 8
+ALIKE = ("gap_mm", "follow", "representation")
+"""Keys that all garments of an outfit share."""
 
 
 def _pattern(garment: object) -> object:
@@ -304,6 +251,9 @@ class Scene(Section):
     fabric: FabricSection | None = None
     cloth: ClothSection | None = None
     garment: GarmentSection | None = None
+    outfit: tuple[WornSection, ...] = Field(
+        default=(), description="several garments, in the order worn, the innermost first; in TOML [[garment]]"
+    )
     body: BodySection | None = None
     forces: ForcesSection | None = None
     solver: SolverSection | None = None
@@ -315,8 +265,10 @@ class Scene(Section):
     @model_validator(mode="before")
     @classmethod
     def layers_meet(cls, data: object) -> object:
-        """A [cloth] that says nothing of `forces.self_contact` has it, and so has a [garment] of a pattern in CLEAR."""
-        if not isinstance(data, dict) or (data.get("cloth") is None and _pattern(data.get("garment")) not in CLEAR):
+        """A [cloth] that says nothing of `forces.self_contact` has it; an outfit and a [garment] of CLEAR, too."""
+        if not isinstance(data, dict):
+            return data
+        if data.get("cloth") is None and not data.get("outfit") and _pattern(data.get("garment")) not in CLEAR:
             return data
         forces = data.get("forces")
         if forces is None or (isinstance(forces, dict) and "self_contact" not in forces):
@@ -335,7 +287,7 @@ class Scene(Section):
 
     @model_validator(mode="after")
     def cloth_is_whole(self) -> "Scene":
-        if (self.forces or self.solver) and not (self.cloth or self.garment):
+        if (self.forces or self.solver) and not (self.cloth or self.garment or self.outfit):
             raise ValueError("[forces] and [solver] move a [cloth]; add it, for instance cloth.width_m = 1")
         if self.cloth and self.twist:
             raise ValueError("a scene shows either [cloth] or [twist], not both; leave one of them out")
@@ -350,7 +302,7 @@ class Scene(Section):
 
     @model_validator(mode="after")
     def body_has_cloth(self) -> "Scene":
-        if self.body and not (self.cloth or self.garment):
+        if self.body and not (self.cloth or self.garment or self.outfit):
             raise ValueError("a [body] wears a [garment] or has a [cloth] fall on it; add one of them")
         if self.cloth and self.cloth.pins.body and not self.body:
             raise ValueError("cloth.pins.body attaches key points to a [body]; add it")
@@ -373,6 +325,48 @@ class Scene(Section):
             )
         return self
 
+    @model_validator(mode="after")
+    def outfit_is_whole(self) -> "Scene":
+        if not self.outfit:
+            return self
+        if self.garment or self.cloth or self.twist:
+            raise ValueError("a scene shows one of [garment], [[garment]], [cloth] and [twist]; leave the others out")
+        for key in OWN:
+            if key in self.model_fields_set:
+                raise ValueError(
+                    f"[{key}]: each garment of an outfit has its own; write it as [garment.{key}] below it"
+                )
+        if not 2 <= len(self.outfit) <= MOST_WORN:
+            raise ValueError(f"{len(self.outfit)} [[garment]]; allowed: 2 to {MOST_WORN}, or one [garment]")
+        names = [worn.called for worn in self.outfit]
+        for name in names:
+            if name in WornSection.model_fields or not name.replace("-", "_").isidentifier():
+                raise ValueError(f"garment.name: {name!r}; allowed: a word that is no key of a garment, such as shirt")
+            if names.count(name) > 1:
+                raise ValueError(f"two garments called {name!r}; give each a garment.name of its own")
+        for key in ALIKE:
+            if len({getattr(worn, key) for worn in self.outfit}) > 1:
+                raise ValueError(f"garment.{key}: garments of an outfit share one; state the same for all, or for none")
+        if self.forces is not None and self.forces.self_contact is None:
+            raise ValueError("forces.self_contact: garments of an outfit touch by it; leave it out")
+        assert self.garments
+        return self
+
+    @cached_property
+    def garments(self) -> tuple["Scene", ...]:
+        """The garments of an outfit, each as a scene of its own on the same body. Raises ValueError on what is none."""
+        shared = {key: getattr(self, key) for key in self.model_fields_set - {"outfit", "title"}}
+        out = []
+        for worn in self.outfit:
+            stated = worn.model_fields_set
+            own = {key: getattr(worn, key) for key in OWN if key in stated}
+            section = {key: getattr(worn, key) for key in GarmentSection.model_fields if key in stated}
+            try:
+                out.append(Scene(title=worn.called, garment=GarmentSection(**section), **own, **shared))
+            except ValidationError as error:
+                raise ValueError(f"{worn.called}: {error.errors()[0].get('ctx', {}).get('error', error)}") from None
+        return tuple(out)
+
     @property
     def material(self) -> str:
         """Of what moves: as stated, or what [yarn], [weave] and a sett make."""
@@ -384,6 +378,8 @@ class Scene(Section):
 
     @property
     def subject(self) -> Subject:
+        if self.outfit:
+            return "outfit"
         if self.garment:
             return "garment"
         if self.cloth:

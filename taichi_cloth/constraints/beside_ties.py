@@ -21,7 +21,7 @@ from scipy.sparse import csr_array
 
 from taichi_cloth.ground.arrays import F32x2, I32x1, I32x2, Template
 from taichi_cloth.sheet.materials import Material
-from taichi_cloth.sheet.sheet import Sheet
+from taichi_cloth.sheet.sheet import PAD, Sheet
 
 __all__ = ["LINKS", "LONGEST", "PULL", "Beside", "BesideFields", "beside", "longest_beside"]
 
@@ -57,12 +57,13 @@ def beside(sheet: Sheet, index: NDArray[np.int32], weight: NDArray[np.float32]) 
     east, north, _ = (sheet.padded(one).ravel() for one in sheet.weights)
     ends, squares = [], []
     rest = sheet.springs.spacing_x, sheet.springs.spacing_y
-    may = longest_beside(sheet.material)
-    for there, far, length, strain in zip((east, north), (1, sheet.width), rest, may, strict=True):
+    for way, (there, far, length) in enumerate(zip((east, north), (1, sheet.width), rest, strict=True)):
+        may = sheet.constant(lambda cloth, way=way: longest_beside(cloth.material)[way])
         p = np.flatnonzero(there > 0)
         p = p[(touched[p] | touched[p + far]) & (inverse[p] + inverse[p + far] > 0)]
         ends.append(np.stack([p, p + far], axis=1))
-        squares.append(np.broadcast_to([(length * (1 + s)) ** 2 for s in (strain, NEARLY * strain)], (len(p), 2)))
+        strain = np.broadcast_to(may, (sheet.shape[0], 1))[p // sheet.width - PAD, 0]
+        squares.append(np.stack([(length * (1 + s)) ** 2 for s in (strain, NEARLY * strain)], axis=1))
     ends, squares = np.concatenate(ends), np.concatenate(squares)
     mobile = inverse[ends] / inverse[ends].sum(axis=1, keepdims=True)
     threads = np.repeat(np.arange(len(ends)), 2), ends.ravel()

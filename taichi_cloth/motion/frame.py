@@ -18,8 +18,9 @@ from typing import Any
 
 import numpy as np
 import taichi as ti
+from numpy.typing import NDArray
 
-from taichi_cloth.ground.arrays import F32x1, F32x3, Float, I32x1, Int, Template
+from taichi_cloth.ground.arrays import F32x2, F32x3, Float, I32x1, Int, Template
 from taichi_cloth.motion.constraint import Constraint
 from taichi_cloth.motion.crew import PARTS, Crew, parts_of
 from taichi_cloth.motion.grip import Grip
@@ -27,11 +28,17 @@ from taichi_cloth.motion.numbers import NUMBERS, Numbers
 from taichi_cloth.motion.slipping import Slipping
 from taichi_cloth.motion.stage_clock import StageClock
 from taichi_cloth.motion.stencil import Stencil
-from taichi_cloth.sheet.sheet import LANES, Sheet, SheetState
+from taichi_cloth.sheet.sheet import LANES, PAD, Sheet, SheetState
 
-__all__ = ["Frame", "meets_itself"]
+__all__ = ["Frame", "cloth_of_rows", "meets_itself"]
 
 _CHUNK = 1024  # iterations a thread: Taichi gives it 512 or more
+
+
+def cloth_of_rows(sheet: Sheet) -> NDArray[np.int32]:
+    """Which of its cloths each row of a padded grid is of."""
+    rows = np.arange(sheet.padded_shape[0]) - PAD
+    return np.searchsorted([band.row for band in sheet.bands], rows, side="right").astype(np.int32)
 
 
 def meets_itself(constraints: tuple[Constraint, ...]) -> bool:
@@ -46,7 +53,7 @@ class Frame(Stencil):
     numbers: of a step. packet: 8 neighbouring key points each, by the number of their lanes in the padded grid; cut:
     which of them are whose part. holder: whose constants are in the fields, the host's to use. sums: whether it goes
     through constraints several times in a substep. clock: is told where stages end; None: nothing of it is compiled.
-    slips: whether there is friction within the sheet.
+    slips: whether there is friction within the sheet. cloths: how many there may be in it.
     """
 
     sums = False
@@ -63,30 +70,39 @@ class Frame(Stencil):
         constraints: tuple[Constraint, ...],
         clock: StageClock | None = None,
         slips: bool = False,
+        cloths: int = 1,
     ) -> None:
-        super().__init__(size)
+        super().__init__(size, cloths)
         if slips:
-            self.slipping = Slipping(size)
+            self.slipping = Slipping(size, cloths=cloths)
             self.plane = 6 + sum(one.remembers for one in constraints)
         if meets_itself(constraints):
             self.grip = Grip(size)
         self.constraints, self.crew = constraints, Crew(threads)
         self.clock: Any = clock  # its functions are called where it is one
         self.timed = clock is not None
-        self.numbers = Numbers.field(shape=())
+        self.numbers = Numbers.field(shape=() if cloths == 1 else cloths)
         self._number = [self.numbers.get_member_field(name) for name in NUMBERS]
         self.packet, self.cut = ti.field(ti.i32, size // LANES), ti.field(ti.i32, PARTS + 1)
         self.holder: object = None
 
-    def fill(self, sheet: Sheet, state: SheetState, numbers: dict[str, float]) -> None:
-        """Takes what stays the same from frame to frame."""
+    def fill(self, sheet: Sheet, state: SheetState, numbers: list[dict[str, float]]) -> None:
+        """Takes what stays the same from frame to frame. numbers: of each cloth."""
         model = np.stack([sheet.padded(v) for v in (*sheet.weights, sheet.inverse_mass)])
-        named = np.array([numbers[name] for name in NUMBERS], np.float32)
+        named = np.array([[one[name] for name in NUMBERS] for one in numbers], np.float32)
         self._take(model, state.values, *parts_of(sheet.padded(sheet.present) > 0), named)
+        if self.cloth is not None:
+            self._take_cloths(np.repeat(cloth_of_rows(sheet), sheet.width // LANES))
 
     @ti.kernel
-    def _take(self, model: F32x3, values: F32x3, packets: I32x1, cuts: I32x1, named: F32x1):
-        """Weights, and the state, with what lies around the sheet."""
+    def _take_cloths(self, of: I32x1):
+        """of: each packet."""
+        for e in range(of.shape[0]):
+            self.cloth[e] = of[e]
+
+    @ti.kernel
+    def _take(self, model: F32x3, values: F32x3, packets: I32x1, cuts: I32x1, named: F32x2):
+        """Weights, and the state, with what lies around the sheet. named: `Numbers` of each cloth."""
         for i in range(values.shape[1]):
             for j in range(values.shape[2]):
                 p = i * values.shape[2] + j
@@ -107,7 +123,27 @@ class Frame(Stencil):
             for part in range(cuts.shape[0]):
                 self.cut[part] = cuts[part]
             for k, number in ti.static(enumerate(self._number)):
-                number[None] = named[k]
+                if ti.static(self.cloths == 1):
+                    number[None] = named[0, k]
+                else:
+                    for cloth in range(named.shape[0]):
+                        number[cloth] = named[cloth, k]
+
+    @ti.func
+    def shared(self):
+        """The numbers of the first cloth: those that all have alike are read of it."""
+        if ti.static(self.cloths == 1):
+            return self.numbers[None]
+        else:
+            return self.numbers[0]
+
+    @ti.func
+    def own(self, p, n: Template):
+        """The numbers of the lanes at p; n: those of the first cloth."""
+        if ti.static(self.cloths == 1):
+            return n
+        else:
+            return self.numbers[self.kind(p)]
 
     @ti.kernel
     def run(
@@ -135,7 +171,7 @@ class Frame(Stencil):
         for k in range(self.crew.threads * _CHUNK):  # of a range that is not constant all would be one thread's
             if k % _CHUNK == 0 and k // _CHUNK < threads:
                 wind, change = ti.Vector([wind_x, wind_y, wind_z]), ti.Vector([change_x, change_y, change_z])
-                self.stages(k // _CHUNK, values, self.numbers[None], wind, change, first, last, features)
+                self.stages(k // _CHUNK, values, self.shared(), wind, change, first, last, features)
 
     @ti.func
     def stages(self, thread, values: Template, n: Template, wind, change, first, last, features: Template):
@@ -274,7 +310,8 @@ class Frame(Stencil):
     def lead_part(self, part, n: Template):
         """`lead` of a part into the first buffer."""
         for e in range(self.cut[part], self.cut[part + 1]):
-            self.lead(self.lanes(self.packet[e] * LANES), n)
+            p = self.lanes(self.packet[e] * LANES)
+            self.lead(p, self.own(p, n))
 
     @ti.func
     def warm(self, one: Template, thread, stage, ended, done, n: Template):

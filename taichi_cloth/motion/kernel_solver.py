@@ -30,6 +30,8 @@ WORTH_THREADS = 1_000
 """Key points from which a second thread pays: a factor of 1.4 at 33², 1.9 at 46², 1.6 to 1.8 at 79², 1.8 at 257²."""
 
 MOST_THREADS = PARTS // 2
+MOST_CLOTHS = 8
+"""In one sheet: all sheets of several share a kernel."""
 
 _clock: list[StageClock | None] = [None]
 
@@ -82,6 +84,8 @@ class KernelSolver(Solver):
         threads: int | None,
         constraints: tuple[Constraint, ...],
     ) -> None:
+        if len(sheet.cloths) > MOST_CLOTHS:
+            raise InputError(f"sheet: {len(sheet.cloths)} cloths; allowed: up to {MOST_CLOTHS}")
         self.sheet, self.forces, self.frame_rate, self.constraints = sheet, forces, frame_rate, constraints
         self.clock = _clock[-1]
         behind = 0
@@ -98,19 +102,21 @@ class KernelSolver(Solver):
         most = threads or (runtime.threads() if sheet.present.sum() >= WORTH_THREADS else 1)
         alone = self.alone_where_repeated and any(one.repeated for one in constraints)
         self.threads = 1 if alone else min(most, MOST_THREADS)
-        shapes = forces.plane is not None or forces.sphere is not None
+        shapes, springs = forces.plane is not None or forces.sphere is not None, [c.springs for c in sheet.cloths]
         self.features = Features(
             threads=self.springs_are_threads,
             hinges=sheet.springs.law == "hinge",
-            diagonals=sheet.springs.diagonal > 0 or not sheet.springs.slips,
+            diagonals=any(s.diagonal > 0 or not s.slips for s in springs),
             wind=forces.wind is not None,
             sphere=forces.sphere is not None,
             plane=forces.plane is not None,
             grips=shapes and meets_itself(constraints),
-            twists=sheet.springs.twist > 0,
-            slips=sheet.springs.slips,
+            twists=any(s.twist > 0 for s in springs),
+            slips=any(s.slips for s in springs),
             leads=self.springs_are_threads and not constraints,
-            apart=not self.springs_are_threads or bool(constraints) or sheet.material.fibre_damping > 0,
+            apart=not self.springs_are_threads
+            or bool(constraints)
+            or sheet.most(lambda cloth: cloth.material.fibre_damping) > 0,
         )
         self.take_steps(substeps)
         self._pace = Pace(self.threads)
@@ -119,6 +125,8 @@ class KernelSolver(Solver):
     def lacks(self) -> str:
         """What of it there are no parallel loops for, which devices need; "" where nothing."""
         wanting = [one.known_as for one in self.constraints if not one.spreads]
+        if self.sheet.bands:
+            wanting.append("several cloths in one sheet")
         if self.loops_of is None:
             wanting.append(f"the solver {type(self).__name__.lower()}")
         return ", ".join(dict.fromkeys(wanting))
@@ -135,7 +143,7 @@ class KernelSolver(Solver):
 
     @property
     def remembered(self) -> int:
-        return super().remembered + (ANCHORS if self.sheet.springs.slips else 0)
+        return super().remembered + (ANCHORS if self.features.slips else 0)
 
     def anchors(self, state: SheetState) -> NDArray[np.float32]:
         first = 6 + sum(one.remembers for one in self.constraints)
@@ -144,7 +152,7 @@ class KernelSolver(Solver):
     def take_steps(self, substeps: int) -> None:
         """From now on so many a frame."""
         self.substeps, self.step = substeps, 1 / self.frame_rate / substeps
-        self.numbers = numbers_of(self.sheet, self.forces, self.step)
+        self.numbers, *self.others = (numbers_of(cloth, self.forces, self.step) for cloth in self.sheet.cloths)
         for one in self.constraints:
             one.join(substeps, self.step)
 
@@ -213,6 +221,7 @@ class KernelSolver(Solver):
             self.clock,
             self.features.slips,
             spread,
+            MOST_CLOTHS if self.sheet.bands else 1,
         )
         if frame.holder is None and not runtime.on_host():
             points = int(self.sheet.present.sum())
@@ -230,10 +239,13 @@ class KernelSolver(Solver):
 
     def fill(self, frame: Any, state: SheetState) -> None:
         """What stays the same from frame to frame, into fields that hold that of another solver, or of other steps."""
-        frame.fill(self.sheet, state, self.numbers)
+        frame.fill(self.sheet, state, [self.numbers, *self.others])
         if self.features.slips:
-            squared = self.step**2 * acting(self.sheet.material.air_damping, self.step)
-            frame.slipping.take(np.array(list(slip_numbers(self.sheet.springs, squared).values()), np.float32))
+            named = [
+                list(slip_numbers(one.springs, self.step**2 * acting(one.material.air_damping, self.step)).values())
+                for one in self.sheet.cloths
+            ]
+            frame.slipping.take(np.array(named, np.float32))
 
     def look(self, frame: Any) -> None:
         """At the fields after a frame."""
@@ -249,9 +261,10 @@ def _frame(
     clock: StageClock | None,
     slips: bool,
     spread: Callable[[Frame], Any] | None,
+    cloths: int,
 ) -> Frame:
     """Sheets of one class share it. generation: of the Taichi runtime; a new start throws all fields away."""
-    frame = frame_of(size, threads, constraints, clock, slips)
+    frame = frame_of(size, threads, constraints, clock, slips, cloths)
     if spread is not None:
         frame.loops = spread(frame)
     return frame

@@ -6,7 +6,7 @@ from typing import Any
 import taichi as ti
 
 from taichi_cloth.motion.forces import Forces
-from taichi_cloth.sheet.sheet import Sheet
+from taichi_cloth.sheet.sheet import Band
 
 __all__ = ["NUMBERS", "Numbers", "acting", "numbers_of"]
 
@@ -28,9 +28,9 @@ Numbers: Any = ti.types.struct(**dict.fromkeys(NUMBERS, ti.f32))
 """In a field: changing them compiles nothing."""
 
 
-def numbers_of(sheet: Sheet, forces: Forces, step: float) -> dict[str, float]:
-    """The values of `Numbers` for steps of `step` [s]."""
-    s, m = sheet.springs, sheet.material
+def numbers_of(cloth: Band, forces: Forces, step: float) -> dict[str, float]:
+    """The values of `Numbers` of one of a sheet's cloths for steps of `step` [s]."""
+    s, m = cloth.springs, cloth.material
     h2 = step * step * acting(m.air_damping, step)
     out = {name: getattr(s, name) * h2 for name in SPRINGS}
     out |= {name: getattr(s, name) for name in ("spacing_x", "spacing_y", "diagonal_length")}

@@ -260,7 +260,8 @@ class Simulation:
         digest = hashlib.sha256()
         for array in (self.sheet.cells, self.sheet.pinned):
             digest.update(repr(array.shape).encode() + array.tobytes())
-        parts = (self.sheet.material, self.sheet.springs, self.forces, type(self.solver).__name__)
+        sheet = self.sheet
+        parts = (sheet.material, sheet.springs, *sheet.bands, self.forces, type(self.solver).__name__)
         digest.update(repr((*parts, self.solver.step, self.solver.substeps, *self.solver.settings)).encode())
         if self.forces.body is not None:
             digest.update(self.forces.body.made_of().encode())

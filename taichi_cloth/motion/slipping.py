@@ -16,7 +16,7 @@ from typing import Any
 
 import taichi as ti
 
-from taichi_cloth.ground.arrays import F32x1, Float, Template
+from taichi_cloth.ground.arrays import F32x2, Float, Template
 from taichi_cloth.motion.crew import LINE, PARTS
 from taichi_cloth.motion.stencil import area_around, load, near, nothing, scaled, store
 from taichi_cloth.sheet.sheet import LANES
@@ -69,39 +69,51 @@ class Slipping:
     hinges both ways, else 0. leant: [axis], what a cell's arcs pull its corners by; turned: the hinges there; pushed:
     what all four cells lean on a key point [kg m]. locked: of each part of the sheet and each lane, the largest share
     of the stiffness `lock` that a cell had in this frame. parts: how many there are, each `line` elements from the
-    next.
+    next. cloths: as of `Stencil`.
     """
 
-    def __init__(self, size: int, parts: int = PARTS, line: int = LINE) -> None:
+    def __init__(self, size: int, parts: int = PARTS, line: int = LINE, cloths: int = 1) -> None:
         def fields(count: int) -> list[ti.Field]:
             return [ti.field(ti.f32, size) for _ in range(count)]
 
-        self.size, self.parts, self.line = size, parts, line
+        self.size, self.parts, self.line, self.cloths = size, parts, line, cloths
         self.anchor, self.sheared = fields(ANCHORS), fields(2)
         self.bent = [fields(3), fields(3)]
         self.arc, self.leant, self.turned, self.pushed = ti.field(ti.f32, size), fields(3), fields(3), fields(3)
         self.locked = ti.field(ti.f32, parts * line)
-        self.numbers = SlipNumbers.field(shape=())
+        self.numbers = SlipNumbers.field(shape=() if cloths == 1 else cloths)
         self._number = [self.numbers.get_member_field(name) for name in SLIP_NUMBERS]
         told = *self.sheared, *self.leant, *self.turned, *self.pushed, *self.bent[0], *self.bent[1]
         self._all = (*self.anchor, self.arc, *told)
 
     @ti.kernel
-    def take(self, named: F32x1):
-        """named: values of `SlipNumbers`. Nothing pulls yet, also where there is no cloth."""
+    def take(self, named: F32x2):
+        """named: values of `SlipNumbers` of each cloth. Nothing pulls yet, also where there is no cloth."""
         for p in range(self.size):
             for field in ti.static(self._all):
                 field[p] = 0.0
         ti.loop_config(serialize=True)
         for _ in range(1):
             for k, number in ti.static(enumerate(self._number)):
-                number[None] = named[k]
+                if ti.static(self.cloths == 1):
+                    number[None] = named[0, k]
+                else:
+                    for cloth in range(named.shape[0]):
+                        number[cloth] = named[cloth, k]
+
+    @ti.func
+    def own(self, work: Template, p):
+        """The numbers of the lanes at p."""
+        if ti.static(self.cloths == 1):
+            return self.numbers[None]
+        else:
+            return self.numbers[work.kind(p)]
 
     @ti.func
     def find(self, work: Template, hinges: Template, part, a, p):
         """All of the lanes at p, at a of what is ahead. work: the `Stencil`. hinges: whether there are any that bend.
         part: that the lanes are of."""
-        n, row = self.numbers[None], work.row[None]
+        n, row = self.own(work, p), work.row[None]
         around = work.around(a)
         # Bending, along the normal.
         nx, ny, nz = area_around(work, around, p)
@@ -168,7 +180,7 @@ class Slipping:
         for k in ti.static((-1, 0, 1)):
             least = ti.min(least, load(work.east, near(p + k)), load(work.east, near(p + row + k)))
             least = ti.min(least, load(work.north, near(p + k * row)), load(work.north, near(p + k * row + 1)))
-        store(self.arc, p, least * self.numbers[None].arc)
+        store(self.arc, p, least * self.own(work, p).arc)
 
     @ti.func
     def bend(self, way: Template, p, to: Template, back: Template, offset, weight, normal, numbers, hinges: Template):

@@ -184,20 +184,27 @@ class Stencil:
 
     position, step: [axis] fields [m]. ahead: [axis], position and what is moved within the lag of the stress [m], both
     buffers one after the other: element p of the second is size + p, so that one copy of the code serves both. east,
-    north, cell: weights of `Sheet`. inverse_mass: [1/kg]. slipping: of sheets that have friction within, grip: of
-    those that meet themselves, else None.
+    north, cell: weights of `Sheet`. inverse_mass: [1/kg]. cloths: how many there may be in the sheet, and cloth: which
+    one lanes are of, where that is more than one. slipping: of sheets that have friction within, grip: of those that
+    meet themselves, else None.
     """
 
     slipping: Any = None
     grip: Any = None
 
-    def __init__(self, size: int) -> None:
+    def __init__(self, size: int, cloths: int = 1) -> None:
         def fields(count: int, buffers: int = 1) -> list[ti.Field]:
             return [ti.field(ti.f32, buffers * size) for _ in range(count)]
 
-        self.size, self.row = size, ti.field(ti.i32, ())
+        self.size, self.row, self.cloths = size, ti.field(ti.i32, ()), cloths
+        self.cloth: Any = ti.field(ti.i32, size // LANES) if cloths > 1 else None
         self.position, self.step, self.ahead = fields(3), fields(3), fields(3, 2)
         self.east, self.north, self.cell, self.inverse_mass = fields(4)
+
+    @ti.func
+    def kind(self, p):
+        """Which cloth the lanes at p are of."""
+        return ti.min(ti.max(self.cloth[p // LANES], 0), self.cloths - 1)
 
     @ti.func
     def lanes(self, p):

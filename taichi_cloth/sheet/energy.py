@@ -58,16 +58,20 @@ def links(sheet: Sheet) -> Iterator[Links]:
     a, b, l = s.spacing_x, s.spacing_y, s.diagonal_length  # noqa: E741
     falling = np.zeros_like(cell)
     falling[:, 1:] = cell[:, :-1]  # the other diagonal of a cell starts at its right corner
+    diagonal = sheet.constant(lambda cloth: cloth.springs.diagonal)
     table = [
-        (0, 1, s.structural_x * east, a, (1.0, 0.0)),
-        (1, 0, s.structural_y * north, b, (0.0, 1.0)),
-        (1, 1, s.diagonal * cell, l, (a / l, b / l)),
-        (1, -1, s.diagonal * falling, l, (-a / l, b / l)),
+        (0, 1, sheet.constant(lambda cloth: cloth.springs.structural_x) * east, a, (1.0, 0.0)),
+        (1, 0, sheet.constant(lambda cloth: cloth.springs.structural_y) * north, b, (0.0, 1.0)),
+        (1, 1, diagonal * cell, l, (a / l, b / l)),
+        (1, -1, diagonal * falling, l, (-a / l, b / l)),
     ]
     if s.law == "spring":
+        x, y = (
+            sheet.constant(of) for of in (lambda cloth: cloth.springs.second_x, lambda cloth: cloth.springs.second_y)
+        )
         table += [
-            (0, 2, s.second_x * np.minimum(east, np.roll(east, -1, 1)), 2 * a, (1.0, 0.0)),
-            (2, 0, s.second_y * np.minimum(north, np.roll(north, -1, 0)), 2 * b, (0.0, 1.0)),
+            (0, 2, x * np.minimum(east, np.roll(east, -1, 1)), 2 * a, (1.0, 0.0)),
+            (2, 0, y * np.minimum(north, np.roll(north, -1, 0)), 2 * b, (0.0, 1.0)),
         ]
     for i, j, constant, rest, direction in table:
         one, two = _window(sheet.shape, i, j)
@@ -76,24 +80,30 @@ def links(sheet: Sheet) -> Iterator[Links]:
 
 def hinges(sheet: Sheet) -> Iterator[tuple[Window, Window, Window, F64]]:
     """Hinges of the law "hinge": windows of the point before, at and after each, and β [N/m]."""
-    s, (east, north, _) = sheet.springs, sheet.weights
-    rows, cols = sheet.shape
+    (east, north, _), (rows, cols) = sheet.weights, sheet.shape
     every = slice(None)
-    if s.hinge_x > 0 and cols > 2:
+    if cols > 2 and sheet.most(lambda cloth: cloth.springs.hinge_x) > 0:
         before, at, after = ((every, slice(k, cols - 2 + k)) for k in range(3))
-        yield before, at, after, s.hinge_x * np.minimum(east[before], east[at])
-    if s.hinge_y > 0 and rows > 2:
+        yield (
+            before,
+            at,
+            after,
+            sheet.constant(lambda cloth: cloth.springs.hinge_x) * np.minimum(east[before], east[at]),
+        )
+    if rows > 2 and sheet.most(lambda cloth: cloth.springs.hinge_y) > 0:
         before, at, after = ((slice(k, rows - 2 + k), every) for k in range(3))
-        yield before, at, after, s.hinge_y * np.minimum(north[before], north[at])
+        beta = sheet.constant(lambda cloth: cloth.springs.hinge_y, at[0])
+        yield before, at, after, beta * np.minimum(north[before], north[at])
 
 
 def twists(sheet: Sheet) -> tuple[tuple[Window, Window, Window, Window], F64] | None:
     """Windows of the corners 00, 10, 01 and 11 of all cells, and τ [N/m] of each; None of a sheet without torsion."""
-    if sheet.springs.twist == 0:
+    if sheet.most(lambda cloth: cloth.springs.twist) == 0:
         return None
     rows, cols = sheet.shape
     low, left, high, right = slice(0, rows - 1), slice(0, cols - 1), slice(1, rows), slice(1, cols)
-    return ((low, left), (high, left), (low, right), (high, right)), sheet.springs.twist * sheet.cells
+    twist = sheet.constant(lambda cloth: cloth.springs.twist, low)
+    return ((low, left), (high, left), (low, right), (high, right)), twist * sheet.cells
 
 
 @dataclass(frozen=True)
@@ -113,7 +123,7 @@ class Cells:
 
 def sheared(sheet: Sheet, x: F64) -> Cells | None:
     """None where diagonals are springs. x: positions (rows, cols, 3) [m]."""
-    if sheet.springs.shear == 0:
+    if sheet.most(lambda cloth: cloth.springs.shear) == 0:
         return None
     rows, cols = sheet.shape
     low, left, high, right = slice(0, rows - 1), slice(0, cols - 1), slice(1, rows), slice(1, cols)
@@ -133,7 +143,8 @@ def sheared(sheet: Sheet, x: F64) -> Cells | None:
     curl = np.sum([bent[corner] for corner in corners], axis=0)
     arc = least / (12 * sheet.springs.diagonal_length)
     apart = first - second + arc * np.sum(turn * curl, axis=-1)
-    return Cells(corners, (four - one, three - two), turn, curl, arc, apart, sheet.springs.shear * sheet.cells * apart)
+    pull = sheet.constant(lambda cloth: cloth.springs.shear, low) * sheet.cells * apart
+    return Cells(corners, (four - one, three - two), turn, curl, arc, apart, pull)
 
 
 def elastic_energy(sheet: Sheet, positions: ArrayLike) -> float:

@@ -9,7 +9,8 @@ State is one float32 array (6 and more, padded rows, width): x, y, z [m], the st
 velocity or the former position because float32 would lose g·h² beside a position.
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -19,7 +20,7 @@ from taichi_cloth.ground.errors import InputError
 from taichi_cloth.sheet.materials import Material
 from taichi_cloth.sheet.springs import Springs
 
-__all__ = ["LANES", "PAD", "Sheet", "SheetState"]
+__all__ = ["LANES", "PAD", "Band", "Sheet", "SheetState"]
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -29,14 +30,25 @@ LANES = 8
 PAD = 2  # empty rows before the first and after the last: the reach of a second neighbour
 
 
+@dataclass(frozen=True)
+class Band:
+    """Rows of a sheet from `row` on that are of a cloth of their own: several garments in one grid. Its key points
+    are as far apart as those of all others."""
+
+    row: int
+    material: Material
+    springs: Springs
+
+
 @dataclass(frozen=True, eq=False)
 class Sheet:
     """What is constant about a sheet.
 
     cells: (rows − 1, cols − 1), share of each patch between four key points that is cloth: 1, or less where an outline
-    cuts it, 0 where there is none, up to 2 where cloth lies double, as in a hem. material, springs: of all of them.
-    pinned: bool (rows, cols), key points that forces do not move. lightest: least mass of a key point, in corners of a
-    whole cell.
+    cuts it, 0 where there is none, up to 2 where cloth lies double, as in a hem. material, springs: of all of them, or
+    of those before the first of `bands`. pinned: bool (rows, cols), key points that forces do not move. lightest: least
+    mass of a key point, in corners of a whole cell. bands: of other cloths, by rising rows; no cell of cloth lies
+    between a row of one and a row of another.
     """
 
     cells: F64
@@ -44,6 +56,7 @@ class Sheet:
     springs: Springs
     pinned: Mask
     lightest: float = 1.0
+    bands: tuple[Band, ...] = ()
 
     @classmethod
     def rectangle(
@@ -92,6 +105,31 @@ class Sheet:
     def padded_shape(self) -> tuple[int, int]:
         return self.shape[0] + 2 * PAD, self.width
 
+    @property
+    def cloths(self) -> tuple[Band, ...]:
+        """All cloths, from the first row on."""
+        return (Band(0, self.material, self.springs), *self.bands)
+
+    def constant(self, of: Callable[[Band], float], rows: slice = slice(None)) -> float | F64:
+        """A number of each cloth: one where there is one, else of each row of a window of rows, (rows, 1)."""
+        if not self.bands:
+            return of(self.cloths[0])
+        begins = [*(band.row for band in self.bands), self.shape[0]]
+        return np.repeat([of(cloth) for cloth in self.cloths], np.diff([0, *begins]))[rows, None]
+
+    def with_cloths(self, change: Callable[[Band], Band]) -> "Sheet":
+        """The same of other cloths."""
+        first, *others = map(change, self.cloths)
+        return replace(self, material=first.material, springs=first.springs, bands=tuple(others))
+
+    def with_springs(self, change: Callable[[Springs], Springs]) -> "Sheet":
+        """The same with other springs in each of its cloths."""
+        return self.with_cloths(lambda cloth: replace(cloth, springs=change(cloth.springs)))
+
+    def most(self, of: Callable[[Band], float]) -> float:
+        """The largest number of any of its cloths."""
+        return max(map(of, self.cloths))
+
     @cached_property
     def mass(self) -> F64:
         """(rows, cols) [kg]: areal density × area, a quarter of each cell that meets there; 0 where there is none.
@@ -102,7 +140,7 @@ class Sheet:
         s = self.springs
         corners = np.sum([_shifted(self.cells, i, j) for i in (0, 1) for j in (0, 1)], axis=0)
         corners = np.where(corners > 0, np.maximum(corners, self.lightest), 0.0)
-        return self.material.density * s.spacing_x * s.spacing_y * corners / 4
+        return self.constant(lambda cloth: cloth.material.density) * s.spacing_x * s.spacing_y * corners / 4
 
     @cached_property
     def present(self) -> Mask:

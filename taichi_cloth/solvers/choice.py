@@ -15,9 +15,9 @@ from dataclasses import dataclass, replace
 
 from taichi_cloth.motion.forces import Forces
 from taichi_cloth.motion.kernel_solver import WORTH_THREADS
+from taichi_cloth.sheet.materials import Material
 from taichi_cloth.sheet.sheet import Sheet
-from taichi_cloth.sheet.springs import Springs
-from taichi_cloth.solvers.stability import highest_frequency, longest_step
+from taichi_cloth.solvers.stability import highest_frequency, longest_in
 from taichi_cloth.solvers.step_choice import ROUGH, substeps_of
 from taichi_cloth.solvers.yarns import left_explicit
 
@@ -68,27 +68,28 @@ def choose(
     sheet: Sheet, forces: Forces, *, seams: bool = False, safety: float = 0.9, step: float | None = None
 ) -> Choice:
     """safety, step: of both, see `Verlet`. Needs no Taichi."""
-    springs, material = sheet.springs, sheet.material
     points = int(sheet.present.sum())
+    slips = any(cloth.springs.slips for cloth in sheet.cloths)
 
-    def longest(explicit: Springs) -> float:
-        return _longest(replace(sheet, springs=explicit.held), safety)
+    def longest(explicit: Sheet) -> float:
+        held = explicit.with_springs(lambda springs: springs.held)
+        return safety * longest_in(held, highest_frequency(held, tolerance=ROUGH))
 
     def cost(name: str, allowed: float, factor: float) -> Cost:
         """allowed: step [s]."""
         taken = min(allowed, step or allowed)
-        each = NANOSECONDS[name][seams] * (WITHIN[name] if springs.slips else 1.0)
+        each = NANOSECONDS[name][seams] * (WITHIN[name] if slips else 1.0)
         return Cost(taken, 1e-9 * factor * points * each / taken)
 
     second = points >= WORTH_THREADS and not seams
-    _, allowed, factor = left_explicit(springs, longest)
+    _, allowed, factor = left_explicit(sheet, longest)
+    drawn = sheet.with_cloths(lambda cloth: replace(cloth, springs=cloth.springs.drawn(cloth.material)))
     costs = {
-        "verlet": cost("verlet", min(longest(springs.drawn(material)), 1.0), 1 / SECOND_CORE if second else 1.0),
+        "verlet": cost("verlet", min(longest(drawn), 1.0), 1 / SECOND_CORE if second else 1.0),
         "yarns": cost("yarns", allowed, factor),
     }
-    most = max(material.tensile_warp, material.tensile_weft, material.drawn_warp, material.drawn_weft)
-    ratio = most / material.shear if material.shear else float("inf")
-    if material.curved:
+    ratio = sheet.most(lambda cloth: _ratio(cloth.material))
+    if any(cloth.material.curved for cloth in sheet.cloths):
         return Choice("yarns", "threads get stiffer as their crimp is drawn out", costs, ratio)
     if forces.strain_limit is not None:
         return Choice("yarns", "they hold a strain limit in the same solve", costs, ratio)
@@ -96,7 +97,6 @@ def choose(
     return Choice(name, "it takes less time at equal error", costs, ratio)
 
 
-def _longest(sheet: Sheet, safety: float) -> float:
-    m = sheet.material
-    frequency = highest_frequency(sheet, tolerance=ROUGH)
-    return safety * longest_step(frequency, fibre_damping=m.fibre_damping, air_damping=m.air_damping)
+def _ratio(material: Material) -> float:
+    most = max(material.tensile_warp, material.tensile_weft, material.drawn_warp, material.drawn_weft)
+    return most / material.shear if material.shear else float("inf")

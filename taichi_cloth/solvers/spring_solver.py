@@ -16,13 +16,20 @@ class SpringSolver(KernelSolver):
     locked = 0.0
     """The largest share of the stiffness of locking that a cell had in the last frame."""
 
+    @property
+    def locks(self) -> bool:
+        """Whether any of its cloth locks."""
+        return self.sheet.most(lambda cloth: cloth.springs.lock) > 0
+
     def look(self, frame: Any) -> None:
-        if self.sheet.springs.lock > 0:
+        if self.locks:
             self.locked = frame.slipping.most_locked()
 
     def rounding(self, ulp: float) -> float:
-        m = self.sheet.material
-        return rounding_speed(self.step, ulp, air_damping=m.air_damping, fibre_damping=m.fibre_damping)
+        return max(
+            rounding_speed(self.step, ulp, air_damping=m.air_damping, fibre_damping=m.fibre_damping)
+            for m in (cloth.material for cloth in self.sheet.cloths)
+        )
 
     def overstrained(self, state: SheetState) -> bool:
         return overstrain(self.sheet, self.sheet.positions(state)) > 1

@@ -24,7 +24,7 @@ from taichi_cloth.ground.blas import one_thread
 from taichi_cloth.sheet.energy import Links, hinges, links, twists
 from taichi_cloth.sheet.sheet import Sheet
 
-__all__ = ["FrequencyBound", "highest_frequency", "longest_step", "rounding_speed"]
+__all__ = ["FrequencyBound", "highest_frequency", "longest_in", "longest_step", "rounding_speed"]
 
 F64 = NDArray[np.float64]
 
@@ -234,6 +234,13 @@ def longest_step(frequency: float, *, fibre_damping: float = 0.0, air_damping: f
         limit = (2 + 2 * np.exp(-air_damping * step)) / frequency**2
         step = float(-tau + sqrt(tau**2 + limit))
     return step
+
+
+def longest_in(sheet: Sheet, frequency: float) -> float:
+    """`longest_step` of a sheet, as its most damped cloth has it."""
+    damping = sheet.most(lambda cloth: cloth.material.fibre_damping)
+    air = sheet.most(lambda cloth: cloth.material.air_damping)
+    return longest_step(frequency, fibre_damping=damping, air_damping=air)
 
 
 def rounding_speed(step: float, ulp: float, *, air_damping: float = 0.0, fibre_damping: float = 0.0) -> float:

@@ -6,7 +6,6 @@ Where the step is within 3 % of what the bound allows, the frequency itself is w
 what this allows, shorter steps are wanted.
 """
 
-from dataclasses import replace
 from math import ceil, sqrt
 
 import numpy as np
@@ -14,7 +13,7 @@ from numpy.typing import NDArray
 
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.sheet.sheet import Sheet
-from taichi_cloth.solvers.stability import FrequencyBound, highest_frequency, longest_step
+from taichi_cloth.solvers.stability import FrequencyBound, highest_frequency, longest_in
 
 __all__ = ["ROUGH", "StepChoice", "substeps_of"]
 
@@ -53,11 +52,11 @@ class StepChoice:
         if not 0 < safety <= 1:
             raise InputError(f"solver.safety: {safety!r}; allowed: above 0, at most 1")
         self.sheet, self.frame_rate, self.safety = sheet, frame_rate, safety
-        self._held = replace(sheet, springs=sheet.springs.held)
+        self._held = sheet.with_springs(lambda springs: springs.held)
         self.frequency, self.seen = highest_frequency(self._held), 0.0
         self.bound = FrequencyBound(self._held)
-        lock, self.locked = sheet.springs.lock, 0.0
-        alone = replace(sheet, springs=sheet.springs.alone(2 * lock)) if lock > 0 else None
+        locks, self.locked = sheet.most(lambda cloth: cloth.springs.lock) > 0, 0.0
+        alone = sheet.with_springs(lambda springs: springs.alone(2 * springs.lock)) if locks else None
         self._of_locked = highest_frequency(alone, tolerance=ROUGH) ** 2 if alone else 0.0
 
     @property
@@ -94,7 +93,6 @@ class StepChoice:
         self.frequency, self.seen = self.bound.anywhere(), np.inf
 
     def _allowed(self, frequency: float) -> float:
-        m = self.sheet.material
         if self.locked > 0:
             frequency = sqrt(frequency**2 + self.locked * self._of_locked)
-        return longest_step(frequency, fibre_damping=m.fibre_damping, air_damping=m.air_damping)
+        return longest_in(self.sheet, frequency)

@@ -18,7 +18,7 @@ from taichi_cloth.ground.errors import InputError
 from taichi_cloth.motion.forces import FrameForces
 from taichi_cloth.motion.kernel_solver import KernelSolver
 from taichi_cloth.sheet.materials import Material
-from taichi_cloth.sheet.sheet import Sheet, SheetState
+from taichi_cloth.sheet.sheet import Band, Sheet, SheetState
 
 __all__ = ["overstrain", "settle"]
 
@@ -72,17 +72,21 @@ def overstrain(sheet: Sheet, positions: NDArray) -> float:
     x, cell, rest = positions, sheet.weights[2][:-1, :-1] > 0, sheet.springs.diagonal_length
     sheared = [np.linalg.norm(d, axis=-1) / rest - 1 for d in (x[1:, 1:] - x[:-1, :-1], x[1:, :-1] - x[:-1, 1:])]
     parts = (*sheet.stretch(x), np.where(cell, sheared, 0.0))
-    bounds = survived(sheet.material)
+    bounds = np.min([survived(cloth.material) for cloth in sheet.cloths], axis=0)
     return max(float(np.abs(part).max(initial=0.0)) / most for part, most in zip(parts, bounds, strict=True))
 
 
 def _in_treacle(sheet: Sheet, step: float) -> Sheet:
     """The sheet in treacle, as a plate."""
-    springs = sheet.springs
-    if springs.law == "hinge":
-        plate = PLATE * sheet.material.density * springs.spacing_x * springs.spacing_y * THICK / (16 * step**2)
-        springs = replace(springs, hinge_x=max(plate, springs.hinge_x), hinge_y=max(plate, springs.hinge_y))
-    return replace(sheet, springs=springs, material=replace(sheet.material, air_damping=THICK / step))
+
+    def plated(cloth: Band) -> Band:
+        springs = cloth.springs
+        if springs.law == "hinge":
+            plate = PLATE * cloth.material.density * springs.spacing_x * springs.spacing_y * THICK / (16 * step**2)
+            springs = replace(springs, hinge_x=max(plate, springs.hinge_x), hinge_y=max(plate, springs.hinge_y))
+        return replace(cloth, springs=springs, material=replace(cloth.material, air_damping=THICK / step))
+
+    return sheet.with_cloths(plated)
 
 
 def _rests(solver: KernelSolver, sheet: Sheet, state: SheetState, still: FrameForces) -> bool:
@@ -124,7 +128,7 @@ def settle(solver: KernelSolver, state: SheetState) -> None:
         solver.take_steps(solver.substeps)
     sheet.set_steps(state, none)
     left = overstrain(sheet, sheet.positions(state))
-    weft, warp, _ = survived(sheet.material)
+    weft, warp, _ = np.min([survived(cloth.material) for cloth in sheet.cloths], axis=0).tolist()
     if not left * max(weft, warp) <= max(weft, warp, LEFT):
         raise InputError(
             f"start: threads are strained by up to {begun:.3g} times what they survive ({100 * warp:.3g} % along the "

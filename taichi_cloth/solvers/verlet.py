@@ -48,7 +48,7 @@ class Verlet(SpringSolver):
         threads: int | None = None,
         constraints: tuple[Constraint, ...] = (),
     ) -> None:
-        if sheet.material.curved:
+        if any(cloth.material.curved for cloth in sheet.cloths):
             raise InputError('solver.name: "verlet" has springs of one stiffness; threads with a curve need "yarns"')
         self.choice = StepChoice(sheet, frame_rate=frame_rate, safety=safety)
         self._now = 0.0  # the bound of the frequency at the end of the last frame [rad/s]
@@ -69,7 +69,7 @@ class Verlet(SpringSolver):
         assert not self.constraints
         other = copy(self)
         other.step, other.substeps = step, substeps
-        other.numbers = numbers_of(self.sheet, self.forces, step)
+        other.numbers = numbers_of(self.sheet.cloths[0], self.forces, step)
         return other
 
     def shorten(self, state: SheetState, reached: SheetState | None) -> bool:
@@ -101,7 +101,7 @@ class Verlet(SpringSolver):
 
     @property
     def found(self) -> tuple[float, ...]:
-        locked = (self.choice.locked,) if self.sheet.springs.lock > 0 else ()
+        locked = (self.choice.locked,) if self.locks else ()
         return self.substeps, self.choice.frequency, self.choice.seen, *locked
 
     def go_on(self, found: tuple[float, ...]) -> None:

@@ -24,8 +24,9 @@ class VerletFrame(Frame):
         constraints: tuple[Constraint, ...],
         clock: StageClock | None = None,
         slips: bool = False,
+        cloths: int = 1,
     ) -> None:
-        super().__init__(size, threads, constraints, clock, slips)
+        super().__init__(size, threads, constraints, clock, slips, cloths)
         self.stiff = Stiffest(self.size)
 
     @ti.func
@@ -35,7 +36,8 @@ class VerletFrame(Frame):
     @ti.func
     def substep_part(self, part, done, at, wind, values: Template, n: Template, features: Template):
         for e in range(self.cut[part], self.cut[part + 1]):
-            self.substep(features, at, self.lanes(self.packet[e] * LANES), wind, n)
+            p = self.lanes(self.packet[e] * LANES)
+            self.substep(features, at, p, wind, self.own(p, n))
 
     @ti.func
     def substep(self, features: Template, at, p, wind, n: Template):

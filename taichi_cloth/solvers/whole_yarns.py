@@ -94,7 +94,8 @@ class WholeYarns(YarnFields):
         """By how much the threads of a family that begin at the lanes at p are longer than what they pull says, as a
         share of their length: what has moved their ends since their yarns were solved, most of all ties and the body. 0
         of those that are not `long` for their kind."""
-        s, q, n = points.lanes(p + family * self.size), near(p + self.offset[family]), self.numbers[family]
+        s, q = points.lanes(p + family * self.size), near(p + self.offset[family])
+        n = self.own(points, p, family * self.size, self.numbers[family * self.cloths])
         x = load(points.position[0], q) - load(points.position[0], p)
         y = load(points.position[1], q) - load(points.position[1], p)
         z = load(points.position[2], q) - load(points.position[2], p)
@@ -112,7 +113,7 @@ class WholeYarns(YarnFields):
         carried = ti.select(sweep == 0, 0.0, 1.0)  # nothing pulls yet in the first
         if self.count[family * GROUPS + group] > 0:
             # A limit, which threads come to and leave, asks for matrices of its own.
-            anew = sweep == 0 or self.wild[None] > 0.0 or self.numbers[family].bound < NEVER
+            anew = sweep == 0 or self.wild[None] > 0.0 or self.numbers[family * self.cloths].bound < NEVER
             if not anew:
                 store(self.differs, group * LINE, ti.Vector([0.0] * LANES))
                 self.go_down_again(points, family, group, carried)
@@ -125,14 +126,15 @@ class WholeYarns(YarnFields):
     def go_down_again(self, points: Template, family: Int, group: Int, carried: Float):
         """Right sides and z, with the matrices of the sweep before. carried: 0 where nothing pulls yet in this substep,
         else 1."""
-        k, n = family * GROUPS + group, self.numbers[family]
+        k, n = family * GROUPS + group, self.numbers[family * self.cloths]
         begin, count, lag, mark = self.begin[k], self.count[k], self.lag[k], group * LINE
         base, offset = family * self.size, self.offset[family]
         for e in range(begin - lag, begin + count):
-            self.aim(points, self.lanes(e + lag), base, offset, n)
+            ahead = self.lanes(e + lag)
+            self.aim(points, ahead, base, offset, self.own(points, ahead, base, n))
             p = self.lanes(e)
             self.straighten(points, p, base, offset)
-            self.ask(points, p, base, offset, mark, carried, n, False)
+            self.ask(points, p, base, offset, mark, carried, self.own(points, p, base, n), False)
             if family > 0:
                 self.down(points, p, base, offset, False)
             elif self.closes[e] >= 0:
@@ -141,17 +143,18 @@ class WholeYarns(YarnFields):
     @routine
     def go_down(self, points: Template, family: Int, group: Int, carried: Float):
         """Matrices, right sides and z. Arguments as of `go_down_again`."""
-        k, n = family * GROUPS + group, self.numbers[family]
+        k, n = family * GROUPS + group, self.numbers[family * self.cloths]
         begin, count, lag, mark = self.begin[k], self.count[k], self.lag[k], group * LINE
         base, offset, limited = family * self.size, self.offset[family], n.bound < NEVER
         for e in range(begin - lag - DELAY, begin + count):
-            self.aim(points, self.lanes(e + lag + DELAY), base, offset, n)
-            self.straighten(points, self.lanes(e + DELAY), base, offset)
-            self.ask(points, self.lanes(e + DELAY), base, offset, mark, carried, n, True)
+            ahead, next_one = self.lanes(e + lag + DELAY), self.lanes(e + DELAY)
+            self.aim(points, ahead, base, offset, self.own(points, ahead, base, n))
+            self.straighten(points, next_one, base, offset)
+            self.ask(points, next_one, base, offset, mark, carried, self.own(points, next_one, base, n), True)
             if limited:
-                self.hold(points, self.lanes(e + DELAY), base, n)
+                self.hold(points, next_one, base, self.own(points, next_one, base, n))
             p = self.lanes(e)
-            self.couple(points, p, base, offset, n)
+            self.couple(points, p, base, offset, self.own(points, p, base, n))
             if family > 0:
                 self.down(points, p, base, offset, True)
             elif self.closes[e] >= 0:
@@ -160,7 +163,7 @@ class WholeYarns(YarnFields):
     @routine
     def go_up(self, points: Template, family: Int, group: Int, carried: Float, pulls: Int):
         """Δλ, and what it moves. Arguments as of `go_down_again` and `solve`."""
-        k, n = family * GROUPS + group, self.numbers[family]
+        k, n = family * GROUPS + group, self.numbers[family * self.cloths]
         begin, count, lag, mark = self.begin[k], self.count[k], self.lag[k], group * LINE
         base, offset, limited = family * self.size, self.offset[family], n.bound < NEVER
         for back in range(count + lag):
@@ -170,16 +173,24 @@ class WholeYarns(YarnFields):
             elif self.closes[e] >= 0:
                 self.turned_up(self.tile[self.closes[e]], self.turned_tile[self.closes[e]])
             p = self.lanes(e + lag)
-            self.push(points, p, base, offset, carried, n)
+            self.push(points, p, base, offset, carried, self.own(points, p, base, n))
             if limited:
-                self.let_go(points, p, base, n)
+                self.let_go(points, p, base, self.own(points, p, base, n))
             if pulls == 1:
-                self.pull(points, p, base, offset, mark, n)
+                self.pull(points, p, base, offset, mark, self.own(points, p, base, n))
 
     @ti.func
     def lanes(self, e):
         """First element of packet number e in the orders."""
         return ti.min(ti.max(self.order[e], 0), 1 << 21) * LANES
+
+    @ti.func
+    def own(self, points: Template, p, base, n: Template):
+        """The numbers of the threads that begin at the lanes at p. base: of their family. n: its first cloth's."""
+        if ti.static(self.cloths == 1):
+            return n
+        else:
+            return self.numbers[base // self.size * self.cloths + points.kind(p)]
 
     @ti.func
     def aim(self, points: Template, p, base, offset, n: Template):

@@ -7,7 +7,7 @@ import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
 
-from taichi_cloth.ground.arrays import F32x2, F32x3, I32x2, Int
+from taichi_cloth.ground.arrays import F32x3, I32x2, Int
 from taichi_cloth.motion.crew import LINE
 from taichi_cloth.sheet.sheet import LANES
 from taichi_cloth.solvers.yarn_order import GROUPS, yarn_order
@@ -39,11 +39,11 @@ TILE = LANES * LANES
 @dataclass(frozen=True)
 class Family:
     """Threads that run alike. step: rows and columns from one key point of a yarn to the next. weight: in the padded
-    grid, of the thread that begins at each key point, 0 where there is none. numbers: of `ThreadNumbers`."""
+    grid, of the thread that begins at each key point, 0 where there is none. numbers: `ThreadNumbers` of each cloth."""
 
     step: tuple[int, int]
     weight: NDArray[np.float32]
-    numbers: dict[str, float]
+    numbers: list[dict[str, float]]
 
 
 @ti.data_oriented
@@ -51,8 +51,8 @@ class YarnFields:
     """Fields of the threads of a padded grid of up to `size` key points, each by the first key point it joins. Those of
     a family lie `size` elements after those of the one before; family 0 is that along the rows.
 
-    families: how many. row: width of the grid. tall: its rows, of whole tiles. offset: [family], elements from one key
-    point of a yarn to the next.
+    families: how many. cloths: as of `Stencil`; numbers of family f and cloth c are at f · cloths + c. row: width of
+    the grid. tall: its rows, of whole tiles. offset: [family], elements from one key point of a yarn to the next.
     order: packets of lanes that hold key points, list after list: of each group of yarns along the rows in the order of
     tiles, column of tiles after column; of each group of those along the columns in that of rows; and, where diagonals
     are chains, all of them. Between lists stand packets that hold none. begin, count, lag: [family × GROUPS + group],
@@ -72,11 +72,11 @@ class YarnFields:
     substep, else 0. differs: the same, above 0 where a factorisation is too old.
     """
 
-    def __init__(self, size: int, families: int) -> None:
+    def __init__(self, size: int, families: int, cloths: int = 1) -> None:
         def fields(count: int, of: int) -> list[ti.Field]:
             return [ti.field(ti.f32, of) for _ in range(count)]
 
-        self.size, self.families, every = size, families, families * size
+        self.size, self.families, self.cloths, every = size, families, cloths, families * size
         self.normal = fields(3, every)
         self.slack, self.mean, self.tension, self.held, self.pulled = fields(5, every)
         self.compliance, self.beside, self.pivot = fields(3, every)
@@ -94,7 +94,7 @@ class YarnFields:
         self.offset = _whole_numbers(families)
         self.begin, self.count, self.lag = (_whole_numbers(families * GROUPS) for _ in range(3))
         self.row, self.tall = (_whole_numbers(()) for _ in range(2))
-        self.numbers = ThreadNumbers.field(shape=families)
+        self.numbers = ThreadNumbers.field(shape=families * cloths)
         self._number = [self.numbers.get_member_field(name) for name in THREAD_NUMBERS]
 
     def take(self, present: NDArray, families: list[Family]) -> None:
@@ -113,7 +113,9 @@ class YarnFields:
         order = yarn_order(packets, offsets)
         tile, column = order.tile * LANES, order.column * LANES
         places = tile * width + column, (column + 1) * high * LANES + tile
-        named = np.array([[one.numbers[name] for name in THREAD_NUMBERS] for one in families], np.float32)
+        named = np.array(
+            [[[cloth[name] for name in THREAD_NUMBERS] for cloth in one.numbers] for one in families], np.float32
+        )
         self._take(
             width,
             np.stack([slack, 0.5 / (beside + 1e-6)]).astype(np.float32),
@@ -124,10 +126,10 @@ class YarnFields:
         )
 
     @ti.kernel
-    def _take(self, width: Int, weights: F32x3, orders: I32x2, places: I32x2, reach: I32x2, named: F32x2):
+    def _take(self, width: Int, weights: F32x3, orders: I32x2, places: I32x2, reach: I32x2, named: F32x3):
         """weights: slack and mean, (2, family, elements of whole tiles). orders: `order`, `closes`. places: of tiles,
-        and of the same turned. reach: begin, count and lag of each group of each family, and the family's offset. No
-        yarn pulls yet."""
+        and of the same turned. reach: begin, count and lag of each group of each family, and the family's offset.
+        named: of each family and cloth. No yarn pulls yet."""
         for p in range(weights.shape[2]):
             for family in ti.static(range(self.families)):
                 self.slack[p + family * self.size] = weights[0, family, p]
@@ -149,7 +151,8 @@ class YarnFields:
         for family in range(self.families):
             self.offset[family] = reach[3, family * GROUPS]
             for k, number in ti.static(enumerate(self._number)):
-                number[family] = named[family, k]
+                for cloth in range(named.shape[1]):
+                    number[family * self.cloths + cloth] = named[family, cloth, k]
         ti.loop_config(serialize=True)
         for k in range(reach.shape[1]):
             self.begin[k], self.count[k], self.lag[k] = reach[0, k], reach[1, k], reach[2, k]

@@ -41,9 +41,10 @@ class YarnFrame(Frame):
         constraints: tuple[Constraint, ...],
         clock: StageClock | None = None,
         slips: bool = False,
+        cloths: int = 1,
     ) -> None:
-        super().__init__(size, threads, constraints, clock, slips)
-        self.yarns = WholeYarns(size, self.families)
+        super().__init__(size, threads, constraints, clock, slips, cloths)
+        self.yarns = WholeYarns(size, self.families, cloths)
         whole = [one for one in constraints if one.whole and not one.parts and not one.paired]
         self.last = [one for one in whole if one.stops and any(other.parts for other in constraints)]
         self.first = [one for one in whole if one not in self.last]
@@ -143,7 +144,8 @@ class YarnFrame(Frame):
     def soften(self, part, done, at, wind, values: Template, n: Template, features: Template):
         """`soft` of a part."""
         for e in range(self.cut[part], self.cut[part + 1]):
-            self.soft(self.lanes(self.packet[e] * LANES), wind, n, features)
+            p = self.lanes(self.packet[e] * LANES)
+            self.soft(p, wind, self.own(p, n), features)
 
     @ti.func
     def touch_all(self, part, done, at, wind, values: Template, n: Template, features: Template):

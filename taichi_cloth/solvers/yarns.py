@@ -22,8 +22,7 @@ from taichi_cloth.ground.errors import InputError
 from taichi_cloth.loops.yarn_loops import YarnLoops
 from taichi_cloth.motion.constraint import Constraint
 from taichi_cloth.motion.forces import Forces
-from taichi_cloth.sheet.sheet import Sheet, SheetState
-from taichi_cloth.sheet.springs import Springs
+from taichi_cloth.sheet.sheet import Band, Sheet, SheetState
 from taichi_cloth.solvers.spring_solver import SpringSolver
 from taichi_cloth.solvers.step_choice import StepChoice
 from taichi_cloth.solvers.strained_start import settle
@@ -81,14 +80,16 @@ WILD = 0.02
 
 
 def left_explicit(
-    springs: Springs, longest: Callable[[Springs], float], chains: bool | None = None
-) -> tuple[Springs, float, float]:
-    """Springs that whole yarns leave to explicit steps, the longest such step [s], and what a substep costs, in
-    substeps without chains. longest: step of explicit springs that is safe [s]. chains: as of `Yarns`."""
-    soft = springs.without_threads
+    sheet: Sheet, longest: Callable[[Sheet], float], chains: bool | None = None
+) -> tuple[Sheet, float, float]:
+    """The sheet with the springs that whole yarns leave to explicit steps, the longest such step [s], and what a
+    substep costs, in substeps without chains; sheets of several cloths have none. longest: step of explicit springs
+    that is safe [s]. chains: as of `Yarns`."""
+    soft = sheet.with_springs(lambda springs: springs.without_threads)
     step = min(longest(soft), LONGEST)
-    if soft.diagonal > 0 and (chains or (chains is None and CHAINED * step < LONGEST)):
-        bending = replace(soft, diagonal=0.0)
+    diagonal = sheet.most(lambda cloth: cloth.springs.diagonal) > 0 and not sheet.bands
+    if diagonal and (chains or (chains is None and CHAINED * step < LONGEST)):
+        bending = soft.with_springs(lambda springs: replace(springs, diagonal=0.0))
         other = min(longest(bending), LONGEST)
         if chains or CHAINED * step < other:
             return bending, other, CHAINED
@@ -120,14 +121,14 @@ class Yarns(SpringSolver):
         self._finer, self._pushed = 0, 0
         self.tight, self.unsolved, self._before = 0.0, 0.0, inf
         self._layered = any(one.stops for one in constraints)
-        choices: dict[Springs, StepChoice] = {}
+        choices: dict[Sheet, StepChoice] = {}
 
-        def longest_of(springs: Springs) -> float:
-            choices[springs] = StepChoice(replace(sheet, springs=springs), frame_rate=frame_rate, safety=safety)
-            return choices[springs].longest
+        def longest_of(explicit: Sheet) -> float:
+            choices[explicit] = StepChoice(explicit, frame_rate=frame_rate, safety=safety)
+            return choices[explicit].longest
 
-        springs, longest, cost = left_explicit(sheet.springs, longest_of, chains)
-        self.choice, self.chains = choices[springs], cost > 1
+        explicit, longest, cost = left_explicit(sheet, longest_of, chains)
+        self.choice, self.chains = choices[explicit], cost > 1
         self.frame_of = ChainFrame if self.chains else YarnFrame
         self.loops_of = YarnLoops
         if step is not None and not 0 < step <= longest:
@@ -140,7 +141,7 @@ class Yarns(SpringSolver):
 
     def take_steps(self, substeps: int) -> None:
         super().take_steps(substeps)
-        self.numbers |= {"sweeps": float(self.sweeps)} | ({"diagonal": 0.0} if self.chains else {})
+        self.numbers |= {"sweeps": float(self.sweeps)} | ({"diagonal": 0.0} if self.chains else {})  # of one cloth
 
     @property
     def explicit(self) -> Sheet:
@@ -152,16 +153,26 @@ class Yarns(SpringSolver):
 
     def families(self) -> list[Family]:
         """Weft, along the rows, and warp, along the columns; and the diagonals, if they are chains."""
-        sheet, s, m, limit = self.sheet, self.sheet.springs, self.sheet.material, self.forces.strain_limit
-        east, north, cell = (sheet.padded(one) for one in sheet.weights)
+        east, north, cell = (self.sheet.padded(one) for one in self.sheet.weights)
+        numbers = self.numbers, *self.others
+        of_each = [self._threads(cloth, own) for cloth, own in zip(self.sheet.cloths, numbers, strict=True)]
+        weft, warp, diagonal = (list(one) for one in zip(*of_each, strict=True))
+        out = [Family((0, 1), east, weft), Family((1, 0), north, warp)]
+        if self.chains:
+            out += [Family((1, 1), cell, diagonal), Family((1, -1), np.roll(cell, 1, axis=1), diagonal)]
+        return out
+
+    def _threads(self, cloth: Band, shared: dict[str, float]) -> tuple[dict[str, float], ...]:
+        """Numbers of the weft's threads, of the warp's, and of diagonals as chains, of one cloth. shared: `Numbers`."""
+        s, m, limit = cloth.springs, cloth.material, self.forces.strain_limit
         mass = m.density * s.spacing_x * s.spacing_y
-        squared = self.numbers["structural_x"] / s.structural_x  # h², less what the air takes meanwhile
-        shared = {"mass": mass, "damped": m.fibre_damping / self.step}
+        squared = shared["structural_x"] / s.structural_x  # h², less what the air takes meanwhile
+        always = {"mass": mass, "damped": m.fibre_damping / self.step}
         straight, left, out = s.drawn(m), longest_beside(m), []
         longest = LONG * (LAYERED if self._layered else 1.0)
-        for step, weight, constant, drawn, rest, stiff, crimp, most in (
-            ((0, 1), east, s.structural_x, straight.structural_x, s.spacing_x, m.drawn_weft, m.crimp_weft, left[0]),
-            ((1, 0), north, s.structural_y, straight.structural_y, s.spacing_y, m.drawn_warp, m.crimp_warp, left[1]),
+        for constant, drawn, rest, stiff, crimp, most in (
+            (s.structural_x, straight.structural_x, s.spacing_x, m.drawn_weft, m.crimp_weft, left[0]),
+            (s.structural_y, straight.structural_y, s.spacing_y, m.drawn_warp, m.crimp_warp, left[1]),
         ):
             at = crimp * rest if stiff > 0 else NEVER
             numbers = {
@@ -175,15 +186,12 @@ class Yarns(SpringSolver):
                 "long": rest * max(longest, SLACK * most if stiff > 0 else 0.0),
                 "calm": 1 / (rest * WILD + (at if stiff > 0 else 0.0)),
             }
-            out.append(Family(step, weight, numbers | shared))
-        if self.chains:
-            rest, compliance = s.diagonal_length, mass / (s.diagonal * squared)
-            numbers = {"rest": rest, "slimmer": 1 / rest, "soft": compliance, "stiff": compliance, "offset": 0.0}
-            numbers |= {"crimp": NEVER, "bound": NEVER, "long": NEVER}  # no shear of cloth is too much
-            numbers["calm"] = 1 / NEVER
-            out.append(Family((1, 1), cell, numbers | shared))
-            out.append(Family((1, -1), np.roll(cell, 1, axis=1), numbers | shared))
-        return out
+            out.append(numbers | always)
+        rest = s.diagonal_length
+        compliance = mass / (s.diagonal * squared) if self.chains else NEVER
+        numbers = {"rest": rest, "slimmer": 1 / rest, "soft": compliance, "stiff": compliance, "offset": 0.0}
+        numbers |= {"crimp": NEVER, "bound": NEVER, "long": NEVER, "calm": 1 / NEVER}  # no shear of cloth is too much
+        return (*out, numbers | always)
 
     def fill(self, frame: YarnFrame, state: SheetState) -> None:
         super().fill(frame, state)
@@ -265,7 +273,8 @@ class Yarns(SpringSolver):
         if self.tight <= TIGHTEST:
             return ""
         spacing = max(self.sheet.springs.spacing_x, self.sheet.springs.spacing_y)
-        pull = self.tight * self.sheet.material.density * spacing / self.step**2
+        heavy = self.sheet.most(lambda cloth: cloth.material.density)
+        pull = self.tight * heavy * spacing / self.step**2
         return f"threads are pulled by {pull:.2g} N/m, and more than {MOST_SUBSTEPS} substeps a frame would follow them"
 
     def _for_tension(self) -> int:

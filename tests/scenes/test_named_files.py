@@ -44,9 +44,9 @@ def built(key: tuple[str, ...], text: str, kind: Any = Scene) -> Any:
         return kind.model_construct(**{key[0]: built(key[1:], text, kind.model_fields[key[0]].annotation)})
     if get_origin(kind) is dict:
         return {"front": built(key[1:], text, get_args(kind)[1])}
-    if get_origin(kind) is list:
-        return [built(key[1:], text, get_args(kind)[0])]
-    section = next(p for p in get_args(kind) if get_origin(p) in (dict, list) or hasattr(p, "model_fields"))
+    if get_origin(kind) in (list, tuple):
+        return get_origin(kind)([built(key[1:], text, get_args(kind)[0])])
+    section = next(p for p in get_args(kind) if get_origin(p) in (dict, list, tuple) or hasattr(p, "model_fields"))
     return built(key, text, section)
 
 

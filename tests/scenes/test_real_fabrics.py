@@ -97,7 +97,7 @@ def test_a_garment_keeps_what_is_drawn(name: str) -> None:
     assert prepared is not None
     drawn = drawn_of(prepared.layout)
     assert drawn is not None
-    worn, gaps = garment_colliders(scene, parts), parts.gaps
+    worn, gaps = garment_colliders(parts), parts.gaps
     assert worn.gap == gaps.floor.size == gaps.layers.size == pytest.approx(1e-3 * drawn.facts.thickness_mm, rel=0.01)
     assert worn.beyond == (SKIN_BEYOND,) * len(parts.primitives)
     assert gaps.said(parts.primitives).endswith("touched as if 3.5 mm wider: primitives do not cover all skin")

@@ -10,7 +10,7 @@ from taichi_cloth.ground.errors import InputError
 from taichi_cloth.motion.forces import Forces, FrameForces
 from taichi_cloth.sheet.energy import elastic_energy, elastic_forces, hinges, kinetic_energy, links
 from taichi_cloth.sheet.springs import BendingLaw
-from taichi_cloth.solvers import stability, step_choice
+from taichi_cloth.solvers import stability
 from taichi_cloth.solvers.stability import FrequencyBound, _pulls, _stiffness_times, highest_frequency, longest_step
 from taichi_cloth.solvers.verlet import Verlet
 
@@ -144,7 +144,7 @@ def test_the_stable_limit_is_two_over_the_highest_frequency(monkeypatch: pytest.
         def stretched(*args, factor=factor, **options):
             return factor * longest_step(*args, **options)
 
-        monkeypatch.setattr(step_choice, "longest_step", stretched)
+        monkeypatch.setattr(stability, "longest_step", stretched)
         sheet = strip(pinned=(0,), shear=20.0, fibre_damping=tau)
         limit = stretched(highest_frequency(sheet), fibre_damping=tau)
         solver = Verlet(sheet, NOTHING, frame_rate=1 / (2000 * limit * (1 - 1e-9)), safety=1.0)

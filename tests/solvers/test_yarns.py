@@ -357,7 +357,7 @@ def test_a_thread_is_too_long_beyond_what_its_crimp_leaves_it_beside_ties() -> N
     for crimp, most in ((0.02, LONG), (0.03, SLACK * (0.03 + 20.0 / 1e5))):
         sheet = sheet_of(replace(CLOTH, drawn_warp=1e5, crimp_warp=crimp))
         assert longest_beside(sheet.material)[1] == pytest.approx(crimp + (50.0 - 1000.0 * crimp) / 1e5)
-        weft, warp = (family.numbers["long"] for family in Yarns(sheet, FAR).families())
+        weft, warp = (family.numbers[0]["long"] for family in Yarns(sheet, FAR).families())
         assert (weft, warp) == pytest.approx((SPACING * LONG, SPACING * most))
 
 

@@ -20,7 +20,7 @@ from taichi_cloth.layers.outline import Outline
 from taichi_cloth.motion.forces import Forces
 from taichi_cloth.motion.simulation import Simulation
 from taichi_cloth.sheet.materials import Material
-from taichi_cloth.sheet.sheet import Sheet
+from taichi_cloth.sheet.sheet import Band, Sheet
 from taichi_cloth.sheet.springs import calibrate
 from taichi_cloth.solvers.named import named_solver
 from taichi_cloth.solvers.yarns import Yarns
@@ -59,17 +59,21 @@ class Garment:
         """Of cloth in each cell, (rows − 1, cols − 1)."""
         return with_hems(self.atlas, self.hem) if self.hem > 0 else self.atlas.cells
 
-    def sheet(self, material: Material | None = None) -> Sheet:
+    def sheet(self) -> Sheet:
         """Key points and springs of all panels."""
-        m, (a, b) = material or self.material, self.atlas.spacing
-        springs = calibrate(m, spacing_x=a, spacing_y=b)
-        return Sheet.of_cells(self.layers, material=m, springs=springs, lightest=LIGHTEST)
+        a, b = self.atlas.spacing
+        springs = calibrate(self.material, spacing_x=a, spacing_y=b)
+        return Sheet.of_cells(self.layers, material=self.material, springs=springs, lightest=LIGHTEST)
 
     def moving(self, air_damping: float | None = None) -> Sheet:
         """The sheet as it moves. air_damping: instead of the material's [1/s]."""
-        own = self.material
-        air = own.air_damping if air_damping is None else air_damping
-        return self.sheet(replace(own, air_damping=air, fibre_damping=max(own.fibre_damping, LAG)))
+
+        def moved(cloth: Band) -> Band:
+            own = cloth.material
+            air = own.air_damping if air_damping is None else air_damping
+            return replace(cloth, material=replace(own, air_damping=air, fibre_damping=max(own.fibre_damping, LAG)))
+
+        return self.sheet().with_cloths(moved)
 
     @cached_property
     def surface(self) -> Surface:
@@ -230,7 +234,7 @@ class Garment:
         """
         sheet = self.moving(air_damping)
         if relaxed:
-            sheet = replace(sheet, springs=sheet.springs.relaxed)
+            sheet = sheet.with_springs(lambda springs: springs.relaxed)
         ties = self.ties(sheet, bones, speed, forces.body)
         kind = named_solver(solver)
         outline = self.outline if forces.self_contact else None

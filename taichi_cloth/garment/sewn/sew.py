@@ -47,6 +47,7 @@ SLOWED = 0.9
 """Share of its speed that cloth keeps from frame to frame from then on. Halts would wait for all of it to slow down: a
 skirt's folds, which take half a second, then creep, and those that tremble at 15 hertz are never met."""
 THICK, THIN = 6.0, 2.0  # [1/s] damping by the air while closing and while settling
+SMOOTH = 0.05  # Coulomb's µ while closing
 RECOVERY = 5.0  # [m/s] at which the body lets out cloth that panels start with, or that seams draw, inside it
 
 
@@ -90,13 +91,16 @@ def sew(
     layers: SelfContact | None = None,
     allowed: float = 0.0,
     solver: str = "verlet",
+    start: NDArray | None = None,
     each: Callable[[str, int, int], None] | None = None,
     closing: int = CLOSING,
     settling: int = SETTLING,
 ) -> Worn:
     """Sews a garment on a body at rest. limit: of how far its threads may grow. layers: its contact with itself.
     allowed: triangles through others, over all, up to which that is not taken up (`crossed`). each: told the stage,
-    the frame and the most there may be, after each frame. solver: see `named_solver`.
+    the frame and the most there may be, after each frame. solver: see `named_solver`. start: key points (rows, cols,
+    3) [m] of what is worn over other garments, clear of them, in place of panels round the bare body: it is sewn with
+    contact from the first frame.
 
     Few garments pass through themselves while they are sewn: contact is taken up only for those that come to rest so.
     They are sewn anew with contact from the first frame, in which panels stand round the body; else settled anew from
@@ -111,8 +115,9 @@ def sew(
             each(stage, frame, most)
 
     def close(apart: SelfContact | None) -> Closed:
+        begin = garment.atlas.start() if start is None else start
         positions, frames = _closed(
-            garment, still, limit, apart, solver, closing, lambda frame: told("sewing", frame, closing)
+            garment, begin, still, limit, apart, solver, closing, lambda frame: told("sewing", frame, closing)
         )
         if not body.primitives:  # of grids, which are one skin at rest, no folds are known
             return positions, frames, still
@@ -127,6 +132,8 @@ def sew(
     passes = crossed if allowed else _through
     still = replace(body, motion=None, recovery=RECOVERY)
     try:
+        if start is not None and layers is not None:
+            return rest(close(replace(layers, friction=min(layers.friction, SMOOTH))), layers)
         closed = close(None)
         worn = rest(closed, None)
     except Unstable as error:
@@ -159,6 +166,7 @@ def _through(garment: Garment, positions: F32) -> int:
 
 def _closed(
     garment: Garment,
+    start: NDArray,
     body: Colliders,
     limit: StrainLimit | None,
     layers: SelfContact | None,
@@ -166,13 +174,13 @@ def _closed(
     closing: int,
     told: Callable[[int], None],
 ) -> tuple[F32, int]:
-    """Stage 1: where key points are with seams closed, and after how many frames."""
-    smooth = replace(body, friction=0.05)
+    """Stage 1 from `start`: where key points are with seams closed, and after how many frames."""
+    smooth = replace(body, friction=SMOOTH)
     hangs = garment.closing
     weight = Forces().gravity if hangs.pattern.holds else (0.0, 0.0, 0.0)
     simulation = hangs.simulation(
         Forces(gravity=weight, body=smooth, strain_limit=limit, self_contact=layers),
-        garment.atlas.start(),
+        start,
         air_damping=THICK,
         solver=solver,
         settled=True,
@@ -239,7 +247,7 @@ def _settled(
     simulation = simulation_of(positions, relaxed=True)
     moving, speed, speeds = 0.0, 0.0, []
     for frame in range(most):
-        if frame == SWUNG and simulation.sheet.springs.slips:
+        if frame == SWUNG and any(cloth.springs.slips for cloth in simulation.sheet.cloths):
             simulation = simulation_of(simulation.positions, **_known(simulation))
         before = simulation.positions
         simulation.step()

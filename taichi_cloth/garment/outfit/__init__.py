@@ -1,0 +1,1 @@
+"""Outfits: several garments on one body, each its own cloth, which touch by the contact of cloth with cloth."""
