@@ -190,7 +190,10 @@ def tried_on(scene: Scene, each: Progress | None) -> LetOut:
     toile = scene.model_copy(update={"garment": few})
     parts, known = dressed_parts(toile), dict[str, tuple[np.ndarray, np.ndarray]]()
     for _ in range(FITTINGS):
-        made = sewn(toile, _let_out(toile, parts, known) if known else parts, None, 0.0, each, toile=True)
+        try:
+            made = sewn(toile, _let_out(toile, parts, known) if known else parts, None, 0.0, each, toile=True)
+        except InputError:  # torn of so few key points: what it was let out by before still holds
+            break
         more = tight(made.garment, made.worn.positions)
         if not more:
             break
