@@ -9,42 +9,37 @@ from collections.abc import Callable
 from dataclasses import replace
 from math import asin, cos, degrees, log, pi, sin
 
-import cv2
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from taichi_cloth.detail.cell_stream import CellStream
 from taichi_cloth.detail.surfels import AREA, FLANKS, OPEN, TILTS, TO_EYE, TURNED, WARP, WEFT, SheetLook, guess_of
-from taichi_cloth.fabric.cells import CellCloth, CellPanel, CellThreads
+from taichi_cloth.fabric.cells import CellCloth
 from taichi_cloth.ground.cache import digest, kept
-from taichi_cloth.ground.mixing import SURFACE_SHARE
 
 from ...render.data.blocks import ParticleBlocks
-from ...render.data.camera import Camera, frame
+from ...render.data.camera import Camera
 from ...render.data.finish import Finish
 from ...render.data.light import KeyLight, Lighting
 from ...render.light.view import surface_share
 from ...render.splat.splat import Splatter
 from ...render.splat.stream import STREAMED
+from .few_fibres import fit_few
 from .flat_light import FlatLight
+from .flat_piece import SIZE, flat_camera, flat_piece
 
-__all__ = ["fit_look", "flat_piece", "seen_light"]
+__all__ = ["fit_look", "seen_light"]
 
 F64 = NDArray[np.float64]
 
-VERSION = 16
+VERSION = 17
 """Of what is kept on disk: raised whenever the same cloth would come to another look."""
-SIZE = 256, 192
-AZIMUTH = 30.0
 FIBRES, SHEETS = (60, 1.6), (240, 0.6)
 """Threads each way of the piece that is drawn of fibres, and of that drawn as a sheet, and pixels from one to the next
 where it is seen from above; at a flat angle more, so that its picture is not much smaller."""
 LIT, LIT_TILTS, LIT_KEYS, LEAST = (20, 5.0), (0.4, 0.9), (0, 1, 3), 0.3
 """Likewise of one that casts its own light, to tell what threads send back alone; the cosines of the angles at which it
 is seen, and which of `AROUND` shine on it; of what it is about, the least that there is."""
-INNER = 0.6
-"""Of a piece, each way, in which it is measured: its edges are not those of a large cloth."""
-CELL = 20
 COARSEST = 1e3
 """Radius [px] that no fibre has: they are drawn at the coarsest level, which is what the sheet fades into."""
 ROUNDS, STEADY = 5, 3e-3
@@ -57,8 +52,6 @@ CLEAR = 1e-3
 """Of light that passes through, less is taken for as much."""
 AROUND = ((0.0, 1.0, 0.0, 0.3), *((0.8 * cos(2 * pi * k / 5), 0.6, 0.8 * sin(2 * pi * k / 5), 0.2) for k in range(5)))
 """Directions and intensities of lights above the cloth and round it: a look is a mean over how light falls."""
-PROBE = (0.6, 0.0, 0.6), (0.0, 0.6, 0.6)
-"""Colours of warp and of weft by which they are told apart."""
 WHITE, BLACK, UNSEEN = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0), 1e-9
 """UNSEEN: of a light that is there only so that all pictures are drawn by the same kernel."""
 ONE_LIGHT = Lighting()
@@ -91,15 +84,18 @@ def fit_look(source: CellStream, finish: Finish, like: Lighting = ONE_LIGHT) -> 
     made_of = digest(VERSION, FLANKS, TO_EYE, TURNED, finish, guess, source.pitch, dyed, *parts)
 
     def make() -> dict[str, NDArray]:
-        every = [_measured(cloth, number, source.pitch, guess, finish, like) for number in range(len(cloth.repeats))]
+        repeats = range(len(cloth.repeats))
+        few = np.stack([fit_few(cloth, number, source.pitch) for number in repeats]).astype(np.float32)
+        start = replace(guess, few=few)
+        every = [_measured(cloth, number, source.pitch, start, finish, like) for number in repeats]
         alone = guess.alone
         if dyed:
-            of_repeat = [_alone(cloth, number, source.pitch, finish, like) for number in range(len(cloth.repeats))]
+            of_repeat = [_alone(cloth, number, source.pitch, finish, like) for number in repeats]
             alone = np.stack(of_repeat).astype(np.float32)
-        return {"factor": np.stack(every).astype(np.float32), "alone": alone}
+        return {"factor": np.stack(every).astype(np.float32), "alone": alone, "few": few}
 
     found = kept("sheet", made_of, make)[0]
-    return SheetLook(found["factor"], guess.lean, found["alone"])
+    return SheetLook(found["factor"], guess.lean, found["alone"], found["few"])
 
 
 def _alone(cloth: CellCloth, number: int, pitch: tuple[float, float], finish: Finish, like: Lighting) -> F64:
@@ -111,7 +107,7 @@ def _alone(cloth: CellCloth, number: int, pitch: tuple[float, float], finish: Fi
     splatter.load(ParticleBlocks(piece.sample(np.inf, level=min(1, cloth.bank.levels - 1))))
     for side in (0, 1):
         seen = np.zeros((2, 2))  # as always, and alone; of warp and of weft
-        cameras = [_camera(piece, degrees(asin(t)) * (1 - 2 * side), LIT[1] * t**-0.33) for t in LIT_TILTS]
+        cameras = [flat_camera(piece, degrees(asin(t)) * (1 - 2 * side), LIT[1] * t**-0.33) for t in LIT_TILTS]
         *keys, sky = _lightings(side, like)
         for lighting in (*(keys[k] for k in LIT_KEYS), replace(sky, fill=SKY)):
             for camera, where in cameras:
@@ -130,18 +126,18 @@ def _measured(
     splatter = Splatter(*SIZE)
     dark = surface_share(finish)
     fibres, sheet = (flat_piece(cloth, number, threads, pitch, dark=dark) for threads, _ in (FIBRES, SHEETS))
-    fibres.target, fibres.sheets = COARSEST, False
-    sheet.look = SheetLook(guess.factor.copy(), guess.lean, guess.alone)
+    fibres.target, fibres.sheets, fibres.look = COARSEST, False, guess
+    sheet.look = replace(guess, factor=guess.factor.copy())
     out = guess.factor[number].astype(np.float64)
 
     def got(now: F64, side: int, elevation: float) -> F64:
         sheet.look.factor[number, side] = now  # seen so, all of it is at this angle
-        return seen_light(splatter, sheet, *_camera(sheet, elevation, SHEETS[1]), finish, like)
+        return seen_light(splatter, sheet, *flat_camera(sheet, elevation, SHEETS[1]), finish, like)
 
     for side in (0, 1):
         for t, tilt in enumerate(TILTS):
             elevation = degrees(asin(tilt)) * (1 - 2 * side)
-            camera = _camera(fibres, elevation, FIBRES[1] * tilt**-0.33)
+            camera = flat_camera(fibres, elevation, FIBRES[1] * tilt**-0.33)
             want = seen_light(splatter, fibres, *camera, finish, like)
             start = out[side, max(t - 1, 0)].copy()
             out[side, t] = _solved(lambda now, at=(side, elevation): got(now, *at), want, start)
@@ -162,48 +158,6 @@ def _solved(got: Callable[[F64], F64], want: F64, start: F64) -> F64:
         if np.abs(now / before - 1.0).max() < STEADY:
             break
     return now
-
-
-def flat_piece(
-    cloth: CellCloth,
-    number: int,
-    threads: int,
-    pitch: tuple[float, float],
-    colours: NDArray | None = None,
-    *,
-    dark: float = SURFACE_SHARE,
-    probe: ArrayLike | None = None,
-) -> CellStream:
-    """A flat piece of so many threads each way, woven as a repeat says. colours: of its warp ends and then of its weft
-    picks, `CELL` for each cell and one more of both, (n, 3); None: of `probe`, or `PROBE`, over the `dark` that none is
-    darker than: else the little that a mixture has of one would be nothing."""
-    cells = -(-threads // CELL)
-    shape = cells + 1, cells + 1
-    count = cells * CELL + 1
-    if colours is None:
-        colours = np.maximum(np.repeat(PROBE if probe is None else probe, count, axis=0), dark)
-    panel = CellPanel(0, 0, *shape, number)
-    dyed = CellThreads.whole(np.asarray(colours, np.float32))
-    piece = CellCloth(shape, (CELL, CELL), cloth.repeats, (panel,), dyed, bank=cloth.bank)
-    points = np.zeros((*shape, 3))
-    points[..., 0] = np.arange(shape[1]) * CELL * pitch[0]
-    points[..., 2] = -np.arange(shape[0])[:, None] * CELL * pitch[1]
-    piece.move(points)
-    return CellStream(piece)
-
-
-def _camera(source: CellStream, elevation: float, pixels: float) -> tuple[Camera, NDArray[np.bool_]]:
-    """From far above or below, so many pixels from thread to thread; and which pixels show the inner part."""
-    points = source.cloth.node[:, :3].astype(np.float64)
-    camera = frame(points, width=SIZE[0], height=SIZE[1], elevation=elevation, azimuth=AZIMUTH, fov=4)
-    away = float(np.linalg.norm(points.mean(axis=0) + camera.rotation.T @ camera.translation))
-    camera = replace(camera, focal=pixels * away / float(np.sqrt(source.pitch[0] * source.pitch[1])))
-    low, high = points.min(axis=0), points.max(axis=0)
-    middle, half = (low + high) / 2, INNER * (high - low) / 2
-    corners = np.array([middle + half * (a, 0.0, b) for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))])
-    mask = np.zeros((SIZE[1], SIZE[0]), np.uint8)
-    cv2.fillConvexPoly(mask, np.rint(camera.project(corners)[:, :2]).astype(np.int32), 1)
-    return camera, mask > 0
 
 
 def seen_light(

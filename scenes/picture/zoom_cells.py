@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from taichi_cloth.detail.cell_stream import TARGET, CellStream
 from taichi_cloth.detail.near_cells import NearCells
-from taichi_cloth.detail.pieces import SURFACE
+from taichi_cloth.detail.pieces import COVERED
 from taichi_cloth.fabric.cells import CellCloth
 from taichi_cloth.fabric.surface import surface_points
 from taichi_cloth.ground.cache import digest, kept
@@ -28,8 +28,9 @@ from ...render.splat.splat import Splatter
 from ...render.tiles.mesh import Mesh, join, visible
 from ..models.moving_model import MovingModel
 from ..prepare.drawing import LIT, has_floor
+from .flat_piece import flat_piece
 from .gains import PROBE, colours_at, matched
-from .sheet_look import fit_look, flat_piece
+from .sheet_look import fit_look
 from .streamed import Closer, Streamed
 from .view import View
 from .zoom_path import RESOLUTION, nearing, skin_in
@@ -45,14 +46,14 @@ BEHIND = 0.01
 """Cloth so far behind skin [m] is not seen."""
 GRAZING = 0.3
 """Cosine of the angle between the cloth's normal and the view below which a zoom does not go there."""
-CLOSE = 1.3 * SURFACE[0]
-"""Mean radius of a fibre [px] at which most have just got a surface: there both must be as bright."""
+CLOSE = COVERED[0]
+"""Mean radius of a fibre [px] at which points on its skin cover it: there both must be as bright."""
 REGIONS = 0.05, 0.01
 """Across [m], in which maps of light tell thread from thread, and fibre from fibre."""
 LIT_BY = Lighting(key_follows_camera=False, shadows=True, occlusion=True)
 SIZE = 320, 192
 THREADS, CROSSINGS = 40, 6
-VERSION = 4
+VERSION = 5
 
 
 def zoom_cells(view: View, count: int, numbers: list[int]) -> Iterator[tuple[int, Image]]:

@@ -113,6 +113,8 @@ class CellStream:
         weft pick, on average [m]."""
         self.sheets = True
         """Whether cloth far away is drawn as a sheet."""
+        self.level: int | None = None
+        """At which all fibres are drawn, if not as a picture tells them apart."""
         self.look = guess_of(cloth.bank, cloth.repeats)
         self._batch = np.zeros(0, np.float32)
         self._yarn = np.zeros(0, np.int32)
@@ -148,6 +150,12 @@ class CellStream:
     def alone(self) -> F32:
         """Of each panel, see `SheetLook`."""
         return self.look.alone[[panel.repeat for panel in self.cloth.panels]]
+
+    @property
+    def _shades(self) -> F32:
+        """Of each panel, as `lay` takes them."""
+        few = self.look.few[[panel.repeat for panel in self.cloth.panels]]
+        return np.hstack([self.alone, few.reshape(len(few), -1)])
 
     @property
     def allocated(self) -> int:
@@ -210,6 +218,10 @@ class CellStream:
     def _levels(self, patch: I32, pixel: F64, share: F64) -> tuple[I32, F64]:
         """Patches at their levels, where a pixel is so wide [m] and that share of them is drawn of fibres; two where
         one level fades into the next."""
+        if self.level is not None:
+            out = patch.copy()
+            out[:, LEVEL] = self.level
+            return out, share
         size = self.cloth.bank.radius / (pixel[:, None] * max(self.target, 1e-9))  # finest first, so rising
         last = size.shape[1] - 1
         level = np.where((size >= 1.0).any(axis=1), (size >= 1.0).argmax(axis=1), last)
@@ -258,7 +270,7 @@ class CellStream:
         if fibres:
             lay(
                 *_shared_out(chosen[:fibres], starts[: fibres + 1]), seen.patch, seen.share, self.under,
-                self._leaning(seen.eye), self.alone, pack, out, self._yarn,
+                self._leaning(seen.eye), self._shades, pack, out, self._yarn,
             )  # fmt: skip
         if fibres < len(chosen):
             above = np.zeros(4) if seen.eye is None else np.array([1.0, *seen.eye])

@@ -30,7 +30,9 @@ from taichi_cloth.detail.patches import (
 from taichi_cloth.detail.pieces import (
     AFTER,
     BEFORE,
+    BEYOND,
     FAMILY,
+    MEETS,
     PARTED,
     PERIOD,
     PLACE,
@@ -43,8 +45,8 @@ from taichi_cloth.detail.pieces import (
 )
 from taichi_cloth.detail.skins import Skins
 from taichi_cloth.detail.view import Pinhole, View, view_of
-from taichi_cloth.fabric.cell_blocks import cell_shades, hashed
-from taichi_cloth.fabric.cells import CellPack
+from taichi_cloth.fabric.cell_blocks import cell_shades, cell_template, hashed
+from taichi_cloth.fabric.cells import TEMPLATES, CellPack
 from taichi_cloth.fabric.laying import lay_particle
 from taichi_cloth.fabric.surface import surface_points
 from taichi_cloth.fabric.templates import COLUMN
@@ -73,7 +75,7 @@ PERIODS = 20.0
 """Diameters of a fibre along a skin's period, about."""
 ABOUT, ASIDE = 8, 0.02
 """Threads each way among which a crown is looked for, and how much height outweighs a way aside."""
-MANY, BURIED = 64, 2.0
+MANY, BURIED = 64, 4.0
 """Pieces of more points are left without a surface where so many layers of others lie before them."""
 PARTS = 12
 """Patches across a region, at least, that it is cut out of a cloth by."""
@@ -140,6 +142,28 @@ def split_cells(
                     pieces_out[at, AFTER] = 1.0 if is_core and m % steps < steps - 1 else 0.0
                     pieces_out[at, THREAD] = yarn
                     pieces_out[at, FAMILY] = family
+                    for c in ti.static(range(7)):
+                        pieces_out[at, MEETS + c] = 0.0
+                    place_on = m % steps
+                    if is_core and (place_on == 0 or place_on == steps - 1):
+                        # Where the next block on the thread has its first piece of this fibre, or that before its last.
+                        on = 1 if place_on > 0 else -1
+                        next_i, next_j = i + on * (1 - family), j + on * family
+                        if next_i >= 0 and next_j >= 0:
+                            _yarn, _along, made = cell_template(cloth, patch[k, PANEL], family, next_i, next_j)
+                            if made >= 0:
+                                kind = patch[k, LEVEL] * cloth.grid[TEMPLATES] + made
+                                other = ti.cast(cloth.start[kind], ti.i32) + m - on * (steps - 1)
+                                q0, q1, along_it, up = p1, 2.0 * p1 - p0, a1, n1
+                                if on < 0:
+                                    q0, q1, along_it, up = 2.0 * p0 - p1, p0, a0, n0
+                                there, _d, looks = lay_particle(
+                                    cloth.particle, other, q0, q1, along_it, along_it, up, up
+                                )
+                                for c in ti.static(range(3)):
+                                    pieces_out[at, BEYOND + c] = there[c]
+                                    pieces_out[at, BEYOND + 3 + c] = looks[c]
+                                pieces_out[at, MEETS] = 1.0
                     at += 1
                 e += 1
 

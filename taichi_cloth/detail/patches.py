@@ -35,13 +35,15 @@ from taichi_cloth.ground.particles import (
 from taichi_cloth.ground.vectors import chunk_count, chunk_steps
 
 __all__ = [
-    "CELL", "CHUNKS", "FIRST_END", "FIRST_PICK", "LAYERS", "LEVEL", "PANEL", "PATCH", "PATCH_ENDS",
+    "CELL", "CHUNKS", "FEW", "FIRST_END", "FIRST_PICK", "LAYERS", "LEVEL", "PANEL", "PATCH", "PATCH_ENDS",
     "PATCH_PICKS", "count", "cut_away", "lay", "look", "look_at", "patch_block", "placed_block",
 ]  # fmt: skip
 
 CELL, PANEL, FIRST_PICK, FIRST_END, PATCH_PICKS, PATCH_ENDS, LAYERS, LEVEL = range(8)
 """Numbers of a patch: its cell and panel, its first pick and end in the panel, how many of each, layers, level."""
 PATCH = 8
+FEW = 7
+"""Numbers that `SheetLook` has of a level of fibres."""
 CHUNKS = 16
 
 
@@ -153,7 +155,7 @@ def lay(
     share: F32x1,
     under: F32x1,
     eye: F32x1,
-    alone: F32x2,
+    shades: F32x2,
     cloth: CellPack,
     # out
     groups_out: F32x3,
@@ -164,7 +166,8 @@ def lay(
     bounds: (CHUNKS + 1,) first of the chosen of each chunk of work. starts: (chosen + 1,) where each one's particles
     stand. share: of each patch's particles that are drawn, 1 for all; the last of them fade (`thinning.FADE`). under:
     (3,) how far the cloth's right side lies above its middle, and how far warp ends and weft picks lie apart [m].
-    eye: where it is (3,) [m], and how far normals of each level lean to it. alone: as of `cell_shades`.
+    eye: where it is (3,) [m], and how far normals of each level lean to it. shades: of each panel `alone`
+    as of `cell_shades`, then of each level `SheetLook.few`.
     """
     for step in range(ti.static(chunk_count(CHUNKS) * chunk_steps())):
         if step % ti.static(chunk_steps()) != 0:
@@ -177,22 +180,30 @@ def lay(
                 # The next block.
                 family, i, j, yarn, along, base, size = patch_block(patch, cloth, q, e)
                 since, up_to, p0, p1, a0, a1, n0, n1 = placed_block(patch, under, cloth, q, e, yarn, along)
-                right, wrong = cell_shades(cloth, p, family, yarn, i, j, alone)
+                right, wrong = cell_shades(cloth, p, family, yarn, i, j, shades)
+                few = 4 + FEW * patch[q, LEVEL]
                 for m in range(size):
                     t = base + m
                     x, d, outward = lay_particle(cloth.particle, t, p0, p1, a0, a1, n0, n1)
+                    on_right = cloth.particle[t, COLUMN.normal + 2] > 0.0
                     lean = eye[3 + patch[q, LEVEL]]
                     if lean > 0.0:
                         way = (ti.Vector([eye[0], eye[1], eye[2]]) - x).normalized()  # pyright: ignore[reportOptionalCall]
                         outward = (outward + lean * way).normalized()
+                    if shades[p, few + 5] + shades[p, few + 6] > 0.0:
+                        chance = ti.cast(hashed(yarn * 64 + along % 64, 2 * m + 4096), ti.f32) / 8388608.0 - 1.0
+                        aside = ti.cast(hashed(yarn * 64 + along % 64, 2 * m + 4097), ti.f32) / 8388608.0 - 1.0
+                        d += shades[p, few + 5] * chance * n0 + shades[p, few + 6] * aside * n0.cross(a0)
+                        d = d.normalized()
                     u = cloth.particle[t, COLUMN.u]
-                    radius = cloth.particle[t, COLUMN.radius]
+                    radius = cloth.particle[t, COLUMN.radius] * shades[p, few]
                     if share[q] < 1.0:
                         chance = ti.cast(hashed(yarn * 64 + along % 64, m), ti.f32) / 16777216.0
                         radius *= ti.math.clamp((share[q] - (1.0 - FADE) * chance) / FADE, 0.0, 1.0)
                     group, lane = at // LANES, at % LANES
                     tone = cloth.particle[t, COLUMN.tone]
-                    dyed = right if cloth.particle[t, COLUMN.normal + 2] > 0.0 else wrong
+                    dyed = right if on_right else wrong
+                    shut = shades[p, few + 1 + family] if on_right else shades[p, few + 3 + family]
                     for axis in ti.static(range(3)):
                         groups_out[POSITION + axis, group, lane] = x[axis]
                         groups_out[TANGENT + axis, group, lane] = d[axis]
@@ -200,7 +211,7 @@ def lay(
                         groups_out[COLOUR + axis, group, lane] = dyed[axis] * tone  # pyright: ignore[reportIndexIssue]
                     groups_out[RADIUS, group, lane] = 0.0 if cut_away(since, up_to, u) else radius
                     groups_out[HALF_LENGTH, group, lane] = cloth.particle[t, COLUMN.half_length]
-                    groups_out[OPENNESS, group, lane] = cloth.particle[t, COLUMN.openness]
+                    groups_out[OPENNESS, group, lane] = 1.0 - shut * (1.0 - cloth.particle[t, COLUMN.openness])
                     yarn_out[at] = yarn
                     at += 1
                 e += 1

@@ -25,12 +25,14 @@ from taichi_cloth.ground.particles import (
 )
 
 __all__ = [
-    "AFTER", "BEFORE", "FAMILY", "PARTED", "PERIOD", "PLACE", "SKINNED", "SURFACE", "THREAD", "TURN", "WIDTH", "place",
-    "split", "surface",
+    "AFTER", "BEFORE", "BEYOND", "COVERED", "FAMILY", "MEETS", "PARTED", "PERIOD", "PLACE", "SKINNED", "SURFACE",
+    "THREAD", "TURN", "WIDTH", "place", "split", "surface",
 ]  # fmt: skip
 
 SURFACE = (7.0, 16.0)
-"""Radius of a real fibre [px] at which its surface begins to show, and at which it is all there."""
+"""Radius of a real fibre [px] at which its surface begins to show, and at which it has all its relief."""
+COVERED = (13.0, 17.0)
+"""Radius [px] at which points on its surface cover a fibre, and at which nothing is left of the splats under them."""
 SPACING = 2.0
 """Distance between points on a fibre's surface [px]."""
 GROWN = 30.0
@@ -38,11 +40,12 @@ GROWN = 30.0
 LONG = 1.6
 """Half length of a piece whose fibres have not parted, in its radii, at least: a chain of pieces that are shorter than
 wide lets light past that one of longer ones does not, as each is fainter (`render.splat.project`)."""
-PLACE, PERIOD, TURN, SKINNED, PARTED, BEFORE, AFTER, THREAD, FAMILY = range(ROWS, ROWS + 9)
+PLACE, PERIOD, TURN, SKINNED, PARTED, BEFORE, AFTER, THREAD, FAMILY, MEETS, BEYOND = range(ROWS, ROWS + 11)
 """Numbers of a piece after those of a particle's record: its place along its skin's period, the period [m], the skin's
 turn [rad], whether it has one, how far it has parted, how far before and after it its neighbours on the fibre stand in
-the list, 0 at a block's end, its thread, and whether that is warp (0) or weft (1)."""
-WIDTH = ROWS + 9
+the list, 0 at a block's end, its thread, whether that is warp (0) or weft (1), whether the fibre is known to go on in
+the next block, and where its piece there stands and which way it looks (6)."""
+WIDTH = ROWS + 16
 """Numbers of a piece."""
 ARC = 220.0 / 180.0 * pi
 """How much of a fibre's circumference gets points: the side towards the camera, and a little more."""
@@ -138,6 +141,8 @@ def split(
                     pieces_out[q, AFTER] = count if is_core and m % steps[b] < steps[b] - 1 else 0
                     pieces_out[q, THREAD] = yarn
                     pieces_out[q, FAMILY] = fabric.family[b]
+                    for c in ti.static(range(7)):
+                        pieces_out[q, MEETS + c] = 0.0
                     q += 1
                 m += 1
 
@@ -152,7 +157,7 @@ def place(
     depth_out: F32x1,
     grid_out: I32x2,
 ):
-    """As `streaming.survey`, for pieces; grid_out: points along a piece and around it, 0 for one splat."""
+    """As `streaming.survey`, for pieces; grid_out: points along a piece and around it, beside its splat; 0 for none."""
     for q in range(pieces.shape[0]):
         at = seen_at(view, row(pieces, q))
         z = at[2]
@@ -172,7 +177,7 @@ def place(
                     along = ti.cast(ti.ceil(pieces[q, HALF_LENGTH] * scale * 2.0 / 3.0 / SPACING), ti.i32) + 1
                     around = ti.cast(ti.ceil(ARC * radius / SPACING), ti.i32) + 1
                     along, around = ti.min(along, 256), ti.min(around, 1024)
-                    count = along * around
+                    count = along * around + 1
         if count == 0:
             left, right, top, bottom = 1, 0, 1, 0
         boxes_out[q, 0] = ti.cast(left, ti.i16)
@@ -188,6 +193,31 @@ def place(
 @ti.func
 def _normal(pieces: F32x2, i):
     return ti.Vector([pieces[i, NORMAL], pieces[i, NORMAL + 1], pieces[i, NORMAL + 2]])
+
+
+@ti.func
+def _beyond(pieces: F32x2, i, other):
+    """Where the fibre goes on beyond its block after piece i, which has its neighbour `other` on the other side."""
+    at = row(pieces, i)
+    out = 2.0 * at - row(pieces, other)
+    if pieces[i, MEETS] > 0:
+        out = ti.Vector([pieces[i, BEYOND], pieces[i, BEYOND + 1], pieces[i, BEYOND + 2]])
+    return out
+
+
+@ti.func
+def _looks(pieces: F32x2, i):
+    """The normal there."""
+    out = _normal(pieces, i)
+    if pieces[i, MEETS] > 0:
+        out = ti.Vector([pieces[i, BEYOND + 3], pieces[i, BEYOND + 4], pieces[i, BEYOND + 5]])
+    return out
+
+
+@ti.func
+def _way(radius, begin, end):
+    """How far a radius [px] has come from `begin` to `end`, 0 to 1, evenly as the camera comes nearer."""
+    return ti.math.clamp(ti.log(ti.max(radius, 1e-6) / begin) / ti.log(end / begin), 0.0, 1.0)
 
 
 @ti.func
@@ -217,8 +247,9 @@ def surface(
     # out
     groups_out: F32x3,
 ):
-    """A piece as one splat, or as points on its skin: with ρ(s, θ) the height map over the mean radius r and e the
-    unit vector from the axis, points a + r ρ e with normals e − ρ_θ/ρ e_θ − r ρ_s t.
+    """A piece as one splat, or as points on its skin, too: with ρ(s, θ) the height map over the mean radius r and e the
+    unit vector from the axis, points a + r ρ e with normals e − ρ_θ/ρ e_θ − r ρ_s t. The points grow before the splat
+    as the camera comes nearer, and it goes when they cover it, each point by its own distance: no piece comes at once.
 
     chosen: numbers of pieces. starts: where each one's particles stand in groups_out. grid: of `place`. skin: ρ, rows
     along a period and columns around. gain: factors for the points' colour, of warp and of weft.
@@ -242,10 +273,11 @@ def surface(
                 x0, x2 = row(pieces, before), row(pieces, after)
                 n0, n1, n2 = _normal(pieces, before), _normal(pieces, p), _normal(pieces, after)
                 s0, s1, s2 = pieces[before, PLACE], pieces[p, PLACE], pieces[after, PLACE]
-                if before == p:  # the fibre goes straight on into the next block
-                    x0, s0 = 2.0 * at - x2, 2.0 * s1 - s2
+                # Beyond the block it goes on as the next one says, or straight.
+                if before == p:
+                    x0, n0, s0 = _beyond(pieces, p, after), _looks(pieces, p), 2.0 * s1 - s2
                 if after == p:
-                    x2, s2 = 2.0 * at - x0, 2.0 * s1 - s0
+                    x2, n2, s2 = _beyond(pieces, p, before), _looks(pieces, p), 2.0 * s1 - s0
                 # How much of its skin shows, and how it is cut into points.
                 radius = pieces[p, RADIUS]
                 toward = view.eye - at
@@ -267,6 +299,7 @@ def surface(
                     side = d.cross(outward)
                     front = ti.atan2(toward.dot(side), toward.dot(outward))
                     s = w0 * s0 + w1 * s1 + w2 * s2
+                    grown = _way(radius * view.focal / seen_at(view, middle)[2], SURFACE[0], COVERED[0])
                     for k in range(around):
                         angle = front + ((k + 0.5) / around - 0.5) * ARC
                         # A point on the skin, and its normal: more of the yarn's where little of the skin shows.
@@ -289,6 +322,10 @@ def surface(
                             groups_out[TANGENT + c, group, lane] = d[c]
                             groups_out[NORMAL + c, group, lane] = n[c]
                         width = ti.sqrt(rho * rho + by_angle * by_angle) * radius * ARC / around
-                        groups_out[RADIUS, group, lane] = 0.8 * width
-                        groups_out[HALF_LENGTH, group, lane] = ti.max(1.5 * gap, 0.8 * width)
+                        groups_out[RADIUS, group, lane] = grown * 0.8 * width
+                        groups_out[HALF_LENGTH, group, lane] = grown * ti.max(1.5 * gap, 0.8 * width)
                         groups_out[OPENNESS, group, lane] = pieces[p, OPENNESS]
+                last = q + along * around
+                for c in ti.static(range(ROWS)):
+                    groups_out[c, last // LANES, last % LANES] = pieces[p, c]
+                groups_out[RADIUS, last // LANES, last % LANES] = radius * (1.0 - _way(radius * scale, *COVERED))

@@ -12,7 +12,7 @@ import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
 
-from taichi_cloth.detail.patches import CELL, FIRST_END, FIRST_PICK, PANEL, PATCH_ENDS, PATCH_PICKS
+from taichi_cloth.detail.patches import CELL, FEW, FIRST_END, FIRST_PICK, PANEL, PATCH_ENDS, PATCH_PICKS
 from taichi_cloth.fabric.cell_blocks import cell_inside, cell_mean
 from taichi_cloth.fabric.cells import (
     COL,
@@ -71,16 +71,22 @@ Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018)."""
 
 @dataclass(frozen=True)
 class SheetLook:
-    """How the sheets of some repeats look. factor: (repeats, 2, TILTS, 4) of their right and their wrong side, what
-    `AREA` and so on name. lean: (repeats, 7) share of the right side that is warp; then of warp and of weft the mean
-    sine by which normals lean across the thread, and by which fibres lean from the cloth's plane along it; and how far
-    the one and the other turn to the eye along the thread. alone:
-    (repeats, 4) what threads send back with nothing but black ones round them, over what they do among their like: of
-    warp and of weft on the right side, then on the wrong one."""
+    """How the sheets of some repeats look, and few of their fibres.
+
+    factor: (repeats, 2, TILTS, 4) of their right and their wrong side, what `AREA` and so on name. lean: (repeats, 7)
+    share of the right side that is warp; then of warp and of weft the mean sine by which normals lean across the
+    thread, and by which fibres lean from the cloth's plane along it; and how far the one and the other turn to the eye
+    along the thread. alone: (repeats, 4) what threads send back with
+    nothing but black ones round them, over what they do among their like: of warp and of weft on the right side, then
+    on the wrong one. few: (repeats, levels, FEW) of each level of fibres, by what their width is taken times; what
+    they do not see of the sky, of warp and of weft on the right side, then on the wrong one; and the most by which
+    their directions are spread, out of the cloth and across the thread.
+    """
 
     factor: F32
     lean: F32
     alone: F32
+    few: F32
 
 
 def guess_of(bank: RepeatBank, repeats: tuple[WeaveRepeat, ...]) -> SheetLook:
@@ -112,7 +118,9 @@ def guess_of(bank: RepeatBank, repeats: tuple[WeaveRepeat, ...]) -> SheetLook:
         factor[r, 1, :, WARP], factor[r, 1, :, WEFT] = 1.0 - up, up
         factor[r, ..., OPEN] = 0.8
         begin += len(kinds)
-    return SheetLook(factor, lean, np.ones((len(repeats), 4), np.float32))
+    few = np.ones((len(repeats), bank.levels, FEW), np.float32)
+    few[..., 5:] = 0.0
+    return SheetLook(factor, lean, np.ones((len(repeats), 4), np.float32), few)
 
 
 @ti.kernel

@@ -51,7 +51,8 @@ class Detail:
     fibres: drawn a ply, at most as many as the yarn has. steps: particles along a fibre in a block.
     variants: different fillings of the same kind of block. fringe: free yarn beyond the last crossing [pitches].
     irregularity: how far threads stray from even spacing, in fractions of it. seed: of everything random.
-    hairs_each: real hairs that each drawn one stands for, as many times as wide.
+    hairs_each: real hairs that each drawn one stands for, as many times as wide. far: nobody tells one fibre from
+    another, so that pieces may lean from their course as those do that they stand for.
     """
 
     fibres: int = 12
@@ -61,6 +62,7 @@ class Detail:
     irregularity: float = 0.03
     seed: int = 0
     hairs_each: int = 1
+    far: bool = False
 
 
 @dataclass(frozen=True)

@@ -206,7 +206,8 @@ def _banks(layout: FabricLayout, periods: NDArray, variants: int) -> list[Templa
     bald = 0
     for fibres, steps in levels_of(layout.detail.fibres, layout.detail.steps, most):
         bald += fibres <= BALD
-        detail = replace(layout.detail, fibres=fibres, steps=steps, variants=variants, hairs_each=HAIRS_EACH**bald)
+        each = HAIRS_EACH**bald
+        detail = replace(layout.detail, fibres=fibres, steps=steps, variants=variants, hairs_each=each, far=bool(out))
         shown = _with_naps(layout) if bald else layout
         bank = build_templates(replace(shown, blocks=blocks, detail=detail))
         assert (np.diff(bank.template) == 1).all()  # in the order of the blocks

@@ -17,7 +17,7 @@ from taichi_cloth.ground.particles import Property, first_numbers
 from taichi_cloth.weave.crimp import PathKinds, centreline
 from taichi_cloth.yarn.hairs import hairs
 from taichi_cloth.yarn.spin import Period, Strands, spin, unit
-from taichi_cloth.yarn.thick_fibres import further_apart, standing_out, thicker_by
+from taichi_cloth.yarn.thick_fibres import further_apart, standing_out, thicker_by, twist_of
 from taichi_cloth.yarn.yarn import Yarn
 
 __all__ = ["COLUMN", "TemplateBank", "build_templates", "particle_count", "particles_per_body_block"]
@@ -231,6 +231,9 @@ def _core(
     out = out * np.clip(offset[..., 2] / radius[..., None], -1.0, 1.0)
     normal = normal * (gather(spun.away) * (size.mean(axis=-1) / yarn.diameter))[..., None]
     normal[..., 2] += out
+    if layout.detail.far:  # there they lean farther across the yarn, too, as far as it is twisted
+        leaning = twist_of(spun.position[..., 1:], spun.tangent, spun.ply)
+        tangent[..., 1] -= leaning * out * (yarn.diameter / size.mean(axis=-1))
     across, over = np.moveaxis(2.0 * section_yz / size, -1, 0)
     nearer = np.hypot(across, over + 2.0 * out / size[..., 1]) - np.hypot(across, over)
     stretch = (layout.kinds.pitch[kind] / period.block_length)[:, None, None]
@@ -241,7 +244,7 @@ def _core(
         template,
         u=np.broadcast_to(u, shape),
         offset=offset,
-        tangent=tangent,
+        tangent=unit(tangent) if layout.detail.far else tangent,
         normal=unit(normal),
         radius=np.broadcast_to(radius[..., None], shape),
         half_length=gather(spun.half_length) * stretch * np.sqrt(1.0 + slope**2)[:, None, :],

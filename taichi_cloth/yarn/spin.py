@@ -164,9 +164,11 @@ class _Course:
         spread = max(1, mean_waves // 3)
         self.waves = rng.integers(max(1, mean_waves - spread), mean_waves + spread + 1, (rows, 2))
         self.wave_phase = rng.uniform(0.0, 2.0 * pi, (rows, 2))
-        self.tone = 1.0 + TONE * np.clip(rng.standard_normal(rows), -2.0, 2.0)
+        tone = np.clip(rng.standard_normal(rows), -2.0, 2.0)
         girth = 1.0 + GIRTH * rng.uniform(-1.0, 1.0, rows)
         self.girth = girth / np.sqrt(np.mean(girth**2))  # spread, at the same area in all
+        # A yarn's colour is the mean of few as of many.
+        self.tone = 1.0 + TONE * (tone - np.average(tone, weights=girth))
         self.inset = np.maximum(0.0, 1.0 - drawn_radius(yarn, fibres) * self.girth / min(yarn.ply_axes))[:, None]
 
     def __call__(self, x: F64) -> tuple[F64, F64, F64]:

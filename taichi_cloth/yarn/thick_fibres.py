@@ -8,7 +8,7 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["covered", "further_apart", "standing_out", "thicker_by"]
+__all__ = ["covered", "further_apart", "standing_out", "thicker_by", "twist_of"]
 
 F64 = NDArray[np.float64]
 LAYERS = 1.5
@@ -67,3 +67,16 @@ def standing_out(radius: F64, grown: F64, share: float) -> F64:
     """How far beyond the middle of a drawn fibre of a radius (t, f) [m], made thicker by `grown` (t, 1), those lie that
     are seen of the ones that it stands for, (t, f) [m]. share: of a yarn's fibres that is drawn."""
     return SEEN * (1.0 - sqrt(share)) * radius / grown
+
+
+def twist_of(section: F64, tangent: F64, ply: NDArray[np.integer]) -> float:
+    """How fast the fibres of a yarn go round the middle of their ply [rad/m], the mean: where one lies d from there,
+    its course leans across the yarn by this times d. section: (f, k, 2) [m]. tangent: (f, k, 3), x along. ply: (f,)."""
+    turned = square = 0.0
+    for number in np.unique(ply):
+        mine = ply == number
+        d, lean = section[mine], tangent[mine, :, 1:] / np.maximum(tangent[mine, :, :1], 1e-6)
+        d, lean = d - d.mean(axis=0), lean - lean.mean(axis=0)
+        turned += float((d[..., 0] * lean[..., 1] - d[..., 1] * lean[..., 0]).sum())
+        square += float((d * d).sum())
+    return turned / max(square, 1e-30)

@@ -7,11 +7,12 @@ import pytest
 
 from taichi_cloth.detail.cell_stream import TARGET, CellStream
 from taichi_cloth.detail.near_cells import NearCells
-from taichi_cloth.detail.pieces import SURFACE
+from taichi_cloth.detail.patches import FIRST_PICK, PATCH_ENDS, PATCH_PICKS
+from taichi_cloth.detail.pieces import BEYOND, COVERED, FAMILY, MEETS, SKINNED, SURFACE
 from taichi_cloth.fibre.contours import contour
 from taichi_cloth.fibre.relief import skin_of
 from taichi_cloth.ground.errors import InputError
-from taichi_cloth.ground.particles import OPENNESS, POSITION, RADIUS, ROWS
+from taichi_cloth.ground.particles import LANES, OPENNESS, POSITION, RADIUS, ROWS
 from taichi_cloth.render.data.blocks import ParticleBlocks
 from taichi_cloth.render.data.camera import Camera, frame
 from taichi_cloth.render.data.finish import finish_for
@@ -61,6 +62,48 @@ def test_far_away_it_is_the_cloth_on_cells(near: NearCells) -> None:
     fine, plain = near.survey(camera), near.cells.survey(camera)
     assert not len(fine.pieces)
     assert (fine.counts == plain.counts).all()
+
+
+def test_points_on_a_skin_grow_before_the_splats_that_they_cover(near: NearCells) -> None:
+    """From nothing to all of their width; the splat goes when they cover it, so that none comes or goes at once."""
+    widths = []
+    for pixels in (0.9 * SURFACE[0], 1.2 * SURFACE[0], COVERED[0], 1.4 * COVERED[1]):
+        camera = above(near, pixels)
+        survey = near.survey(camera)
+        mine = np.flatnonzero((survey.grid[:, 0] > 0) & (survey.pieces[:, RADIUS] > 0))
+        assert len(mine) > 10
+        number = len(survey.cells.counts) + mine
+        particles, _ = near.lay(survey, number.astype(np.int32))
+        last = np.cumsum(survey.counts[number]) - 1
+        first = particles.shape[1] * particles.shape[2] - (-(-(last[-1] + 1) // LANES)) * LANES
+        radius, pixels_each = particles[RADIUS].ravel()[first:], camera.focal / survey.depth[number]
+        own = survey.pieces[mine, RADIUS]
+        widths.append((own * pixels_each, radius[last - 1] * pixels_each, radius[last] / own))
+    for size, of_point, of_splat in widths:
+        grown = np.clip(np.log(size / SURFACE[0]) / np.log(COVERED[0] / SURFACE[0]), 0.0, 1.0)
+        assert (of_point[grown < 0.1] < 0.3).all()
+        assert not (grown >= 1.0).any() or of_point[grown >= 1.0].mean() > 1.0
+        assert of_splat[size < COVERED[0]] == pytest.approx(1.0)
+        assert of_splat[size > COVERED[1]] == pytest.approx(0.0)
+
+
+def test_skins_of_neighbouring_blocks_meet(near: NearCells) -> None:
+    """What a fibre's last piece in a block takes for the next one's first is where that is."""
+    patch = near.cells.whole()
+    two = np.stack([patch[len(patch) // 2]] * 2)
+    two[:, [PATCH_PICKS, PATCH_ENDS]] = 1
+    two[1, FIRST_PICK] += 1
+    core = near._core[0]
+    pieces = near._pieces(two).astype(np.float64)
+    warp = pieces[(pieces[:, FAMILY] == 0) & (pieces[:, SKINNED] > 0)][: 2 * core]
+    first, second = warp.reshape(2, -1, near.steps, pieces.shape[1])
+    assert (first[:, -1, MEETS] > 0).all()
+    assert (first[:, 1:-1, MEETS] == 0).all()
+    place = slice(POSITION, POSITION + 3)
+    assert first[:, -1, BEYOND : BEYOND + 3] == pytest.approx(second[:, 0, place], abs=1e-6)
+    assert second[:, 0, BEYOND : BEYOND + 3] == pytest.approx(first[:, -1, place], abs=1e-6)
+    straight = 2.0 * first[:, -1, place] - first[:, -2, place]
+    assert np.abs(straight - second[:, 0, place]).max() > 2e-6  # which going straight on does not come to
 
 
 @pytest.mark.slow

@@ -9,6 +9,7 @@ from taichi_cloth.ground.errors import InputError
 from taichi_cloth.yarn.count import in_tex
 from taichi_cloth.yarn.hairs import hairs, usual_hairiness
 from taichi_cloth.yarn.spin import Period, pack_section, rotate_section, spin
+from taichi_cloth.yarn.thick_fibres import twist_of
 from taichi_cloth.yarn.yarn import Hairiness, Yarn, resultant_count, turns_per_m
 
 BLOCK = 0.4e-3
@@ -45,6 +46,22 @@ def test_diameter_of_the_laid_out_yarn(plies: int):
     _, strands = laid_out(yarn, fibres=400)
     reach = (np.hypot(strands.position[..., 1], strands.position[..., 2]) + strands.radius).max()
     assert 2 * reach == pytest.approx(yarn.diameter, rel=0.01)
+
+
+def test_how_fast_fibres_go_round_is_found_from_their_courses():
+    yarn = Yarn(count_tex=in_tex(40, "Ne"), plies=1, twist_per_m=900, migration=0.0)
+    for fibres in (4, 60):
+        period, strands = laid_out(yarn, fibres=fibres)
+        turned = twist_of(strands.position[..., 1:], strands.tangent, strands.ply)
+        assert turned == pytest.approx(2 * pi * period.single_turns / period.length, rel=2e-3)
+
+
+@pytest.mark.parametrize("fibres", [3, 12, 60])
+def test_few_fibres_are_as_bright_as_many(fibres: int):
+    """The mean of their tone, by their area, is the yarn's colour."""
+    _, strands = laid_out(Yarn(count_tex=20, plies=2, twist_per_m=600), fibres=fibres)
+    assert np.average(strands.tone, weights=strands.radius.mean(axis=1)) == pytest.approx(1.0, abs=1e-9)
+    assert strands.tone.std() > 0.02
 
 
 def test_helix_angle_and_contraction_of_the_laid_out_single():

@@ -1,0 +1,65 @@
+"""A flat piece of a cloth on cells, and from where it is measured: what is the same wherever a cloth goes."""
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from taichi_cloth.detail.cell_stream import CellStream
+from taichi_cloth.fabric.cells import CellCloth, CellPanel, CellThreads
+from taichi_cloth.ground.mixing import SURFACE_SHARE
+
+from ...render.data.camera import Camera, frame
+
+__all__ = ["SIZE", "flat_camera", "flat_piece"]
+
+SIZE = 256, 192
+AZIMUTH = 30.0
+INNER = 0.6
+"""Of a piece, each way, in which it is measured: its edges are not those of a large cloth."""
+CELL = 20
+PROBE = (0.6, 0.0, 0.6), (0.0, 0.6, 0.6)
+"""Colours of warp and of weft by which they are told apart."""
+
+
+def flat_piece(
+    cloth: CellCloth,
+    number: int,
+    threads: int,
+    pitch: tuple[float, float],
+    colours: NDArray | None = None,
+    *,
+    dark: float = SURFACE_SHARE,
+    probe: ArrayLike | None = None,
+) -> CellStream:
+    """A flat piece of so many threads each way, woven as a repeat says. colours: of its warp ends and then of its weft
+    picks, `CELL` for each cell and one more of both, (n, 3); None: of `probe`, or `PROBE`, over the `dark` that none is
+    darker than: else the little that a mixture has of one would be nothing."""
+    cells = -(-threads // CELL)
+    shape = cells + 1, cells + 1
+    count = cells * CELL + 1
+    if colours is None:
+        colours = np.maximum(np.repeat(PROBE if probe is None else probe, count, axis=0), dark)
+    panel = CellPanel(0, 0, *shape, number)
+    dyed = CellThreads.whole(np.asarray(colours, np.float32))
+    piece = CellCloth(shape, (CELL, CELL), cloth.repeats, (panel,), dyed, bank=cloth.bank)
+    points = np.zeros((*shape, 3))
+    points[..., 0] = np.arange(shape[1]) * CELL * pitch[0]
+    points[..., 2] = -np.arange(shape[0])[:, None] * CELL * pitch[1]
+    piece.move(points)
+    return CellStream(piece)
+
+
+def flat_camera(source: CellStream, elevation: float, pixels: float) -> tuple[Camera, NDArray[np.bool_]]:
+    """From far above or below, so many pixels from thread to thread; and which pixels show the inner part."""
+    points = source.cloth.node[:, :3].astype(np.float64)
+    camera = frame(points, width=SIZE[0], height=SIZE[1], elevation=elevation, azimuth=AZIMUTH, fov=4)
+    away = float(np.linalg.norm(points.mean(axis=0) + camera.rotation.T @ camera.translation))
+    camera = replace(camera, focal=pixels * away / float(np.sqrt(source.pitch[0] * source.pitch[1])))
+    low, high = points.min(axis=0), points.max(axis=0)
+    middle, half = (low + high) / 2, INNER * (high - low) / 2
+    corners = np.array([middle + half * (a, 0.0, b) for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))])
+    mask = np.zeros((SIZE[1], SIZE[0]), np.uint8)
+    cv2.fillConvexPoly(mask, np.rint(camera.project(corners)[:, :2]).astype(np.int32), 1)
+    return camera, mask > 0
