@@ -123,3 +123,20 @@ def test_what_hangs_on_more_than_its_holds_bear_slides(share, solver):
     assert fallen == pytest.approx(expected, rel=0.03, abs=2e-5)
     slid = ties.slid(simulation.state)
     assert slid[1] == pytest.approx(-expected, rel=0.03, abs=2e-5)
+
+
+def test_places_that_slide_begin_where_the_cloth_is():
+    """A strip held 10 mm below its places by what bears it: it stays, where it would be drawn up."""
+    sheet = strip(rows=9, length=0.08)
+    forces = Forces(gravity=(0.0, -9.81, 0.0))
+    x = sheet.flat() * np.array([1.0, -1.0, 1.0])
+    nodes, most = np.array([[[0, c]] for c in range(COLS)]), np.full(COLS, 9.81 * sheet.mass.sum())
+    ties = Ties(sheet, nodes, np.ones((COLS, 1)), places=x[0] + [0, 0.01, 0], most=most, repeated=False)
+    solver = Verlet(sheet, forces, frame_rate=60.0, constraints=constraints_for(sheet, forces, ties=(ties,)))
+    simulation = Simulation(sheet, solver, forces=forces, positions=x)
+    assert ties.gaps(simulation.state) == pytest.approx(0.01, rel=1e-3)
+    ties.slide(simulation.state)
+    assert ties.gaps(simulation.state).max() < 1e-6
+    for _ in range(10):
+        simulation.step()
+    assert np.abs((simulation.positions - x)[0]).max() < 1e-4

@@ -241,11 +241,13 @@ class Garment:
         constraints = constraints_for(sheet, forces, ties=ties, outline=outline, answered=kind.answers)
         made = kind(sheet, forces, frame_rate=frame_rate, step=step, safety=safety, constraints=constraints)
         simulation = Simulation(sheet, made, forces=forces, positions=positions, settled=settled)
+        for tie in ties:
+            tie.slide(simulation.state)
         if pushes is not None and pushes.size:
             for seam in seams_of(simulation):
-                whole = np.zeros((3, seam.count), np.float32)
-                whole[:, self.asked if seam.count == len(self.asked) else slice(None)] = pushes
-                seam.push(simulation.state, whole)
+                whole = np.zeros((3, len(self.asked)), np.float32)
+                whole[:, self.asked if pushes.shape[1] < len(self.asked) else slice(None)] = pushes
+                seam.push(simulation.state, whole if seam.count == len(self.asked) else whole[:, self.asked])
         if isinstance(made, Yarns) and sweeps:
             made.take_sweeps(sweeps)
         if anchors is not None and anchors.size:

@@ -238,7 +238,8 @@ def _settled(
 
     What rubs within the cloth goes along as long as it is halted, and holds from then on: it comes to rest as what has
     been moved about does, and then stays. Held all the way it would keep the folds that sewing made; never held, folds
-    creep for seconds until one gives way.
+    creep for seconds until one gives way. What is held at the body is nailed there until it is at rest, and slides from
+    then on (`Garment.borne`) until it is again.
     """
 
     def simulation_of(positions: F32, **known: Any) -> Simulation:
@@ -246,6 +247,7 @@ def _settled(
 
     simulation = simulation_of(positions, relaxed=True)
     moving, speed, speeds = 0.0, 0.0, []
+    held = np.full(len(garment.holds()[2]), -1)  # by no bone
     for frame in range(most):
         if frame == SWUNG and any(cloth.springs.slips for cloth in simulation.sheet.cloths):
             simulation = simulation_of(simulation.positions, **_known(simulation))
@@ -262,7 +264,10 @@ def _settled(
             speeds.append(moving)
             speed = max(speeds[-STEADY:])
             if len(speeds) >= STEADY and speed < STILL and (forces.self_contact is None or clear(simulation.positions)):
-                return simulation, speed, frame + 1
+                if not held.size:
+                    return simulation, speed, frame + 1
+                simulation = simulation_of(simulation.positions, bones=held, **_known(simulation))
+                held, speeds = held[:0], []
     return simulation, speed, most
 
 
