@@ -18,10 +18,13 @@ from ...measure.moved import timed
 from .cases import CASES, FRAME_RATE, Case
 from .reference import Scheme, scheme_course
 
-__all__ = ["NOW", "ONE_SWEEP", "VERLET", "XPBD", "Setting", "settings", "verlet", "yarns"]
+__all__ = ["LOOPS", "NOW", "ONE_SWEEP", "VERLET", "XPBD", "Setting", "settings", "verlet", "yarns"]
 
 F64 = NDArray[np.float64]
 VERLET, NOW, XPBD, ONE_SWEEP = "Verlet", "yarns, n(y), 2 sweeps", "XPBD", "one stable sweep"
+LOOPS = ", as a device runs it"
+"""After the name of a method that runs as parallel loops: what a device does, here on a CPU."""
+
 SUBSTEPS = (20, None, 80, 160)
 """Of whole yarns; None: as many as they take by themselves."""
 
@@ -70,6 +73,8 @@ def settings(case: Case, *, quick: bool) -> Iterator[Setting]:
     if case.threads <= STIFFEST_VERLET:
         for parts in PARTS[:1] if quick else PARTS:
             yield verlet(case, parts)
+        yield verlet(case, loops=True)
+    yield yarns(case, loops=True)
     for sweeps in SWEEPS[:1] if quick else SWEEPS:
         for substeps in SUBSTEPS[:3] if quick else SUBSTEPS:
             yield yarns(case, substeps, sweeps=sweeps)
@@ -80,22 +85,26 @@ def settings(case: Case, *, quick: bool) -> Iterator[Setting]:
             yield _plain(case, method, substeps)
 
 
-def verlet(case: Case, parts: int = 1) -> Setting:
+def verlet(case: Case, parts: int = 1, *, loops: bool = False) -> Setting:
+    """loops: as parallel loops, which is what a device runs."""
     usual = Verlet(case.sheet, case.forces, frame_rate=FRAME_RATE)
 
     def run() -> tuple[F64, float]:
         step = usual.step / parts
-        return _moved(case, lambda: Verlet(case.sheet, case.forces, frame_rate=FRAME_RATE, step=step))
+        return _moved(case, lambda: _way(Verlet(case.sheet, case.forces, frame_rate=FRAME_RATE, step=step), loops))
 
-    return Setting(VERLET, parts * usual.substeps, run, parts == 1, parts == 1)
+    own = parts == 1 and not loops
+    return Setting(VERLET + LOOPS * loops, parts * usual.substeps, run, own, own)
 
 
 def yarns(
-    case: Case, substeps: int | None = None, *, sweeps: int = SWEEPS[0], kind: type[Yarns] = Yarns, method: str = ""
-) -> Setting:
-    """With so many substeps, at least: a taut thread may ask for more. None: as many as they take by themselves."""
+    case: Case, substeps: int | None = None, *, sweeps: int = SWEEPS[0], kind: type[Yarns] = Yarns, method: str = "",
+    loops: bool = False,
+) -> Setting:  # fmt: skip
+    """With so many substeps, at least: a taut thread may ask for more. None: as many as they take by themselves.
+    loops: as parallel loops, which is what a device runs."""
     usual = kind(case.sheet, case.forces, frame_rate=FRAME_RATE)
-    shown = sweeps == usual.sweeps and substeps is None
+    shown = sweeps == usual.sweeps and substeps is None and not loops
     substeps = substeps or usual.substeps
 
     def solver() -> Yarns:
@@ -105,8 +114,16 @@ def yarns(
             return one
         return kind(case.sheet, case.forces, frame_rate=FRAME_RATE, step=1 / FRAME_RATE / substeps, sweeps=sweeps)
 
-    method = method or f"yarns, blend, {sweeps} sweep{'s' * (sweeps > 1)}"
-    return Setting(method, substeps, lambda: _moved(case, solver), shown and kind is Yarns, shown)
+    method = (method or f"yarns, blend, {sweeps} sweep{'s' * (sweeps > 1)}") + LOOPS * loops
+    return Setting(
+        method, substeps, lambda: _moved(case, lambda: _way(solver(), loops)), shown and kind is Yarns, shown
+    )
+
+
+def _way(solver: Verlet | Yarns, loops: bool) -> Verlet | Yarns:
+    if loops:
+        solver.loops_from = 0
+    return solver
 
 
 def _plain(case: Case, method: str, substeps: int) -> Setting:
