@@ -12,13 +12,16 @@ from .study import Row, Study, lines_of
 
 __all__ = ["PARTS", "draw", "draw_bars", "require_matplotlib"]
 
-COLOURS = ("#c0392b", "#1f4e9c", "#2f8f4e", "#e08e2b", "#7d4fa6", "#5fa8e8", "#8a5a16", "#444444")
+COLOURS = (
+    *("#c0392b", "#1f4e9c", "#2f8f4e", "#e08e2b", "#7d4fa6", "#5fa8e8", "#8a5a16", "#444444"),
+    *("#d6568f", "#12a39a"),
+)
 PARTS = (
     *("#b8bec7", "#8d99a8", "#6f7f92", "#c9b28a", "#a98f66", "#7f9e6b", "#9c6b8e", "#e3a34f"),
     *("#c0392b", "#d98880", "#1f4e9c", "#5fa8e8", "#444444"),
 )
 """Of bars' parts."""
-MARKERS = ("o", "s", "^", "D", "v", "P", "<", ">")
+MARKERS = ("o", "s", "^", "D", "v", "P", "<", ">", "X", "h")
 WIDTH, HEIGHT = 5.6, 4.0  # of a panel [inch]
 FOOT = 0.05
 """Where on the axis of errors, as a share of it, a setting stands that is as good as the reference."""

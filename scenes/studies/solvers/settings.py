@@ -73,8 +73,6 @@ def settings(case: Case, *, quick: bool) -> Iterator[Setting]:
     if case.threads <= STIFFEST_VERLET:
         for parts in PARTS[:1] if quick else PARTS:
             yield verlet(case, parts)
-        yield verlet(case, loops=True)
-    yield yarns(case, loops=True)
     for sweeps in SWEEPS[:1] if quick else SWEEPS:
         for substeps in SUBSTEPS[:3] if quick else SUBSTEPS:
             yield yarns(case, substeps, sweeps=sweeps)
@@ -83,6 +81,11 @@ def settings(case: Case, *, quick: bool) -> Iterator[Setting]:
     for method, several in OTHERS.items():
         for substeps in several[:2] if quick else several:
             yield _plain(case, method, substeps)
+    if case.threads <= STIFFEST_VERLET:
+        for parts in PARTS[:1] if quick else PARTS:
+            yield verlet(case, parts, loops=True)
+    for substeps in SUBSTEPS[1:2] if quick else SUBSTEPS[1:]:
+        yield yarns(case, substeps, loops=True)
 
 
 def verlet(case: Case, parts: int = 1, *, loops: bool = False) -> Setting:
