@@ -74,7 +74,7 @@ __all__ = [
     "woven_garment",
 ]
 
-VERSION = 44
+VERSION = 45
 """Of what is kept on disk: raised whenever the same scene would come to another rest."""
 
 TOILE, FITTINGS = 2000, 2
@@ -231,7 +231,7 @@ def sewn(
 
     arrays, found = kept("toile" if toile else "worn", made_of, make)
     numbers = {name: arrays[name].item() for name in ("gap", "depth", "stretch", "taut", "speed", "frames", "sweeps")}
-    worn = Worn(**{name: arrays[name] for name in ("positions", "pushes", "anchors", "spared")}, **numbers)
+    worn = Worn(**{name: arrays[name] for name in ("positions", "pushes", "slid", "anchors", "spared")}, **numbers)
     return Dressed(**vars(parts), worn=worn, from_disk=found)
 
 
@@ -380,6 +380,7 @@ def garment_simulation(
         pushes=worn.pushes,
         sweeps=worn.sweeps,
         anchors=worn.anchors,
+        slid=worn.slid,
     )
 
 

@@ -193,12 +193,9 @@ class Ties(SharedConstraint):
         return self._widths(state, self.targets(bones, state))
 
     def _widths(self, state: SheetState, targets: F64) -> F64:
-        apart = self._apart(state, targets)
-        return np.sqrt((apart * apart).sum(axis=1))
-
-    def _apart(self, state: SheetState, targets: F64) -> F64:
         flat = state.values[:3].reshape(3, -1)
-        return np.einsum("cnk,nk->nc", flat[:, self.index], self.blend) - targets
+        apart = np.einsum("cnk,nk->nc", flat[:, self.index], self.blend) - targets
+        return np.sqrt((apart * apart).sum(axis=1))
 
     def loop(self, loops: Any, again: bool) -> Callable[..., Any]:
         if self._loops is None or self._loops.ties is not self.fields:
@@ -226,10 +223,10 @@ class Ties(SharedConstraint):
         """How far each place has slid on what carries it, in its axes at rest, (3, ties) [m]."""
         return np.zeros((3, self.count), np.float32) if self.most is None else self._kept(state)
 
-    def slide(self, state: SheetState) -> None:
-        """Places that slide begin where the cloth is, on a body at rest: nothing is drawn back to where it was."""
+    def slide(self, state: SheetState, slid: NDArray[np.float32]) -> None:
+        """Begins with `slid` of another simulation of the same ties, so that nothing is drawn back to where it was."""
         if self.most is not None:
-            self._kept(state)[:, self.held] += self._apart(state, self.targets(None, state)).T[:, self.held]
+            self._kept(state)[:] = slid
 
     def _kept(self, state: SheetState) -> NDArray[np.float32]:
         """What each tie is usually pushed by in a substep, or how far its place has slid, a view (3, ties) [m]."""

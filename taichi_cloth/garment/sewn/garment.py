@@ -25,7 +25,7 @@ from taichi_cloth.sheet.springs import calibrate
 from taichi_cloth.solvers.named import named_solver
 from taichi_cloth.solvers.yarns import Yarns
 
-__all__ = ["Garment", "seams_of"]
+__all__ = ["Garment", "holds_of", "seams_of"]
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -224,12 +224,14 @@ class Garment:
         solver: str = "verlet",
         settled: bool = False,
         pushes: F32 | None = None,
+        slid: F32 | None = None,
         sweeps: int = 0,
         anchors: F32 | None = None,
         relaxed: bool = False,
     ) -> Simulation:
         """The garment in motion from `positions`, seams and holds tied. bones: that carry the holds, −1 for none; None:
-        none are carried. solver: see `named_solver`. settled: see `Simulation`. pushes, sweeps, anchors: of `Worn`.
+        none are carried. solver: see `named_solver`. settled: see `Simulation`. pushes, slid, sweeps, anchors: of
+        `Worn`.
         relaxed: nothing rubs within the cloth, see `Springs.relaxed`.
         """
         sheet = self.moving(air_damping)
@@ -241,8 +243,8 @@ class Garment:
         constraints = constraints_for(sheet, forces, ties=ties, outline=outline, answered=kind.answers)
         made = kind(sheet, forces, frame_rate=frame_rate, step=step, safety=safety, constraints=constraints)
         simulation = Simulation(sheet, made, forces=forces, positions=positions, settled=settled)
-        for tie in ties:
-            tie.slide(simulation.state)
+        if slid is not None and slid.size:
+            holds_of(simulation).slide(simulation.state, slid)
         if pushes is not None and pushes.size:
             for seam in seams_of(simulation):
                 whole = np.zeros((3, len(self.asked)), np.float32)
@@ -263,3 +265,8 @@ def _named(nodes: I64, weights: F64) -> list[bytes]:
 def seams_of(simulation: Simulation) -> list[Ties]:
     """All seams, one object or none."""
     return [one for one in simulation.solver.constraints if isinstance(one, Ties) and one.repeated]
+
+
+def holds_of(simulation: Simulation) -> Ties:
+    """All places that hold it; one that holds nothing where there are none."""
+    return next(one for one in simulation.solver.constraints if isinstance(one, Ties) and not one.repeated)

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_cloth.body.colliders.colliders import Colliders, solid_distance
-from taichi_cloth.garment.sewn.garment import Garment, seams_of
+from taichi_cloth.garment.sewn.garment import Garment, holds_of, seams_of
 from taichi_cloth.garment.sewn.lies import crossed
 from taichi_cloth.garment.sewn.limbs import spared
 from taichi_cloth.ground.errors import InputError, Unstable
@@ -66,8 +66,8 @@ class Worn:
     frames: that sewing took.
 
     What a simulation that goes on from there needs, or it begins with a jerk: pushes, what keeps its seams closed, see
-    `Ties.pushes`; sweeps, over whole yarns, 0 of another solver; anchors, see `KernelSolver.anchors`; spared, of the
-    body as it was, see `Colliders`, empty where nothing is.
+    `Ties.pushes`; slid, how far places that hold it have, see `Ties.slid`; sweeps, over whole yarns, 0 of another
+    solver; anchors, see `KernelSolver.anchors`; spared, of the body as it was, see `Colliders`, empty where nothing is.
     """
 
     positions: F32
@@ -78,6 +78,7 @@ class Worn:
     speed: float
     frames: int
     pushes: F32 = field(default_factory=lambda: np.zeros((3, 0), np.float32))
+    slid: F32 = field(default_factory=lambda: np.zeros((3, 0), np.float32))
     sweeps: int = 0
     anchors: F32 = field(default_factory=lambda: np.zeros((0, 0, 0), np.float32))
     spared: NDArray[np.int32] = field(default_factory=lambda: np.zeros((0, 0), np.int32))
@@ -272,10 +273,11 @@ def _settled(
 
 
 def _known(simulation: Simulation) -> dict[str, Any]:
-    """What a simulation has found out that the next one needs: `pushes`, `sweeps` and `anchors` of `Worn`."""
+    """What a simulation has found out that the next one needs: `pushes`, `slid`, `sweeps` and `anchors` of `Worn`."""
     seams, solver = seams_of(simulation), simulation.solver
     return {
         "pushes": seams[0].pushes(simulation.state) if seams else np.zeros((3, 0), np.float32),
+        "slid": holds_of(simulation).slid(simulation.state).copy(),
         "sweeps": solver.sweeps if isinstance(solver, Yarns) else 0,
         "anchors": solver.anchors(simulation.state).copy(),
     }
