@@ -31,7 +31,7 @@ __all__ = [
 
 SURFACE = (7.0, 16.0)
 """Radius of a real fibre [px] at which its surface begins to show, and at which it has all its relief."""
-COVERED = (13.0, 17.0)
+COVERED = (15.0, 19.0)
 """Radius [px] at which points on its surface cover a fibre, and at which nothing is left of the splats under them."""
 SPACING = 2.0
 """Distance between points on a fibre's surface [px]."""

@@ -108,7 +108,7 @@ def test_planes_start_before_what_is_worn_and_rings_round_it() -> None:
         own = edges if isinstance(place, Wrap) else tuple(edge - np.array([0.0, 0.3]) for edge in edges)
         grown = cleared(Panel("ring", own, place), points)
         radius = grown.place.radius  # pyright: ignore[reportAttributeAccessIssue]
-        assert min(radius) >= np.hypot(points[:, 0], points[:, 2]).max()
+        assert np.min(radius) >= np.hypot(points[:, 0], points[:, 2]).max()
 
 
 def test_an_outer_garment_starts_clear_of_what_is_worn() -> None:

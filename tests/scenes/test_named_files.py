@@ -45,7 +45,8 @@ def built(key: tuple[str, ...], text: str, kind: Any = Scene) -> Any:
     if get_origin(kind) is dict:
         return {"front": built(key[1:], text, get_args(kind)[1])}
     if get_origin(kind) in (list, tuple):
-        return get_origin(kind)([built(key[1:], text, get_args(kind)[0])])
+        made = [built(key[1:], text, get_args(kind)[0])]
+        return made if get_origin(kind) is list else tuple(made)
     section = next(p for p in get_args(kind) if get_origin(p) in (dict, list, tuple) or hasattr(p, "model_fields"))
     return built(key, text, section)
 

@@ -11,7 +11,7 @@ from taichi_cloth.scenes.studies.solvers import within
 from taichi_cloth.scenes.studies.solvers.cases import case_of, judged, motion_error, stretch_error
 from taichi_cloth.scenes.studies.solvers.crossing import NAMES, Cost, crossing
 from taichi_cloth.scenes.studies.solvers.reference import Scheme, reference, scheme_course
-from taichi_cloth.scenes.studies.solvers.settings import settings, verlet, yarns
+from taichi_cloth.scenes.studies.solvers.settings import NOW, settings, verlet, yarns
 
 FRAMES = 6
 
@@ -117,11 +117,12 @@ def test_what_is_left_out_is_seen_and_what_a_start_hides_is_not() -> None:
 
 def test_a_devices_way_is_a_line_of_its_own_and_moves_as_the_kernel() -> None:
     case = case_of("hang", 6)
-    names = [one.method for one in settings(case, quick=True)]
+    several = {one.method: one for one in settings(case, quick=True)}
+    assert several[NOW].tried()[0] is not None
     for of in (verlet, yarns):
         kernel, loops = of(case), of(case, loops=True)
         assert kernel.method != loops.method
-        assert {kernel.method, loops.method} <= set(names)
+        assert {kernel.method, loops.method} <= set(several)
         assert loops.substeps == kernel.substeps
         assert not loops.default
         (one, _), (two, cost) = kernel.tried(), loops.tried()

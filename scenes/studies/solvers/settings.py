@@ -66,7 +66,10 @@ class _AlongNow(Yarns):
     """Threads pushed along where they lead after the substep, n(y), in every substep but the first of a frame."""
 
     def families(self) -> list[Family]:
-        return [replace(one, numbers=one.numbers | {"calm": 1e9 / one.numbers["rest"]}) for one in super().families()]
+        return [
+            replace(one, numbers=[cloth | {"calm": 1e9 / cloth["rest"]} for cloth in one.numbers])
+            for one in super().families()
+        ]
 
 
 def settings(case: Case, *, quick: bool) -> Iterator[Setting]:
