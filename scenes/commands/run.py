@@ -46,7 +46,7 @@ def run(
 ) -> None:
     """One command from scene to files. Raises InputError before anything is written when the input is bad."""
     scene = load_scene(name, overrides + ([f"output.size={list(image_size(size))}"] if size is not None else []))
-    if command == "animate" and scene.subject not in ("twist", "cloth", "garment", "outfit"):
+    if command == "animate" and not (scene.is_soft or scene.subject == "twist"):
         raise InputError(
             f"animate: {name} stands still; use turntable, or animate twist, drape, flag, hanging or dress"
         )
@@ -60,7 +60,7 @@ def run(
     folder = out or Path("out") / (Path(name).stem + ("-zoom" if command == "zoom" else ""))
     video, sheet, moving = f"{command}.mp4", "sheet.png", command == "animate" and scene.subject != "twist"
     products = [video, sheet, *([f"{command}.webp"] if scene.output.webp else []), *([STATE] if moving else [])]
-    products += [FACTS] if moving and scene.subject in ("garment", "outfit") else []
+    products += [FACTS] if moving and scene.is_worn else []
     mark = fingerprint(scene, command)
     with OutputFolder(folder) as held:
         sequence = Sequence.open(held, mark, count, products, resume=resume)
@@ -113,7 +113,7 @@ def require_fit(model: Model) -> None:
 
 def _moving(model: Model) -> "MovingModel | None":
     """A sheet or a garment; None of what lies still, for which nothing is loaded that moves."""
-    if model.scene.subject not in ("cloth", "garment", "outfit"):
+    if not model.scene.is_soft:
         return None
     from ..models.moving_model import MovingModel
 

@@ -99,7 +99,7 @@ def check(what: str, overrides: list[str], *, frames: int | None, arch: Any, thr
     else:
         scene = load_scene(what, overrides)
         count = frames or scene.output.frames
-    if scene.subject not in ("cloth", "garment", "outfit"):
+    if not scene.is_soft:
         raise InputError(f"check: {what} has no cloth that moves; allowed: a scene of a [cloth] or a [garment]")
     runtime.start(arch if arch == "cpu" else device_of(plan(scene), arch), threads=threads)
     skin, simulation = skin_of(scene)

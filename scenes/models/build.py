@@ -51,4 +51,4 @@ def shown_frame(scene: Scene, model: Model) -> int:
     which it rests."""
     if scene.output.frame is not None:
         return scene.output.frame
-    return 0 if scene.subject in ("garment", "outfit") else model.frames - 1
+    return 0 if scene.is_worn else model.frames - 1

@@ -198,7 +198,7 @@ def _count_strands(scene: Scene, counted: _Counted) -> None:
         counted.particles, counted.about = twist_particles(scene), True
         zones = f"zones of {scene.twist.zone_a_mm:g} and {scene.twist.zone_b_mm:g} mm"
         built["twist"] = f"{zones}, {scene.output.frames} frames"
-    elif subject not in ("fibre", "cloth", "garment", "outfit"):
+    elif subject != "fibre" and not scene.is_soft:
         left["twist"] = "the scene has no [twist]"
     if subject == "yarn":
         counted.particles, counted.about = yarn_piece(scene).particles, True
@@ -232,7 +232,7 @@ def _count_weave(scene: Scene, counted: _Counted) -> None:
             left["hairs"] = "yarn.hairiness is 0"
     elif counted.worn:
         built["fibre blocks"] = "of each garment's own threads, made where a picture shows them"
-    elif scene.garment or scene.outfit:
+    elif scene.is_worn:
         left["weave"] = "nothing is drawn of it"
     elif scene.cloth:
         left["fibre blocks"] = 'cloth.representation is "mesh"'
@@ -294,7 +294,7 @@ def _bytes(scene: Scene, counted: _Counted) -> int:
     total += sum(one.bytes for one in counted.worn)
     total += light_bytes(held, shadows=shadows, occlusion=occlusion)
     meshes = "meshes" in counted.built
-    total += MESH_BYTES * meshes + MOTION_BYTES * (scene.subject in ("cloth", "garment", "outfit"))
+    total += MESH_BYTES * meshes + MOTION_BYTES * scene.is_soft
     total += LAYERS_BYTES * ("cloth on cloth" in counted.built)
     return PROCESS_BYTES + total + picture_bytes(scene.output.size, meshes=meshes)
 

@@ -135,16 +135,26 @@ def _let_out(scene: Scene, parts: Parts, tight: LetOut) -> Parts:
     assert scene.garment is not None
     sett = sett_of(scene)
     per_m = None if sett is None else (sett.ends, sett.picks)
-    pattern = pattern_of(scene.garment, parts.body, tight)
-    spacing = _spacing(pattern, scene.garment, per_m)
-    garment = garment_of(scene.garment, pattern, spacing, scene.solver or SolverSection(), own_material(scene))
-    return replace(parts, garment=garment, gaps=garment_gaps(scene, spacing))
+    solver = scene.solver or SolverSection()
+    garment = _alone(scene.garment, parts.body, solver, per_m, own_material(scene), tight)
+    return replace(parts, garment=garment, gaps=garment_gaps(scene, garment.atlas.spacing))
 
 
-def _spacing(pattern: Pattern, section: GarmentSection, per_m: tuple[float, float] | None) -> tuple[float, float]:
-    """Of a garment's key points [m]. per_m: ends and picks a metre, whole numbers of which are to fit between them."""
+def _alone(
+    section: GarmentSection,
+    body: Body,
+    solver: SolverSection,
+    per_m: tuple[float, float] | None,
+    own: Material | None,
+    tight: LetOut | None = None,
+) -> Garment:
+    """A garment that is worn without others, fitted to the body and cut. per_m: ends and picks a metre, whole numbers
+    of which are to fit between its key points. Raises InputError."""
+    pattern = pattern_of(section, body, tight)
     spacing = spacing_for(pattern, section.key_points)
-    return spacing if per_m is None else spacing_on(per_m, spacing)[0]
+    if per_m is not None:
+        spacing = spacing_on(per_m, spacing)[0]
+    return garment_of(section, pattern, spacing, solver, own)
 
 
 Made = tuple[Body, tuple[Primitive, ...], tuple[DistanceGrid, ...], Garment]
@@ -156,9 +166,7 @@ def _parts(garment: str, body: str, solver: str, per_m: tuple[float, float] | No
     section, worn_by = GarmentSection.model_validate_json(garment), BodySection.model_validate_json(body)
     moved_by = SolverSection.model_validate_json(solver)
     figure, primitives, grids = stood(worn_by)
-    pattern = pattern_of(section, figure)
-    spacing = _spacing(pattern, section, per_m)
-    return figure, primitives, grids, garment_of(section, pattern, spacing, moved_by, own)
+    return figure, primitives, grids, _alone(section, figure, moved_by, per_m, own)
 
 
 def stood(section: BodySection) -> tuple[Body, tuple[Primitive, ...], tuple[DistanceGrid, ...]]:

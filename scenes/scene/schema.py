@@ -377,6 +377,16 @@ class Scene(Section):
         return WOVEN if self.weave is not None and self.yarn is not None and sett else "cotton-shirting"
 
     @property
+    def is_worn(self) -> bool:
+        """Whether it is of a garment, or of several."""
+        return bool(self.garment or self.outfit)
+
+    @property
+    def is_soft(self) -> bool:
+        """Whether its subject is cloth that moves as one: a sheet, or what is worn."""
+        return bool(self.cloth) or self.is_worn
+
+    @property
     def subject(self) -> Subject:
         if self.outfit:
             return "outfit"

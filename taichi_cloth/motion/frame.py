@@ -24,7 +24,7 @@ from taichi_cloth.ground.arrays import F32x2, F32x3, Float, I32x1, Int, Template
 from taichi_cloth.motion.constraint import Constraint
 from taichi_cloth.motion.crew import PARTS, Crew, parts_of
 from taichi_cloth.motion.grip import Grip
-from taichi_cloth.motion.numbers import NUMBERS, Numbers
+from taichi_cloth.motion.numbers import NUMBERS, Numbers, take_numbers
 from taichi_cloth.motion.slipping import Slipping
 from taichi_cloth.motion.stage_clock import StageClock
 from taichi_cloth.motion.stencil import Stencil
@@ -122,12 +122,7 @@ class Frame(Stencil):
                 self.packet[e] = packets[e]
             for part in range(cuts.shape[0]):
                 self.cut[part] = cuts[part]
-            for k, number in ti.static(enumerate(self._number)):
-                if ti.static(self.cloths == 1):
-                    number[None] = named[0, k]
-                else:
-                    for cloth in range(named.shape[0]):
-                        number[cloth] = named[cloth, k]
+            take_numbers(self._number, named, self.cloths)
 
     @ti.func
     def shared(self):

@@ -5,10 +5,11 @@ from typing import Any
 
 import taichi as ti
 
+from taichi_cloth.ground.arrays import Template
 from taichi_cloth.motion.forces import Forces
 from taichi_cloth.sheet.sheet import Band
 
-__all__ = ["NUMBERS", "Numbers", "acting", "numbers_of"]
+__all__ = ["NUMBERS", "Numbers", "acting", "numbers_of", "take_numbers"]
 
 SPRINGS = ("structural_x", "structural_y", "diagonal", "second_x", "second_y", "hinge_x", "hinge_y", "twist")
 NUMBERS = (
@@ -26,6 +27,17 @@ NUMBERS = (
 
 Numbers: Any = ti.types.struct(**dict.fromkeys(NUMBERS, ti.f32))
 """In a field: changing them compiles nothing."""
+
+
+@ti.func
+def take_numbers(fields: Template, named: Template, cloths: Template):
+    """Writes named[cloth, k] to the k-th of some fields of one number, or of one for each of several cloths."""
+    for k, number in ti.static(enumerate(fields)):
+        if ti.static(cloths == 1):
+            number[None] = named[0, k]
+        else:
+            for cloth in range(named.shape[0]):
+                number[cloth] = named[cloth, k]
 
 
 def numbers_of(cloth: Band, forces: Forces, step: float) -> dict[str, float]:

@@ -18,6 +18,7 @@ import taichi as ti
 
 from taichi_cloth.ground.arrays import F32x2, Float, Template
 from taichi_cloth.motion.crew import LINE, PARTS
+from taichi_cloth.motion.numbers import take_numbers
 from taichi_cloth.motion.stencil import area_around, load, near, nothing, scaled, store
 from taichi_cloth.sheet.sheet import LANES
 from taichi_cloth.sheet.springs import Springs
@@ -94,12 +95,7 @@ class Slipping:
                 field[p] = 0.0
         ti.loop_config(serialize=True)
         for _ in range(1):
-            for k, number in ti.static(enumerate(self._number)):
-                if ti.static(self.cloths == 1):
-                    number[None] = named[0, k]
-                else:
-                    for cloth in range(named.shape[0]):
-                        number[cloth] = named[cloth, k]
+            take_numbers(self._number, named, self.cloths)
 
     @ti.func
     def own(self, work: Template, p):
