@@ -18,7 +18,7 @@ from .map_place import LEANT
 from .sky import coordinate
 from .transmittance import layer_of
 
-__all__ = ["Looking", "gather", "look", "look_at", "look_up"]
+__all__ = ["Looking", "gather", "look", "look_at", "look_up", "on_surface"]
 
 
 @dataclass(frozen=True)
@@ -39,6 +39,11 @@ OFFSET, FINE, BEYOND, BLIND, YARNS = range(5)
 OPEN_BEHIND = 0.42, 0.52
 """Of how much more than a cloth's interstices, and of how much a yarn is open behind that nothing crosses (`_seen`): of
 a plain weave 0.24 to 0.40 of the sky, from crowns to interstices, of a satin as much, of a yarn alone 0.54 to 0.59."""
+
+ROUND = (1.2, 0.4), (-0.4, 1.2), (-1.2, -0.4), (0.4, -1.2)
+"""Where a surface reads its shadow round a place [texels]: a square, turned so that no two lie in a row."""
+STEEPEST = 0.25
+"""Cosine to the light from which on a surface counts as no steeper."""
 
 
 @ti.func
@@ -179,6 +184,41 @@ def look_up(
     for i in range(points.shape[0]):
         u, v, depth = _on_map(axes, points[i, 0], points[i, 1], points[i, 2])
         light_out[i] = _through(soft, deep, levels, u, v, depth - deep.lag, nearest, through)
+
+
+@left_to_llvm
+@ti.kernel
+def on_surface(
+    soft: Template,
+    deep: DeepMap,
+    # map:
+    axes: F32x2,
+    levels: I32x2,
+    nearest: F32x1,
+    through: F32x2,
+    # in:
+    points: F32x2,
+    normals: F32x2,
+    # out:
+    light_out: F32x1,
+):
+    """light_out[i]: the light that reaches points (n, 3) [m] of surfaces with unit normals (n, 3), 0..1, read the map's
+    offset out along the normal and its lag towards the light: the mean of four places round each, on its surface. A
+    texel's own place is lost in it, so that edges of shadows have no steps (Reeves, Salesin, Cook 1987)."""
+    for i in range(points.shape[0]):
+        n = ti.Vector([normals[i, k] for k in ti.static(range(3))])
+        p = ti.Vector([points[i, k] for k in ti.static(range(3))]) + deep.offset * n
+        u, v, depth = _on_map(axes, p[0], p[1], p[2])  # pyright: ignore[reportIndexIssue]
+        # How the surface's depth changes across the map [m a texel]: of one that light grazes as of a steep one.
+        away = ti.min(n.dot(ti.Vector([axes[AWAY, k] for k in ti.static(range(3))])), -STEEPEST)
+        along_u = -n.dot(ti.Vector([axes[RIGHT, k] for k in ti.static(range(3))])) / (away * axes[SCALE, 0])
+        along_v = -n.dot(ti.Vector([axes[UP, k] for k in ti.static(range(3))])) / (away * axes[SCALE, 0])
+        light = 0.0
+        for k in ti.static(range(4)):
+            at = ROUND[k]
+            behind = depth - deep.lag + at[0] * along_u + at[1] * along_v
+            light += 0.25 * _through(soft, deep, levels, u + at[0], v + at[1], behind, nearest, through)
+        light_out[i] = light
 
 
 @ti.func

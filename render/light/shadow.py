@@ -109,19 +109,24 @@ class ShadowMap:
             lookup.look_up(self.softness > 0, numbers, *self._arrays, points, light)
         return light
 
-    def shadows_of(self, points: NDArray[np.float32], light_out: NDArray[np.float32]) -> None:
-        """`shadow_on` of points (n, 3) [m] that lie a texel off their surface already, to light_out (n,), both where
-        kernels read them."""
-        lookup.look_up(self.softness > 0, self._numbers(lag=2 * self.texel), *self._arrays, points, light_out)
-
     def shadow_on(self, points: ArrayLike, normals: ArrayLike) -> NDArray[np.float32]:
-        """The light 0..1 that reaches points (n, 3) [m] of a surface with unit normals (n, 3), shape (n,).
+        """The light 0..1 that reaches points (n, 3) [m] of a surface with unit normals (n, 3), shape (n,): see
+        `shadows_of`."""
+        light = np.ones(len(np.asarray(points)), np.float32)
+        if len(light):
+            self.shadows_of(np.ascontiguousarray(points, np.float32), np.ascontiguousarray(normals, np.float32), light)
+        return light
 
-        A point reads a texel out along its normal and two towards the light: where the surface itself, which the
+    def shadows_of(
+        self, points: NDArray[np.float32], normals: NDArray[np.float32], light_out: NDArray[np.float32]
+    ) -> None:
+        """`shadow_on`, to light_out (n,), all where kernels read them.
+
+        A point reads a texel out along its normal and one towards the light: where the surface itself, which the
         map knows only texel by texel, does not yet shadow it.
         """
-        out = np.asarray(points, np.float32) + np.float32(self.texel) * np.asarray(normals, np.float32)
-        return self.shadow_at(out, lag=2 * self.texel)
+        numbers = self._numbers(offset=self.texel, lag=self.texel)
+        lookup.on_surface(self.softness > 0, numbers, *self._arrays, points, normals, light_out)
 
 
 def cast(

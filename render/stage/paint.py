@@ -11,7 +11,7 @@ import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
 
-from taichi_cloth.ground.arrays import F32x1, F32x2, F32x3, Float, I32x2, Int, Template
+from taichi_cloth.ground.arrays import F32x1, F32x2, F32x3, I32x2, Int, Template
 from taichi_cloth.ground.copies import DeviceArray, fetched, filled, zeros
 from taichi_cloth.ground.vectors import keep
 
@@ -89,11 +89,11 @@ def paint(
     faces = np.column_stack([mesh.faces, behind]).astype(np.int32)
     if any(lights) and isinstance(depth, DeviceArray):
         passing = filled((len(lamps), *face.shape), 1.0)
-        points = zeros((face.size, 3))
+        points, normals = zeros((face.size, 3)), zeros((face.size, 3))
+        _surface(view, faces, mesh.normals, edges, face, depth, points, normals)
         for j, one in enumerate(lights):
             if one is not None:
-                _off_surface(one.texel, view, faces, mesh.normals, edges, face, depth, points)
-                one.shadows_of(points, passing[j].reshape(-1))
+                one.shadows_of(points, normals, passing[j].reshape(-1))
     elif any(lights):
         row, column = np.nonzero(face >= 0)
         at = unproject(camera, row, column, depth[row, column])
@@ -193,10 +193,11 @@ def smooth_normal(faces: I32x2, normals: F32x2, f, b):
 
 
 @ti.kernel
-def _off_surface(
-    out: Float, view: F32x2, faces: I32x2, normals: F32x2, edges: F32x2, face: I32x2, depth: F32x2, points_out: F32x2
-):
-    """The place `out` [m] along the normal from what each pixel sees of a mesh, pixel after pixel."""
+def _surface(
+    view: F32x2, faces: I32x2, normals: F32x2, edges: F32x2, face: I32x2, depth: F32x2, points_out: F32x2,
+    normals_out: F32x2,
+):  # fmt: skip
+    """The place [m] and the unit normal of what each pixel sees of a mesh, pixel after pixel."""
     width = face.shape[1]
     for i in range(face.shape[0] * width):
         y, x = i // width, i % width
@@ -208,7 +209,8 @@ def _off_surface(
             z = depth[y, x]
             for k in ti.static(range(3)):
                 ray = u * view[0, k] + v * view[1, k] + view[2, k]
-                points_out[i, k] = view[EYE, k] + z * ray + out * n[k]
+                points_out[i, k] = view[EYE, k] + z * ray
+                normals_out[i, k] = n[k]
 
 
 @ti.kernel

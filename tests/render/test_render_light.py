@@ -77,6 +77,23 @@ def test_one_disc_shadows_another_at_the_analytic_place() -> None:
     assert light[np.abs(x - 0.05) > 0.04].min() == 1.0
 
 
+@pytest.mark.parametrize("tilt", [0.0, 0.6])
+def test_the_edge_of_a_shadow_on_a_surface_has_no_steps(tilt: float) -> None:
+    """Under the rim of a disc, whatever way it runs, a surface, flat or aslant, has half of the light; as single texels
+    tell it, it varies twice as much and more."""
+    disc = discs([[0, 0.05, 0], [0, -0.05, 0]], [0.02, 0.1])
+    shadow_map, _ = shadow(disc, (0, 1, 0), texel_radii=0.05)
+    assert 0.002 < shadow_map.texel < 0.004
+    turn = np.linspace(0, 2 * np.pi, 721)
+    rim = np.stack([0.02 * np.cos(turn), 0.02 * tilt * np.cos(turn), 0.02 * np.sin(turn)], 1)
+    normal = np.array([-tilt, 1.0, 0.0]) / np.hypot(tilt, 1.0)
+    out = shadow_map.texel * normal * [1.0, 0.0, 1.0]  # a texel out of such a place lies under the rim
+    light = shadow_map.shadow_on(rim - out, np.broadcast_to(normal, rim.shape))
+    assert light.mean() == pytest.approx(0.5, abs=0.05)
+    assert light.std() < 0.05
+    assert shadow_map.shadow_at(rim, lag=shadow_map.texel).std() > 2 * light.std()
+
+
 def test_penumbra_is_as_wide_as_the_light_seen_from_the_blocker() -> None:
     """Under an edge at height h a light of angle w gives a penumbra 2 h tan(w / 2) wide, within a third: texels of
     2/3 of it are read bilinearly, which spreads an edge over one to two of them, by where it falls."""

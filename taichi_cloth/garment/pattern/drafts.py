@@ -26,6 +26,7 @@ FRONT = np.array([0.0, 0.0, 1.0])
 CLEAR = 0.012  # between the body and a panel where it starts [m]
 SNUG = 0.007  # between the body and a waistband [m]
 SEAT, LEAN = 0.05, 0.16  # by which the back of trousers is higher at its middle [m]; by which its seam leans, over y
+GAPE = 0.012  # by which each half of the front of a dress is narrower above the bust than its back [m]
 BEND = 0.02  # radius of the bend by which forks lie between the legs [m]
 
 
@@ -224,12 +225,15 @@ def _dress(f: Figure, cut: Cut) -> Pattern:
     if long <= down + 0.05:
         raise InputError(f"garment.length: {long:g}; allowed: above {down + 0.05:.3f} m, below the waist")
     hem = f.hip * _set(cut.flare, 1.8)
-    reach = f.neck_height - f.underarm_height + 0.08
-    neck = f.neck / (2 * pi) + 0.035
+    reach = f.neck_height - f.underarm_height + 0.065
+    neck, shoulder = f.neck / (2 * pi), f.shoulder / 2 - 0.035
+    slope, wide = f.neck_height - f.shoulder_height, neck + 0.035
+    fall = slope * (wide - neck) / (f.shoulder / 2 - neck)  # of the shoulder's line, from the neck's side to its own
     panels = []
-    for name, deep, rise in (("front", 0.12, 0.012), ("back", 0.05, 0.0)):
-        slope = f.neck_height - f.shoulder_height
-        top = _Top(girth / 4, f.shoulder / 2 - 0.035, neck, slope, reach, deep, 0.045, rise)
+    for name, deep, rise, gape in (("front", 0.12, 0.012, GAPE), ("back", 0.045, -0.018, 0.0)):
+        top = _Top(
+            girth / 4, shoulder - gape, wide - gape, slope - fall, reach, deep - fall, 0.045, rise - fall
+        )  # fmt: skip
         w, v = top.chest, waist / 4
         side = bezier([(v, -down), (v, -down + 0.3 * (down - reach)), (w, -reach - 0.4 * (down - reach)), (w, -reach)])
         edges = [_line((-v, -down), (v, -down)), side, *top.upper(), _mirrored(side)]
