@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from taichi_cloth.body.primitives.distance import nearest_distance
 from taichi_cloth.body.primitives.primitives import Primitive
 from taichi_cloth.garment.pattern.curves import length
 from taichi_cloth.garment.pattern.pattern import Seam
@@ -32,7 +33,8 @@ def misfit(garment: Garment, worn: Worn, primitives: Sequence[Primitive] = ()) -
         why = _reason(garment, garment.pattern.seams[int(np.searchsorted(garment.last_ties(), worst))])
         faults.append(f"a seam of {name} stays {1e3 * worn.gap:.1f} mm open (allowed {1e3 * OPEN:g}){why}")
     if worn.depth > DEEPEST:
-        faults.append(f"cloth lies {1e3 * worn.depth:.1f} mm in the body (allowed {1e3 * DEEPEST:g})")
+        whose, part = _deepest(garment, worn, primitives) if len(primitives) else ("cloth", "body")
+        faults.append(f"{whose} lies {1e3 * worn.depth:.1f} mm in the {part} (allowed {1e3 * DEEPEST:g})")
     if worn.taut > TAUT:
         strain = max(garment.strains(worn.positions), key=lambda s: s.max())
         row, col = np.unravel_index(int(np.argmax(strain)), strain.shape)
@@ -46,6 +48,14 @@ def misfit(garment: Garment, worn: Worn, primitives: Sequence[Primitive] = ()) -
             f"garment.key_points={10 * round(garment.pattern.points_for_darts / 10)}"
         )
     return "; ".join(faults) or None
+
+
+def _deepest(garment: Garment, worn: Worn, primitives: Sequence[Primitive]) -> tuple[str, str]:
+    """The panel whose cloth lies deepest in a body, and the part that it lies in."""
+    present = garment.atlas.present()
+    distance, _, whose = nearest_distance(primitives, worn.positions[present])
+    k = int(np.argmin(distance))
+    return garment.pattern.panels[garment.atlas.owner()[present][k]].name, primitives[whose[k]].part.replace("_", " ")
 
 
 def _narrow(garment: Garment, seam: Seam) -> float:
