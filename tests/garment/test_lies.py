@@ -147,7 +147,7 @@ def test_the_line_of_what_does_not_fit_says_it():
     assert "20 cm under" in line
     assert "\n" not in line
     at = start[of_panel(made, "back")][0]
-    ball = Primitive(kind="sphere", start=at, end=at, radii=(0.02, 0.02), part="left_hand")
+    ball = Primitive(kind="sphere", start=at, end=at, radii=(0.2, 0.2), part="left_hand")
     deep = misfit(made.garment, replace(good, depth=0.02), [*made.primitives, ball])
     assert deep is not None
     assert "back lies 20.0 mm in the left hand (allowed 3)" in deep
