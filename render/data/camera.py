@@ -1,6 +1,6 @@
 """A pinhole camera in OpenCV's convention, and how to place one so that everything is in the picture."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -79,6 +79,11 @@ class Camera:
         with np.errstate(divide="ignore", invalid="ignore"):
             pixels = self.focal * at[:, :2] / at[:, 2:] + (self.cx, self.cy)
         return np.column_stack([pixels, at[:, 2]])
+
+    def on_canvas(self, by: float) -> "Camera":
+        """The same view with `by` pixels for one along each side, or fewer where below 1."""
+        size = {name: round(by * getattr(self, name)) for name in ("width", "height")}
+        return replace(self, focal=by * self.focal, cx=by * self.cx, cy=by * self.cy, **size)
 
     def matrices(self) -> dict[str, Any]:
         """The camera as plain lists and numbers for JSON: intrinsic K (3, 3), rotation R, translation t, size."""

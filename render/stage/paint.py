@@ -5,8 +5,6 @@ ground's colour to the sky's as the normal turns upward (see `Lighting.ambient`)
 viewer. What is skin of them has its own way with light, see `skin.py`.
 """
 
-from dataclasses import replace
-
 import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
@@ -63,7 +61,7 @@ def paint(
         depth, face, edges = visible(mesh, camera, chunks=chunks)
     if mesh is not None and samples > 1 and samples * max(camera.width, camera.height) <= LARGEST:
         options = {"background": background, "lighting": lighting, "mesh": mesh, "stage": stage, "maps": maps}
-        fine = paint(_finer(camera, samples), chunks=chunks, **options)
+        fine = paint(camera.on_canvas(samples), chunks=chunks, **options)
         assert fine is not None
         if isinstance(colour, DeviceArray):
             _mean(samples, camera.width, fine.colour, colour)
@@ -112,12 +110,6 @@ def paint(
         any(lights), bool(skin.any()), view, lamps, faces, surface, mesh.normals, open_sky, edges, face, passing, colour
     )
     return Backdrop(colour, tiled(fetched(depth)), fetched(face), edges)
-
-
-def _finer(camera: Camera, samples: int) -> Camera:
-    """The same view with so many pixels for one, along each side."""
-    lens = {name: samples * getattr(camera, name) for name in ("focal", "cx", "cy", "width", "height")}
-    return replace(camera, **lens)
 
 
 def spread(values: NDArray, faces: NDArray, rounds: int) -> NDArray[np.float32]:

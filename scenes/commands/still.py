@@ -1,8 +1,9 @@
 """One picture of a scene, large and clean, and beside it what people who make data want: `taichi-cloth still`.
 
-Colour is drawn on a canvas `supersample` times as large each way and averaged in linear light. The passes are taken
-at the picture's own pixels, at their middles: depths and numbers must not be averaged. `still.json` holds the cameras
-and says what the values in each file mean. The first view of a turntable frames the picture.
+Colour is drawn on a canvas `supersample` times as large each way and averaged in linear light (with 1 as `turntable`
+draws it). The passes are taken at the picture's own pixels, at their middles: depths and numbers must not be averaged.
+`still.json` holds the cameras and says what the values in each file mean. The first view of a turntable frames the
+picture.
 """
 
 import json
@@ -15,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_cloth.ground import runtime
-from taichi_cloth.ground.copies import fetched
 from taichi_cloth.ground.errors import InputError, did_you_mean
 from taichi_cloth.ground.files import write_bytes
 
@@ -27,6 +27,7 @@ from ...render.splat.passes import PASSES, Passes, render_passes
 from ...render.splat.stream import stream_passes
 from ..models.build import build, shown_frame
 from ..models.model import Model, Numbers
+from ..picture.samples import averaged
 from ..picture.view import Shot, View
 from ..plan.plan import plan
 from ..prepare.drawing import require_picture
@@ -116,8 +117,8 @@ def shoot(
     if "colour" in wanted:
         view = View(model, size, scale=supersample)
         for shot in view.shots():
-            colours.append(_averaged(_linear(shot, view), supersample))
-            cameras.append(_shrunk(shot.camera, supersample))
+            colours.append(averaged(view.light_of(shot), shot.scale))
+            cameras.append(shot.camera.on_canvas(1 / shot.scale))
     data = tuple(name for name in wanted if name != "colour")
     made = list(View(model, size).bare_shots()) if data else []
     layers, left = [], 0
@@ -156,24 +157,6 @@ def _passes(shot: Shot, numbers: Numbers | None, data: tuple[str, ...]) -> Passe
     return render_passes(splatter, camera, particles, data, backdrop=shot.backdrop, mesh=shot.mesh)
 
 
-def _shrunk(camera: Camera, by: int) -> Camera:
-    """The same view on an image `by` times smaller each way."""
-    width, height = camera.width // by, camera.height // by
-    return replace(camera, focal=camera.focal / by, cx=camera.cx / by, cy=camera.cy / by, width=width, height=height)
-
-
-def _linear(shot: Shot, view: View) -> NDArray[np.float32]:
-    """Linear colour (h, w, 3) of a shot over what stands behind it."""
-    rgba = shot.splatter.linear() if shot.linear is None else shot.linear
-    through = 1 - rgba[..., 3:]
-    if shot.backdrop is not None:
-        behind = fetched(shot.backdrop.colour)[:, : shot.camera.width]
-    else:
-        ends, height = view.background.ends(), shot.camera.height
-        behind = ends[:3] + (ends[3:] - ends[:3]) * ((np.arange(height) + 0.5) / height)[:, None, None]
-    return (rgba[..., :3] + through * behind).astype(np.float32)
-
-
 def _shown(colour: NDArray[np.float32], tone: Tone, top: int) -> NDArray[Any]:
     """sRGB, rounded by a fixed fine pattern so that smooth backgrounds show no bands (J. Jimenez, "Next generation
     post processing in Call of Duty", 2014: interleaved gradient noise)."""
@@ -181,11 +164,6 @@ def _shown(colour: NDArray[np.float32], tone: Tone, top: int) -> NDArray[Any]:
     pattern = (52.9829189 * ((0.06711056 * x + 0.00583715 * y) % 1.0)) % 1.0
     value = linear_to_srgb(tone_curve(tone, colour)) * top + np.expand_dims(pattern, -1)
     return np.minimum(value, top).astype(np.uint8 if top == 255 else np.uint16)
-
-
-def _averaged(image: NDArray[np.float32], by: int) -> NDArray[np.float32]:
-    height, width, channels = image.shape
-    return image.reshape(height // by, by, width // by, by, channels).mean(axis=(1, 3), dtype=np.float32)
 
 
 def _files(

@@ -28,6 +28,7 @@ from ..models.model import Model, Panel
 from ..prepare.drawing import has_floor
 from ..prepare.yarns import fibre_kind, yarn_of
 from ..scene.schema import Scene
+from .samples import SAMPLES, averaged, over, samples_of, shown
 from .sheet_look import fit_look
 from .streamed import Streamed
 
@@ -47,10 +48,13 @@ class Shot:
     mesh: Mesh | None = None
     linear: NDArray[np.float32] | None = None
     """Of a panel that came in batches: what `Splatter.linear` gives of one that came whole."""
+    scale: int = 1
+    """Pixels of all this along each side of one of the picture."""
 
 
 class View:
-    """Draws a model at one image size, (width, height) [px], or on canvases `scale` times as large each way.
+    """Draws a model at one image size, (width, height) [px], or pictures `scale` times as large each way. Where it is 1
+    fibres finer than half a pixel have several samples a pixel (`samples_of`).
 
     Raises InputError or InputError for a finish, colour or sprite that is not known.
     """
@@ -62,6 +66,8 @@ class View:
         ends = (tuple(tone_inverse(self.lighting.tone, end).tolist()) for end in (top, bottom))
         self.background = Background(**dict(zip(("top", "bottom"), ends, strict=True)))
         self._splatters: list[Splatter] = []
+        self._sizes: list[tuple[int, int]] = []
+        self._samples: list[int] = []
         self._panels: list[Panel] = []
         self._stages: list[Stage | None] = []
         self._streamed: list[Streamed | None] = []
@@ -74,10 +80,8 @@ class View:
         """The views `numbers` out of `count` evenly spaced ones, all framed alike."""
         self._load()
         cameras = [
-            orbit(
-                panel.bounds, count, width=s.width, height=s.height, start=self.scene.camera.azimuth_deg, **self._lens()
-            )
-            for panel, s in zip(self._panels, self._splatters, strict=True)
+            orbit(panel.bounds, count, width=w, height=h, start=self.scene.camera.azimuth_deg, **self._lens())
+            for panel, (w, h) in zip(self._panels, self._sizes, strict=True)
         ]
         for k in numbers:
             yield k, self._draw([row[k] for row in cameras])
@@ -91,7 +95,7 @@ class View:
     def bare_shots(self) -> Iterator[Shot]:
         """The same without shadows, occlusion and floor, for passes; what comes in batches is not drawn."""
         self.lighting = Lighting()
-        self._load()
+        self._load(most=1)
         self._stages = [None for _ in self._panels]
         for k, camera in enumerate(self._first()):
             if self._panels[k].source is None:
@@ -104,7 +108,7 @@ class View:
     def camera(self) -> Camera:
         """That of an animation, for the first panel, without the scene's zoom."""
         self._load()
-        azimuth, (width, height) = self.scene.camera.azimuth_deg, (self._splatters[0].width, self._splatters[0].height)
+        azimuth, (width, height) = self.scene.camera.azimuth_deg, self._sizes[0]
         return frame(self._panels[0].bounds, width=width, height=height, azimuth=azimuth, **self._lens())
 
     def seen_by(self, camera: Camera) -> Image:
@@ -122,8 +126,8 @@ class View:
                 k,
                 self._draw(
                     [
-                        frame(panel.bounds, width=s.width, height=s.height, azimuth=azimuth, **self._lens())
-                        for panel, s in zip(self._panels, self._splatters, strict=True)
+                        frame(panel.bounds, width=w, height=h, azimuth=azimuth, **self._lens())
+                        for panel, (w, h) in zip(self._panels, self._sizes, strict=True)
                     ]
                 ),
             )
@@ -140,22 +144,25 @@ class View:
     def _first(self) -> Iterator[Camera]:
         """The first view of a turntable, panel by panel."""
         start = self.scene.camera.azimuth_deg
-        for panel, s in zip(self._panels, self._splatters, strict=True):
-            yield orbit(panel.bounds, 1, width=s.width, height=s.height, start=start, **self._lens())[0]
+        for panel, (width, height) in zip(self._panels, self._sizes, strict=True):
+            yield orbit(panel.bounds, 1, width=width, height=height, start=start, **self._lens())[0]
 
     def _near(self, camera: Camera) -> Camera:
         """As near as the scene's zoom says."""
         return replace(camera, focal=camera.focal * self.scene.camera.zoom)
 
-    def _load(self) -> None:
+    def _load(self, most: int = SAMPLES) -> None:
+        """Take the model's panels as they are now. most: samples of a pixel along each side."""
         self._panels = list(self.model.panels())
         if not self._splatters:
-            width, height = self.size
-            edges = np.linspace(0, width, len(self._panels) + 1).round().astype(int)
+            edges = np.linspace(0, self.size[0], len(self._panels) + 1).round().astype(int)
+            self._sizes = [(max(1, int(w)) * self.scale, self.size[1] * self.scale) for w in np.diff(edges)]
+            near = zip(self._panels, map(self._near, self._first()), strict=True)
+            self._samples = [min(most, samples_of(panel, camera)) if self.scale == 1 else 1 for panel, camera in near]
             profile, sheet = _sprite(self.scene)
             self._splatters = [
-                Splatter(max(1, int(w)) * self.scale, height * self.scale, profile=profile, sprites=sheet)
-                for w in np.diff(edges)
+                Splatter(n * width, n * height, profile=profile, sprites=sheet)
+                for n, (width, height) in zip(self._samples, self._sizes, strict=True)
             ]
         self._meshes = [join(panel.meshes) if panel.meshes else None for panel in self._panels]
         on = has_floor(self.scene)
@@ -222,13 +229,28 @@ class View:
             image, backdrop = streamed.draw(
                 near, panel.source, finish=self._finish(panel), linear=rgba, drawn=before, **options
             )
-            return Shot(panel, splatter, near, backdrop, linear=rgba), image
-        mesh = self._meshes[k]
-        floor = self._stages[k]
+            return Shot(panel, splatter, near, backdrop, linear=rgba, scale=self.scale), image
+        mesh, floor, samples = self._meshes[k], self._stages[k], self._samples[k]
+        near = near.on_canvas(samples)
         maps = splatter.cast_light(near, light) if mesh is not None or floor is not None else None
-        backdrop = paint(near, mesh=mesh, stage=floor, lighting=light, background=ground, maps=maps, samples=2)
+        backdrop = paint(
+            near, mesh=mesh, stage=floor, lighting=light, background=ground, maps=maps, samples=2 // samples
+        )
         image = splatter.render(near, lighting=light, finish=finish, background=ground, backdrop=backdrop)
-        return Shot(panel, splatter, near, backdrop, mesh), image
+        shot = Shot(panel, splatter, near, backdrop, mesh, scale=self.scale * samples)
+        if samples > 1:
+            image = shown(light.tone, averaged(self.light_of(shot), samples))
+        return shot, image
+
+    def light_of(self, shot: Shot) -> NDArray[np.float32]:
+        """Linear colour (h, w, 3) of a shot over what stands behind it, on its own canvas."""
+        rgba, height = shot.splatter.linear() if shot.linear is None else shot.linear, shot.camera.height
+        if shot.backdrop is not None:
+            behind = fetched(shot.backdrop.colour)[:, : shot.camera.width]
+        else:
+            ends = self.background.ends()
+            behind = ends[:3] + (ends[3:] - ends[:3]) * ((np.arange(height) + 0.5) / height)[:, None, None]
+        return over(rgba, behind)
 
 
 def lighting_of(scene: Scene) -> Lighting:

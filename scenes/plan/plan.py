@@ -17,6 +17,7 @@ from ..prepare.drawing import (
     MESH_BYTES,
     MOTION_BYTES,
     PROCESS_BYTES,
+    SAMPLED_BYTES,
     drawn_bytes,
     has_floor,
     picture_bytes,
@@ -296,6 +297,8 @@ def _bytes(scene: Scene, counted: _Counted) -> int:
     meshes = "meshes" in counted.built
     total += MESH_BYTES * meshes + MOTION_BYTES * scene.is_soft
     total += LAYERS_BYTES * ("cloth on cloth" in counted.built)
+    if prepared is not None and not prepared.in_batches:
+        total += SAMPLED_BYTES * scene.output.size[0] * scene.output.size[1]
     return PROCESS_BYTES + total + picture_bytes(scene.output.size, meshes=meshes)
 
 

@@ -15,6 +15,7 @@ __all__ = [
     "MESH_BYTES",
     "MOTION_BYTES",
     "PROCESS_BYTES",
+    "SAMPLED_BYTES",
     "STREAM_BYTES",
     "drawn_bytes",
     "has_floor",
@@ -29,6 +30,8 @@ measured at 512² and 3072²."""
 
 MESH_PIXEL_BYTES = 70
 """What meshes take for a pixel more, painted at two samples each way: with `drape` at 64 × 48 and 1080 × 720 px."""
+SAMPLED_BYTES = 180
+"""What a picture takes for a pixel more where it has four samples (`picture.samples`): `swatch` at 1080 × 720 px."""
 MESH_BYTES = 110_000_000
 """What they take besides: the kernels of painting and lighting them."""
 LAYERS_BYTES = 190_000_000

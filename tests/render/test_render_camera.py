@@ -92,6 +92,14 @@ def test_orbit_begins_where_frame_looks_from() -> None:
     )
 
 
+def test_a_canvas_shows_the_same_view() -> None:
+    near = frame(cloud(), azimuth=40, elevation=10, **SIZE)
+    fine = near.on_canvas(2)
+    assert (fine.width, fine.height) == (640, 2 * near.height)
+    assert fine.project(cloud())[:, :2] == pytest.approx(2 * near.project(cloud())[:, :2])
+    assert fine.on_canvas(0.5).matrices() == near.matrices()
+
+
 def test_matrices_are_json() -> None:
     matrices = json.loads(json.dumps(look_at((1, 2, 3), (0, 0, 0), **SIZE).matrices()))
     assert matrices["width"] == 320
