@@ -94,6 +94,17 @@ def test_legs_of_trousers_do_not_meet_each_other():
     assert meets(int(spared(atlas, positions, legs, moving=True)[4, 4])) == {"leg_l"}
 
 
+@pytest.mark.parametrize(("rows", "met"), [(1, {"trunk", "leg_l"}), (0, {"leg_l"})])
+def test_trousers_meet_the_trunk_too(rows, met):
+    """A panel along a thigh, a ninth of it beside the trunk, over the thigh's end, where normals of both lie 63° apart:
+    it meets both there. One that is all on the thigh meets the thigh."""
+    atlas = cut(panel_of(), (0.01, 0.01))
+    positions = np.broadcast_to(np.array([0.12, -0.9, 0.06]), (9, 9, 3)).copy()
+    positions[9 - rows :] = (0.156, -0.35, 0.0)
+    thigh = upright(0.12, 0.05, LEG, -1.4, -0.42)
+    assert meets(int(spared(atlas, positions, (CHESTED, thigh), moving=True)[8, 4])) == met
+
+
 def patches(cells: np.ndarray) -> Sheet:
     material = replace(PLAIN, tensile_warp=200.0, tensile_weft=200.0, air_damping=2.0)
     return Sheet.of_cells(cells, material=material, springs=calibrate(material, spacing_x=0.01, spacing_y=0.01))

@@ -34,6 +34,8 @@ LIMBS = {
 }
 SHARE = 0.2
 """Of a panel's key points that lie nearest to a limb that the panel is of."""
+ABOVE_LEGS = 0.05
+"""The same of the trunk, of one that is of a leg: thighs reach up into the hips, and most of trousers is below."""
 CLOSE = 0.02
 """From a limb of another panel at which a key point still rests on it [m]."""
 ABOVE = 0.06
@@ -85,7 +87,9 @@ def spared(atlas: Atlas, positions: NDArray, primitives: Sequence[Primitive], *,
     meets = np.zeros((len(LIMBS), len(points)), bool)
     for number in range(len(atlas.panels)):
         mine = owner[present] == number
-        of = np.bincount(nearest[mine], minlength=len(LIMBS)) >= SHARE * mine.sum()
+        count = np.bincount(nearest[mine], minlength=len(LIMBS))
+        of = count >= SHARE * mine.sum()
+        of[trunk] |= of[legs].any() and count[trunk] >= ABOVE_LEGS * mine.sum()
         if of[trunk] and not of[legs].any():
             of[legs] = True
         meets[:, mine] = _met(distance[:, mine], normal[:, mine], of, moving)
