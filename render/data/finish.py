@@ -119,9 +119,9 @@ FINISHES: dict[str, Finish] = {
         sheen=0.10,
         roundness=0.9,
         spread=4,
-        reflect=0.1,
-        transmit=0.12,
-        internal=0.24,
+        reflect=0.08,
+        transmit=0.1,
+        internal=0.02,
     ),
     "viscose": Finish(
         fibre=0.55,
@@ -173,7 +173,7 @@ FINISHES: dict[str, Finish] = {
     ),
 }
 """Presets by material, chosen by eye: cotton is matte, wool has a soft rim, silk a bright narrow highlight; but for the
-lobes of cotton, which are as a path tracer has them (`docs/appearance.md`)."""
+lobes of cotton and silk, which are as a path tracer has them (`docs/appearance.md`)."""
 
 
 def finish_for(material: str) -> Finish:

@@ -6,13 +6,13 @@ controllable hair and fur model for production path tracing", CGF 35(2), 2016, e
 it sends on less on the side that is lit, and the rest shines through. With the transmittance T at a particle, U a
 cloth's depth nearer to the light, the share of the sky S that it sees, F and G that a cloth there sees before and
 behind it, the direction b that is open to it, its tangent t, phi the angle between light l and view v round the fibre,
-and A how far it is in a yarn alone (`lookup.look`),
+and A how far it is in a yarn alone (`seen.look`),
 
     L = key T E (w0 C(phi) (3 + 2 b.l) / 5 + w1 C(pi - phi) (1 + ROUND (U - T) (1 - S)))
       + key U (w2 max(b.l, 0) (1 - ALONE A S) + w3 max(-b.l, 0) (1 - SHUT S))
       + sky(b) F (w4 + w5 S) + sky(-b) G (w6 + w7 (1 - S))
     C(phi) = (sin phi + (pi - phi) cos phi) / pi                     a Lambertian cylinder
-    E = exp(-ALONG (t.l + t.v)^2)                                    about the cone of a fibre's highlights
+    E = h exp(-k (t.l + t.v)^2)                                      about the cone of a fibre's highlights, see `cone`
 
 Light that goes from fibre to fibre of a yarn, which lie nearly one way, stays near the cone round them on which each of
 them sends it on (`fibre`), until it has been sent on often: E. What has gone through a cloth is the brighter the nearer
@@ -27,6 +27,7 @@ even sky all round, w4 + w5 S + w6 + w7 (1 - S) is all of the light there is: at
 at any depth.
 """
 
+from math import radians, sin
 from typing import Any
 
 import numpy as np
@@ -35,7 +36,7 @@ import taichi as ti
 from taichi_cloth.ground.arrays import Template
 from taichi_cloth.ground.mixing import SURFACE_SHARE
 
-__all__ = ["ALONE", "ALONG", "BODY", "OF_KEY", "OF_SKY", "ROUND", "SHUT", "dyed", "weight"]
+__all__ = ["ALONE", "ALONG", "BODY", "FITTED_SPREAD", "OF_KEY", "OF_SKY", "ROUND", "SHUT", "cone", "dyed", "weight"]
 
 OF_KEY = (
     (0.013, 0.17, 0.86, -0.318, -0.103),
@@ -52,7 +53,11 @@ OF_SKY = (
 """b, r, c0, c1, c2 of the weights."""
 
 ALONG = 1.5
-"""How fast light that fibres of a yarn send to one another falls off from the cone of their highlights."""
+"""How fast light that fibres of a yarn send to one another falls off from the cone of their highlights, where these are
+as wide as the fibres' that were fitted."""
+
+FITTED_SPREAD = 10.0
+"""Half width of their highlights along them [degrees], see `Finish.spread`."""
 
 ALONE = 0.6
 """Of the light that gets to a cloth and is sent on in it, what leaves a yarn alone at its sides."""
@@ -84,3 +89,18 @@ def dyed(colour: Any, surface: float = SURFACE_SHARE) -> Any:
     """The a at which surface + (1 - surface) a is a bulk's colour: what of it is left to the dye; 0 of a colour darker
     than the surface alone."""
     return np.maximum(np.subtract(colour, surface) / (1.0 - surface), 0.0)
+
+
+def cone(spread: float) -> tuple[float, float]:
+    """k and h of E = h exp(-k (t.l + t.v)^2) of fibres whose highlights are `spread` wide along them [degrees]: as much
+    narrower than where it was fitted as they are, with as much light in all directions from all."""
+    k = ALONG * (sin(radians(FITTED_SPREAD)) / sin(radians(spread))) ** 2
+    return k, _sent_on(ALONG) / _sent_on(k)
+
+
+def _sent_on(k: float) -> float:
+    """Mean of exp(-k (x + y)^2) over all directions of light and view, but for a factor; x, y: sines of theirs to a
+    fibre's normal plane, each by the cosine."""
+    x, share = np.polynomial.legendre.leggauss(64)
+    share = share * np.sqrt(1.0 - x * x)
+    return float(share @ np.exp(-k * (x[:, None] + x) ** 2) @ share)

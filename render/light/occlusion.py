@@ -1,6 +1,6 @@
 """Ambient occlusion: the share of the sky that each particle sees, between yarns and in folds.
 
-The transmittance of the particles along directions spread evenly (see `sky`), averaged with the cosine to the
+The transmittance of the particles along directions spread evenly (see `maps.sky`), averaged with the cosine to the
 particle's normal: ambient occlusion as L. Szirmay-Kalos, T. Umenhoffer, B. Toth, L. Szecsi, M. Sbert define it
 ("Volumetric ambient occlusion for real-time rendering and games", 2010), without a bound on distance. Maps are
 kept, so that other particles of the same scene, a mesh or the ground can be looked up in them too.
@@ -21,11 +21,11 @@ from taichi_cloth.ground.vectors import in_octets
 
 from ..data.blocks import Layout
 from ..data.light_sizes import LAYERS, SCRATCH_ROWS, SKY_DIRECTIONS, SKY_SIZE
+from ..maps import seen, sky
+from ..maps.deep_map import counts_for
+from ..maps.map_place import blind, place_map, typical_radius
+from ..maps.meshlight import walls
 from ..tiles.mesh import Mesh
-from . import lookup, sky
-from .deep_map import counts_for
-from .map_place import blind, place_map, typical_radius
-from .meshlight import walls
 
 __all__ = ["SkyMaps", "half_sphere", "occlude"]
 
@@ -89,12 +89,13 @@ class SkyMaps:
     ) -> None:
         """Write the share of the sky that packed particles see, 0..1, to light_out (blocks, rows, 16), at `row`; with a
         depth, in the six after it what a cloth `depth` [m] thick at their place sees, or a `part` of it (see
-        `lookup.look`)."""
+        `seen.look`)."""
         if blocks.shape[1]:
-            how = lookup.Looking(self.walls is not None, depth > 0, part)
-            told = self._map(BEYOND * depth + self.texel, blind(self.texel, depth), 2.0 / max(depth, 1e-9))
+            unseen = blind(self.texel, depth)
+            how = seen.Looking(self.walls is not None, depth > 0, part, unseen > 0)
+            told = self._map(BEYOND * depth + self.texel, unseen, 2.0 / max(depth, 1e-9))
             octets = in_octets(blocks)
-            lookup.look(how, *told, octets, octets.shape[1], row, in_octets(light_out))
+            seen.look(how, *told, octets, octets.shape[1], row, in_octets(light_out))
 
     def seen_from(self, points: ArrayLike, normals: ArrayLike) -> NDArray[np.float32]:
         """The share of the sky, 0..1, that world points (n, 3) [m] with unit normals (n, 3) see, shape (n,)."""
@@ -103,7 +104,7 @@ class SkyMaps:
             raise InputError(f"seen_from: points {points.shape}, normals {normals.shape}; allowed: (n, 3) both")
         light = np.ones(len(points), np.float32)
         if len(points):
-            lookup.look_at(lookup.Looking(self.walls is not None, False), *self._map(), points, normals, light)
+            seen.look_at(seen.Looking(self.walls is not None, False), *self._map(), points, normals, light)
         return light
 
     def _map(self, beyond: float = 0.0, unseen: float = 0.0, yarns: float = 0.0) -> tuple[Any, Any, Any, Any, Any, Any]:

@@ -22,8 +22,8 @@ from ..data.camera import Camera
 from ..data.finish import Finish
 from ..data.light import Lighting
 from ..data.light_sizes import KEY_STRIDE, MAP_SIZE, ROUND_STRIDE, SKY_STRIDE
+from ..maps.map_place import blind
 from ..tiles.mesh import Mesh
-from .map_place import blind
 from .occlusion import SkyMaps, occlude
 from .shade import Shading
 from .shadow import ShadowMap, cast

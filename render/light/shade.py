@@ -12,9 +12,25 @@ from taichi_cloth.ground.arrays import F32x2, Template
 from taichi_cloth.ground.particles import COLOUR, NORMAL, POSITION, TANGENT
 from taichi_cloth.ground.vectors import Octets, each, of_group, of_row
 
-from .bulk import ALONE, ALONG, OF_KEY, OF_SKY, ROUND, SHUT, weight
-from .fibre import decay, lobes
-from .view import BULK, COAT, DOME, DYE, EDGE, EYE, FIBRE, GROUND, KEY_DIRECTION, LOBES, OTHERS, SKY, SURFACE
+from ..maps.decay import decay
+from .bulk import ALONE, OF_KEY, OF_SKY, ROUND, SHUT, weight
+from .fibre import lobes
+from .view import (
+    BULK,
+    COAT,
+    CONE,
+    DOME,
+    DYE,
+    EDGE,
+    EYE,
+    FIBRE,
+    GROUND,
+    KEY_DIRECTION,
+    LOBES,
+    OTHERS,
+    SKY,
+    SURFACE,
+)
 
 __all__ = ["PLAIN", "Shading", "rise", "shade"]
 
@@ -31,7 +47,7 @@ class Shading:
     lobes: the model of `fibre` instead of Kajiya's and Kay's.
     dome: the sky has a horizon of another colour than its zenith.
     bulk: light goes from fibre to fibre (see `bulk`). After the row of a light comes one of what reaches the cloth
-    there, and after that of the sky the six of `lookup.look`.
+    there, and after that of the sky the six of `seen.look`.
     """
 
     shadows: tuple[int, ...] = (-1,)
@@ -161,7 +177,7 @@ def _parts(shadowed: Template, view: F32x2, b_l, around, along, arriving, outsid
     view round the fibre; along: t.l + t.v; arriving: of the light at the particle; outside: what reaches the cloth
     there; seen: of the sky; closed: how far the cloth is no yarn alone."""
     around = ti.min(ti.max(around, -1.0), 1.0)
-    gain = (1.5 * view[BULK, 0] * view[COAT, 1]) * decay(ALONG * along * along)
+    gain = (1.5 * view[BULK, 0] * view[COAT, 1] * view[CONE, 1]) * decay(view[CONE, 0] * along * along)
     here, through = gain * arriving, gain * arriving * (1.0 + ROUND * (outside - arriving) * (1.0 - seen))
     # Where no map does it, the direction that is open keeps light from passing through the cloth.
     unseen = view[BULK, 1] if ti.static(shadowed) else 1.0
@@ -169,7 +185,7 @@ def _parts(shadowed: Template, view: F32x2, b_l, around, along, arriving, outsid
     facing = here * rise(around) * (shown + unseen * (turned - shown))
     forward = through * rise(-around) * (1.0 + unseen * (turned - 1.0))
     outside *= view[BULK, 0] * _alike(view, seen)
-    before = outside * ti.max(b_l, 0.0) * (1.0 - ALONE * seen * (1.0 - closed))
+    before = outside * view[CONE, 2] * ti.max(b_l, 0.0) * (1.0 - ALONE * seen * (1.0 - closed))
     return facing, forward, before, outside * ti.max(-b_l, 0.0) * (1.0 - SHUT * seen)
 
 

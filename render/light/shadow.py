@@ -20,12 +20,12 @@ from taichi_cloth.ground.vectors import in_octets
 
 from ..data.blocks import Layout
 from ..data.light_sizes import LAYERS, MAP_SIZE, STAMP_ROWS
+from ..maps import lookup, transmittance
+from ..maps.deep_map import EMPTY, SCALE, counts_for, new_deep_map
+from ..maps.map_place import blind, lead, place_map, typical_radius
+from ..maps.meshlight import walls
+from ..maps.stamps import stamp
 from ..tiles.mesh import Mesh
-from . import lookup, transmittance
-from .deep_map import EMPTY, SCALE, counts_for, new_deep_map
-from .map_place import blind, lead, place_map, typical_radius
-from .meshlight import walls
-from .stamps import stamp
 
 __all__ = ["ShadowMap", "cast"]
 

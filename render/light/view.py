@@ -9,7 +9,7 @@ from ..data.camera import Camera
 from ..data.finish import Finish
 from ..data.light import Lighting
 from ..tiles.sort import DEEPEST_KEY
-from .bulk import BODY
+from .bulk import BODY, cone
 
 __all__ = ["MOST_OTHERS", "VIEW_ROWS", "new_view", "set_bulk", "set_finish", "set_view", "surface_share"]
 
@@ -32,7 +32,8 @@ DOME = OTHERS + 2 * MOST_OTHERS  # how much the zenith differs from the horizon
 BULK = DOME + 1  # what highlights leave of a bulk's light; share of what maps do not show; the sky's highlights
 COAT = BULK + 1  # how far these have the fibre's colour; gain of lights that maps do not tell apart; limb darkening
 DYE = COAT + 1  # of what is left to the dye of a bulk's colour: gain, what is taken off after it; `Finish.alone`
-VIEW_ROWS = DYE + 1
+CONE = DYE + 1  # k and h of `bulk.cone`; gain of a light on all of a cloth that maps tell of alone
+VIEW_ROWS = CONE + 1
 
 LIMB_DARKENING = 0.5
 """How much darker the sides of a round thread are than its middle, at roundness 1."""
@@ -53,11 +54,11 @@ into it. By the path tracer a mass of fibres whose surfaces mirror 0.08 sends ba
 UNRESOLVED = 0.22
 """More of a light, where maps are too coarse for the direction that is open between yarns, and their normals, which
 lean farther, stand for it: a plain weave has 0.80 of its light without."""
-OF_CLOTH, SEEN = -0.10, 0.85
-"""The same, and the share of what openness takes of the sky that is taken, where maps are so coarse that they tell of
-the cloth alone (`map_place.blind`), and with it of the direction that is open to it: found on a flat cotton of Ne 30,
-28 threads a cm each way, over something dark, of three colours, from two sides, under a sky and three lights, beside
-the path tracer's pictures (`docs/appearance.md`); `OF_CLOTH` since by their meshes, which were led to the same."""
+OF_CLOTH, SEEN, DIFFUSE = 0.05, 0.85, 0.80
+"""The same, the share of what openness takes of the sky that is taken, and a gain of what a light sends on all of the
+cloth, where maps are so coarse that they tell of the cloth alone (`map_place.blind`), and with it of the direction that
+is open to it: found on flat pieces of plain, twill and satin, of three colours, from two sides, under a sky and ten
+lights, beside the path tracer's pictures (`docs/appearance.md`)."""
 
 
 def new_view() -> NDArray[np.float32]:
@@ -119,6 +120,7 @@ def set_bulk(view: NDArray[np.float32], finish: Finish, coarse: float, blind: fl
     view[COAT, :2] = 1.0 - uncoloured, 1.0 + more * coarse
     surface = surface_share(finish)
     view[DYE] = 1.0 / (1.0 - surface), surface / (1.0 - surface), finish.alone
+    view[CONE] = *cone(finish.spread), 1.0 + blind * (DIFFUSE - 1.0)
 
 
 def surface_share(finish: Finish) -> float:

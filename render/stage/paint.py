@@ -2,8 +2,10 @@
 
 Meshes are shaded like cloth without fibres: Lambert's law for every distant light and a fill that goes from the
 ground's colour to the sky's as the normal turns upward (see `Lighting.ambient`), on smooth normals turned towards the
-viewer. What is skin of them has its own way with light, see `skin.py`.
+viewer. What is skin of them, or woven, has its own way with light, see `skin.py` and `woven.py`.
 """
+
+from dataclasses import dataclass
 
 import numpy as np
 import taichi as ti
@@ -23,6 +25,7 @@ from ..tiles.mesh import Mesh, from_behind, normals_at, visible
 from ..tiles.sort import usual_chunks
 from .skin import BLEED, blurred, shine, sky_shine
 from .stage import CELLS, Stage
+from .woven import answered, under_sky
 
 __all__ = ["paint"]
 
@@ -32,6 +35,15 @@ LIFT = 1.5
 """Texels of the sky's maps that a vertex is lifted off the skin it belongs to."""
 SPREAD = 6
 """Rounds by which a vertex's sky is evened out with its neighbours': there are few directions."""
+
+
+@dataclass(frozen=True)
+class Kinds:
+    """What there is to shade: a compile-time switch. shadowed: lights cast shadows; skin, woven: of a mesh."""
+
+    shadowed: bool
+    skin: bool
+    woven: bool
 
 
 def paint(
@@ -83,7 +95,7 @@ def paint(
     lights = () if maps is None else maps.lights
     behind = from_behind(mesh, camera)
     passing = np.ones((1, 1, 1), np.float32)
-    skin = np.asarray(mesh.skin)
+    skin, woven = np.asarray(mesh.skin), np.asarray(mesh.woven)
     faces = np.column_stack([mesh.faces, behind]).astype(np.int32)
     if any(lights) and isinstance(depth, DeviceArray):
         passing = filled((len(lamps), *face.shape), 1.0)
@@ -105,10 +117,11 @@ def paint(
         for side, normals in enumerate((np.asarray(mesh.normals), -np.asarray(mesh.normals))):
             seen = maps.sky.seen_from(mesh.vertices + LIFT * maps.sky.texel * normals, normals)
             open_sky[:, side] = spread(seen, mesh.faces, SPREAD)
-    surface = np.column_stack([mesh.colour, skin]).astype(np.float32)
+    surface = np.column_stack([mesh.colour, skin, woven]).astype(np.float32)
     _shade(
-        any(lights), bool(skin.any()), view, lamps, faces, surface, mesh.normals, open_sky, edges, face, passing, colour
-    )
+        Kinds(any(lights), bool(skin.any()), bool(woven.any())), view, lamps, faces, surface, mesh.normals, open_sky,
+        edges, face, passing, colour,
+    )  # fmt: skip
     return Backdrop(colour, tiled(fetched(depth)), fetched(face), edges)
 
 
@@ -235,13 +248,12 @@ def to_eye(view: F32x2, x, y):
 
 @ti.kernel
 def _shade(
-    shadowed: Template,
-    skinned: Template,
+    kinds: Template,
     view: F32x2,
     lamps: F32x3,  # direction towards each, then its radiance
     # mesh:
     faces: I32x2,  # their corners, then whether they are seen from behind
-    surface: F32x2,  # albedo, then how far it is skin
+    surface: F32x2,  # albedo, then how far it is skin, and cloth
     normals: F32x2,
     open_sky: F32x2,
     edges: F32x2,
@@ -263,19 +275,24 @@ def _shade(
             n = smooth_normal(faces, normals, f, b)
             side = faces[f, 3]  # pyright: ignore[reportIndexIssue]
             n *= 1.0 - 2.0 * side
-            seen, soft = 0.0, 0.0
+            seen, soft, woven = 0.0, 0.0, 0.0
             own = ti.Vector([0.0, 0.0, 0.0])
             for j in ti.static(range(3)):
                 corner = faces[f, j]  # pyright: ignore[reportIndexIssue]
                 seen += b[j] * open_sky[corner, side]  # pyright: ignore[reportIndexIssue]
                 soft += b[j] * surface[corner, 3]  # pyright: ignore[reportIndexIssue]
+                woven += b[j] * surface[corner, 4]  # pyright: ignore[reportIndexIssue]
                 for k in ti.static(range(3)):
                     own[k] += b[j] * surface[corner, k]  # pyright: ignore[reportIndexIssue]
             lit = fill(view, n[1]) * seen
             gloss = ti.Vector([0.0, 0.0, 0.0])
             eye = ti.Vector([0.0, 0.0, 0.0])
-            if ti.static(skinned):
+            if ti.static(kinds.skin or kinds.woven):
                 eye = to_eye(view, x + 0.5, y + 0.5)
+            if ti.static(kinds.woven):
+                for k in ti.static(range(3)):
+                    lit[k] *= 1.0 + woven * (under_sky(own[k]) - 1.0)
+            if ti.static(kinds.skin):
                 mirrored = 2.0 * n.dot(eye) * n[1] - eye[1]
                 back = soft * sky_shine(n, eye)
                 gloss = back * seen * fill(view, mirrored)
@@ -283,13 +300,15 @@ def _shade(
             for j in range(lamps.shape[0]):
                 towards = ti.Vector([lamps[j, 0, k] for k in ti.static(range(3))])
                 cosine, passed, shining = n.dot(towards), 1.0, 0.0
-                if ti.static(shadowed):
+                if ti.static(kinds.shadowed):
                     passed = passing[j, y, x]
-                if ti.static(skinned):
+                if ti.static(kinds.woven):
+                    passed *= 1.0 + woven * (answered(cosine, n.dot(eye)) - 1.0)
+                if ti.static(kinds.skin):
                     shining = soft * shine(n, towards, eye)
                 for k in ti.static(range(3)):
                     share = ti.max(cosine, 0.0)
-                    if ti.static(skinned):
+                    if ti.static(kinds.skin):
                         share = blurred(cosine, soft * ti.static(BLEED[k]))
                     lit[k] += passed * share * lamps[j, 1, k]
                     gloss[k] += passed * shining * lamps[j, 1, k]

@@ -55,6 +55,8 @@ class Mesh:
     """Which part each triangle belongs to, for the id pass, 0 and up, shape (f,); a number is repeated."""
     skin: NDArray[np.float32] | float = 0.0
     """How far each vertex is of skin (see `stage/skin.py`), 0 to 1, shape (v,); a number is repeated."""
+    woven: NDArray[np.float32] | float = 0.0
+    """How far it is of cloth (see `stage/woven.py`), likewise."""
 
     if TYPE_CHECKING:
 
@@ -66,6 +68,7 @@ class Mesh:
             normals: ArrayLike | None = None,
             part: ArrayLike = 0,
             skin: ArrayLike = 0.0,
+            woven: ArrayLike = 0.0,
         ) -> None: ...
 
     def __post_init__(self) -> None:
@@ -82,6 +85,7 @@ class Mesh:
             ("normals", normals, vertices.shape, np.float32),
             ("part", self.part, faces.shape[:1], np.int32),
             ("skin", self.skin, vertices.shape[:1], np.float32),
+            ("woven", self.woven, vertices.shape[:1], np.float32),
         ):
             try:
                 array = np.ascontiguousarray(np.broadcast_to(np.asarray(value, dtype), shape))
@@ -102,6 +106,7 @@ def join(meshes: Sequence[Mesh]) -> Mesh:
         np.concatenate([np.asarray(m.normals) for m in meshes]),
         np.concatenate([np.asarray(m.part) for m in meshes]),
         np.concatenate([np.asarray(m.skin) for m in meshes]),
+        np.concatenate([np.asarray(m.woven) for m in meshes]),
     )
 
 

@@ -97,7 +97,7 @@ class ClothModel(MovingModel):
     def mesh(self) -> Mesh:
         """With smooth normals."""
         points = self.simulation.positions
-        return Mesh(points.reshape(-1, 3), self.faces, self.colours, vertex_normals(points))
+        return Mesh(points.reshape(-1, 3), self.faces, self.colours, vertex_normals(points), woven=1.0)
 
     def numbers(self) -> Numbers:
         """Yarn: the warp ends, then the weft picks. Part: 0 warp, 1 weft."""

@@ -206,7 +206,7 @@ class GarmentModel(MovingModel):
     def mesh(self) -> Mesh:
         """With smooth normals, cut along its outlines."""
         points, normals = self.surface.points(self.simulation.positions)
-        return Mesh(points, self.surface.faces, self.mesh_colours, normals)
+        return Mesh(points, self.surface.faces, self.mesh_colours, normals, woven=1.0)
 
     @cached_property
     def _spared(self) -> NDArray[np.int32]:

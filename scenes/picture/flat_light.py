@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from taichi_cloth.ground.copies import fetched, on_host
 from taichi_cloth.ground.particles import NORMAL
 
-from ...render.light.map_place import open_to
 from ...render.light.particle_light import LookedUp
+from ...render.maps.map_place import open_to
 
 __all__ = ["FlatLight"]
 

@@ -10,7 +10,7 @@ from taichi_cloth.render.data.camera import look_at
 from taichi_cloth.render.data.finish import FINISHES, Finish
 from taichi_cloth.render.data.light import Lighting
 from taichi_cloth.render.data.particles import Particles
-from taichi_cloth.render.light.bulk import OF_KEY, OF_SKY
+from taichi_cloth.render.light.bulk import ALONG, FITTED_SPREAD, OF_KEY, OF_SKY, cone
 from taichi_cloth.render.splat.splat import Splatter
 
 APART, THREADS, LAYERS = 1e-3, 60, 8
@@ -112,3 +112,17 @@ def test_threads_side_by_side_are_mixed_by_the_light_they_send_back() -> None:
         assert sent_back(colour) == pytest.approx(share, rel=0.06)
     assert sent_back(1.0) == pytest.approx(WHITE)
     assert (sent_back(0.0) + sent_back(1.0)) / 2 < sent_back(0.5)
+
+
+def test_fibres_with_narrow_highlights_send_on_as_much_light_nearer_to_their_cone() -> None:
+    assert cone(FITTED_SPREAD) == pytest.approx((ALONG, 1.0))
+    x = (np.arange(800) + 0.5) / 400 - 1  # sines of directions to the normal plane, which are even over the sphere
+    flux = np.sqrt(1 - x * x)
+
+    def sent_on(spread: float) -> float:
+        sharpness, height = cone(spread)
+        return float(height * flux @ np.exp(-sharpness * (x[:, None] + x) ** 2) @ flux)
+
+    for spread in (3.0, 5.0, 20.0):
+        assert sent_on(spread) == pytest.approx(sent_on(FITTED_SPREAD), rel=1e-3)
+    assert cone(3.0)[1] > 2.0 > cone(6.0)[1] > 1.0 > cone(20.0)[1]

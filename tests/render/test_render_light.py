@@ -19,12 +19,14 @@ from taichi_cloth.render.data.light_sizes import light_bytes
 from taichi_cloth.render.data.particles import Particles, concatenate
 from taichi_cloth.render.image.image import linear_to_srgb
 from taichi_cloth.render.image.tone import TONES, WHITE, tone_curve, tone_inverse, tone_table
-from taichi_cloth.render.light.fibre import decay, lobes
+from taichi_cloth.render.light.fibre import lobes
 from taichi_cloth.render.light.occlusion import half_sphere, occlude
 from taichi_cloth.render.light.particle_light import NO_LIGHT, shading_of
 from taichi_cloth.render.light.shade import PLAIN
 from taichi_cloth.render.light.shadow import ShadowMap, cast
 from taichi_cloth.render.light.thin import chain_step, thin
+from taichi_cloth.render.maps.decay import decay
+from taichi_cloth.render.maps.map_place import LEANT
 from taichi_cloth.render.splat.splat import Splatter
 
 UP = (0.0, 1.0, 0.0)
@@ -210,6 +212,33 @@ def test_sky_over_a_plane_and_in_a_slot() -> None:
     seen = sky(concatenate([middle, *walls]))[: len(z)]
     centre = seen[np.abs(z) < 0.05].mean()
     assert centre == pytest.approx(sin(np.arctan2(width / 2, depth)), abs=0.08)
+
+
+@pytest.mark.parametrize(("normal", "bend"), [((0, 1, 0), 0.0), ((1, 1, 0.5), 0.0), ((0, 1, 0), 10.0)])
+def test_where_no_thread_is_told_apart_a_cloth_is_open_along_its_own_normal(normal, bend: float) -> None:
+    """Of a sheet that lies any way, or over a barrel, in maps whose texels are 15 times as wide as it is thick."""
+    rng, depth = np.random.default_rng(1), 3e-4
+    up = np.array(normal) / np.linalg.norm(normal)
+    one = np.linalg.svd(up[None])[2][1]
+    u, w = np.meshgrid(np.arange(-0.1, 0.1, 0.002), np.arange(-0.1, 0.1, 0.002))
+    angle = np.maximum(bend, 1e-6) * u.ravel()
+    straight = np.outer(np.sin(angle), one) + np.outer(np.cos(angle), up)
+    along = np.outer(np.sin(angle), one) + np.outer(np.cos(angle) - 1, up)
+    at = along / np.maximum(bend, 1e-6) + np.outer(w.ravel(), np.cross(up, one))
+    at += rng.uniform(-depth / 2, depth / 2, (len(at), 1)) * straight
+    tilted = straight + 0.7 * rng.normal(size=at.shape) / 3**0.5
+    tilted /= np.linalg.norm(tilted, axis=1, keepdims=True)
+    layout, blocks, box = pack(discs(at, 0.002, normal=tilted), textured=False)
+    maps, light = occlude(layout, blocks, box, opacity=1.0, chunks=1), np.ones((blocks.shape[1], 7, LANES), np.float32)
+    maps.on_particles(blocks, light, 0, depth)
+    rows = light.swapaxes(0, 1).reshape(7, -1)[:, : len(at)]
+    inner = (np.abs(u) < 0.08).ravel() & (np.abs(w) < 0.08).ravel() & ((tilted * straight).sum(axis=1) > 0.3)
+    wanted = LEANT * tilted + (1 - LEANT) * straight
+    wanted /= np.linalg.norm(wanted, axis=1, keepdims=True)
+    apart = np.linalg.norm((rows[3:6].T - wanted)[inner], axis=1)
+    assert apart.max() < 0.15
+    assert apart.mean() < 0.04
+    assert rows[0, inner].mean() > 0.97
 
 
 def test_directions_are_even() -> None:

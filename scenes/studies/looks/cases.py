@@ -110,8 +110,10 @@ CASES = (
          towards=THIRD, fill=0.6, away=(-0.3, 1.0, -0.5)),
     Case(name="twill 3/1, third view, light and colours", weave="twill-3/1", fitted=False, colour=THIRD_COLOURS,
          key=1.3, towards=THIRD, fill=0.6, away=(-0.3, 1.0, -0.5)),
-    Case(name="satin of 8, window behind", weave="satin-8", fitted=False, colour=(0.85, 0.4, 0.1), key=1.0,
+    Case(name="satin of 8, window behind", weave="satin-8", fitted=True, colour=(0.85, 0.4, 0.1), key=1.0,
          towards=(0.5, -0.8, -0.3), fill=0.6, ground=(0.5, 0.5, 0.5), away=(-0.4, 1.0, 0.3)),
+    Case(name="herringbone, low light beside", weave="herringbone-2/2", fitted=False, colour=(0.55, 0.85, 0.2), key=1.1,
+         towards=(0.8, 0.6, -0.5), fill=0.55, ground=(0.6, 0.6, 0.6), away=(0.35, 1.0, -0.6)),
     replace(YARN, name="one yarn, third view, light and colours", fitted=False, colour=(0.75, 0.3, 0.06), key=1.4,
             towards=(0.4, -0.5, 0.7), fill=0.5, away=(-0.3, 0.25, 0.9)),
 )  # fmt: skip

@@ -25,8 +25,8 @@ from taichi_cloth.ground.particles import OCTET
 from taichi_cloth.ground.vectors import CHUNK_STEPS, Blocks, Vec16
 
 from ..data.light_sizes import LAYERS
+from .decay import decay
 from .deep_map import EMPTY, DeepMap, deepen, laid, lower
-from .fibre import decay
 from .stamps import BEHIND, EDGE, OPTICAL, POINTS, REACH, S_X, S_Y, STEP_BEHIND, STEP_U, STEP_V, T_X, T_Y, WIDE, U, V
 
 __all__ = ["coarsen", "deposit", "layer_of"]
