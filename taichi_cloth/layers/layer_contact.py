@@ -19,6 +19,7 @@ from taichi_cloth.layers.tree import levels_of
 from taichi_cloth.motion.capacity import capacity_of, class_of
 from taichi_cloth.motion.constraint import SharedConstraint
 from taichi_cloth.motion.forces import FrameForces, SelfContact
+from taichi_cloth.motion.repeated import Repeated
 from taichi_cloth.motion.stage_clock import StageClock
 from taichi_cloth.sheet.sheet import PAD, Sheet, SheetState
 
@@ -71,7 +72,7 @@ class LayerContact(SharedConstraint):
         most = max(options.thickness, FOLD * spacing)
         self._size, self._levels = capacity_of(sheet.padded_shape, LEAST), levels_of(*sheet.padded_shape)
         self._width, self._longest, self._free, self._halved = sheet.width, 1, 1, 0
-        self._torn = False
+        self._torn, self._unproven = False, False
         self._substeps, self._step, self._remembered = 1, 0.0, np.zeros(0, np.float32)
         named = {
             "thickness": options.thickness,
@@ -110,6 +111,8 @@ class LayerContact(SharedConstraint):
         share = 2**self._halved
         most, free = max(1, self._longest // share), max(1, self._free // share)
         self.fields.start(most, free, self._substeps, USE * CAREFUL**self._halved, int(self._halved == HALVINGS))
+        kept = len(state.values) - self.keeps if self.keeps else -1
+        self._stop, self._unproven = Repeated(self.fields.stop, state.values, 0, kept), False
 
     def rescale(self, state: SheetState, share: float) -> None:
         if self.keeps:
@@ -169,18 +172,19 @@ class LayerContact(SharedConstraint):
                 )
         return ""
 
-    def stop(self, state: SheetState, done: int) -> tuple[int, int]:
-        if done and self.fields.unproven[None] and self._halved < HALVINGS:
-            return done, self._substeps  # it will be taken again
-        kept = len(state.values) - self.keeps if self.keeps else -1
-        until, begun = divmod(int(self.fields.stop(state.values, done, kept)), SHIFT)
+    def stop(self, state: SheetState, done: int) -> tuple[int, int, bool]:
+        if self._unproven and self._halved < HALVINGS:
+            return done, self._substeps, False  # it will be taken again
+        said, begun = divmod(self._stop(done=done), SHIFT)
+        said, until = divmod(said, SHIFT)
+        moved, self._unproven = bool(said & 1), bool(said & 2)
         # What is remembered of key points beside where they are, and their steps.
         remembered = state.values[6 : len(state.values) - self.keeps]
         if remembered.size and begun < done:
             remembered[:] = self._remembered
         elif remembered.size:
             self._remembered = remembered.copy()
-        return begun, until
+        return begun, until, moved
 
     @ti.func
     def before(self, points: Template, done, n: Template):

@@ -47,6 +47,8 @@ ENOUGH = 0.95
 """Share that others may come to in the next interval after a search of some."""
 SHIFT = 1 << 13
 """More than a frame has substeps."""
+MOVED, UNPROVEN = 1, 2
+"""Bits of what `LayerFields.stop` says."""
 NUMBERS = (
     *("thickness", "friction", "reach", "coarse", "margin", "spacing_x", "spacing_y", "most", "held"),
     *("0", "1", "2", "3"),
@@ -61,7 +63,7 @@ class LayerFields:
     room and slack that a search is used for. began, ends: substeps at which the interval did and is over. horizon:
     substeps that the search of all is good for. longest, free: of intervals. substeps: of the frame. searches: of all;
     renewals: of some; intervals, unproven, pulled, retaken: of the frame.
-    allowed: how long intervals may be, since one was taken again."""
+    allowed: how long intervals may be, since one was taken again. moved: whether the last proof has moved anything."""
 
     def __init__(self, size: int, blends: int, clock: StageClock | None = None) -> None:
         self.holder: object = None
@@ -81,6 +83,7 @@ class LayerFields:
         self.searches, self.renewals, self.intervals, self.unproven, self.pulled, self.retaken, self.allowed = (
             ti.field(ti.i32, ()) for _ in range(7)
         )
+        self.moved = ti.field(ti.i32, ())
 
     @ti.kernel
     def take(self, width: Int, labels: I32x2, inverse: F32x1, levels: I32x2, numbers: F32x1):
@@ -164,9 +167,10 @@ class LayerFields:
     @ti.kernel
     def stop(self, values: F32x3, done: Int, kept: Int) -> Int:
         """Between two intervals. values: of a `SheetState`. Returns up to which substep the next goes, times SHIFT,
-        plus from which: an earlier one than `done` where the last is taken again. kept: the plane of values from which
-        on contacts are kept from frame to frame, or −1."""
-        begun = done
+        plus from which: an earlier one than `done` where the last is taken again; and × SHIFT² bits of whether key
+        points were moved, and of whether an interval of the frame is unproven. kept: the plane of values from which on
+        contacts are kept from frame to frame, or −1."""
+        begun, said = done, 0
         ti.loop_config(serialize=True)
         for _ in range(1):
             if ti.static(self.timed):
@@ -185,9 +189,11 @@ class LayerFields:
                     begun = self.began[None]
                 elif done == self.substeps[None] and kept >= 0:
                     self.contacts.keep(self, values, kept)
-                self.copy(values, False)
+                if self.moved[None] != 0:
+                    self.copy(values, False)
+                said = ti.select(self.moved[None] != 0, MOVED, 0) + ti.select(self.unproven[None] > 0, UNPROVEN, 0)
                 self.stamp("copies")
-        return self.ends[None] * SHIFT + begun
+        return (said * SHIFT + self.ends[None]) * SHIFT + begun
 
     @ti.func
     def copy(self, values: Template, here: Template):
@@ -291,6 +297,7 @@ class LayerFields:
         span = done - self.began[None]
         self.paths.since[None] = self.paths.since[None] + span
         self.paths.measure(points)
+        self.moved[None] = 0
         used, before = self.paths.used[None], self.certificate.pushed[None]
         long = span > ti.max(self.longest[None] // 2, 1)
         again = used > 0.999 and long
@@ -303,6 +310,8 @@ class LayerFields:
             ahead = ti.cast(self.longest[None], ti.f32) / span
             self.certificate.settle(points, self.paths, self.contacts, self.near, ahead, ti.cast(long, ti.i32))
             again = self.certificate.deep[None] > 0
+        if again or used > 0.999 or self.certificate.pushed[None] > before:
+            self.moved[None] = 1
         if again:
             self.certificate.pushed[None] = before
             self.paths.go_back(points, span)

@@ -24,7 +24,7 @@ QUEUE, ROOM = 4096, 1024
 @ti.data_oriented
 class Pieces:
     """first: (3, elements + 1), where the points, faces and threads of a cell's pieces begin; point, face, edge: of
-    them. label: of each element: those of one number are one. panel: from 1. flat, seam: see `Outline`. cell_seam: the
+    them; some: above 0 where there are any. label: of each element: those of one number are one. panel: from 1. flat, seam: see `Outline`. cell_seam: the
     least of a cell. queue: [corner], of pairs that wait. cell: [side], of
     them. within: how near they are to be, squared [m²].
 
@@ -34,6 +34,7 @@ class Pieces:
     they may be off [m]. beyond: how far any of a cell's are off, at most [m]."""
 
     waiting: Any
+    some: Any
     first: Any
 
     def __init__(self, size: int, blends: int) -> None:
@@ -47,7 +48,7 @@ class Pieces:
         self.queue = [ti.field(ti.i32, QUEUE + LANES) for _ in range(4)]
         self.within = ti.field(ti.f32, QUEUE + LANES)
         self.cell = [ti.field(ti.i32, QUEUE) for _ in range(2)]
-        self.waiting = ti.field(ti.i32, ())
+        self.waiting, self.some = (ti.field(ti.i32, ()) for _ in range(2))
         self.now, self.pace = ([ti.field(ti.f32, blends) for _ in range(3)] for _ in range(2))
         self.off, self.clear = ti.field(ti.f32, blends), ti.field(ti.f32, blends)
         self.spent, self.beyond = ti.field(ti.i32, blends), ti.field(ti.f32, size)
@@ -55,9 +56,11 @@ class Pieces:
     @ti.func
     def take(self, first: I32x2, points: I32x2, faces: I32x2, edges: I32x2, elements: F32x2):
         """elements: (6, …), label, flat, seam, the seam of cells, panel."""
+        self.some[None] = 0
         for k in range(3):
             for p in range(first.shape[1]):
                 self.first[k, p] = first[k, p]
+                self.some[None] = ti.max(self.some[None], first[k, p])
         for k in range(points.shape[1]):
             self.point[k] = points[0, k]
         for k in range(faces.shape[1]):
@@ -90,7 +93,7 @@ class Pieces:
             self.off[k] = off.norm()  # pyright: ignore[reportOptionalCall]
             for axis in ti.static(range(3)):
                 self.now[axis][k], self.pace[axis][k] = now[axis], ahead * pace[axis]
-        for p in range(paths.count[None] * LANES):
+        for p in range(self.cells(paths)):
             if (paths.has[p] & BEYOND) != 0:
                 self.beyond[p] = 0.0
                 for f in range(self.first[1, p], self.first[1, p + 1]):
@@ -98,6 +101,11 @@ class Pieces:
                         k = points.blends.of[self.face[corner][f]]
                         if k >= 0:
                             self.reach_to(tree, p, k)
+
+    @ti.func
+    def cells(self, paths: Template):
+        """How many there are to look for pieces of."""
+        return ti.select(self.some[None] > 0, paths.count[None] * LANES, 0)
 
     @ti.func
     def reach_to(self, tree: Template, p, k):
@@ -113,7 +121,7 @@ class Pieces:
     @routine
     def settle(self, points: Template, paths: Template, tree: Template):
         """After `Tree.settle`: key points have no more room than the cells have of which they carry corners."""
-        for p in range(paths.count[None] * LANES):
+        for p in range(self.cells(paths)):
             if (paths.has[p] & BEYOND) != 0:
                 for f in range(self.first[1, p], self.first[1, p + 1]):
                     for corner in ti.static(range(3)):
@@ -134,7 +142,7 @@ class Pieces:
     def find(self, points: Template, paths: Template, tree: Template, search: Template, near: Template, reach: Float):
         """After `NearPairs.find`: the same of pieces, behind what that has found."""
         width, self.waiting[None] = points.row[None], 0
-        for kind in range(FACES, EDGES + 1):
+        for kind in range(FACES, ti.select(self.some[None] > 0, EDGES + 1, FACES)):
             total = search.count[0]
             for pair in range(total):
                 p, q = element(search.one[0, pair], width), element(search.other[0, pair], width)

@@ -154,11 +154,13 @@ class Frame(Stencil):
         change_z: Float,
         first: Int,
         last: Int,
+        fresh: Int,
         threads: Int,
         features: Template,
     ):
         """Substeps from `first` up to `last` of a frame. values: of a `SheetState`. wind: at the start of the frame
-        [m/s], and its change in a substep. features: `Features`."""
+        [m/s], and its change in a substep. fresh: 0 where values are what the last call left in fields, too.
+        features: `Features`."""
         ti.loop_config(serialize=True)
         for _ in range(1):
             self.crew.assemble(threads)
@@ -166,15 +168,15 @@ class Frame(Stencil):
         for k in range(self.crew.threads * _CHUNK):  # of a range that is not constant all would be one thread's
             if k % _CHUNK == 0 and k // _CHUNK < threads:
                 wind, change = ti.Vector([wind_x, wind_y, wind_z]), ti.Vector([change_x, change_y, change_z])
-                self.stages(k // _CHUNK, values, self.shared(), wind, change, first, last, features)
+                self.stages(k // _CHUNK, values, self.shared(), wind, change, first, last, fresh, features)
 
     @ti.func
-    def stages(self, thread, values: Template, n: Template, wind, change, first, last, features: Template):
+    def stages(self, thread, values: Template, n: Template, wind, change, first, last, fresh, features: Template):
         """Substeps of the frame, as one of its threads goes through them. stage: number of the last one; ended: parts
         of stages that have ended by then."""
         at = 0  # which buffer of what is ahead is read
         self.begins(thread)
-        stage, ended = self.in_parts(self.read, thread, 0, 0, first, at, wind, values, n, features)
+        stage, ended = self.in_parts(self.read, thread, 0, 0, first, fresh, wind, values, n, features)
         self.ends(thread, "state")
         for done in range(first, last):
             if ti.static(not features.leads):
@@ -244,22 +246,24 @@ class Frame(Stencil):
 
     @ti.func
     def read(self, part, done, at, wind, values: Template, n: Template, features: Template):
-        """The state of a part's key points from what the host holds."""
+        """The state of a part's key points from what the host holds. at: 0 where that is in fields already."""
         if ti.static(features.slips):
             self.slipping.begin(part, done)
         for e in range(self.cut[part], self.cut[part + 1]):
             p = self.lanes(self.packet[e] * LANES)
             i, j = p // self.row[None], p % self.row[None]
-            for c in ti.static(range(3)):
-                for k in range(LANES):
-                    self.position[c][p + k] = values[c, i, j + k]
-                    self.step[c][p + k] = values[3 + c, i, j + k]
+            if at != 0:
+                for c in ti.static(range(3)):
+                    for k in range(LANES):
+                        self.position[c][p + k] = values[c, i, j + k]
+                        self.step[c][p + k] = values[3 + c, i, j + k]
+                for one in ti.static([one for one in self.constraints if one.remembers]):
+                    one.open(values, p, i, j)
+                if ti.static(features.slips):
+                    self.slipping.open(values, self.plane, p, i, j)
             if ti.static(features.grips):
                 self.grip.begin(self.position, p, done)
-            for one in ti.static([one for one in self.constraints if one.remembers]):
-                one.open(values, p, i, j)
             if ti.static(features.slips):
-                self.slipping.open(values, self.plane, p, i, j)
                 self.slipping.inner(self, p)
         if ti.static(features.leads):
             self.lead_part(part, n)

@@ -18,6 +18,7 @@ from taichi_cloth.motion.crew import PARTS, Pace, parts_of
 from taichi_cloth.motion.forces import Forces, FrameForces
 from taichi_cloth.motion.frame import Frame, meets_itself
 from taichi_cloth.motion.numbers import acting, numbers_of
+from taichi_cloth.motion.repeated import Repeated
 from taichi_cloth.motion.slipping import ANCHORS, slip_numbers
 from taichi_cloth.motion.solver import Solver
 from taichi_cloth.motion.stage_clock import StageClock
@@ -185,15 +186,18 @@ class KernelSolver(Solver):
         done, pausing = 0, next((one for one in self.constraints if one.stops), None)
         # Plain code: half the time to compile, and as fast a frame. With a clock it is of this process alone.
         plain = partial(runtime.plain_code, routines=routines, kept=self.clock is None)
+        run = Repeated(frame.run, state.values, *wind, *change, 0, 0, 1, threads, self.features)
         with plain(whole=frame.loops is None):
             while True:
-                done, until = (done, self.substeps) if pausing is None else pausing.stop(state, done)
+                done, until, fresh = done, self.substeps, True
+                if pausing is not None:
+                    done, until, fresh = pausing.stop(state, done)
                 if done == self.substeps:
                     break
                 if frame.loops is not None:
                     frame.loops.run(state.values, wind, change, self.substeps)
                 else:
-                    frame.run(state.values, *wind, *change, done, until, threads, self.features)  # pyright: ignore[reportCallIssue]
+                    run(first=done, last=until, fresh=int(fresh or done == 0))
                 done = until
             took = perf_counter() - begin
         with plain():

@@ -52,11 +52,11 @@ class YarnFrame(Frame):
         self.rubbed = [[ti.field(ti.f32, self.size) for _ in range(3)] for _ in (BALL, FLOOR)]
 
     @ti.func
-    def stages(self, thread, values: Template, n: Template, wind, change, first, last, features: Template):
+    def stages(self, thread, values: Template, n: Template, wind, change, first, last, fresh, features: Template):
         families = ti.static(self.families)
         turns = families * ti.cast(n.sweeps, ti.i32)
         self.begins(thread)
-        stage, ended = self.in_parts(self.open, thread, 0, 0, first, 0, wind, values, n, features)
+        stage, ended = self.in_parts(self.open, thread, 0, 0, first, fresh, wind, values, n, features)
         self.ends(thread, "state")
         for done in range(first, last):
             air = wind + done * change
@@ -125,7 +125,7 @@ class YarnFrame(Frame):
 
     @ti.func
     def open(self, part, done, at, wind, values: Template, n: Template, features: Template):
-        """The state of a part; at the start of a frame threads that nothing pulls."""
+        """`read`; at the start of a frame threads that nothing pulls."""
         self.read(part, done, at, wind, values, n, features)
         if done == 0:
             if part == 0:
