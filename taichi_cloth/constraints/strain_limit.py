@@ -279,9 +279,9 @@ class ThreadLimit(SharedConstraint):
         return go
 
     @ti.func
-    def open(self, values: Template, p, i, j):
-        for k in range(LANES):
-            self.open_one(values, p + k, i, j + k)
+    def open(self, points: Template, values: Template, p):
+        for axis in ti.static(range(2)):
+            store(self.fields.pull[axis], p, load(values, points.plane_at(6 + axis, p)))
 
     @ti.func
     def open_one(self, values: Template, p, i, j):
@@ -289,9 +289,9 @@ class ThreadLimit(SharedConstraint):
             self.fields.pull[axis][p] = values[6 + axis, i, j]
 
     @ti.func
-    def close(self, values: Template, p, i, j):
-        for k in range(LANES):
-            self.close_one(values, p + k, i, j + k)
+    def close(self, points: Template, values: Template, p):
+        for axis in ti.static(range(2)):
+            store(values, points.plane_at(6 + axis, p), load(self.fields.pull[axis], p))
 
     @ti.func
     def close_one(self, values: Template, p, i, j):

@@ -98,37 +98,34 @@ class Pushes:
             contacts.rubbed[axis][c], contacts.anchor[axis][c] = rubbed[axis], place[axis] - way[axis]
 
     @ti.func
-    def load(self, values: Template, first):
+    def load(self, values: Template, first, grid):
         """After `save`, of a state."""
-        width = values.shape[2]
-        for c in range(values.shape[1] * width):
-            i, j = c // width, c % width
-            if values[first + 11, i, j] > 0.0:
+        for c in range(grid):
+            k = first + c
+            if values[k + 11 * grid] > 0.0:
                 at = self.count[None]
                 for corner in ti.static(range(4)):
-                    self.point[corner][at] = ti.cast(values[first + corner, i, j], ti.i32)
-                self.pushed[at] = values[first + 4, i, j]
+                    self.point[corner][at] = ti.cast(values[k + corner * grid], ti.i32)
+                self.pushed[at] = values[k + 4 * grid]
                 for axis in ti.static(range(3)):
-                    self.rubbed[axis][at] = values[first + 5 + axis, i, j]
-                    self.slid[axis][at] = values[first + 8 + axis, i, j]
+                    self.rubbed[axis][at] = values[k + (5 + axis) * grid]
+                    self.slid[axis][at] = values[k + (8 + axis) * grid]
                 self.list(at)
                 self.count[None] = at + 1
 
     @ti.func
-    def save(self, values: Template, first):
-        """Into planes of a state from a first one on, as many as there is room for."""
-        width = values.shape[2]
-        for c in range(values.shape[1] * width):
-            i, j = c // width, c % width
-            there = c < self.count[None]
-            values[first + 11, i, j] = ti.select(there, 1.0, 0.0)
+    def save(self, values: Template, first, grid):
+        """Into planes of `grid` elements of a state, which begin at element `first`, as many as there is room for."""
+        for c in range(grid):
+            k, there = first + c, c < self.count[None]
+            values[k + 11 * grid] = ti.select(there, 1.0, 0.0)
             if there:
                 for corner in ti.static(range(4)):
-                    values[first + corner, i, j] = ti.cast(self.point[corner][c], ti.f32)
-                values[first + 4, i, j] = self.pushed[c]
+                    values[k + corner * grid] = ti.cast(self.point[corner][c], ti.f32)
+                values[k + 4 * grid] = self.pushed[c]
                 for axis in ti.static(range(3)):
-                    values[first + 5 + axis, i, j] = self.rubbed[axis][c]
-                    values[first + 8 + axis, i, j] = self.slid[axis][c]
+                    values[k + (5 + axis) * grid] = self.rubbed[axis][c]
+                    values[k + (8 + axis) * grid] = self.slid[axis][c]
 
     @ti.func
     def clear(self):
@@ -307,11 +304,11 @@ class Contacts:
         self.fill_up()
 
     @ti.func
-    def keep(self, points: Template, values: Template, first):
-        """In planes of a state from a first one on, until the next frame."""
+    def keep(self, points: Template, values: Template, first, grid):
+        """In planes of a state, until the next frame, see `Pushes.save`."""
         self.before.take(points, self)
         self.before.take(points, self.blended)
-        self.before.save(values, first)
+        self.before.save(values, first, grid)
         self.before.clear()
 
     @ti.func

@@ -112,7 +112,7 @@ class LayerContact(SharedConstraint):
         most, free = max(1, self._longest // share), max(1, self._free // share)
         self.fields.start(most, free, self._substeps, USE * CAREFUL**self._halved, int(self._halved == HALVINGS))
         kept = len(state.values) - self.keeps if self.keeps else -1
-        self._stop, self._unproven = Repeated(self.fields.stop, state.values, 0, kept), False
+        self._stop, self._unproven = Repeated(self.fields.stop, state.in_a_row, 0, kept), False
 
     def rescale(self, state: SheetState, share: float) -> None:
         if self.keeps:

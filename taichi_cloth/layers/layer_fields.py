@@ -18,7 +18,7 @@ from typing import Any
 
 import taichi as ti
 
-from taichi_cloth.ground.arrays import F32x1, F32x2, F32x3, Float, I32x1, I32x2, Int, Template
+from taichi_cloth.ground.arrays import F32x1, F32x2, Float, I32x1, I32x2, Int, Template
 from taichi_cloth.ground.routine import routine
 from taichi_cloth.layers.blends import Blends
 from taichi_cloth.layers.certificate import Certificate
@@ -30,7 +30,7 @@ from taichi_cloth.layers.pieces import Pieces
 from taichi_cloth.layers.search import Search, Sieve
 from taichi_cloth.layers.tree import LEVELS, Tree
 from taichi_cloth.motion.stage_clock import StageClock
-from taichi_cloth.motion.stencil import load, store
+from taichi_cloth.motion.stencil import listed, load, store
 from taichi_cloth.sheet.sheet import LANES
 
 __all__ = ["NUMBERS", "SHIFT", "LayerFields"]
@@ -165,11 +165,11 @@ class LayerFields:
             self.clock.end(name, 0)
 
     @ti.kernel
-    def stop(self, values: F32x3, done: Int, kept: Int) -> Int:
-        """Between two intervals. values: of a `SheetState`. Returns up to which substep the next goes, times SHIFT,
-        plus from which: an earlier one than `done` where the last is taken again; and × SHIFT² bits of whether key
-        points were moved, and of whether an interval of the frame is unproven. kept: the plane of values from which on
-        contacts are kept from frame to frame, or −1."""
+    def stop(self, values: F32x1, done: Int, kept: Int) -> Int:
+        """Between two intervals. values: of a `SheetState`, in a row. Returns up to which substep the next goes, times
+        SHIFT, plus from which: an earlier one than `done` where the last is taken again; and × SHIFT² bits of whether
+        key points were moved, and of whether an interval of the frame is unproven. kept: the plane of values from which
+        on contacts are kept from frame to frame, or −1."""
         begun, said = done, 0
         ti.loop_config(serialize=True)
         for _ in range(1):
@@ -180,7 +180,7 @@ class LayerFields:
             self.stamp("copies")
             if done == 0:
                 if kept >= 0:
-                    self.contacts.before.load(values, kept)
+                    self.contacts.before.load(values, kept * self.grid(), self.grid())
                 self.open(self)
             else:
                 before = self.retaken[None]
@@ -188,7 +188,7 @@ class LayerFields:
                 if self.retaken[None] > before:
                     begun = self.began[None]
                 elif done == self.substeps[None] and kept >= 0:
-                    self.contacts.keep(self, values, kept)
+                    self.contacts.keep(self, values, kept * self.grid(), self.grid())
                 if self.moved[None] != 0:
                     self.copy(values, False)
                 said = ti.select(self.moved[None] != 0, MOVED, 0) + ti.select(self.unproven[None] > 0, UNPROVEN, 0)
@@ -198,18 +198,20 @@ class LayerFields:
     @ti.func
     def copy(self, values: Template, here: Template):
         """Positions and steps from what the host holds, or back."""
-        row = self.row[None]
         for e in range(self.paths.count[None]):
             p = self.paths.packet(e)
-            i, j = p // row, p % row
             for plane, field in ti.static(enumerate(self._moved)):
-                host = ti.Vector([values[plane, i, j + k] for k in ti.static(range(LANES))])
+                at = listed(plane * self.grid() + p)  # bounded, or they would be copied one by one
+                host = load(values, at)
                 if ti.static(here):
                     store(field, p, host)
                 else:
-                    moved = ti.select(load(self.blends.of, p) < 0, load(field, p), host)
-                    for k in ti.static(range(LANES)):
-                        values[plane, i, j + k] = moved[k]  # pyright: ignore[reportIndexIssue]
+                    store(values, at, ti.select(load(self.blends.of, p) < 0, load(field, p), host))
+
+    @ti.func
+    def grid(self):
+        """Elements of the padded grid."""
+        return self.paths.count[None] * LANES
 
     @routine
     def open(self, points: Template):

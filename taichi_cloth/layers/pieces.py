@@ -24,9 +24,9 @@ QUEUE, ROOM = 4096, 1024
 @ti.data_oriented
 class Pieces:
     """first: (3, elements + 1), where the points, faces and threads of a cell's pieces begin; point, face, edge: of
-    them; some: above 0 where there are any. label: of each element: those of one number are one. panel: from 1. flat, seam: see `Outline`. cell_seam: the
-    least of a cell. queue: [corner], of pairs that wait. cell: [side], of
-    them. within: how near they are to be, squared [m²].
+    them; some: above 0 where there are any. label: of each element: those of one number are one. panel: from 1. flat,
+    seam: see `Outline`. cell_seam: the least of a cell. queue: [corner], of pairs that wait. cell: [side], of them.
+    within: how near they are to be, squared [m²].
 
     Corners that have become one with others, as where they are sewn, lie beyond the cells that they are corners of, and
     are blends of other key points.

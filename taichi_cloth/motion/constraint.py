@@ -103,11 +103,12 @@ class Constraint:
         return False
 
     @ti.func
-    def open(self, values: Template, p, i, j):
-        """What is remembered of the lanes at p, from values[6 + k, i, j + lane] of the host."""
+    def open(self, points: Template, values: Template, p):
+        """What is remembered of the lanes at p, from what the host holds: the planes of values from 6 on, where
+        `Frame.plane_at` says."""
 
     @ti.func
-    def close(self, values: Template, p, i, j):
+    def close(self, points: Template, values: Template, p):
         """And back."""
 
     @ti.func

@@ -20,14 +20,14 @@ import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
 
-from taichi_cloth.ground.arrays import F32x2, F32x3, Float, I32x1, Int, Template
+from taichi_cloth.ground.arrays import F32x1, F32x2, F32x3, Float, I32x1, Int, Template
 from taichi_cloth.motion.constraint import Constraint
 from taichi_cloth.motion.crew import PARTS, Crew, parts_of
 from taichi_cloth.motion.grip import Grip
 from taichi_cloth.motion.numbers import NUMBERS, Numbers, take_numbers
-from taichi_cloth.motion.slipping import Slipping
+from taichi_cloth.motion.slipping import ANCHORS, Slipping
 from taichi_cloth.motion.stage_clock import StageClock
-from taichi_cloth.motion.stencil import Stencil
+from taichi_cloth.motion.stencil import Stencil, listed, load, store
 from taichi_cloth.sheet.sheet import LANES, PAD, Sheet, SheetState
 
 __all__ = ["Frame", "cloth_of_rows", "meets_itself"]
@@ -53,7 +53,8 @@ class Frame(Stencil):
     numbers: of a step. packet: 8 neighbouring key points each, by the number of their lanes in the padded grid; cut:
     which of them are whose part. holder: whose constants are in the fields, the host's to use. sums: whether it goes
     through constraints several times in a substep. clock: is told where stages end; None: nothing of it is compiled.
-    slips: whether there is friction within the sheet. cloths: how many there may be in it.
+    slips: whether there is friction within the sheet. cloths: how many there may be in it. grid: elements of a plane of
+    a state.
     """
 
     sums = False
@@ -85,6 +86,7 @@ class Frame(Stencil):
         self._number = [self.numbers.get_member_field(name) for name in NUMBERS]
         self.packet, self.cut = ti.field(ti.i32, size // LANES), ti.field(ti.i32, PARTS + 1)
         self.holder: object = None
+        self.grid = ti.field(ti.i32, ())
 
     def fill(self, sheet: Sheet, state: SheetState, numbers: list[dict[str, float]]) -> None:
         """Takes what stays the same from frame to frame. numbers: of each cloth."""
@@ -117,7 +119,7 @@ class Frame(Stencil):
                     self.step[c][p] = values[3 + c, i, j]
         ti.loop_config(serialize=True)
         for _ in range(1):
-            self.row[None] = values.shape[2]
+            self.row[None], self.grid[None] = values.shape[2], values.shape[1] * values.shape[2]
             for e in range(packets.shape[0]):
                 self.packet[e] = packets[e]
             for part in range(cuts.shape[0]):
@@ -144,7 +146,7 @@ class Frame(Stencil):
     def run(
         self,
         # in and out
-        values: F32x3,
+        values: F32x1,
         # in
         wind_x: Float,
         wind_y: Float,
@@ -158,8 +160,8 @@ class Frame(Stencil):
         threads: Int,
         features: Template,
     ):
-        """Substeps from `first` up to `last` of a frame. values: of a `SheetState`. wind: at the start of the frame
-        [m/s], and its change in a substep. fresh: 0 where values are what the last call left in fields, too.
+        """Substeps from `first` up to `last` of a frame. values: of a `SheetState`, in a row. wind: at the start of the
+        frame [m/s], and its change in a substep. fresh: 0 where values are what the last call left in fields, too.
         features: `Features`."""
         ti.loop_config(serialize=True)
         for _ in range(1):
@@ -251,16 +253,15 @@ class Frame(Stencil):
             self.slipping.begin(part, done)
         for e in range(self.cut[part], self.cut[part + 1]):
             p = self.lanes(self.packet[e] * LANES)
-            i, j = p // self.row[None], p % self.row[None]
             if at != 0:
                 for c in ti.static(range(3)):
-                    for k in range(LANES):
-                        self.position[c][p + k] = values[c, i, j + k]
-                        self.step[c][p + k] = values[3 + c, i, j + k]
+                    store(self.position[c], p, load(values, self.plane_at(c, p)))
+                    store(self.step[c], p, load(values, self.plane_at(3 + c, p)))
                 for one in ti.static([one for one in self.constraints if one.remembers]):
-                    one.open(values, p, i, j)
+                    one.open(self, values, p)
                 if ti.static(features.slips):
-                    self.slipping.open(values, self.plane, p, i, j)
+                    for k in ti.static(range(ANCHORS)):
+                        store(self.slipping.anchor[k], p, load(values, self.plane_at(self.plane + k, p)))
             if ti.static(features.grips):
                 self.grip.begin(self.position, p, done)
             if ti.static(features.slips):
@@ -275,15 +276,19 @@ class Frame(Stencil):
             p = self.lanes(self.packet[e] * LANES)
             if ti.static(not features.apart):
                 self.settle(p, at)
-            i, j = p // self.row[None], p % self.row[None]
             for c in ti.static(range(3)):
-                for k in range(LANES):
-                    values[c, i, j + k] = self.position[c][p + k]
-                    values[3 + c, i, j + k] = self.step[c][p + k]
+                store(values, self.plane_at(c, p), load(self.position[c], p))
+                store(values, self.plane_at(3 + c, p), load(self.step[c], p))
             for one in ti.static([one for one in self.constraints if one.remembers]):
-                one.close(values, p, i, j)
+                one.close(self, values, p)
             if ti.static(features.slips):
-                self.slipping.close(values, self.plane, p, i, j)
+                for k in ti.static(range(ANCHORS)):
+                    store(values, self.plane_at(self.plane + k, p), load(self.slipping.anchor[k], p))
+
+    @ti.func
+    def plane_at(self, plane, p):
+        """Where the lanes at p are in a plane of a `SheetState`, in a row; bounded, or it is one lane at a time."""
+        return listed(plane * self.grid[None] + p)
 
     @ti.func
     def prepare(self, part, done, at, wind, values: Template, n: Template, features: Template):

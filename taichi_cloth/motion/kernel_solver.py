@@ -186,7 +186,7 @@ class KernelSolver(Solver):
         done, pausing = 0, next((one for one in self.constraints if one.stops), None)
         # Plain code: half the time to compile, and as fast a frame. With a clock it is of this process alone.
         plain = partial(runtime.plain_code, routines=routines, kept=self.clock is None)
-        run = Repeated(frame.run, state.values, *wind, *change, 0, 0, 1, threads, self.features)
+        run = Repeated(frame.run, state.in_a_row, *wind, *change, 0, 0, 1, threads, self.features)
         with plain(whole=frame.loops is None):
             while True:
                 done, until, fresh = done, self.substeps, True

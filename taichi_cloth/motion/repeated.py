@@ -38,7 +38,7 @@ class Repeated:
                 context.set_arg_int(place, int(value))
             else:
                 context.set_arg_float(place, float(value))
-        impl.get_runtime().prog.launch_kernel(compiled, context)
+        _program().launch_kernel(compiled, context)
         return context.get_struct_ret_int((0,)) if kernel.return_type is not None else 0
 
     def _prepare(self) -> tuple[Any, Any, Any, dict[str, tuple[tuple[int], bool]]]:
@@ -59,6 +59,10 @@ class Repeated:
             else:
                 continue  # a template
             places[argument.name] = place, isinstance(value, int | np.integer)
-        program = impl.get_runtime().prog
+        program = _program()
         compiled = program.compile_kernel(program.config(), program.get_device_caps(), made)
         return context, compiled, kernel, places
+
+
+def _program() -> Any:
+    return impl.get_runtime().prog

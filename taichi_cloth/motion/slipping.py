@@ -219,17 +219,3 @@ class Slipping:
             for lane in range(ti.static(min(LANES, self.line))):
                 most = ti.max(most, self.locked[part * self.line + lane])
         return most
-
-    @ti.func
-    def open(self, values: Template, plane: Template, p, i, j):
-        """Anchors of the lanes at p from values[plane + k, i, j + lane] of the host."""
-        for k in ti.static(range(ANCHORS)):
-            for lane in range(LANES):
-                self.anchor[k][p + lane] = values[plane + k, i, j + lane]
-
-    @ti.func
-    def close(self, values: Template, plane: Template, p, i, j):
-        """And back."""
-        for k in ti.static(range(ANCHORS)):
-            for lane in range(LANES):
-                values[plane + k, i, j + lane] = self.anchor[k][p + lane]
