@@ -8,6 +8,7 @@ that is done once for a row of calls.
 from typing import Any
 
 import numpy as np
+import taichi as ti
 from taichi.lang import impl
 
 from taichi_cloth.ground import runtime
@@ -49,16 +50,16 @@ class Repeated:
         context, places = made.make_launch_context(), {}
         for argument, value in zip(kernel.arguments[1:], self._args, strict=True):
             place = (len(places),)
+            if isinstance(argument.annotation, ti.template):
+                continue
             if isinstance(value, np.ndarray):
                 assert value.flags.c_contiguous, f"{argument.name}: an array that does not lie in one piece"
                 context.set_arg_external_array_with_shape(place, value.ctypes.data, value.nbytes, value.shape, 0)
-            elif isinstance(value, int | np.integer):
+            elif argument.annotation is ti.i32:
                 context.set_arg_int(place, int(value))
-            elif isinstance(value, float | np.floating):
-                context.set_arg_float(place, float(value))
             else:
-                continue  # a template
-            places[argument.name] = place, isinstance(value, int | np.integer)
+                context.set_arg_float(place, float(value))
+            places[argument.name] = place, argument.annotation is ti.i32
         program = _program()
         compiled = program.compile_kernel(program.config(), program.get_device_caps(), made)
         return context, compiled, kernel, places
