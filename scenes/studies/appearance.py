@@ -14,7 +14,7 @@ from ...render.image.image import contact_sheet
 from ..measure.likeness import DEPTHS, Likeness, flip, likeness, shown_alike
 from ..measure.page import Section, csv_text
 from ..measure.study import cpu_seconds
-from .looks.cases import CASES, QUICK, Case, subject_of
+from .looks.cases import CASES, QUICK, YARN, Case, subject_of
 from .looks.path_traced import path_traced
 
 __all__ = [
@@ -99,7 +99,7 @@ def measured(case: Case, quick: bool) -> tuple[F64, F64, Likeness, tuple[float, 
     splatter, draw = subject.drawing()
     cost = cpu_seconds(draw, 1 if quick else RUNS)
     ours = subject.taken(splatter)
-    reference, taken = path_traced(subject, samples, runtime.threads())
+    reference, taken = path_traced(subject, samples * case.finer, runtime.threads())
     return ours, reference, likeness(ours, reference, subject.sky_seen()), (cost, taken)
 
 
@@ -188,8 +188,9 @@ def section(
         name="appearance",
         title="Appearance: beside a path tracer",
         about="Threads of all their fibres, and the same fibres as curves in Mitsuba with its hair BSDF, the "
-        f"absorption at which a thick mass of them has the colour, {size} × {size} pixels of {samples} samples. Red, "
-        "green and blue are three albedos at once. All numbers are of the pixels that both cover, ours over the "
+        f"absorption at which a thick mass of them has the colour, {size} × {size} pixels of {samples} samples, of a "
+        f"yarn {YARN.finer} times as many. Red, green and blue are three albedos at once. All numbers are of the "
+        "pixels that both cover, ours over the "
         "reference's; blurred: root mean square of luminance after a blur of 5 pixels; depths: "
         f"{len(DEPTHS) - 1} bins of pixels by how much of the sky their fibres see, from the interstices to the "
         "crowns, at each albedo; FLIP: its mean, at one exposure for both. The lines below say what is outside of "

@@ -20,7 +20,7 @@ from ...picture.view import finish_of
 from ...prepare.fibre_count import EVERY
 from ...scene.load import load_scene
 
-__all__ = ["CASES", "QUICK", "Case", "Subject", "fibre_starts", "subject_of"]
+__all__ = ["CASES", "QUICK", "YARN", "Case", "Subject", "fibre_starts", "subject_of"]
 
 FOV = 6.0
 """Angle seen over a picture's height [degrees]: nearly parallel."""
@@ -42,6 +42,8 @@ class Case:
     weave: its name, or "yarn" of one yarn. fitted: whether the weights of `render.light.bulk` were found with it. key:
     radiance of a white surface that faces the light; towards: it, any length. fill: of the sky, whose upper half has
     the colour `sky` and the lower one `ground`. away: from the cloth to the eye. share: of the cloth that is seen.
+    finer: how many times as many samples the path tracer takes: a yarn has few pixels in each depth, so that its own
+    grain would be measured.
     """
 
     name: str
@@ -56,6 +58,7 @@ class Case:
     ground: Colour = WHITE
     away: Colour = (0.25, 1.0, 0.45)
     share: float = 0.72
+    finer: int = 1
 
     @property
     def lighting(self) -> Lighting:
@@ -80,6 +83,7 @@ THIRD = (0.75, 0.8, 0.5)
 YARN = Case(
     name="one yarn",
     weave="yarn",
+    finer=4,
     fitted=True,
     towards=(-0.7, 0.35, 0.6),
     away=(0.0, 0.0, 1.0),
