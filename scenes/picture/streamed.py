@@ -28,7 +28,7 @@ from ...render.tiles.mesh import Mesh, join
 
 __all__ = ["Closer", "Streamed"]
 
-FADE = 0.45, 0.12
+FADE = 0.45, 0.08
 """Heights of what a picture shows of a closer region, in its own sizes, from which on its maps begin to tell light, and
 at which they alone do. From farther off cloth is a sheet, which lies within the fibres that fine maps tell of."""
 
