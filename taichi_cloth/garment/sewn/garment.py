@@ -1,5 +1,6 @@
 """A garment: a pattern cut from a material; its sheet, the ties that sew and hold it, and itself in motion."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -12,7 +13,7 @@ from taichi_cloth.constraints.ties import Ties
 from taichi_cloth.garment.pattern.curves import along, length
 from taichi_cloth.garment.pattern.cut import Atlas, turned
 from taichi_cloth.garment.pattern.hems import with_hems
-from taichi_cloth.garment.pattern.pattern import Pattern, Side
+from taichi_cloth.garment.pattern.pattern import Hold, Pattern, Side
 from taichi_cloth.garment.sewn.joined import SeamLine, seam_lines
 from taichi_cloth.garment.sewn.own_outline import outline_of
 from taichi_cloth.garment.sewn.surface import Surface
@@ -47,12 +48,14 @@ LAG = 3e-5  # [s] least damping of the threads: what seams and skin strike dies 
 @dataclass(frozen=True, eq=False)
 class Garment:
     """A pattern cut from a material. hem: width that its hems are turned inwards [m]; what is turned in weighs and
-    pulls as cloth that lies there twice. Raises InputError as `cut` and `calibrate` do."""
+    pulls as cloth that lies there twice. hanging: as it is while its seams close, see `Pattern.hung`. Raises InputError
+    as `cut` and `calibrate` do."""
 
     pattern: Pattern
     atlas: Atlas
     material: Material
     hem: float = 0.0
+    hanging: bool = False
 
     @cached_property
     def layers(self) -> F64:
@@ -119,8 +122,7 @@ class Garment:
     @cached_property
     def closing(self) -> "Garment":
         """The same with what it hangs by while its seams close."""
-        pattern = self.pattern
-        return replace(self, pattern=replace(pattern, holds=pattern.holds + pattern.hung)) if pattern.hung else self
+        return replace(self, hanging=True) if self.pattern.hung else self
 
     def sewn(self) -> NDArray[np.bool_]:
         """Key points (rows, cols) that the seams join."""
@@ -154,8 +156,11 @@ class Garment:
 
     def holds(self) -> tuple[I64, F64, F64]:
         """Points of the edges that the body carries: blends (n, 4, 2) and (n, 4), where they belong (n, 3) [m]."""
+        return self._placed(self.pattern.holds)
+
+    def _placed(self, holds: Sequence[Hold]) -> tuple[I64, F64, F64]:
         nodes, weights, places = [], [], []
-        for hold in self.pattern.holds:
+        for hold in holds:
             edge = self.pattern.edge(hold.side)
             count = max(2, int(np.ceil(length(edge) / max(self.atlas.spacing))) + 1)
             points = along(edge, np.linspace(0.0, 1.0, count))
@@ -191,7 +196,8 @@ class Garment:
         holds nothing, so that its kernel is that of all garments.
 
         What is held keeps the gap to the body at rest: held within, it would be drawn in and pushed out in every
-        substep, and key points beside it flip to and fro by a millimetre.
+        substep, and key points beside it flip to and fro by a millimetre. What a garment hangs by is drawn in as seams
+        are, in one with them: holds give way, and its sleeves would draw it off the shoulders.
         """
         seams, seam_weights = self.seams()
         nodes, weights, places = self.holds()
@@ -206,8 +212,14 @@ class Garment:
         elif body is not None:
             places = body.let_out(places)
         out = [Ties(sheet, nodes, weights, speed=speed, places=places, bones=bones, most=most, repeated=False)]
+        between = None
+        if self.hanging:
+            nodes, weights, places = self._placed(self.pattern.hung)
+            between = np.concatenate([np.full((len(seams), 3), np.nan), places])
+            seams = np.concatenate([seams, np.pad(nodes, ((0, 0), (0, 4), (0, 0)))])
+            seam_weights = np.concatenate([seam_weights, np.pad(weights, ((0, 0), (0, 4)))])
         if len(seams):
-            out.append(Ties(sheet, seams, seam_weights, speed=speed))
+            out.append(Ties(sheet, seams, seam_weights, speed=speed, places=between))
         return tuple(out)
 
     def simulation(

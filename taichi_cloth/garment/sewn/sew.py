@@ -178,7 +178,7 @@ def _closed(
     """Stage 1 from `start`: where key points are with seams closed, and after how many frames."""
     smooth = replace(body, friction=SMOOTH)
     hangs = garment.closing
-    weight = Forces().gravity if hangs.pattern.holds else (0.0, 0.0, 0.0)
+    weight = Forces().gravity if hangs.hanging or hangs.pattern.holds else (0.0, 0.0, 0.0)
     simulation = hangs.simulation(
         Forces(gravity=weight, body=smooth, strain_limit=limit, self_contact=layers),
         start,
@@ -285,7 +285,7 @@ def _known(simulation: Simulation) -> dict[str, Any]:
 
 def _gap(simulation: Simulation) -> float:
     """Of the widest seam [m]; holds give way to the body."""
-    return max((float(one.gaps(simulation.state).max()) for one in seams_of(simulation)), default=0.0)
+    return max((float(one.gaps(simulation.state)[~one.held].max(initial=0.0)) for one in seams_of(simulation)), default=0.0)
 
 
 def _speed(simulation: Simulation, before: F32) -> float:
