@@ -71,12 +71,13 @@ def widen(work: Work, worn: Landmarks, *, last: bool = False) -> list[str]:
 
 
 def raise_tight(work: Work, worn: Landmarks) -> list[str]:
-    """Skirts and trousers whose top is too tight where seams would hang them, as under a long bodice that is gathered
-    onto them, go up to where they fit, and what they hang on is shortened below the arms."""
+    """Skirts whose top is too tight where seams would hang them, as under a long bodice that is gathered onto them, go
+    up to where they fit, and what they hang on is shortened below the arms. Trousers are widened instead: their fork
+    would go up with them, and draw the rest off the shoulders."""
     low, waist = worn.height["crotch"], worn.height["waist"]
     for tier in tiers(work, work.of("skirt", "leg_l", "leg_r", "trunk")):
         top = max(float(piece.level(worn=True).max()) for piece in tier)
-        if tier[0].part == "trunk" or not low < top < waist - 0.02:
+        if any(piece.part != "skirt" for piece in tier) or not low < top < waist - 0.02:
             continue
         loop = sum(float(widths(piece, np.array([top - 0.01]))[0]) for piece in tier)
         if not CLOSED * worn.ring(top)[0] < loop < TIGHT * worn.ring(top)[0]:
