@@ -18,8 +18,8 @@ from taichi_cloth.garment.pattern.cut import cut, spacing_for
 from taichi_cloth.garment.pattern.drafts import DRAFTS, draft
 from taichi_cloth.garment.pattern.garmentcode import read_garmentcode
 from taichi_cloth.garment.pattern.measure import figure_of
-from taichi_cloth.garment.pattern.pattern import Cone, Flat, Panel, Pattern, Seam, Side
-from taichi_cloth.garment.sewn.garment import Garment
+from taichi_cloth.garment.pattern.pattern import Cone, Course, Flat, Hold, Panel, Pattern, Seam, Side
+from taichi_cloth.garment.sewn.garment import Garment, holds_of, seams_of
 from taichi_cloth.garment.sewn.lies import CROSSED
 from taichi_cloth.garment.sewn.limbs import bearer, spared
 from taichi_cloth.garment.sewn.misfit import misfit
@@ -145,6 +145,37 @@ def test_what_two_holds_say_no_seam_says_again():
     holds, seams = garment.ties(garment.sheet(), None, 0.5)
     assert holds.count == len(garment.holds()[0])
     assert seams.count == len(garment.seams()[0]) - len(pattern.seams)
+
+
+def test_what_hangs_while_seams_close_is_drawn_to_its_place_against_its_weight():
+    """A yoke 5 cm high that starts 10 cm before where it hangs, with eight times as much cloth sewn on below: in the
+    time in which a gap of 10 cm closes it is there, where a hold would have given way to the seam."""
+    corners = np.array([[0, 0], [0.1, 0], [0.1, 0.05], [0, 0.05], [0, 0]])
+    yoke, skirt = (tuple(corners[k : k + 2] * [1, high] for k in range(4)) for high in (1, 8))
+    panels = (
+        Panel("yoke", yoke, Flat(np.eye(3), np.array([0.0, 0.0, 0.1]))),
+        Panel("skirt", skirt, Flat(np.eye(3), np.array([0.0, -0.42, 0.1]))),
+    )
+    top = np.stack([np.linspace(0.1, 0.0, 21), np.full(21, 0.05)], -1)
+    hung = (Hold(Side("yoke", 2), Course(top, np.pad(top, ((0, 0), (0, 1))))),)
+    seam = Seam(Side("yoke", 0), Side("skirt", 2), alike=False)
+    pattern = Pattern("apron", panels, (seam,), hung=hung)
+    garment = Garment(pattern, cut(pattern, (0.01, 0.01)), CLOTH)
+    assert not garment.hanging
+    assert garment.ties(garment.sheet(), None, 0.5)[0].held.sum() == 1  # one that holds nothing
+    forces = Forces(strain_limit=LIMIT)
+    held = replace(garment, pattern=replace(pattern, holds=hung))
+    hanging, holding = (
+        made.simulation(forces, garment.atlas.start(), air_damping=6.0, settled=True, relaxed=True)
+        for made in (garment.closing, held)
+    )
+    for _ in range(15):
+        hanging.step()
+        holding.step()
+    (seams,) = seams_of(hanging)
+    assert seams.count == len(garment.seams()[0]) + 11
+    assert seams.gaps(hanging.state).max() < 2e-3
+    assert holds_of(holding).gaps(holding.state).min() > 5e-3
 
 
 def sewn(name, gender, count):

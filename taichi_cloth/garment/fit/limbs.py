@@ -22,6 +22,8 @@ LEANING = np.radians(6)
 out, would be turned over to the other leg [rad]."""
 DOWN = np.array([0.857, -0.514, 0.0])
 """About the way of an arm, left."""
+SEAM_CLEAR = 0.005
+"""From the arm to the seams along it of a sleeve of a front and a back where it starts, at least [m]."""
 EASE, MORE = 1.06, 0.015
 """Least girth of a sleeve over the arm's, and what is added to it [m]."""
 
@@ -177,18 +179,43 @@ class _Sleeve:
             out = np.array([0.0, 0.0, 1.0])
             piece.rotation = np.stack([flat, across, out] if front else [-flat, across, -out], axis=1)
             piece.shift = shoulder + 0.02 * flat + [0.0, 0.0, z]
+        for piece in self.group:
+            if piece.side == "front" and not piece.tube:
+                aside, backs = self._aside(piece)
+                for other in [piece, *backs] if aside else []:
+                    other.shift = other.shift + aside * across
         return note
+
+    def _aside(self, front: Piece) -> tuple[float, list[Piece]]:
+        """How far up across the arm a front and its backs go so that the arm lies between the seams that join them
+        [m], not in one, which would close through it; no farther than to the middle between them."""
+        pairs = [(a, self.work.pieces[b.panel]) for a, b in self.work.pairs(front.name)]
+        sides = [(front.graded[a.edge], other) for a, other in pairs if other.part == front.part]
+        sides = [(line, other) for line, other in sides if other.side == "back"]
+        if len(sides) < 2:
+            return 0.0, []
+        lines = sorted((line for line, _ in sides), key=lambda line: float(line[:, 1].mean()))
+        above, below = (
+            float((sign * line[:, 1] - self._arm_at(line[:, 0]) / (2 * np.pi) - SEAM_CLEAR).min())
+            for sign, line in ((1, lines[-1]), (-1, lines[0]))
+        )
+        middle = (below - above) / 2
+        aside = max(below, middle) if below < 0 else min(-above, middle) if above < 0 else 0.0
+        return aside, list({other.name: other for _, other in sides}.values())
+
+    def _arm_at(self, down: F64) -> F64:
+        """Girth of the arm so far down it [m]."""
+        along, girth = along_limb(self.worn.arm), self.worn.girth
+        return np.interp(down, [0.6 * along[1], along[2]], [girth["upper_arm"], girth["wrist"]])
 
     def _wide_enough(self, hole: float) -> tuple[tuple[F64, F64], list[str]]:
         """Factors along the arm with which no part of the sleeve is tighter than the arm there, and what was done."""
-        along = along_limb(self.worn.arm)
-        girth = self.worn.girth
-        places = np.linspace(0.0, float(along[-1]) + 0.3, 60)
+        places = np.linspace(0.0, float(along_limb(self.worn.arm)[-1]) + 0.3, 60)
         own = np.zeros(len(places))
         for piece in self.group:
             outline = np.concatenate([e[:-1] for e in self._shaped(piece, hole, (np.array([0.0, 1.0]), np.ones(2)))])
             own += [_width(outline, float(u)) for u in places]
-        arm = np.interp(places, [0.6 * along[1], along[2]], [girth["upper_arm"], girth["wrist"]])
+        arm = self._arm_at(places)
         need = EASE * arm + MORE
         low = hole * self.cap + 0.02
         there = (own > 0.3 * arm) & (places > low)

@@ -2,7 +2,8 @@
 
 1. Closing: thick air; the gaps of all seams shrink at a set speed, the body keeps the cloth out. What is held hangs, so
    that it closes round the body as long as it will be (trousers would fold over themselves on the hips): what shoulders
-   carry by the seams over them, until they are closed (`Pattern.hung`). What is not has no weight yet.
+   carry by the seams over them, which are drawn to their places as seams are (`Pattern.hung`). What is not has no
+   weight yet.
 2. Settling: gravity and friction, each panel on its own limbs (`limbs.py`); at first halted whenever it has begun to
    slow down, then, with what rubs within the cloth, slowed a little in every frame, until it is at rest or the time is
    up.
@@ -285,7 +286,8 @@ def _known(simulation: Simulation) -> dict[str, Any]:
 
 def _gap(simulation: Simulation) -> float:
     """Of the widest seam [m]; holds give way to the body."""
-    return max((float(one.gaps(simulation.state)[~one.held].max(initial=0.0)) for one in seams_of(simulation)), default=0.0)
+    gaps = [one.gaps(simulation.state)[~one.held] for one in seams_of(simulation)]
+    return float(np.concatenate([*gaps, [0.0]]).max())
 
 
 def _speed(simulation: Simulation, before: F32) -> float:
