@@ -5,10 +5,10 @@ nearest to where the garment rests: a shirt's front of the trunk, a sleeve of it
 and the trunk. A panel of the trunk that hangs below it meets both legs as well. Of another limb a key point meets what
 it lies on at rest, as a front the shoulder under it.
 
-Where the two face each other there is a fold, the armpit or the crotch. A limb that moves closes it: cloth that both
-keep out has nowhere to go, and as each rubs it along its own way it is torn. There a key point meets the nearer of the
-two while the garment is sewn on a body at rest. Once the body moves it meets the limb of its own panel alone, and deep
-in the fold neither: cloth slips into it, which hides it.
+Where the two face each other there is a fold, the armpit or the crotch. On a body at rest a key point near both meets
+both there: it is out of one surface, and comes to lie where the fold is wide enough. A limb that moves closes it: cloth
+that both keep out has nowhere to go, and as each rubs it along its own way it is torn. So once the body moves it meets
+the limb of its own panel alone, and deep in the fold neither: cloth slips into it, which hides it.
 """
 
 from collections.abc import Sequence
@@ -37,13 +37,11 @@ SHARE = 0.2
 ABOVE_LEGS = 0.05
 """The same of the trunk, of one that is of a leg: thighs reach up into the hips, and most of trousers is below."""
 CLOSE = 0.02
-"""From a limb of another panel at which a key point still rests on it [m]."""
+"""From a limb of another panel at which a key point still rests on it, and at rest meets it in a fold, too [m]."""
 ABOVE = 0.06
 """The same while the garment is sewn and may yet come down on it [m]."""
 FACING = 0.5
 """Cosine between the normals of two surfaces below which there is a fold between them."""
-NEARER = 0.005
-"""By which a limb of another panel has to be nearer, in a fold, to be met instead at rest [m]."""
 
 FOLD, HIDDEN = 0.075, 0.05
 """From both of two limbs with a fold between them, at rest, within which cloth in motion meets its own alone, and
@@ -115,7 +113,6 @@ def _met(distance: F64, normal: F64, of: NDArray[np.bool_], moving: bool) -> NDA
         mine = (within < FOLD) & (within >= HIDDEN)
         out[own[mine], points[mine]] = True
     else:
-        nearer = (across < CLOSE) & (across < distance[own, points] - NEARER)
-        out[:, nearer] = False
-        out[there[nearer], points[nearer]] = True
+        close = across < CLOSE
+        out[there[close], points[close]] = True
     return out

@@ -4,9 +4,9 @@
    that it closes round the body as long as it will be (trousers would fold over themselves on the hips): what shoulders
    carry by the seams over them, which are drawn to their places as seams are (`Pattern.hung`). What is not has no
    weight yet.
-2. Settling: gravity and friction, each panel on its own limbs (`limbs.py`); at first halted whenever it has begun to
-   slow down, then, with what rubs within the cloth, slowed a little in every frame, until it is at rest or the time is
-   up.
+2. Settling: gravity and friction, each panel on its own limbs (`limbs.py`), asked again once it has come down on them;
+   at first halted whenever it has begun to slow down, then, with what rubs within the cloth, slowed a little in every
+   frame, until it is at rest or the time is up.
 What comes out is where the key points rest. Seams then stay as ties for as long as the garment is worn.
 """
 
@@ -52,9 +52,10 @@ SMOOTH = 0.05  # Coulomb's µ while closing
 RECOVERY = 5.0  # [m/s] at which the body lets out cloth that panels start with, or that seams draw, inside it
 
 
-Closed = tuple[F32, int, Colliders]
-"""Of a garment whose seams are closed: its key points (rows, cols, 3) [m], the frames that it took, and the body as it
-meets it from then on, one limb in each fold (`limbs.py`)."""
+Closed = tuple[F32, int]
+"""Of a garment whose seams are closed: its key points (rows, cols, 3) [m], and the frames that it took."""
+Meets = Callable[[F32], Colliders]
+"""The body as a garment meets it whose key points lie there (rows, cols, 3) [m]: one limb in each fold (`limbs.py`)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,18 +119,19 @@ def sew(
 
     def close(apart: SelfContact | None) -> Closed:
         begin = garment.atlas.start() if start is None else start
-        positions, frames = _closed(
+        return _closed(
             garment, begin, still, limit, apart, solver, closing, lambda frame: told("sewing", frame, closing)
         )
+
+    def meets(positions: F32) -> Colliders:
         if not body.primitives:  # of grids, which are one skin at rest, no folds are known
-            return positions, frames, still
-        return positions, frames, replace(still, spared=spared(garment.atlas, positions, body.primitives, moving=False))
+            return still
+        return replace(still, spared=spared(garment.atlas, positions, body.primitives, moving=False))
 
     def rest(begin: Closed, apart: SelfContact | None, most: int = settling) -> Worn:
-        positions, before, meets = begin
-        forces = Forces(body=meets, strain_limit=limit, self_contact=apart)
+        forces = Forces(strain_limit=limit, self_contact=apart)
         tell = partial(told, "settling", most=most)
-        return _rest(garment, forces, positions, solver, most, before, tell, lambda at: passes(garment, at) <= allowed)
+        return _rest(garment, forces, meets, begin, solver, most, tell, lambda at: passes(garment, at) <= allowed)
 
     passes = crossed if allowed else _through
     still = replace(body, motion=None, recovery=RECOVERY)
@@ -145,7 +147,7 @@ def sew(
         ) from None
     through = passes(garment, worn.positions) if layers else 0
     if through > allowed:
-        as_worn = worn.positions, worn.frames, closed[2]
+        as_worn = worn.positions, worn.frames
         tries = [lambda: rest(close(layers), layers)]
         if _through(garment, closed[0]) < through:
             tries.append(lambda: rest(closed, layers))
@@ -201,16 +203,16 @@ def _closed(
 def _rest(
     garment: Garment,
     forces: Forces,
-    positions: F32,
+    meets: Meets,
+    begin: Closed,
     solver: str,
     settling: int,
-    before: int,
     told: Callable[[int], None],
     clear: Callable[[F32], bool],
 ) -> Worn:
-    """Stage 2 from `positions`, `before` frames after sewing began."""
-    simulation, speed, frames = _settled(garment, forces, positions, solver, settling, told, clear)
-    positions, body = simulation.positions, forces.body
+    """Stage 2 from where seams are closed. forces: but for the body."""
+    simulation, speed, frames = _settled(garment, forces, meets, begin[0], solver, settling, told, clear)
+    positions, body = simulation.positions, simulation.forces.body
     assert body is not None
     distance = solid_distance(body.solids, garment.surface.places(positions))
     return Worn(
@@ -220,7 +222,7 @@ def _rest(
         stretch=float(max(s.max() for s in simulation.sheet.stretch(positions))),
         taut=float(max(s.max() for s in garment.strains(positions))),
         speed=speed,
-        frames=before + frames,
+        frames=begin[1] + frames,
         **_known(simulation),
         spared=np.zeros((0, 0), np.int32) if body.spared is None else body.spared,
     )
@@ -229,6 +231,7 @@ def _rest(
 def _settled(
     garment: Garment,
     forces: Forces,
+    meets: Meets,
     positions: F32,
     solver: str,
     most: int,
@@ -241,17 +244,20 @@ def _settled(
     What rubs within the cloth goes along as long as it is halted, and holds from then on: it comes to rest as what has
     been moved about does, and then stays. Held all the way it would keep the folds that sewing made; never held, folds
     creep for seconds until one gives way. What is held at the body is nailed there until it is at rest, and slides from
-    then on (`Garment.borne`) until it is again.
+    then on (`Garment.borne`) until it is again. It closed some way over shoulders, and meets what it has come down on.
     """
 
     def simulation_of(positions: F32, **known: Any) -> Simulation:
-        return garment.simulation(forces, positions, air_damping=THIN, solver=solver, settled=True, **known)
+        acts = replace(forces, body=body)
+        return garment.simulation(acts, positions, air_damping=THIN, solver=solver, settled=True, **known)
 
+    body = meets(positions)
     simulation = simulation_of(positions, relaxed=True)
     moving, speed, speeds = 0.0, 0.0, []
     held = np.full(len(garment.holds()[2]), -1)  # by no bone
     for frame in range(most):
-        if frame == SWUNG and any(cloth.springs.slips for cloth in simulation.sheet.cloths):
+        if frame == SWUNG:
+            body = meets(simulation.positions)
             simulation = simulation_of(simulation.positions, **_known(simulation))
         before = simulation.positions
         simulation.step()
