@@ -1,5 +1,6 @@
 """Heights at which cloth is worn: flat where there are no darts, lower over one at the side, by its width."""
 
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 
 from taichi_cloth.garment.fit import widen
 from taichi_cloth.garment.fit.fitted import fitted, placed
+from taichi_cloth.garment.fit.landmarks import Landmarks
 from taichi_cloth.garment.fit.levels import worn_levels
 from taichi_cloth.garment.fit.piece import Work, pieces_of
 from taichi_cloth.garment.fit.taped import landmarks_of
@@ -16,6 +18,11 @@ from taichi_cloth.garment.pattern.pattern import Course, Flat, Panel, Pattern, S
 from taichi_cloth.scenes.scene.body_section import BodySection, prepare_body
 
 UNSEEN = Path(__file__).parents[1] / "data" / "patterns" / "unseen"
+
+
+@cache
+def woman() -> Landmarks:
+    return landmarks_of(prepare_body(BodySection()))
 
 
 def bodice(mouth: float) -> Work:
@@ -66,7 +73,7 @@ def test_without_darts_heights_are_those_of_the_plane():
 
 def test_what_shoulders_carry_hangs_by_their_seams_while_others_close():
     """Both sides of each on one line; once it is sewn nothing holds it."""
-    worn = landmarks_of(prepare_body(BodySection()))
+    worn = woman()
     pattern = fitted(read_garmentcode(next(UNSEEN.glob("900140_*.json"))), worn)
     assert pattern.holds == ()
     assert len(pattern.hung) == 4
@@ -84,7 +91,7 @@ def test_what_shoulders_carry_hangs_by_their_seams_while_others_close():
 
 def test_a_jumpsuit_is_longer_in_the_trunk_and_no_other_garment_is(monkeypatch):
     """Its fork comes lower by that, its shoulders stay; trousers that hang from the waist keep their places."""
-    worn = landmarks_of(prepare_body(BodySection()))
+    worn = woman()
 
     def heights(number: int, part: str, room: float) -> tuple[float, float]:
         monkeypatch.setattr(widen, "ROOM", room)
@@ -97,3 +104,28 @@ def test_a_jumpsuit_is_longer_in_the_trunk_and_no_other_garment_is(monkeypatch):
         assert before[0] - after[0] == pytest.approx(lower, abs=0.006)
         assert before[1] - after[1] == pytest.approx(lower if part == "leg_l" else 0.0, abs=0.006)
     assert heights(138, "leg_l", 0.0) == heights(138, "leg_l", 0.04)
+
+
+@pytest.mark.parametrize("number", [114, 151, 164, 166])
+def test_an_arm_lies_between_the_seams_of_its_sleeve_where_that_starts(number):
+    """Of sleeves that were drawn with one of them across the arm, as 900114's, 2 cm over its middle; others stay."""
+    worn = woman()
+    work = placed(read_garmentcode(next(UNSEEN.glob(f"900{number}_*.json"))), worn)[0]
+    shoulder, hand = worn.arm[0, :2], worn.arm[2, :2]
+    way = (hand - shoulder) / np.linalg.norm(hand - shoulder)
+    for front in work.of("arm_l"):
+        if front.side == "front":
+            lines = [front.worn(a.edge)[:, :2] - shoulder for a, b in work.pairs(front.name)
+                     if work.pieces[b.panel].part == "arm_l" and work.pieces[b.panel].side == "back"]  # fmt: skip
+            over = sorted((line @ [-way[1], way[0]] for line in lines), key=lambda across: float(across.mean()))
+            radius = worn.girth["wrist"] / (2 * np.pi)
+            assert over[-1].min() > radius
+            assert over[0].max() < -radius
+
+
+def test_trousers_that_are_tight_at_their_top_are_widened_where_they_are():
+    """Skirts go up to where they fit; the fork of 900127 would have gone 11 cm up with it."""
+    worn = woman()
+    for number, raised in ((127, False), (142, True)):
+        notes = fitted(read_garmentcode(next(UNSEEN.glob(f"900{number}_*.json"))), worn).notes
+        assert any("raised" in note for note in notes) == raised
