@@ -89,6 +89,15 @@ def test_cloth_meets_the_limb_of_another_panel_that_it_lies_on():
     assert meets(int(bits[0, 0])) == {"trunk", "arm_l", "leg_l", "leg_r"}
 
 
+@pytest.mark.parametrize(("x", "met"), [(0.006, "leg_l"), (-0.006, "leg_r")])
+def test_cloth_between_thighs_meets_the_nearer(x, met):
+    legs = (upright(0.09, 0.08, LEG), upright(-0.09, 0.08, JOINTS.index("thigh_r")))
+    atlas = cut(panel_of(), (0.01, 0.01))
+    positions = np.broadcast_to(np.array([0.09, 0.0, 0.09]), (9, 9, 3)).copy()
+    positions[4, 4] = (x, 0.0, 0.0)
+    assert meets(int(spared(atlas, positions, legs, moving=False)[4, 4])) == {met}
+
+
 def test_legs_of_trousers_do_not_meet_each_other():
     legs = (upright(0.09, 0.08, LEG), upright(-0.09, 0.08, JOINTS.index("thigh_r")))
     atlas = cut(panel_of(), (0.01, 0.01))

@@ -6,9 +6,10 @@ and the trunk. A panel of the trunk that hangs below it meets both legs as well.
 it lies on at rest, as a front the shoulder under it.
 
 Where the two face each other there is a fold, the armpit or the crotch. On a body at rest a key point near both meets
-both there: it is out of one surface, and comes to lie where the fold is wide enough. A limb that moves closes it: cloth
-that both keep out has nowhere to go, and as each rubs it along its own way it is torn. So once the body moves it meets
-the limb of its own panel alone, and deep in the fold neither: cloth slips into it, which hides it.
+both in the armpit, and comes to lie where that is wide enough; between thighs it meets the nearer. A limb that moves
+closes the fold: cloth that both keep out has nowhere to go, and as each rubs it along its own way it is torn. So once
+the body moves it meets the limb of its own panel alone, and deep in the fold neither: cloth slips into it, which hides
+it.
 """
 
 from collections.abc import Sequence
@@ -42,6 +43,8 @@ ABOVE = 0.06
 """The same while the garment is sewn and may yet come down on it [m]."""
 FACING = 0.5
 """Cosine between the normals of two surfaces below which there is a fold between them."""
+NEARER = 0.005
+"""By which a limb of another panel has to be nearer, in a fold that is closed at rest, to be met instead [m]."""
 
 FOLD, HIDDEN = 0.075, 0.05
 """From both of two limbs with a fold between them, at rest, within which cloth in motion meets its own alone, and
@@ -113,6 +116,11 @@ def _met(distance: F64, normal: F64, of: NDArray[np.bool_], moving: bool) -> NDA
         mine = (within < FOLD) & (within >= HIDDEN)
         out[own[mine], points[mine]] = True
     else:
-        close = across < CLOSE
-        out[there[close], points[close]] = True
+        trunk = list(LIMBS).index("trunk")
+        near = across < CLOSE
+        touching = near & (own != trunk) & (there != trunk)  # thighs, where an armpit opens downwards
+        nearer = touching & (across < distance[own, points] - NEARER)
+        out[:, nearer] = False
+        also = nearer | (near & ~touching)
+        out[there[also], points[also]] = True
     return out
