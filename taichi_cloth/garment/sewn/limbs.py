@@ -117,10 +117,10 @@ def _met(distance: F64, normal: F64, of: NDArray[np.bool_], moving: bool) -> NDA
         out[own[mine], points[mine]] = True
     else:
         trunk = list(LIMBS).index("trunk")
-        near = across < CLOSE
-        touching = near & (own != trunk) & (there != trunk)  # thighs, where an armpit opens downwards
-        nearer = touching & (across < distance[own, points] - NEARER)
+        near, arms = across < CLOSE, [list(LIMBS).index(f"arm_{side}") for side in "lr"]
+        armpit = near & ((own == trunk) & np.isin(there, arms) | np.isin(own, arms) & (there == trunk))
+        nearer = near & ~armpit & (across < distance[own, points] - NEARER)  # thighs touch, armpits open downwards
         out[:, nearer] = False
-        also = nearer | (near & ~touching)
+        also = nearer | armpit
         out[there[also], points[also]] = True
     return out
