@@ -6,10 +6,10 @@ and the trunk. A panel of the trunk that hangs below it meets both legs as well.
 it lies on at rest, as a front the shoulder under it.
 
 Where the two face each other there is a fold, the armpit or the crotch. On a body at rest a key point near both meets
-both in the armpit, and comes to lie where that is wide enough; between thighs it meets the nearer. A limb that moves
-closes the fold: cloth that both keep out has nowhere to go, and as each rubs it along its own way it is torn. So once
-the body moves it meets the limb of its own panel alone, and deep in the fold neither: cloth slips into it, which hides
-it.
+both in the armpit of an arm without a sleeve, and comes to lie where that is wide enough; else, as where a sleeve lies
+in the fold, too, or between thighs, it meets the nearer. A limb that moves closes the fold: cloth that both keep out
+has nowhere to go, and as each rubs it along its own way it is torn. So once the body moves it meets the limb of its own
+panel alone, and deep in the fold neither: cloth slips into it, which hides it.
 """
 
 from collections.abc import Sequence
@@ -86,23 +86,24 @@ def spared(atlas: Atlas, positions: NDArray, primitives: Sequence[Primitive], *,
     nearest = distance.argmin(axis=0)
     trunk, legs = list(LIMBS).index("trunk"), [list(LIMBS).index(f"leg_{side}") for side in "lr"]
     meets = np.zeros((len(LIMBS), len(points)), bool)
-    for number in range(len(atlas.panels)):
+    counts = [np.bincount(nearest[owner[present] == k], minlength=len(LIMBS)) for k in range(len(atlas.panels))]
+    bare = [name.startswith("arm") and all(2 * c[k] < max(c.sum(), 1) for c in counts) for k, name in enumerate(LIMBS)]
+    for number, count in enumerate(counts):
         mine = owner[present] == number
-        count = np.bincount(nearest[mine], minlength=len(LIMBS))
         of = count >= SHARE * mine.sum()
         of[trunk] |= of[legs].any() and count[trunk] >= ABOVE_LEGS * mine.sum()
         if of[trunk] and not of[legs].any():
             of[legs] = True
-        meets[:, mine] = _met(distance[:, mine], normal[:, mine], of, moving)
+        meets[:, mine] = _met(distance[:, mine], normal[:, mine], of, np.array(bare), moving)
     bits = np.array([sum(1 << bone for bone in own) for own in bones], np.int32)
     out = np.zeros(atlas.shape, np.int32)
     out[present] = (~meets * bits[:, None]).sum(axis=0)
     return out
 
 
-def _met(distance: F64, normal: F64, of: NDArray[np.bool_], moving: bool) -> NDArray[np.bool_]:
+def _met(distance: F64, normal: F64, of: NDArray[np.bool_], bare: NDArray[np.bool_], moving: bool) -> NDArray[np.bool_]:
     """(limbs, n): what points of a panel meet that is `of` some limbs (limbs,), by their distance from each (limbs, n)
-    and the normals there (limbs, n, 3)."""
+    and the normals there (limbs, n, 3). bare: which limbs are arms without sleeves (limbs,)."""
     points = np.arange(distance.shape[1])
     own = np.flatnonzero(of)[distance[of].argmin(axis=0)]
     along = np.einsum("kna,na->kn", normal, normal[own, points])
@@ -116,9 +117,8 @@ def _met(distance: F64, normal: F64, of: NDArray[np.bool_], moving: bool) -> NDA
         mine = (within < FOLD) & (within >= HIDDEN)
         out[own[mine], points[mine]] = True
     else:
-        trunk = list(LIMBS).index("trunk")
-        near, arms = across < CLOSE, [list(LIMBS).index(f"arm_{side}") for side in "lr"]
-        armpit = near & ((own == trunk) & np.isin(there, arms) | np.isin(own, arms) & (there == trunk))
+        near = across < CLOSE
+        armpit = near & (own == list(LIMBS).index("trunk")) & bare[there]
         nearer = near & ~armpit & (across < distance[own, points] - NEARER)  # thighs touch, armpits open downwards
         out[:, nearer] = False
         also = nearer | armpit
