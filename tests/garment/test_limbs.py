@@ -78,6 +78,22 @@ def test_a_shirt_meets_the_trunk_and_slips_into_the_fold_under_an_arm(moving, x,
     assert meets(int(bits[0, 4])) == {"trunk", "leg_l", "leg_r"}
 
 
+@pytest.mark.parametrize(("x", "met"), [(0.156, {"trunk", "leg_l", "leg_r"}), (0.167, {"arm_l"})])
+def test_beside_a_sleeve_cloth_under_the_arm_meets_the_nearer(x, met):
+    """The same with a second patch round the arm: the sleeve lies in the fold, too."""
+    front = panel_of().panels[0]
+    atlas = cut(Pattern("two", (front, replace(front, name="sleeve")), ()), (0.01, 0.01))
+    around = np.linspace(-0.5, 0.5, 9)
+    positions = np.zeros((*atlas.shape, 3))
+    for piece, radius, middle in zip(atlas.panels, (0.16, 0.055), (0.0, 0.22), strict=True):
+        own = positions[piece.row : piece.row + 9, piece.col : piece.col + 9]
+        own[..., 0], own[..., 2] = middle + radius * np.sin(around), radius * np.cos(around)
+    first = atlas.panels[0]
+    at = first.row + 4, first.col + 4
+    positions[at] = (x, 0.0, 0.0)
+    assert meets(int(spared(atlas, positions, (CHESTED, ARMED, LEGGED), moving=False)[at])) == met
+
+
 def test_cloth_meets_the_limb_of_another_panel_that_it_lies_on():
     """On the shoulder, where both surfaces face the same way, a point meets both; it is no fold."""
     atlas = cut(panel_of(), (0.01, 0.01))
