@@ -8,10 +8,12 @@ cloth's depth nearer to the light, the share of the sky S that it sees, F and G 
 behind it, the direction b that is open to it, its tangent t, phi the angle between light l and view v round the fibre,
 and A how far it is in a yarn alone (`seen.look`),
 
-    L = key T E (w0 C(phi) (3 + 2 b.l) / 5 + w1 C(pi - phi) (1 + ROUND (U - T) (1 - S)))
+    L = key T E (w0 C(phi) (3 + 2 b.l) / 5 + C(pi - phi) (w1 (1 + ROUND (U - T) (1 - S)) + w D))
       + key U (w2 max(b.l, 0) (1 - ALONE A S) + w3 max(-b.l, 0) (1 - SHUT S))
       + sky(b) F (w4 + w5 S) + sky(-b) G (w6 + w7 (1 - S))
     C(phi) = (sin phi + (pi - phi) cos phi) / pi                     a Lambertian cylinder
+    D = (1 - BARED S) (1 + ROUND_ONCE (U - T) (1 - S)) exp(-1.5 (1 + cos phi) - (t.l + t.v)^2)
+    w = ONCE a (1 - a)^4                                             light that goes through one fibre
     E = h exp(-k (t.l + t.v)^2)                                      about the cone of a fibre's highlights, see `cone`
 
 Light that goes from fibre to fibre of a yarn, which lie nearly one way, stays near the cone round them on which each of
@@ -36,13 +38,16 @@ import taichi as ti
 from taichi_cloth.ground.arrays import Template
 from taichi_cloth.ground.mixing import SURFACE_SHARE
 
-__all__ = ["ALONE", "ALONG", "BODY", "FITTED_SPREAD", "OF_KEY", "OF_SKY", "ROUND", "SHUT", "cone", "dyed", "weight"]
+__all__ = [
+    "AHEAD", "ALONE", "ALONG", "BARED", "BODY", "FITTED_SPREAD", "OF_KEY", "OF_SKY", "ONCE", "ROUND", "ROUND_ONCE",
+    "SHUT", "cone", "dyed", "once", "weight",
+]  # fmt: skip
 
 OF_KEY = (
     (0.013, 0.17, 0.86, -0.318, -0.103),
-    (0.0, 0.0, 2.64, -3.13, 1.241),
+    (0.0, 0.0, 1.5, -0.6, -0.1),
     (0.0, 0.0, 0.0, 0.984, -0.656),
-    (0.0, 0.0, 0.139, 2.025, -1.396),
+    (0.0, 0.0, 0.0, 2.3, -1.53),
 )
 OF_SKY = (
     (0.0, 0.0, 0.0, 0.792, -0.529),
@@ -65,6 +70,11 @@ ALONE = 0.6
 SHUT = 0.85
 """How much less of a light behind a cloth gets to its fibres that see all of the sky before it: to a flat cloth, too,
 some of it."""
+
+ONCE, AHEAD, ROUND_ONCE, BARED = 2.5, (1.5, 1.0), 5.0, 0.6
+"""Light that goes through but one fibre before it is seen, as most does that gets through dark ones: its weight; how
+fast it falls off from straight on, round the fibre and from the cone of its highlights; as `ROUND`; and how much less
+of it is seen of fibres that see all of the sky before the cloth."""
 
 ROUND = 2.0
 """How much more of a light on the other side gets round the fibres that are in its way, from one to the next, to those
@@ -104,3 +114,10 @@ def _sent_on(k: float) -> float:
     x, share = np.polynomial.legendre.leggauss(64)
     share = share * np.sqrt(1.0 - x * x)
     return float(share @ np.exp(-k * (x[:, None] + x) ** 2) @ share)
+
+
+@ti.func
+def once(a):
+    """Weight of light that goes through one fibre: of what gets through, most where they are dark, none where white."""
+    clear = (1.0 - a) * (1.0 - a)
+    return ONCE * a * clear * clear

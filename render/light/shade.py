@@ -13,7 +13,7 @@ from taichi_cloth.ground.particles import COLOUR, NORMAL, POSITION, TANGENT
 from taichi_cloth.ground.vectors import Octets, each, of_group, of_row
 
 from ..maps.decay import decay
-from .bulk import ALONE, OF_KEY, OF_SKY, ROUND, SHUT, weight
+from .bulk import AHEAD, ALONE, BARED, OF_KEY, OF_SKY, ROUND, ROUND_ONCE, SHUT, once, weight
 from .fibre import lobes
 from .view import (
     BULK,
@@ -173,7 +173,7 @@ def _from_sky(shading: Template, view: F32x2, up, mirrored, albedo, root, seen, 
 
 @ti.func
 def _parts(shadowed: Template, view: F32x2, b_l, around, along, arriving, outside, seen, closed):
-    """The four parts of a light on a particle in a bulk (see `bulk`). around: cosine of the angle between light and
+    """The five parts of a light on a particle in a bulk (see `bulk`). around: cosine of the angle between light and
     view round the fibre; along: t.l + t.v; arriving: of the light at the particle; outside: what reaches the cloth
     there; seen: of the sky; closed: how far the cloth is no yarn alone."""
     around = ti.min(ti.max(around, -1.0), 1.0)
@@ -184,9 +184,12 @@ def _parts(shadowed: Template, view: F32x2, b_l, around, along, arriving, outsid
     turned, shown = ti.max(0.2 + 0.8 * b_l, 0.0), 0.6 + 0.4 * b_l
     facing = here * rise(around) * (shown + unseen * (turned - shown))
     forward = through * rise(-around) * (1.0 + unseen * (turned - 1.0))
+    ahead = gain * arriving * (1.0 - BARED * seen) * (1.0 + ROUND_ONCE * (outside - arriving) * (1.0 - seen))
+    ahead *= decay(AHEAD[0] * (1.0 + around) + AHEAD[1] * along * along)
+    ahead *= rise(-around) * (1.0 + unseen * (turned - 1.0))
     outside *= view[BULK, 0] * _alike(view, seen)
     before = outside * view[CONE, 2] * ti.max(b_l, 0.0) * (1.0 - ALONE * seen * (1.0 - closed))
-    return facing, forward, before, outside * ti.max(-b_l, 0.0) * (1.0 - SHUT * seen)
+    return facing, forward, before, outside * ti.max(-b_l, 0.0) * (1.0 - SHUT * seen), ahead
 
 
 @ti.func
@@ -195,7 +198,7 @@ def _lit(parts, albedo, root):
     total = weight(OF_KEY[0], albedo, root) * parts[0]
     for j in ti.static(range(1, 4)):
         total += weight(OF_KEY[j], albedo, root) * parts[j]
-    return total
+    return total + once(albedo) * parts[4]
 
 
 @ti.func
