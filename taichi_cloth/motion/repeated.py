@@ -19,19 +19,24 @@ __all__ = ["Repeated"]
 class Repeated:
     """Calls of one kernel with the same arrays, which stay where they are meanwhile. method: a `ti.kernel` of an object
     that returns nothing or a whole number. args: its arguments; of them numbers may change from call to call, which are
-    given by name. On devices each call is Taichi's own."""
+    given by name. On devices, and where another Taichi launches otherwise, each call is Taichi's own."""
 
     def __init__(self, method: Any, *args: Any) -> None:
         self._method, self._args, self._ready = method, list(args), None
+        self._own = False
         self._names = {one.name: k for k, one in enumerate(method._primal.arguments[1:])}
 
     def __call__(self, **numbers: float) -> int:
         if self._ready is None:
             for name, value in numbers.items():
                 self._args[self._names[name]] = value
-            if not runtime.on_host():
+            if self._own or not runtime.on_host():
                 return self._method(*self._args)
-            self._ready = self._prepare()
+            try:
+                self._ready = self._prepare()
+            except (AttributeError, TypeError):  # of a Taichi with other inner calls than 1.7's
+                self._own = True
+                return self._method(*self._args)
         context, compiled, kernel, at = self._ready
         for name, value in numbers.items():
             place, whole = at[name]

@@ -23,7 +23,15 @@ class Sums:
         return times + 1
 
 
-def test_numbers_change_from_call_to_call_and_arrays_do_not() -> None:
+def prepared_otherwise(self: Repeated) -> None:
+    raise AttributeError("make_launch_context")
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_numbers_change_from_call_to_call_and_arrays_do_not(known: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also of a Taichi whose inner calls are not known."""
+    if not known:
+        monkeypatch.setattr(Repeated, "_prepare", prepared_otherwise)
     one, other, values, wanted = Sums(), Sums(), np.arange(5, dtype=np.float32), np.arange(5, dtype=np.float32)
     add = Repeated(one.add, values, 0.5, True, 0)
     for scale, times in ((0.5, 3), (0.25, 7), (0.25, -2)):
