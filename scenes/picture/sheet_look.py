@@ -13,7 +13,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_cloth.detail.cell_stream import CellStream
-from taichi_cloth.detail.surfels import AREA, FLANKS, OPEN, TILTS, TO_EYE, TURNED, WARP, WEFT, SheetLook, guess_of
+from taichi_cloth.detail.surfels import (
+    AREA,
+    FLANKS,
+    OPEN_WARP,
+    OPEN_WEFT,
+    TILTS,
+    TO_EYE,
+    TURNED,
+    WARP,
+    WEFT,
+    SheetLook,
+    guess_of,
+)  # fmt: skip
 from taichi_cloth.fabric.cells import CellCloth
 from taichi_cloth.ground.cache import digest, kept
 
@@ -32,7 +44,7 @@ __all__ = ["fit_look", "seen_light"]
 
 F64 = NDArray[np.float64]
 
-VERSION = 20
+VERSION = 21
 """Of what is kept on disk: raised whenever the same cloth would come to another look."""
 FIBRES, SHEETS = (60, 1.6), (240, 0.6)
 """Threads each way of the piece that is drawn of fibres, and of that drawn as a sheet, and pixels from one to the next
@@ -48,6 +60,11 @@ SKY = 0.4
 """How much of the light comes from the sky before the cloth, beside 1 from lights."""
 LITTLE = 0.01
 """Light of warp or weft, and a factor of it, of which less is no matter: of a family that is not seen from one side."""
+OPENS, LEAST_OPEN = [OPEN_WARP, OPEN_WEFT], (0.1, 1.0)
+"""An openness that is less, or more, is taken for that."""
+PALE, STEEP = 0.6, 1.5
+"""Colour of the family that is pale where the other is dark; power by which its openness follows what is asked of its
+light, which changes by half as much."""
 CLEAR = 1e-3
 """Of light that passes through, less is taken for as much."""
 AROUND = ((0.0, 1.0, 0.0, 0.3), *((0.8 * cos(2 * pi * k / 5), 0.6, 0.8 * sin(2 * pi * k / 5), 0.2) for k in range(5)))
@@ -92,6 +109,8 @@ def fit_look(source: CellStream, finish: Finish, like: Lighting = ONE_LIGHT) -> 
         if dyed:
             of_repeat = [_alone(cloth, number, source.pitch, finish, like) for number in repeats]
             alone = np.stack(of_repeat).astype(np.float32)
+            look = SheetLook(np.stack(every).astype(np.float32), guess.lean, alone, few)
+            every = [_opened(cloth, number, source.pitch, look, finish, like) for number in repeats]
         return {"factor": np.stack(every).astype(np.float32), "alone": alone, "few": few}
 
     found = kept("sheet", made_of, make)[0]
@@ -122,7 +141,7 @@ def _alone(cloth: CellCloth, number: int, pitch: tuple[float, float], finish: Fi
 def _measured(
     cloth: CellCloth, number: int, pitch: tuple[float, float], guess: SheetLook, finish: Finish, like: Lighting
 ) -> F64:
-    """The factors of a repeat, (2, TILTS, 4)."""
+    """The factors of a repeat, (2, TILTS, 5)."""
     splatter = Splatter(*SIZE)
     dark = surface_share(finish)
     fibres, sheet = (flat_piece(cloth, number, threads, pitch, dark=dark) for threads, _ in (FIBRES, SHEETS))
@@ -154,10 +173,46 @@ def _solved(got: Callable[[F64], F64], want: F64, start: F64) -> F64:
         lights, sky = (want[k].sum() / have[k].sum() for k in (slice(1, 3), slice(3, 5)))
         ratio = (want[1:3] + SKY * want[3:] + LITTLE) / (have[1:3] + SKY * have[3:] + LITTLE)
         now[[WARP, WEFT]] = np.maximum(now[[WARP, WEFT]] * ratio, LITTLE)
-        now[OPEN] = np.clip(now[OPEN] * sky / lights, 0.1, 1.0)
+        now[OPENS] = np.clip(now[OPENS] * sky / lights, *LEAST_OPEN)
         if np.abs(now / before - 1.0).max() < STEADY:
             break
     return now
+
+
+def _opened(
+    cloth: CellCloth, number: int, pitch: tuple[float, float], look: SheetLook, finish: Finish, like: Lighting
+) -> F64:
+    """The factors of a repeat (2, TILTS, 5) with an openness for each family: of that of which less is seen, what it
+    takes where it alone is pale, for threads of which little is seen lie deep and the others hide the sky from them; of
+    the other, what leaves a cloth all of one colour as it is."""
+    splatter, dark, out = Splatter(*SIZE), surface_share(finish), look.factor[number].astype(np.float64)
+
+    def sent_back(source: CellStream, camera: Camera, where: NDArray[np.bool_]) -> float:
+        lights, sky = _seen(splatter, source, camera, where, finish, like)
+        return float(lights[0] + SKY * sky[0])
+
+    for side in (0, 1):
+        few = int(out[side, -1, [WARP, WEFT]].argmin())
+        probe = np.full((2, 3), dark)
+        probe[few] = PALE
+        fibres, sheet = (flat_piece(cloth, number, k, pitch, dark=dark, probe=probe) for k, _ in (FIBRES, SHEETS))
+        fibres.target, fibres.sheets, fibres.look = COARSEST, False, look
+        sheet.look = replace(look, factor=look.factor.copy())
+        for t, tilt in enumerate(TILTS):
+            elevation = degrees(asin(tilt)) * (1 - 2 * side)
+            want = sent_back(fibres, *flat_camera(fibres, elevation, FIBRES[1] * tilt**-0.33))
+            now, camera = out[side, t], flat_camera(sheet, elevation, SHEETS[1])
+            share = now[WARP + few] / (now[WARP] + now[WEFT])
+            for _ in range(ROUNDS):
+                sheet.look.factor[number, side] = now
+                ratio = want / max(sent_back(sheet, *camera), 1e-6)
+                before = now[OPENS[few]]
+                now[OPENS[few]] = np.clip(before * ratio**STEEP, *LEAST_OPEN)
+                more = now[OPENS[1 - few]] + share / (1.0 - share) * (before - now[OPENS[few]])
+                now[OPENS[1 - few]] = np.clip(more, *LEAST_OPEN)
+                if abs(now[OPENS[few]] / before - 1.0) < STEADY:
+                    break
+    return out
 
 
 def seen_light(
@@ -171,6 +226,19 @@ def seen_light(
     """Coverage; of lights all round, what comes by warp and by weft where both are white; of the sky before the cloth,
     likewise: means of those pixels. In the light that maps of a whole garment tell of (`FlatLight`). like: see
     `fit_look`."""
+    lights, sky = _seen(splatter, source, camera, where, finish, like)
+    return np.array([sky[3], *_shared(lights), *_shared(sky)])
+
+
+def _seen(
+    splatter: Splatter,
+    source: CellStream,
+    camera: Camera,
+    where: NDArray[np.bool_],
+    finish: Finish,
+    like: Lighting,
+) -> tuple[F64, F64]:
+    """Linear colour and coverage of lights all round, (4,), and of the sky before the cloth."""
     side = int(camera.forward[1] > 0)
     seen = source.survey(camera)
     splatter.load_blocks(STREAMED, *source.lay(seen, np.flatnonzero(seen.counts).astype(np.int32)))
@@ -181,7 +249,7 @@ def seen_light(
         means.append(splatter.linear()[where].mean(axis=0, dtype=np.float64))
     splatter.light.hold(None)
     *keys, sky = means
-    return np.array([sky[3], *_shared(np.sum(keys, axis=0)), *_shared(sky)])
+    return np.sum(keys, axis=0), sky
 
 
 def _shared(light: F64) -> F64:

@@ -36,7 +36,8 @@ from taichi_cloth.ground.vectors import chunk_steps
 __all__ = [
     "AREA",
     "FLANKS",
-    "OPEN",
+    "OPEN_WARP",
+    "OPEN_WEFT",
     "TILTS",
     "TO_EYE",
     "TURNED",
@@ -52,8 +53,8 @@ F64 = NDArray[np.float64]
 
 TILTS = (0.1, 0.3, 0.5, 0.65, 0.8, 1.0)
 """Cosines of the angle between the cloth's normal and the view at which a look is known."""
-AREA, WARP, WEFT, OPEN = range(4)
-"""Of a look: area of surfels over that of the cloth, factors of the warp's and the weft's colour, openness."""
+AREA, WARP, WEFT, OPEN_WARP, OPEN_WEFT = FACTORS = range(5)
+"""Of a look: area of surfels over that of the cloth, factors of the warp's and the weft's colour, their openness."""
 LEAN = 0.7
 """How far normals and directions lean from the cloth's, of what fibres' do."""
 FLANKS, TO_EYE = 1.0, 0.35
@@ -73,7 +74,7 @@ Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018)."""
 class SheetLook:
     """How the sheets of some repeats look, and few of their fibres.
 
-    factor: (repeats, 2, TILTS, 4) of their right and their wrong side, what `AREA` and so on name. lean: (repeats, 7)
+    factor: (repeats, 2, TILTS, 5) of their right and their wrong side, what `AREA` and so on name. lean: (repeats, 7)
     share of the right side that is warp; then of warp and of weft the mean sine by which normals lean across the
     thread, and by which fibres lean from the cloth's plane along it; and how far the one and the other turn to the eye
     along the thread. alone: (repeats, 4) what threads send back with
@@ -91,7 +92,7 @@ class SheetLook:
 
 def guess_of(bank: RepeatBank, repeats: tuple[WeaveRepeat, ...]) -> SheetLook:
     """A look before anything is measured: leans of the fibres on the upper side, colours by who lies on top."""
-    factor = np.empty((len(repeats), 2, len(TILTS), 4), np.float32)
+    factor = np.empty((len(repeats), 2, len(TILTS), len(FACTORS)), np.float32)
     lean = np.zeros((len(repeats), 7), np.float32)
     first = np.concatenate([bank.first, [bank.templates]])
     begin = 0
@@ -116,7 +117,7 @@ def guess_of(bank: RepeatBank, repeats: tuple[WeaveRepeat, ...]) -> SheetLook:
         factor[r, ..., AREA] = OVERLAP * np.array(TILTS)
         factor[r, 0, :, WARP], factor[r, 0, :, WEFT] = up, 1.0 - up
         factor[r, 1, :, WARP], factor[r, 1, :, WEFT] = 1.0 - up, up
-        factor[r, ..., OPEN] = 0.8
+        factor[r, ..., OPEN_WARP] = factor[r, ..., OPEN_WEFT] = 0.8
         begin += len(kinds)
     few = np.ones((len(repeats), bank.levels, FEW), np.float32)
     few[..., 5:] = 0.0
@@ -180,11 +181,11 @@ def lay_surfels(
                         number, part = t, (tilt - TILTS[t]) / (TILTS[t + 1] - TILTS[t])
                 part = ti.min(part, 1.0)
                 number += side * ti.static(len(TILTS))
-                seen = ti.Vector([0.0, 0.0, 0.0, 0.0])
-                for c in ti.static(range(4)):
+                seen = ti.Vector([0.0, 0.0, 0.0, 0.0, 0.0])
+                for c in ti.static(FACTORS):
                     seen[c] = look[p, number, c] + part * (look[p, number + 1, c] - look[p, number, c])
                 # Its colour, and what an outline leaves of it.
-                dyed = cell_mean(
+                dyed, of_weft = cell_mean(
                     cloth, p, i, j, tall, broad, seen[WARP], seen[WEFT], lean[p, 7 + 2 * side], lean[p, 8 + 2 * side]
                 )
                 inside = cell_inside(cloth, p, i, j, tall, broad)
@@ -220,7 +221,7 @@ def lay_surfels(
                 radius = ti.sqrt(area * seen[AREA] * inside * share[q] * (15.0 / 32.0))
                 groups_out[RADIUS, group, lane] = radius
                 groups_out[HALF_LENGTH, group, lane] = radius
-                groups_out[OPENNESS, group, lane] = seen[OPEN]
+                groups_out[OPENNESS, group, lane] = seen[OPEN_WARP] + of_weft * (seen[OPEN_WEFT] - seen[OPEN_WARP])
                 thread = cloth.panel[p, END] + ti.min(ti.cast(j + 0.5, ti.i32), cloth.panel[p, ENDS] - 1)
                 if not warp:
                     thread = cloth.panel[p, PICK] + ti.min(ti.cast(i + 0.5, ti.i32), cloth.panel[p, PICKS] - 1)

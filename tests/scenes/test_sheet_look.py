@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from taichi_cloth.detail.cell_stream import TARGET, CellStream
+from taichi_cloth.detail.surfels import OPEN_WARP, OPEN_WEFT, WARP, WEFT
 from taichi_cloth.ground.mixing import sent_back
 from taichi_cloth.ground.particles import COLOUR, NORMAL, RADIUS, ROWS, TANGENT
 from taichi_cloth.render.data.camera import frame
@@ -111,8 +112,6 @@ def test_between_the_angles_at_which_it_is_measured_it_is_not_far_off(source: Ce
 
 def test_the_warp_shows_where_it_floats(source: CellStream) -> None:
     """2/1 twill: on its right side two thirds of what is seen are warp, on the wrong side a third."""
-    from taichi_cloth.detail.surfels import WARP, WEFT
-
     right, wrong = source.look.factor[0, :, -1]
     assert 1.5 < right[WARP] / right[WEFT] < 3.5
     assert 1.5 < wrong[WEFT] / wrong[WARP] < 3.5
@@ -193,6 +192,13 @@ def test_of_denim_the_weft_is_the_darker_for_the_warp(finish: Finish) -> None:
     cloth = sheet_fibres(scene, prepared).source
     warp, weft, *_ = sheet_look._alone(cloth.cloth, 0, cloth.pitch, finish, Lighting())
     assert 0.5 < weft < warp < 0.9
+    look = replace(cloth.look, alone=np.array([[warp, weft, 1.0, 1.0]], np.float32))
+    opened = sheet_look._opened(cloth.cloth, 0, cloth.pitch, look, finish, Lighting())[0, 2:]
+    before = look.factor[0, 0, 2:]
+    assert (opened[:, OPEN_WEFT] < 0.8 * opened[:, OPEN_WARP]).all()  # it sees less of the sky
+    share = before[:, WEFT] / (before[:, WARP] + before[:, WEFT])
+    of_one_colour = (1 - share) * opened[:, OPEN_WARP] + share * opened[:, OPEN_WEFT]
+    assert of_one_colour == pytest.approx(before[:, OPEN_WARP], rel=0.02)
 
 
 def test_a_family_that_is_hardly_seen_from_one_side_has_a_look_from_the_next_angle_on() -> None:
@@ -202,8 +208,8 @@ def test_a_family_that_is_hardly_seen_from_one_side_has_a_look_from_the_next_ang
         lights = np.maximum(now[1:3] - [0.1, 0.02], 0.0)
         return np.array([1 - np.exp(-now[0]), *lights, *(now[3] * lights)])
 
-    now = np.array([1.0, 0.7, 0.25, 0.8])
+    now = np.array([1.0, 0.7, 0.25, 0.8, 0.8])
     for weft in (0.0, 0.03, 0.05, 0.15):
-        want = seen(np.array([2.0, 0.8, weft, 0.6]))
+        want = seen(np.array([2.0, 0.8, weft, 0.6, 0.6]))
         now = sheet_look._solved(seen, want, now)
         assert seen(now) == pytest.approx(want, abs=0.01)
