@@ -9,7 +9,7 @@ spread: a thick one has only one of those that it stands for.
 
 from collections.abc import Callable
 from dataclasses import replace
-from math import asin, degrees, log
+from math import log
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,7 @@ from ...render.data.finish import Finish
 from ...render.data.light import Lighting
 from ...render.splat.splat import Splatter
 from ...render.splat.stream import STREAMED
-from .flat_piece import SIZE, flat_camera, flat_piece
+from .flat_piece import SIZE, flat_piece, tilted_camera
 
 __all__ = ["fit_few"]
 
@@ -61,7 +61,7 @@ def fit_few(cloth: CellCloth, number: int, pitch: tuple[float, float]) -> F64:
         few = guess.few.copy()
         few[number] = out
         piece.level, piece.look = level, replace(guess, few=few)
-        return _seen(splatter, piece, degrees(asin(tilt)) * (1 - 2 * side), tilt)
+        return _seen(splatter, piece, tilt, side)
 
     want = np.array([[seen(0, side, tilt) for tilt in TILTS] for side in (0, 1)])
     covered = float(want[:, -1, 0].mean())
@@ -94,10 +94,10 @@ def _widen(cover: Callable[[], float], want: float, few: F64) -> None:
         few[0] = np.clip(few[0] * deep ** (-1.0 / power), *WIDEST)
 
 
-def _seen(splatter: Splatter, piece: CellStream, elevation: float, tilt: float) -> F64:
+def _seen(splatter: Splatter, piece: CellStream, tilt: float, side: int) -> F64:
     """From there: coverage; of warp how much of the picture it is and how much of that times its openness; of weft
     likewise; of what is seen the mean squares of the fibres' directions, out of the cloth and across the thread."""
-    camera, where = flat_camera(piece, elevation, PIXELS * tilt**-0.33)
+    camera, where = tilted_camera(piece, tilt, side, PIXELS)
     survey = piece.survey(camera)
     chosen = np.flatnonzero(survey.counts).astype(np.int32)
     laid, total = piece.lay(survey, chosen)

@@ -1,6 +1,7 @@
 """A flat piece of a cloth on cells, and from where it is measured: what is the same wherever a cloth goes."""
 
 from dataclasses import replace
+from math import asin, degrees
 
 import cv2
 import numpy as np
@@ -12,7 +13,7 @@ from taichi_cloth.ground.mixing import SURFACE_SHARE
 
 from ...render.data.camera import Camera, frame
 
-__all__ = ["SIZE", "flat_camera", "flat_piece"]
+__all__ = ["SIZE", "flat_camera", "flat_piece", "tilted_camera"]
 
 SIZE = 256, 192
 AZIMUTH = 30.0
@@ -63,3 +64,9 @@ def flat_camera(source: CellStream, elevation: float, pixels: float) -> tuple[Ca
     mask = np.zeros((SIZE[1], SIZE[0]), np.uint8)
     cv2.fillConvexPoly(mask, np.rint(camera.project(corners)[:, :2]).astype(np.int32), 1)
     return camera, mask > 0
+
+
+def tilted_camera(source: CellStream, tilt: float, side: int, pixels: float) -> tuple[Camera, NDArray[np.bool_]]:
+    """`flat_camera` from the right side of the cloth, 0, or the wrong one, 1, where the cosine of the angle between
+    its normal and the view is `tilt`: the nearer the flatter, so that its picture is not much smaller."""
+    return flat_camera(source, degrees(asin(tilt)) * (1 - 2 * side), pixels * tilt**-0.33)

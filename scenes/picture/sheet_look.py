@@ -25,7 +25,7 @@ from taichi_cloth.detail.surfels import (
     WEFT,
     SheetLook,
     guess_of,
-)  # fmt: skip
+)
 from taichi_cloth.fabric.cells import CellCloth
 from taichi_cloth.ground.cache import digest, kept
 
@@ -38,7 +38,7 @@ from ...render.splat.splat import Splatter
 from ...render.splat.stream import STREAMED
 from .few_fibres import fit_few
 from .flat_light import FlatLight
-from .flat_piece import SIZE, flat_camera, flat_piece
+from .flat_piece import SIZE, flat_camera, flat_piece, tilted_camera
 
 __all__ = ["fit_look", "seen_light"]
 
@@ -126,7 +126,7 @@ def _alone(cloth: CellCloth, number: int, pitch: tuple[float, float], finish: Fi
     splatter.load(ParticleBlocks(piece.sample(np.inf, level=min(1, cloth.bank.levels - 1))))
     for side in (0, 1):
         seen = np.zeros((2, 2))  # as always, and alone; of warp and of weft
-        cameras = [flat_camera(piece, degrees(asin(t)) * (1 - 2 * side), LIT[1] * t**-0.33) for t in LIT_TILTS]
+        cameras = [tilted_camera(piece, tilt, side, LIT[1]) for tilt in LIT_TILTS]
         *keys, sky = _lightings(side, like)
         for lighting in (*(keys[k] for k in LIT_KEYS), replace(sky, fill=SKY)):
             for camera, where in cameras:
@@ -138,15 +138,28 @@ def _alone(cloth: CellCloth, number: int, pitch: tuple[float, float], finish: Fi
     return np.array(out)
 
 
+def _both(
+    cloth: CellCloth,
+    number: int,
+    pitch: tuple[float, float],
+    look: SheetLook,
+    dark: float,
+    probe: NDArray | None = None,
+) -> tuple[CellStream, CellStream]:
+    """Flat pieces with a look: of the coarsest fibres, and as a sheet, with factors of its own to change. dark, probe:
+    see `flat_piece`."""
+    fibres, sheet = (flat_piece(cloth, number, n, pitch, dark=dark, probe=probe) for n, _ in (FIBRES, SHEETS))
+    fibres.target, fibres.sheets, fibres.look = COARSEST, False, look
+    sheet.look = replace(look, factor=look.factor.copy())
+    return fibres, sheet
+
+
 def _measured(
     cloth: CellCloth, number: int, pitch: tuple[float, float], guess: SheetLook, finish: Finish, like: Lighting
 ) -> F64:
     """The factors of a repeat, (2, TILTS, 5)."""
     splatter = Splatter(*SIZE)
-    dark = surface_share(finish)
-    fibres, sheet = (flat_piece(cloth, number, threads, pitch, dark=dark) for threads, _ in (FIBRES, SHEETS))
-    fibres.target, fibres.sheets, fibres.look = COARSEST, False, guess
-    sheet.look = replace(guess, factor=guess.factor.copy())
+    fibres, sheet = _both(cloth, number, pitch, guess, surface_share(finish))
     out = guess.factor[number].astype(np.float64)
 
     def got(now: F64, side: int, elevation: float) -> F64:
@@ -156,8 +169,7 @@ def _measured(
     for side in (0, 1):
         for t, tilt in enumerate(TILTS):
             elevation = degrees(asin(tilt)) * (1 - 2 * side)
-            camera = flat_camera(fibres, elevation, FIBRES[1] * tilt**-0.33)
-            want = seen_light(splatter, fibres, *camera, finish, like)
+            want = seen_light(splatter, fibres, *tilted_camera(fibres, tilt, side, FIBRES[1]), finish, like)
             start = out[side, max(t - 1, 0)].copy()
             out[side, t] = _solved(lambda now, at=(side, elevation): got(now, *at), want, start)
     return out
@@ -195,13 +207,10 @@ def _opened(
         few = int(out[side, -1, [WARP, WEFT]].argmin())
         probe = np.full((2, 3), dark)
         probe[few] = PALE
-        fibres, sheet = (flat_piece(cloth, number, k, pitch, dark=dark, probe=probe) for k, _ in (FIBRES, SHEETS))
-        fibres.target, fibres.sheets, fibres.look = COARSEST, False, look
-        sheet.look = replace(look, factor=look.factor.copy())
+        fibres, sheet = _both(cloth, number, pitch, look, dark, probe)
         for t, tilt in enumerate(TILTS):
-            elevation = degrees(asin(tilt)) * (1 - 2 * side)
-            want = sent_back(fibres, *flat_camera(fibres, elevation, FIBRES[1] * tilt**-0.33))
-            now, camera = out[side, t], flat_camera(sheet, elevation, SHEETS[1])
+            want = sent_back(fibres, *tilted_camera(fibres, tilt, side, FIBRES[1]))
+            now, camera = out[side, t], flat_camera(sheet, degrees(asin(tilt)) * (1 - 2 * side), SHEETS[1])
             share = now[WARP + few] / (now[WARP] + now[WEFT])
             for _ in range(ROUNDS):
                 sheet.look.factor[number, side] = now

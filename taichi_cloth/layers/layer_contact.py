@@ -11,7 +11,7 @@ import taichi as ti
 from taichi_cloth.ground.arrays import Template
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.layers.contacts import AWAKE, SAVED
-from taichi_cloth.layers.layer_fields import NUMBERS, SHIFT, LayerFields
+from taichi_cloth.layers.layer_fields import MOVED, NUMBERS, SHIFT, UNPROVEN, LayerFields
 from taichi_cloth.layers.outline import Outline, Tables
 from taichi_cloth.layers.paths import HOLD
 from taichi_cloth.layers.tangles import Tangles
@@ -177,7 +177,7 @@ class LayerContact(SharedConstraint):
             return done, self._substeps, False  # it will be taken again
         said, begun = divmod(self._stop(done=done), SHIFT)
         said, until = divmod(said, SHIFT)
-        moved, self._unproven = bool(said & 1), bool(said & 2)
+        moved, self._unproven = bool(said & MOVED), bool(said & UNPROVEN)
         # What is remembered of key points beside where they are, and their steps.
         remembered = state.values[6 : len(state.values) - self.keeps]
         if remembered.size and begun < done:

@@ -33,7 +33,7 @@ from taichi_cloth.motion.stage_clock import StageClock
 from taichi_cloth.motion.stencil import listed, load, store
 from taichi_cloth.sheet.sheet import LANES
 
-__all__ = ["NUMBERS", "SHIFT", "LayerFields"]
+__all__ = ["MOVED", "NUMBERS", "SHIFT", "UNPROVEN", "LayerFields"]
 
 NEXT, FAR, SHARE = 2, 14, 0.12
 """Intervals that a search of all is good for, at least and at most; and for how much of the room that key points use up
