@@ -38,11 +38,15 @@ OPEN = 2e-3
 """A seam is closed when its gap is no wider than this [m]."""
 
 CLOSING = 240  # frames at most
+STUCK = 20  # frames in which the widest seam comes no closer: what keeps it open, as many gathers do, will go on to
 SETTLING = 300
+CLOSER = 0.98  # of the widest gap before, that is closer
 UNTANGLING = 60  # with contact, of what comes to rest through itself
 SWUNG = 40  # frames in which a garment that settles is halted
 STILL, STEADY = 0.001, 12
-"""Root mean square from frame to frame [m/s] of cloth at rest, and for how many frames it is no faster."""
+"""Speed of cloth at rest [m/s], and the frames over which it is told: root mean square of how far key points came since
+the furthest of them, over their time. What trembles where it is, as where a seam pulls cloth against the skin, or what
+stands off in folds, rests; from frame to frame it may come to 50 mm/s as long as one waits."""
 
 SLOWED = 0.9
 """Share of its speed that cloth keeps from frame to frame from then on. Halts would wait for all of it to slow down: a
@@ -64,7 +68,7 @@ class Worn:
 
     positions: key points (rows, cols, 3) [m]. gap: of the widest seam [m]. depth: of the deepest cloth in the body [m];
     of cloth, not of key points, which stand outside it at an outline. stretch, taut: largest strain of a thread, and of
-    one that ends in no seam and at no hold. speed: root mean square from frame to frame at the end, see STILL [m/s].
+    one that ends in no seam and at no hold. speed: at the end, see STILL [m/s].
     frames: that sewing took.
 
     What a simulation that goes on from there needs, or it begins with a jerk: pushes, what keeps its seams closed, see
@@ -190,13 +194,15 @@ def _closed(
         settled=True,
         relaxed=True,
     )
-    frames = 0
-    while frames < closing:
+    frames, least, since = 0, np.inf, 0
+    while frames < closing and since < STUCK:
         simulation.step()
         frames += 1
         told(frames)
-        if _gap(simulation) < OPEN:
+        gap = _gap(simulation)
+        if gap < OPEN:
             break
+        least, since = (gap, 0) if gap < CLOSER * least else (least, since + 1)
     return simulation.positions, frames
 
 
@@ -253,7 +259,7 @@ def _settled(
 
     body = meets(positions)
     simulation = simulation_of(positions, relaxed=True)
-    moving, speed, speeds = 0.0, 0.0, []
+    moving, speed, lately = 0.0, 0.0, list[F32]()
     held = np.full(len(garment.holds()[2]), -1)  # by no bone
     for frame in range(most):
         if frame == SWUNG:
@@ -262,20 +268,20 @@ def _settled(
         before = simulation.positions
         simulation.step()
         told(frame + 1)
-        moving, faster = _speed(simulation, before), moving
+        moving, faster = _moved(simulation, before), moving
         if frame < SWUNG:
             if moving < faster:
                 simulation.halt()
                 moving = 0.0
         else:
             simulation.slow(SLOWED)
-            speeds.append(moving)
-            speed = max(speeds[-STEADY:])
-            if len(speeds) >= STEADY and speed < STILL and (forces.self_contact is None or clear(simulation.positions)):
+            lately = [*lately[1 - STEADY :], before]
+            speed = max(_moved(simulation, then) for then in lately) / (len(lately) * simulation.frame_time)
+            if len(lately) == STEADY and speed < STILL and (forces.self_contact is None or clear(simulation.positions)):
                 if not held.size:
                     return simulation, speed, frame + 1
                 simulation = simulation_of(simulation.positions, bones=held, **_known(simulation))
-                held, speeds = held[:0], []
+                held, lately = held[:0], []
     return simulation, speed, most
 
 
@@ -296,12 +302,8 @@ def _gap(simulation: Simulation) -> float:
     return float(np.concatenate([*gaps, [0.0]]).max())
 
 
-def _speed(simulation: Simulation, before: F32) -> float:
-    """Root mean square of how far key points came since `before` (rows, cols, 3) [m], a frame ago, over its time.
-
-    Not the speed within a substep: where a seam pulls cloth against the skin the two take turns, and key points
-    tremble by hundredths of a millimetre that no frame shows.
-    """
+def _moved(simulation: Simulation, before: F32) -> float:
+    """Root mean square of how far key points are from where they were, `before` (rows, cols, 3) [m]."""
     present = simulation.sheet.present
     moved = (simulation.positions[present] - before[present]).astype(np.float64)
-    return float(np.sqrt((moved**2).sum(axis=1).mean())) / simulation.frame_time
+    return float(np.sqrt((moved**2).sum(axis=1).mean()))
