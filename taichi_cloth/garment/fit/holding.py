@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from taichi_cloth.garment.fit.landmarks import Landmarks
 from taichi_cloth.garment.fit.piece import UP, Piece, Work
-from taichi_cloth.garment.fit.stack import Carried, over_shoulders
+from taichi_cloth.garment.fit.stack import Carried, over_head, over_shoulders
 from taichi_cloth.garment.pattern.curves import along, length
 from taichi_cloth.garment.pattern.pattern import Course, Hold, Side
 
@@ -68,17 +68,20 @@ def held(work: Work, by: Carried, worn: Landmarks) -> tuple[tuple[Hold, ...], li
 
 
 def hung(work: Work, by: Carried, worn: Landmarks) -> tuple[Hold, ...]:
-    """Both sides of the seams over the shoulders on one line, half way between where they stand, over the joints."""
+    """Both sides of the seams over the shoulders on one line, half way between where they stand, over the joints; those
+    over the head likewise, in the middle: halves of a hood stand beside it, and would fall to either side."""
     if by.by != "shoulders":
         return ()
     out, alike = [], {(seam.first, seam.second): bool(seam.alike) for seam in work.seams}
-    for pair in over_shoulders(work):
+    over = over_shoulders(work)
+    for pair in over + over_head(work):
         t = np.linspace(0.0, 1.0, max(8, int(max(length(work.pieces[s.panel].graded[s.edge]) for s in pair) / FINE)))
         lines = [along(work.pieces[side.panel].graded[side.edge], t) for side in pair]
         stands = [work.pieces[side.panel].standing(line) for side, line in zip(pair, lines, strict=True)]
         way = 1 if alike[pair] else -1
         places = 0.5 * (stands[0] + stands[1][::way])
-        places[:, 2] = worn.arm[0, 2]
+        if pair in over:
+            places[:, 2] = worn.arm[0, 2]
         out += [Hold(pair[0], Course(lines[0], places)), Hold(pair[1], Course(lines[1], places[::way]))]
     return tuple(out)
 

@@ -12,9 +12,13 @@ from taichi_cloth.garment.fit.landmarks import Landmarks
 from taichi_cloth.garment.fit.piece import Work
 from taichi_cloth.garment.pattern.pattern import Side
 
-__all__ = ["Carried", "carried", "over_shoulders", "stack"]
+__all__ = ["Carried", "carried", "over_head", "over_shoulders", "stack"]
 
 F64 = NDArray[np.float64]
+
+
+BESIDE = 0.5
+"""Of the normals of two halves of a hood, across the body: their product, at least."""
 
 
 @dataclass(frozen=True)
@@ -87,6 +91,16 @@ def carried(work: Work, drafted: Landmarks) -> Carried:
 def over_shoulders(work: Work) -> list[tuple[Side, Side]]:
     """Both sides of the seams that close over the shoulders."""
     return _fronts_to_backs(work)[0]
+
+
+def over_head(work: Work) -> list[tuple[Side, Side]]:
+    """Both sides of the seams between halves of a hood that stand beside the head, left and right."""
+    out = []
+    for a, b in work.joined():
+        pa, pb = work.pieces[a.panel], work.pieces[b.panel]
+        if pa.part == pb.part == "head" and pa.normal[0] * pb.normal[0] < -BESIDE:
+            out.append((a, b))
+    return out
 
 
 def _fronts_to_backs(work: Work) -> tuple[list[tuple[Side, Side]], list[float]]:

@@ -51,6 +51,9 @@ stands off in folds, rests; from frame to frame it may come to 50 mm/s as long a
 SLOWED = 0.9
 """Share of its speed that cloth keeps from frame to frame from then on. Halts would wait for all of it to slow down: a
 skirt's folds, which take half a second, then creep, and those that tremble at 15 hertz are never met."""
+HANGING = 0.3
+"""Share of its weight that cloth has while seams close that shoulders will carry: sleeves and hoods fall until theirs
+are closed."""
 THICK, THIN = 6.0, 2.0  # [1/s] damping by the air while closing and while settling
 SMOOTH = 0.05  # Coulomb's µ while closing
 RECOVERY = 5.0  # [m/s] at which the body lets out cloth that panels start with, or that seams draw, inside it
@@ -185,9 +188,10 @@ def _closed(
     """Stage 1 from `start`: where key points are with seams closed, and after how many frames."""
     smooth = replace(body, friction=SMOOTH)
     hangs = garment.closing
-    weight = Forces().gravity if hangs.hanging or hangs.pattern.holds else (0.0, 0.0, 0.0)
+    share = HANGING if hangs.hanging else float(bool(hangs.pattern.holds))
+    x, y, z = Forces().gravity
     simulation = hangs.simulation(
-        Forces(gravity=weight, body=smooth, strain_limit=limit, self_contact=layers),
+        Forces(gravity=(share * x, share * y, share * z), body=smooth, strain_limit=limit, self_contact=layers),
         start,
         air_damping=THICK,
         solver=solver,
