@@ -5,6 +5,7 @@ from taichi_cloth.constraints.contact_middles import MiddleContact
 from taichi_cloth.constraints.strain_limit import ThreadLimit
 from taichi_cloth.constraints.thin_limbs import let_through
 from taichi_cloth.constraints.ties import Ties
+from taichi_cloth.layer_loops.layer_loops import LayerLoops
 from taichi_cloth.layers.layer_contact import LayerContact
 from taichi_cloth.layers.outline import Outline
 from taichi_cloth.motion.constraint import Constraint
@@ -31,7 +32,7 @@ def constraints_for(
     """
     out: list[Constraint] = [*ties]
     if forces.self_contact is not None:
-        out.append(LayerContact(sheet, forces.self_contact, outline, keeps=not ties))
+        out.append(LayerContact(sheet, forces.self_contact, outline, keeps=not ties, loops_of=LayerLoops))
     if forces.strain_limit is not None and "strain_limit" not in answered:
         out.append(ThreadLimit(sheet))
     if forces.body is not None:

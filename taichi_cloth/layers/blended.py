@@ -7,7 +7,7 @@ import taichi as ti
 from taichi_cloth.ground.arrays import Float, Int, Template
 from taichi_cloth.ground.routine import routine
 
-__all__ = ["Blended", "across", "back", "slid"]
+__all__ = ["Blended", "across", "answer", "slid"]
 
 ROOM, NODES = 6, 24
 """Contacts for each blend, and key points of one in the mean, at most."""
@@ -43,6 +43,21 @@ def back(contacts: Template, c, place, step, n):
     for axis in ti.static(range(3)):
         contacts.anchor[axis][c] = contacts.anchor[axis][c] + (1.0 - most) * slid[axis]
     return (1.0 - ANCHORED) * across(step, n) + ANCHORED * most * slid
+
+
+@ti.func
+def answer(contacts: Template, c, place, step, n, friction, share):
+    """The push and the friction of a contact in this substep anew, by so large a share of what is asked. Returns by how
+    much Σ w²/m of the steps changes that. contacts, place, step: as of `back`."""
+    held = ti.Vector([contacts.rubbed[0][c], contacts.rubbed[1][c], contacts.rubbed[2][c]])
+    was = contacts.pushed[c]
+    push = ti.max(was - share * step.dot(n), 0.0)
+    rub = held - share * back(contacts, c, place, step, n)
+    rub *= ti.min(friction * push / ti.sqrt(rub.norm_sqr() + 1e-20), 1.0)
+    contacts.pushed[c] = push
+    for axis in ti.static(range(3)):
+        contacts.rubbed[axis][c] = rub[axis]
+    return ((push - was) * n + rub - held) * contacts.share[c]
 
 
 @ti.func
@@ -204,15 +219,8 @@ class Blended:
                     step[axis] += w * s[axis][p]
             gap = n.dot(apart) - self.kept[c]
             if gap < 0.0 or was > 0.0:
-                held = ti.Vector([self.rubbed[0][c], self.rubbed[1][c], self.rubbed[2][c]])
-                push = ti.max(was - step.dot(n), 0.0)
-                rub = held - back(self, c, apart, step, n)
-                rub *= ti.min(friction * push / ti.sqrt(rub.norm_sqr() + 1e-20), 1.0)
-                change = ((push - was) * n + rub - held) * self.share[c]
+                change = answer(self, c, apart, step, n, friction, 1.0)
                 move = change + mended * self.share[c] * ti.max(-gap, 0.0) * n
-                self.pushed[c] = push
-                for axis in ti.static(range(3)):
-                    self.rubbed[axis][c] = rub[axis]
                 for m in range(self.start[c], self.start[c + 1]):
                     p = self.node[m]
                     share = inverse[p] * self.weight[m]

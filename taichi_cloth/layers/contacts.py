@@ -13,7 +13,7 @@ import taichi as ti
 
 from taichi_cloth.ground.arrays import Float, Int, Template
 from taichi_cloth.ground.routine import routine
-from taichi_cloth.layers.blended import Blended, across, back, slid
+from taichi_cloth.layers.blended import Blended, across, answer, slid
 from taichi_cloth.layers.near_pairs import NEAR_SEAMS
 from taichi_cloth.layers.nearest import EDGES, FACES, gather
 from taichi_cloth.motion.stencil import listed, load, store
@@ -368,21 +368,13 @@ class Contacts:
     def part(self, x: Template, s: Template, inverse: Template, c, gap, mended):
         """One contact: its push and friction of the substep anew."""
         n = ti.Vector([self.normal[0][c], self.normal[1][c], self.normal[2][c]])
-        held = ti.Vector([self.rubbed[0][c], self.rubbed[1][c], self.rubbed[2][c]])
-        was = self.pushed[c]
         place, step = ti.Vector([0.0, 0.0, 0.0]), ti.Vector([0.0, 0.0, 0.0])
         for corner in ti.static(range(4)):
             p, w = self.point[corner][c], self.weight[corner][c]
             place += w * ti.Vector([x[0][p], x[1][p], x[2][p]])
             step += w * ti.Vector([s[0][p], s[1][p], s[2][p]])
-        push = ti.max(was - step.dot(n), 0.0)
-        rub = held - back(self, c, place, step, n)
-        rub *= ti.min(self.friction[None] * push / ti.sqrt(rub.norm_sqr() + 1e-20), 1.0)
-        change = ((push - was) * n + rub - held) * self.share[c]
+        change = answer(self, c, place, step, n, self.friction[None], 1.0)
         move = change + mended * self.share[c] * ti.max(-gap, 0.0) * n
-        self.pushed[c] = push
-        for axis in ti.static(range(3)):
-            self.rubbed[axis][c] = rub[axis]
         for corner in ti.static(range(4)):
             p = self.point[corner][c]
             share = inverse[p] * self.weight[corner][c]

@@ -5,6 +5,9 @@ What cannot be parted even then is let off, as is what passes through itself at 
 frame (`tangles.py`); `let_off` counts such pairs, and intervals after which key points had left their room.
 """
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 import taichi as ti
 
@@ -13,7 +16,7 @@ from taichi_cloth.ground.errors import InputError
 from taichi_cloth.layers.contacts import AWAKE, SAVED
 from taichi_cloth.layers.layer_fields import MOVED, NUMBERS, SHIFT, UNPROVEN, LayerFields
 from taichi_cloth.layers.outline import Outline, Tables
-from taichi_cloth.layers.paths import HOLD
+from taichi_cloth.layers.paths import HOLD, POINT
 from taichi_cloth.layers.tangles import Tangles
 from taichi_cloth.layers.tree import levels_of
 from taichi_cloth.motion.capacity import capacity_of, class_of
@@ -50,8 +53,9 @@ one with less are looked at more closely."""
 
 class LayerContact(SharedConstraint):
     """The contact of one sheet with itself. options: see `SelfContact`. outline: of a sheet whose cells are not all
-    whole, or that is sewn. keeps: contacts from frame to frame, where no other constraint keeps anything. Raises
-    InputError on a thickness that is more than key points can keep."""
+    whole, or that is sewn. keeps: contacts from frame to frame, where no other constraint keeps anything. loops_of:
+    makes `LayerLoops`, which cells that are whole can do with. Raises InputError on a thickness that is more than key
+    points can keep."""
 
     fields_of = LayerFields
     known_as = "cloth on cloth"
@@ -60,7 +64,13 @@ class LayerContact(SharedConstraint):
     stops = True
 
     def __init__(
-        self, sheet: Sheet, options: SelfContact, outline: Outline | None = None, *, keeps: bool = False
+        self,
+        sheet: Sheet,
+        options: SelfContact,
+        outline: Outline | None = None,
+        *,
+        keeps: bool = False,
+        loops_of: Any = None,
     ) -> None:
         s, self._sheet, self._tangles, self._tangled = sheet.springs, sheet, Tangles(sheet, outline), True
         spacing = min(s.spacing_x, s.spacing_y)
@@ -88,6 +98,8 @@ class LayerContact(SharedConstraint):
         named |= {str(level): least for level, least in enumerate(LEAST_SLACK)}
         self._numbers = np.array([named[name] for name in NUMBERS], np.float32)
         self.keeps = SAVED if keeps else 0
+        self._loops_of, self.spreads = loops_of, loops_of is not None and outline is None
+        self._told: Any = None  # what told of the last frame, where loops did
         self._inverse, self._tables = sheet.padded(sheet.inverse_mass).ravel(), Tables(sheet, outline, self._size)
 
     @property
@@ -109,8 +121,9 @@ class LayerContact(SharedConstraint):
         if self._tangled:
             self._untangle(state)
         share = 2**self._halved
-        most, free = max(1, self._longest // share), max(1, self._free // share)
-        self.fields.start(most, free, self._substeps, USE * CAREFUL**self._halved, int(self._halved == HALVINGS))
+        self._use = USE * CAREFUL**self._halved
+        self._most, self._free_most = max(1, self._longest // share), max(1, self._free // share)
+        self.fields.start(self._most, self._free_most, self._substeps, self._use, int(self._halved == HALVINGS))
         kept = len(state.values) - self.keeps if self.keeps else -1
         self._stop, self._unproven = Repeated(self.fields.stop, state.in_a_row, 0, kept), False
 
@@ -135,7 +148,7 @@ class LayerContact(SharedConstraint):
     def end(self, state: SheetState) -> None:
         """Cloth that flies apart, as on steps that are too long for it, has no room for what it meets: it is left so
         that the solver sees it, and takes shorter ones."""
-        self.pushed = int(self.fields.certificate.pushed[None])
+        self.pushed = int(self.fields.certificate.pushed[None]) if self._told is None else self._told.pushed
         self._torn = bool(self._full()) and not self._whole(state)
         if self._torn:
             state.values[:3] = np.nan
@@ -149,12 +162,14 @@ class LayerContact(SharedConstraint):
         if self._torn:
             self._halved = 0
             return False
-        proven = self.fields.unproven[None] == 0 and not full
+        unproven = self.fields.unproven[None] if self._told is None else self._told.unproven
+        proven = unproven == 0 and not full
         if proven or self._halved == HALVINGS:
             self._halved = 0
             if full:
                 raise InputError(full)
-            self.let_off = self.fields.certificate.let_off[None] + self.fields.unproven[None]
+            self.let_off = unproven
+            self.let_off += self.fields.certificate.let_off[None] if self._told is None else self._told.let_off
             self._tangled |= self.let_off > 0  # perhaps: the next frame looks
             return False
         self._halved += 1
@@ -172,9 +187,24 @@ class LayerContact(SharedConstraint):
                 )
         return ""
 
-    def stop(self, state: SheetState, done: int) -> tuple[int, int, bool]:
+    def over(self, loops: Any) -> Any:
+        """What it does as parallel loops, over those of a frame."""
+        there = int(((self._tables.has & POINT) != 0).sum())
+        return loops.kernel(("layers", id(self.fields)), lambda loops: self._loops_of(self.fields, loops, there))
+
+    def loop(self, loops: Any, again: bool) -> Callable[..., Any]:
+        return self.over(loops).response(MEND_SUMMED if loops.frame.sums else MEND, again)
+
+    def stop(self, state: SheetState, done: int, loops: Any) -> tuple[int, int, bool]:
         if self._unproven and self._halved < HALVINGS:
             return done, self._substeps, False  # it will be taken again
+        if loops is not None:
+            if done == 0:
+                self._told = self.over(loops)
+                self._told.start(self._most, self._free_most, self._substeps, self._use, self._halved == HALVINGS)
+            begun, until = self._told.stop(state.values[len(state.values) - self.keeps :], done)
+            self._unproven = self._told.unproven > 0
+            return begun, until, True
         said, begun = divmod(self._stop(done=done), SHIFT)
         said, until = divmod(said, SHIFT)
         moved, self._unproven = bool(said & MOVED), bool(said & UNPROVEN)

@@ -12,7 +12,7 @@ from taichi_cloth.layers.outline import MEETS, RIM_EAST, RIM_NORTH
 from taichi_cloth.layers.paths import CELL, EAST, NORTH, POINT
 from taichi_cloth.layers.search import ROOM as CELL_ROOM
 from taichi_cloth.layers.search import element
-from taichi_cloth.motion.stencil import load, near, store
+from taichi_cloth.motion.stencil import load, near, nothing, store
 from taichi_cloth.sheet.sheet import LANES
 
 __all__ = ["BESIDE", "NEAR_SEAMS", "NearPairs", "Pairs"]
@@ -139,29 +139,38 @@ class NearPairs:
         columns."""
         row = points.row[None]
         for axis in ti.static(range(3)):
-            place, bent = ti.static(points.position[axis], self._bent[axis])
             for e in range(paths.count[None]):
-                p = paths.packet(e)
-                both = ti.Vector([0.0] * LANES)
-                for o, bit in ti.static(((1, EAST), (row, NORTH))):
-                    through = (load(paths.has, p) & load(paths.has, near(p - o)) & bit) != 0
-                    second = load(place, near(p + o)) - 2.0 * load(place, p) + load(place, near(p - o))
-                    both += ti.select(through, second, 0.0)
-                store(bent, p, both)
+                self.bend_at(points, paths, axis, paths.packet(e), row)
             for e in range(paths.count[None]):
-                p = paths.packet(e)
-                four = load(bent, p) + load(bent, near(p + 1))
-                four += load(bent, near(p + row)) + load(bent, near(p + row + 1))
-                store(self.bulge[axis], p, -four / 32.0)
+                self.bulge_at(axis, paths.packet(e), row)
 
     @ti.func
-    def drawn_apart(self, kept, share, p, q, k):
-        """How far cells p and q are kept apart along the normal of lane k, that smooth cloth through them is by `kept`.
+    def bend_at(self, points: Template, paths: Template, axis: Template, p, row):
+        """The second differences of the lanes at p."""
+        place = ti.static(points.position[axis])
+        both = nothing()
+        for o, bit in ti.static(((1, EAST), (row, NORTH))):
+            through = (load(paths.has, p) & load(paths.has, near(p - o)) & bit) != 0
+            second = load(place, near(p + o)) - 2.0 * load(place, p) + load(place, near(p - o))
+            both += ti.select(through, second, 0.0)
+        store(self._bent[axis], p, both)
+
+    @ti.func
+    def bulge_at(self, axis: Template, p, row):
+        """After `bend_at` of all."""
+        bent = ti.static(self._bent[axis])
+        four = load(bent, p) + load(bent, near(p + 1))
+        four += load(bent, near(p + row)) + load(bent, near(p + row + 1))
+        store(self.bulge[axis], p, -four / 32.0)
+
+    @ti.func
+    def drawn_apart(self, kept, share, p, q, n):
+        """How far cells p and q are kept apart along normal n, that smooth cloth through them is by `kept`.
         That is less than a share of the thickness beside seams, where more would be in the way of these."""
         out = kept
         if kept >= share * self.thickness[None]:
             for axis in ti.static(range(3)):
-                out += self.nearest.normal[axis][k] * (self.bulge[axis][q] - self.bulge[axis][p])
+                out += n[axis] * (self.bulge[axis][q] - self.bulge[axis][p])
         return ti.min(ti.max(out, kept), ti.max(kept, self.most[None]))
 
     @ti.func
@@ -217,9 +226,9 @@ class NearPairs:
         return one > 0 and one == self.tangle[q] and (far > one % BESIDE or self.panel[p] != self.panel[q])
 
     @ti.func
-    def keep(self, kind, at, k, kept, share, points: Template, p, q, sewn, beside):
-        """One more pair, from lane k of what was found, of cells p and q, unless they are tangled. share: of the
-        thickness that such pairs keep at most. Returns how many there are."""
+    def keep(self, kind, at, n, kept, share, points: Template, p, q, sewn, beside):
+        """One more pair, which n parts, of cells p and q, unless they are tangled. share: of the thickness that such
+        pairs keep at most. Returns how many there are."""
         pairs, out, tangled = self.pairs, at, self.tangled(p, q)
         if at < pairs.room(kind) and not tangled:
             pair = pairs.first(kind) + at
@@ -227,8 +236,8 @@ class NearPairs:
             for corner in ti.static(range(4)):
                 pairs.point[corner][pair] = points[corner]
             for axis in ti.static(range(3)):
-                pairs.normal[axis][pair] = self.nearest.normal[axis][k]
-            cap = self.drawn_apart(kept, share, p, q, k)
+                pairs.normal[axis][pair] = n[axis]
+            cap = self.drawn_apart(kept, share, p, q, n)
             pairs.cap[pair], pairs.kept[pair] = cap, cap
             if not beside:
                 pairs.kept[pair] = ti.max(cap, share * self.tent(ti.max(sewn, 0.5 * self.folded())))
@@ -339,24 +348,39 @@ class NearPairs:
                     a, b = self.one[lane], self.other[lane]
                     if turn >= 2:
                         a, b = b, a
-                    c, d, e = (
-                        b + self.face_offset[half, 0],
-                        b + self.face_offset[half, 1],
-                        b + self.face_offset[half, 2],
-                    )
-                    if self.owns(paths, a, POINT) and self.owns(paths, b, CELL):
-                        apart = self.differ(points, a, c) & self.differ(points, a, d)
-                        if apart & self.differ(points, a, e):
-                            kept = self.kept_apart(points, width, a, b)
-                            sewn, beside = self.across(points, width, a, b)
-                            found = self.keep(FACES, found, lane, kept, 1.0, (a, c, d, e), a, b, sewn, beside)
+                    if self.asks_face(points, paths, a, b, half):
+                        found = self.keep_face(points, width, a, b, half, self.found_normal(lane), found)
         return found
+
+    @ti.func
+    def found_normal(self, lane):
+        return ti.Vector([self.nearest.normal[axis][lane] for axis in ti.static(range(3))])
+
+    @ti.func
+    def corner_of(self, b, half, k: Template):
+        """Element of corner k of a face of cell b, the first or second half."""
+        return b + self.face_offset[half, k]
+
+    @ti.func
+    def asks_face(self, points: Template, paths: Template, a, b, half):
+        """Whether the point of cell a and a face of cell b are there, and no two of their points are one."""
+        out = self.owns(paths, a, POINT) and self.owns(paths, b, CELL)
+        for k in ti.static(range(3)):
+            out = out and self.differ(points, a, self.corner_of(b, half, k))
+        return out
+
+    @ti.func
+    def keep_face(self, points: Template, width, a, b, half, n, at):
+        """That pair, as the next of its kind; see `keep`."""
+        kept = self.kept_apart(points, width, a, b)
+        sewn, beside = self.across(points, width, a, b)
+        corners = a, self.corner_of(b, half, 0), self.corner_of(b, half, 1), self.corner_of(b, half, 2)
+        return self.keep(FACES, at, n, kept, 1.0, corners, a, b, sewn, beside)
 
     @routine
     def find_edges(self, points: Template, paths: Template, width: Int, count: Int, begin: Int) -> Int:
         """Of the pairs of cells at hand: three edges of one against three of the other."""
         found = begin
-        bits, rims = ti.Vector([EAST, NORTH, CELL]), ti.Vector([RIM_EAST, RIM_NORTH, 0])
         for turn in range(9):
             e, f = turn // 3, turn % 3
             self.nearest.take_corners(0, e + 1, CORNERS, CORNERS + f + 1)
@@ -368,15 +392,32 @@ class NearPairs:
             for lane in range(some):
                 if self.nearest.square[lane] < self.within[lane]:
                     a, b = self.one[lane], self.other[lane]
-                    if self.owns(paths, a, bits[e]) and self.owns(paths, b, bits[f]):
-                        c, d = a + self.edge_offset[e, 0], a + self.edge_offset[e, 1]
-                        g, h = b + self.edge_offset[f, 0], b + self.edge_offset[f, 1]
-                        apart = self.differ(points, c, g) & self.differ(points, c, h)
-                        if apart & self.differ(points, d, g) & self.differ(points, d, h):
-                            kept, share = self.kept_apart(points, width, a, b), 1.0
-                            # A rim bears what hangs over it: no point of that is above a face.
-                            if (paths.has[a] & rims[e]) | (paths.has[b] & rims[f]) == 0:
-                                share = self.edge_share[None]
-                            sewn, beside = self.across(points, width, a, b)
-                            found = self.keep(EDGES, found, lane, share * kept, share, (c, d, g, h), a, b, sewn, beside)
+                    if self.asks_edge(points, paths, a, b, e, f):
+                        found = self.keep_edge(points, paths, width, a, b, e, f, self.found_normal(lane), found)
         return found
+
+    @ti.func
+    def end_of(self, a, e, k: Template):
+        """Element of an end of edge e of cell a."""
+        return a + self.edge_offset[e, k]
+
+    @ti.func
+    def asks_edge(self, points: Template, paths: Template, a, b, e, f):
+        """Whether edges e and f of cells a and b are there, and no two of their ends are one."""
+        bits = ti.Vector([EAST, NORTH, CELL])
+        out = self.owns(paths, a, bits[e]) and self.owns(paths, b, bits[f])
+        for k in ti.static(range(4)):
+            out = out and self.differ(points, self.end_of(a, e, k // 2), self.end_of(b, f, k % 2))
+        return out
+
+    @ti.func
+    def keep_edge(self, points: Template, paths: Template, width, a, b, e, f, n, at):
+        """Those two, as the next pair of their kind; see `keep`."""
+        rims, share = ti.Vector([RIM_EAST, RIM_NORTH, 0]), 1.0
+        kept = self.kept_apart(points, width, a, b)
+        # A rim bears what hangs over it: no point of that is above a face.
+        if (paths.has[a] & rims[e]) | (paths.has[b] & rims[f]) == 0:
+            share = self.edge_share[None]
+        sewn, beside = self.across(points, width, a, b)
+        ends = self.end_of(a, e, 0), self.end_of(a, e, 1), self.end_of(b, f, 0), self.end_of(b, f, 1)
+        return self.keep(EDGES, at, n, share * kept, share, ends, a, b, sewn, beside)

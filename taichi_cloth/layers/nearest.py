@@ -73,6 +73,49 @@ def nearest_on_face(w: Template, u: Template, v: Template):
     return s, t, w[0] - s * u[0] - t * v[0], w[1] - s * u[1] - t * v[1], w[2] - s * u[2] - t * v[2], inside
 
 
+@ti.func
+def parting(kind, j: Template, k: Template, m: Template, way: Template):
+    """What parts four points more, one at the origin and the others at j, k and m (lanes): a way between them, or what
+    is across two of their edges. A unit vector, and how far the first `kind` of them are beyond the others along it."""
+    x, y, z = way[0], way[1], way[2]
+    scale = 1.0 / ti.sqrt(x * x + y * y + z * z + 1e-20)
+    unit = (x * scale, y * scale, z * scale)
+    beyond = beyond_others(kind, j, k, m, unit)
+    # Across: of a face two of its edges, of edges both; and from the second to the first.
+    on_face = kind == FACES
+    u = either(on_face, (k[0] - j[0], k[1] - j[1], k[2] - j[2]), j)
+    v = either(on_face, (m[0] - j[0], m[1] - j[1], m[2] - j[2]), (m[0] - k[0], m[1] - k[1], m[2] - k[2]))
+    side = either(on_face, (-j[0], -j[1], -j[2]), (-k[0], -k[1], -k[2]))
+    n = cross(u, v)
+    scale = ti.select(dot(side, n) < 0.0, -1.0, 1.0) / ti.sqrt(dot(n, n) + 1e-30)
+    across = (n[0] * scale, n[1] * scale, n[2] * scale)
+    other = beyond_others(kind, j, k, m, across)
+    more = other > beyond
+    return (
+        ti.select(more, across[0], unit[0]),
+        ti.select(more, across[1], unit[1]),
+        ti.select(more, across[2], unit[2]),
+        ti.max(beyond, other),
+    )
+
+
+@ti.func
+def either(first, one: Template, other: Template):
+    return (
+        ti.select(first, one[0], other[0]),
+        ti.select(first, one[1], other[1]),
+        ti.select(first, one[2], other[2]),
+    )
+
+
+@ti.func
+def beyond_others(kind, j: Template, k: Template, m: Template, way: Template):
+    """How far the first `kind` of four points, as of `parting`, are beyond the others along a way."""
+    b, c, d = dot(j, way), dot(k, way), dot(m, way)
+    others = ti.max(c, d)
+    return ti.select(kind == FACES, -ti.max(b, others), ti.min(b, 0.0) - others)
+
+
 @ti.data_oriented
 class Nearest:
     """All by lanes. place: [corner][axis], of a point and a face, or of the ends of two edges [m]. cell: [axis], of the
@@ -152,35 +195,7 @@ class Nearest:
         slivers, and of what all but touches, are not known so well. And `beyond`."""
         i = load_xyz(self.place[0], 0)
         j, k, m = relative(self.place[1], 0, i), relative(self.place[2], 0, i), relative(self.place[3], 0, i)
-        x, y, z = load(self.way[0], 0), load(self.way[1], 0), load(self.way[2], 0)
-        scale = 1.0 / ti.sqrt(x * x + y * y + z * z + 1e-20)
-        unit = (x * scale, y * scale, z * scale)
-        beyond = self.apart(kind, j, k, m, unit)
-        # Across: of a face two of its edges, of edges both; and from the second to the first.
-        on_face = kind == FACES
-        u = self.either(on_face, (k[0] - j[0], k[1] - j[1], k[2] - j[2]), j)
-        v = self.either(on_face, (m[0] - j[0], m[1] - j[1], m[2] - j[2]), (m[0] - k[0], m[1] - k[1], m[2] - k[2]))
-        side = self.either(on_face, (-j[0], -j[1], -j[2]), (-k[0], -k[1], -k[2]))
-        n = cross(u, v)
-        scale = ti.select(dot(side, n) < 0.0, -1.0, 1.0) / ti.sqrt(dot(n, n) + 1e-30)
-        across = (n[0] * scale, n[1] * scale, n[2] * scale)
-        other = self.apart(kind, j, k, m, across)
-        for axis in ti.static(range(3)):
-            store(self.normal[axis], 0, ti.select(other > beyond, across[axis], unit[axis]))
-        store(self.beyond, 0, ti.max(beyond, other))
-
-    @ti.func
-    def either(self, first, one: Template, other: Template):
-        return (
-            ti.select(first, one[0], other[0]),
-            ti.select(first, one[1], other[1]),
-            ti.select(first, one[2], other[2]),
-        )
-
-    @ti.func
-    def apart(self, kind, j: Template, k: Template, m: Template, way: Template):
-        """How far the first `kind` of four points, one at the origin and the others at j, k and m, are beyond the
-        others along a way."""
-        b, c, d = dot(j, way), dot(k, way), dot(m, way)
-        others = ti.max(c, d)
-        return ti.select(kind == FACES, -ti.max(b, others), ti.min(b, 0.0) - others)
+        x, y, z, beyond = parting(kind, j, k, m, load_xyz(self.way, 0))
+        for axis, v in ti.static(((0, x), (1, y), (2, z))):
+            store(self.normal[axis], 0, v)
+        store(self.beyond, 0, beyond)

@@ -11,7 +11,7 @@ import taichi as ti
 
 from taichi_cloth.ground.arrays import Float, Int, Template
 from taichi_cloth.ground.routine import routine
-from taichi_cloth.motion.stencil import largest, load, near, store
+from taichi_cloth.motion.stencil import largest, load, near, nothing, store
 from taichi_cloth.sheet.sheet import LANES
 
 __all__ = ["CELL", "EAST", "HOLD", "NORTH", "POINT", "Paths"]
@@ -100,14 +100,9 @@ class Paths:
     @routine
     def predict(self, points: Template, span: Float):
         """New paths of those that are to get one. span: substeps since `was`; 0: at the speed of the last step."""
-        scale, time = 1.0 / ti.max(span, 1.0), ti.cast(self.since[None], ti.f32)
+        time = ti.cast(self.since[None], ti.f32)
         for e in range(self.count[None]):
-            p = self.packet(e)
-            there = load(self.there, p)
-            for axis in ti.static(range(3)):
-                mean = scale * (load(points.position[axis], p) - load(self.was[axis], p))
-                own = ti.select(span > 0.0, mean, load(points.step[axis], p))
-                store(self._own[axis], p, there * own)
+            self.take_pace(points, self.packet(e), span)
         total, count = 0.0, ti.Vector([0.0] * LANES)
         for axis in ti.static(range(3)):
             total += self.renew(points, axis)
@@ -117,6 +112,28 @@ class Paths:
             count += load(self.there, p)
         self.rough[None] = ti.sqrt(total / ti.max(count.sum(), 1.0))  # pyright: ignore[reportOptionalCall]
 
+    @ti.func
+    def take_pace(self, points: Template, p, span):
+        """The own pace of the lanes at p."""
+        scale, there = 1.0 / ti.max(span, 1.0), load(self.there, p)
+        for axis in ti.static(range(3)):
+            mean = scale * (load(points.position[axis], p) - load(self.was[axis], p))
+            own = ti.select(span > 0.0, mean, load(points.step[axis], p))
+            store(self._own[axis], p, there * own)
+
+    @ti.func
+    def paces(self, axis: Template, p, row):
+        """Of the lanes at p the own pace along an axis, and the mean of those round each: by twos across from each
+        other, so that a slope of the pace changes nothing, and at an edge neither counts."""
+        own = load(self._own[axis], p)
+        mean, weight = 4.0 * own, nothing() + 4.0
+        for o, share in ti.static(((1, 2.0), (row, 2.0), (row + 1, 1.0), (row - 1, 1.0))):
+            a, b = near(p + o), near(p - o)
+            both = share * load(self.there, a) * load(self.there, b)
+            weight += 2.0 * both
+            mean += both * (load(self._own[axis], a) + load(self._own[axis], b))
+        return own, mean / weight
+
     @routine
     def renew(self, points: Template, axis: Template) -> Float:
         """One axis of new paths: at the mean pace of those round each. Returns the sum of the squares of what the own
@@ -125,15 +142,7 @@ class Paths:
         total = ti.Vector([0.0] * LANES)
         for e in range(self.count[None]):
             p = self.packet(e)
-            # By twos across from each other: a slope of the pace changes nothing, at an edge neither.
-            own = load(self._own[axis], p)
-            mean, weight = 4.0 * own, ti.Vector([4.0] * LANES)
-            for o, share in ti.static(((1, 2.0), (row, 2.0), (row + 1, 1.0), (row - 1, 1.0))):
-                a, b = near(p + o), near(p - o)
-                both = share * load(self.there, a) * load(self.there, b)
-                weight += 2.0 * both
-                mean += both * (load(self._own[axis], a) + load(self._own[axis], b))
-            mean = mean / weight
+            own, mean = self.paces(axis, p, row)
             here, spent = load(points.position[axis], p), load(self.spent, p) != 0
             pace = ti.select(spent, mean, load(self.pace[axis], p))
             begin = ti.select(spent, here - time * mean, load(self.begin[axis], p))

@@ -291,7 +291,8 @@ class Pieces:
                     kept *= share
                     p, q = self.cell[0][w], self.cell[1][w]
                     beside = near.panel[p] == near.panel[q] and flat < sewn
-                    found = near.keep(kind, found, k, kept, share, (a, b, c, d), p, q, sewn, beside)
+                    n = near.found_normal(k)
+                    found = near.keep(kind, found, n, kept, share, (a, b, c, d), p, q, sewn, beside)
         near.end(kind, found, points.row[None])
         self.waiting[None] = 0
 

@@ -115,29 +115,33 @@ class Tree:
         """Of all cells along one axis: of places, of ways, and of their threads."""
         row = points.row[None]
         for e in range(paths.count[None]):
-            p = paths.packet(e)
-            has = load(paths.has, p)
-            here, east, north, cell = (has & POINT) != 0, (has & EAST) != 0, (has & NORTH) != 0, (has & CELL) != 0
-            hole = (has & HOLE) != 0
-            a, b = load(paths.now[axis], p), load(paths.now[axis], near(p + 1))
-            c, d = load(paths.now[axis], near(p + row)), load(paths.now[axis], near(p + row + 1))
-            x, y, z = ti.select(east, b, a), ti.select(north, c, a), ti.select(cell, d, a)
-            self.bound(axis, p, here, ti.min(ti.min(a, x), ti.min(y, z)), ti.max(ti.max(a, x), ti.max(y, z)))
-            u, v = horizon * load(paths.pace[axis], p), horizon * load(paths.pace[axis], near(p + 1))
-            w, t = horizon * load(paths.pace[axis], near(p + row)), horizon * load(paths.pace[axis], near(p + row + 1))
-            x, y, z = ti.select(east, v, u), ti.select(north, w, u), ti.select(cell, t, u)
-            self.bound(axis + 3, p, here, ti.min(ti.min(u, x), ti.min(y, z)), ti.max(ti.max(u, x), ti.max(y, z)))
-            # Threads along the row and the column, now and at the horizon.
-            for first, one, other, ahead, beyond, scale in ti.static(
-                (
-                    (WEFT, b - a, d - c, v - u, t - w, self.inverse[0]),
-                    (WARP, c - a, d - b, w - u, t - v, self.inverse[1]),
-                )
-            ):
-                low = ti.min(one, other) + ti.min(ti.min(ahead, beyond), 0.0)
-                high = ti.max(one, other) + ti.max(ti.max(ahead, beyond), 0.0)
-                low, high = ti.select(hole, -9.0, scale * low), ti.select(hole, 9.0, scale * high)
-                self.bound(first + axis, p, cell | hole, low, high)
+            self.bounds_at(paths, horizon, axis, paths.packet(e), row)
+
+    @ti.func
+    def bounds_at(self, paths: Template, horizon, axis: Template, p, row):
+        """Of the lanes at p."""
+        has = load(paths.has, p)
+        here, east, north, cell = (has & POINT) != 0, (has & EAST) != 0, (has & NORTH) != 0, (has & CELL) != 0
+        hole = (has & HOLE) != 0
+        a, b = load(paths.now[axis], p), load(paths.now[axis], near(p + 1))
+        c, d = load(paths.now[axis], near(p + row)), load(paths.now[axis], near(p + row + 1))
+        x, y, z = ti.select(east, b, a), ti.select(north, c, a), ti.select(cell, d, a)
+        self.bound(axis, p, here, ti.min(ti.min(a, x), ti.min(y, z)), ti.max(ti.max(a, x), ti.max(y, z)))
+        u, v = horizon * load(paths.pace[axis], p), horizon * load(paths.pace[axis], near(p + 1))
+        w, t = horizon * load(paths.pace[axis], near(p + row)), horizon * load(paths.pace[axis], near(p + row + 1))
+        x, y, z = ti.select(east, v, u), ti.select(north, w, u), ti.select(cell, t, u)
+        self.bound(axis + 3, p, here, ti.min(ti.min(u, x), ti.min(y, z)), ti.max(ti.max(u, x), ti.max(y, z)))
+        # Threads along the row and the column, now and at the horizon.
+        for first, one, other, ahead, beyond, scale in ti.static(
+            (
+                (WEFT, b - a, d - c, v - u, t - w, self.inverse[0]),
+                (WARP, c - a, d - b, w - u, t - v, self.inverse[1]),
+            )
+        ):
+            low = ti.min(one, other) + ti.min(ti.min(ahead, beyond), 0.0)
+            high = ti.max(one, other) + ti.max(ti.max(ahead, beyond), 0.0)
+            low, high = ti.select(hole, -9.0, scale * low), ti.select(hole, 9.0, scale * high)
+            self.bound(first + axis, p, cell | hole, low, high)
 
     @routine
     def rise(self, whole: Int):
@@ -149,16 +153,21 @@ class Tree:
                     q, p = self.node(level, i, j), self.node(level - 1, 2 * i, 2 * j)
                     x = ti.select(2 * j + 1 < wide, 1, 0)
                     y = ti.select(2 * i + 1 < rows, wide, 0)
-                    for k in ti.static(range(12)):
-                        low, high = ti.static(self.low[k], self.high[k])
-                        low[q] = ti.min(ti.min(low[p], low[p + x]), ti.min(low[p + y], low[p + y + x]))
-                        high[q] = ti.max(ti.max(high[p], high[p + x]), ti.max(high[p + y], high[p + y + x]))
+                    self.round_four(q, p, x, y)
                     self.stale[q] = self.stale[p] | self.stale[p + x] | self.stale[p + y] | self.stale[p + y + x]
                     if self.stale[q] != 0:
                         self.clear[q] = NONE
                         self.slack[q] = NONE
                     if whole != 0:
                         self.flat[q] = 0
+
+    @ti.func
+    def round_four(self, q, p, x, y):
+        """The box of node q round nodes p, p + x, p + y and p + x + y."""
+        for k in ti.static(range(12)):
+            low, high = ti.static(self.low[k], self.high[k])
+            low[q] = ti.min(ti.min(low[p], low[p + x]), ti.min(low[p + y], low[p + y + x]))
+            high[q] = ti.max(ti.max(high[p], high[p + x]), ti.max(high[p + y], high[p + y + x]))
 
     @routine
     def fit(self, whole: Int):

@@ -21,7 +21,7 @@ from typing import Any
 import taichi as ti
 
 from taichi_cloth.ground import runtime
-from taichi_cloth.ground.arrays import F32x3, Float
+from taichi_cloth.ground.arrays import F32x3, Float, Template
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.motion.constraint import Constraint
 from taichi_cloth.motion.frame import Frame
@@ -92,30 +92,40 @@ class FrameLoops(ABC):
         self.padded_shape, self.turn = padded_shape, ti.field(ti.i32, 3)
         if features.slips:
             frame.slipping = Slipping(frame.size, self.count, lanes)
+        planes = 6 + sum(one.remembers for one in frame.constraints) + ANCHORS * int(features.slips)
+        stops = any(one.stops for one in frame.constraints)
+        self.noted: Any = ti.field(ti.f32, (planes, *padded_shape)) if stops else None
         self._graphs: dict[Any, Any] = {}
         self._kernels: dict[Hashable, Any] = {}
 
-    def run(self, values: Any, wind: list[float], change: list[float], substeps: int) -> None:
-        """One frame of so many substeps, an even number. values: of a `SheetState`, changed in place. wind, change: see
-        WIND."""
+    def enter(self, values: Any) -> None:
+        """Before a frame. values: of a `SheetState`, but for what constraints keep for themselves."""
         with taking(self.lanes), runtime.plain_code(routines=True):
             self.read(values)
-            kind = substeps, self.sweeps()
+
+    def go(self, wind: list[float], change: list[float], first: int, last: int) -> None:
+        """Substeps from `first` up to `last` of a frame; of a whole frame an even number. wind, change: see WIND."""
+        with taking(self.lanes), runtime.plain_code(routines=True):
+            kind = first % 2, last - first, self.sweeps()
             if kind not in self._graphs:
-                self._graphs[kind] = self._recorded(substeps)
+                self._graphs[kind] = self._recorded(first, last)
             names = (arg.name for arg in WIND)
             self._graphs[kind].run(dict(zip(names, [*wind, *change], strict=True)))
+
+    def leave(self, values: Any) -> None:
+        """After a frame, back into what `enter` took."""
+        with taking(self.lanes), runtime.plain_code(routines=True):
             self.write(values)
 
     def sweeps(self) -> int:
         """Of a substep: with it goes which kernels that is made of."""
         return int(self.frame.numbers[None].sweeps)
 
-    def _recorded(self, substeps: int) -> Any:
+    def _recorded(self, first: int, last: int) -> Any:
         builder = ti.graph.GraphBuilder()
-        even, odd = list(self.substep(0)), list(self.substep(1))
-        for _ in range(substeps // 2):
-            for kernel, takes, lanes in (*even, *odd):
+        either = list(self.substep(0)), list(self.substep(1))
+        for done in range(first, last):
+            for kernel, takes, lanes in either[done % 2]:
                 with taking(lanes):
                     builder.dispatch(kernel, *takes)
         return builder.compile()
@@ -180,12 +190,11 @@ class FrameLoops(ABC):
                 self.frame.position[c][p] = x
                 self.frame.step[c][p] = u
                 self.frame.ahead[c][p] = x + self.frame.numbers[None].lag * u
-            for one in ti.static([one for one in self.frame.constraints if one.remembers]):
-                one.open_one(values, p, i, j)
-            if ti.static(self.features.slips):
-                for k in ti.static(range(ANCHORS)):
-                    self.frame.slipping.anchor[k][p] = values[self.frame.plane + k, i, j]
+            self.take(values, p, i, j)
             self.begin(p)
+        if ti.static(self.features.grips):
+            for t in range(self.count):
+                self.frame.grip.begin(self.frame.position, self.place(t), 0)
         if ti.static(self.features.slips):
             for t in range(self.count):
                 self.frame.slipping.begin(t, 0)
@@ -194,6 +203,20 @@ class FrameLoops(ABC):
     @ti.func  # noqa: B027  # nothing, where a solver has nothing of its own
     def begin(self, p):
         """What begins anew with each frame, of element p."""
+
+    @ti.func
+    def note(self):
+        """A loop: what is remembered of key points beside where they are, and their steps, for `recall`."""
+        for p in range(ti.static(self.padded_shape[0] * self.padded_shape[1])):
+            self.give(self.noted, p, p // self.padded_shape[1], p % self.padded_shape[1])
+
+    @ti.func
+    def recall(self, done):
+        """A loop: that, as it was noted; the next substep is number `done`."""
+        for p in range(ti.static(self.padded_shape[0] * self.padded_shape[1])):
+            if p == 0:
+                self.turn[NOW] = done - 1
+            self.take(self.noted, p, p // self.padded_shape[1], p % self.padded_shape[1])
 
     @ti.kernel
     def write(self, values: F32x3):
@@ -206,8 +229,22 @@ class FrameLoops(ABC):
                 else:
                     values[c, i, j] = self.frame.ahead[c][p]
                 values[3 + c, i, j] = self.frame.step[c][p]
-            for one in ti.static([one for one in self.frame.constraints if one.remembers]):
-                one.close_one(values, p, i, j)
-            if ti.static(self.features.slips):
-                for k in ti.static(range(ANCHORS)):
-                    values[self.frame.plane + k, i, j] = self.frame.slipping.anchor[k][p]
+            self.give(values, p, i, j)
+
+    @ti.func
+    def take(self, values: Template, p, i, j):
+        """What is remembered of element p beside where it is, and its step: from values[6 on, i, j]."""
+        for one in ti.static([one for one in self.frame.constraints if one.remembers]):
+            one.open_one(values, p, i, j)
+        if ti.static(self.features.slips):
+            for k in ti.static(range(ANCHORS)):
+                self.frame.slipping.anchor[k][p] = values[self.frame.plane + k, i, j]
+
+    @ti.func
+    def give(self, values: Template, p, i, j):
+        """And back."""
+        for one in ti.static([one for one in self.frame.constraints if one.remembers]):
+            one.close_one(values, p, i, j)
+        if ti.static(self.features.slips):
+            for k in ti.static(range(ANCHORS)):
+                values[self.frame.plane + k, i, j] = self.frame.slipping.anchor[k][p]

@@ -52,22 +52,21 @@ class YarnLoops(FrameLoops):
     def substep(self, odd: int) -> Iterator[Launch]:
         sweeps = self.sweeps()
         yield self.kernel("soft", _soft), WIND, 1
-        yield from self._touch(False)
+        yield from self._touch(False, False)
         for sweep in range(sweeps):
             for family in reversed(range(self.families)) if odd else range(self.families):
                 kind = family, sweep == 0, sweep == sweeps - 1
                 yield self.kernel(kind, lambda loops, kind=kind: _solve(loops, *kind)), (), 1
-            yield from self._touch(True)
+            yield from self._touch(True, sweep == sweeps - 1)
 
-    def _touch(self, again: bool) -> Iterator[Launch]:
-        for one in self.frame.constraints:
-            if one.whole:
-                yield from self.constrain(one, again)
+    def _touch(self, again: bool, last: bool) -> Iterator[Launch]:
+        """In the order of `YarnFrame.correct_all`. last: of the substep."""
+        for one in self.frame.first:
+            yield from self.constrain(one, again)
         if self.features.sphere or self.features.plane:
-            yield self.kernel("shapes", _shapes), (), 1
-        for one in self.frame.constraints:
-            if one.parts:
-                yield from self.constrain(one, again)
+            yield self.kernel(("shapes", last), lambda loops: _shapes(loops, int(last))), (), 1
+        for one in (*[one for one in self.frame.constraints if one.parts], *self.frame.last):
+            yield from self.constrain(one, again)
 
     @ti.func
     def begin(self, p):
@@ -100,10 +99,10 @@ class YarnLoops(FrameLoops):
             self.frame.soft(self.place(t), air, self.frame.numbers[None], self.features)
 
     @ti.func
-    def shapes(self):
-        """A loop: the fixed ball and half space."""
+    def shapes(self, last: Template):
+        """A loop: the fixed ball and half space. last: 1 in the last turn of a substep."""
         for t in range(self.count):
-            self.frame.touch(self.place(t), 0, self.frame.numbers[None], self.features)
+            self.frame.touch(self.place(t), last, self.frame.numbers[None], self.features)
 
     @ti.func
     def all_anew(self, n: Template, first: Template):
@@ -192,10 +191,10 @@ def _soft(loops: Any) -> Callable[..., Any]:
     return soft
 
 
-def _shapes(loops: Any) -> Callable[..., Any]:
+def _shapes(loops: Any, last: int) -> Callable[..., Any]:
     @ti.kernel
     def shapes():
-        loops.shapes()
+        loops.shapes(last)
 
     return shapes
 

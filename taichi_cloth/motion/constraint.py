@@ -92,10 +92,11 @@ class Constraint:
     def end(self, state: SheetState) -> None:
         """On the host, after each frame: the place to report that a capacity was too small."""
 
-    def stop(self, state: SheetState, done: int) -> tuple[int, int, bool]:
-        """On the host, where `done` substeps of the frame are over, none at first: changes the state in place. Returns
-        from which substep to go on, `done` or one that it has put the state back to, up to which until it is asked
-        again, and whether it has changed the state; at the end of the frame the latter two do not matter."""
+    def stop(self, state: SheetState, done: int, loops: Any) -> tuple[int, int, bool]:
+        """On the host, where `done` substeps of the frame are over, none at first: changes the state in place; where
+        frames are parallel loops, key points in the fields of `loops`. Returns from which substep to go on, `done` or
+        one that it has put the state back to, up to which until it is asked again, and whether it has changed the
+        state; at the end of the frame the latter two do not matter."""
         return done, done, False
 
     def again(self) -> bool:

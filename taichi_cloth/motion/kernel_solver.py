@@ -184,21 +184,26 @@ class KernelSolver(Solver):
         threads, begin = self._pace.threads(), perf_counter()
         routines = bool(self.constraints) or not self.springs_are_threads
         done, pausing = 0, next((one for one in self.constraints if one.stops), None)
+        planes = state.values[: len(state.values) - sum(one.keeps for one in self.constraints)]
         # Plain code: half the time to compile, and as fast a frame. With a clock it is of this process alone.
         plain = partial(runtime.plain_code, routines=routines, kept=self.clock is None)
         run = Repeated(frame.run, state.in_a_row, *wind, *change, 0, 0, 1, threads, self.features)
         with plain(whole=frame.loops is None):
+            if frame.loops is not None:
+                frame.loops.enter(planes)
             while True:
                 done, until, fresh = done, self.substeps, True
                 if pausing is not None:
-                    done, until, fresh = pausing.stop(state, done)
+                    done, until, fresh = pausing.stop(state, done, frame.loops)
                 if done == self.substeps:
                     break
                 if frame.loops is not None:
-                    frame.loops.run(state.values, wind, change, self.substeps)
+                    frame.loops.go(wind, change, done, until)
                 else:
                     run(first=done, last=until, fresh=int(fresh or done == 0))
                 done = until
+            if frame.loops is not None:
+                frame.loops.leave(planes)
             took = perf_counter() - begin
         with plain():
             self.look(frame)

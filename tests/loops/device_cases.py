@@ -15,7 +15,7 @@ from taichi_cloth.body.primitives.primitives import Primitive
 from taichi_cloth.constraints.constraints_for import constraints_for
 from taichi_cloth.constraints.ties import Ties
 from taichi_cloth.ground import runtime
-from taichi_cloth.motion.forces import Forces, Plane, Sphere, StrainLimit, Wind
+from taichi_cloth.motion.forces import Forces, Plane, SelfContact, Sphere, StrainLimit, Wind
 from taichi_cloth.motion.simulation import Simulation
 from taichi_cloth.sheet.materials import named_material
 from taichi_cloth.sheet.pins import Pins
@@ -37,9 +37,13 @@ CASES = {
     "yarns, seam": (Yarns, {"wind": True, "seam": True, "most": None}),
     "verlet, seam": (Verlet, {"wind": True, "seam": True, "most": 0.008, "limit": 5e-4}),
     "yarns, drape": (Yarns, {"drape": True}),
+    "verlet, layers": (Verlet, {"layers": True}),
+    "yarns, layers": (Yarns, {"layers": True}),
 }
 """Hanging from their top edge in wind, falling on a table, sewn of two halves and hung from places, folding over a
-ball. Only the last buckles."""
+ball, two panels thrown at each other over a floor. Only the last three buckle."""
+WHOLE = "yarns, drape", "verlet, layers", "yarns, layers"
+"""Of which no key point is an oracle, but the whole is."""
 WITHIN = {"yarns, limit": 3e-6, "verlet, seam": 5e-5}
 """How far from a CPU's places may be [m], of those where rounding decides what is held and what slides; else 1e-6."""
 
@@ -47,6 +51,8 @@ WITHIN = {"yarns, limit": 3e-6, "verlet, seam": 5e-5}
 def simulation(case: str, *, n: int = N, long: int = 0) -> Simulation:
     """A square of 0.3 m with n × n key points, or with `long` rows of the same spacing."""
     solver, asked = CASES[case]
+    if asked.get("layers"):
+        return thrown(solver)
     straight = {} if solver is Yarns else dict.fromkeys(("drawn_warp", "drawn_weft", "crimp_warp", "crimp_weft"), 0.0)
     material = replace(named_material("cotton-shirting"), air_damping=1.0, fibre_damping=5e-5, **straight)
     if asked.get("within"):
@@ -78,6 +84,17 @@ def simulation(case: str, *, n: int = N, long: int = 0) -> Simulation:
     chains = {"chains": True} if asked.get("chains") else {}
     made = solver(sheet, forces, frame_rate=60, constraints=held_by, **chains)
     return Simulation(sheet, made, forces=forces, positions=x, pins=() if lies or ties else (Pins(held),))
+
+
+def thrown(solver: type[Verlet | Yarns]) -> Simulation:
+    """Two panels that meet themselves and each other, the upper one coming down at 2 m/s."""
+    sys.path.append(str(Path(__file__).parents[1]))
+    from layers import THICKNESS, layers
+
+    sheet, x, v = layers(2.0)
+    forces = Forces(plane=Plane(height=-0.05), self_contact=SelfContact(thickness=THICKNESS))
+    made = solver(sheet, forces, frame_rate=60, constraints=constraints_for(sheet, forces))
+    return Simulation(sheet, made, forces=forces, positions=x, velocities=v)
 
 
 def sewn_and_hung(sheet: Sheet, most: float | None) -> tuple[Ties, Ties]:

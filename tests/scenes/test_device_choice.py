@@ -21,8 +21,11 @@ def planned(name: str, *overrides: str) -> Plan:
     return plan(load_scene(name, [*SMALL, *overrides]))
 
 
-def test_a_sheet_runs_on_the_device_that_is_asked_for(capsys: pytest.CaptureFixture[str]) -> None:
-    made = planned("drape", ALONE)
+@pytest.mark.parametrize("overrides", [(), (ALONE,)])
+def test_a_sheet_runs_on_the_device_that_is_asked_for(
+    overrides: tuple[str, ...], capsys: pytest.CaptureFixture[str]
+) -> None:
+    made = planned("drape", *overrides)
     assert made.lacks == ""
     assert any("devices" in line and "runs there" in line for line in plan_lines(made))
     assert device_of(made, "vulkan") == "vulkan"
@@ -30,7 +33,7 @@ def test_a_sheet_runs_on_the_device_that_is_asked_for(capsys: pytest.CaptureFixt
 
 
 def test_what_has_no_parallel_form_takes_the_cpu_and_says_so(capsys: pytest.CaptureFixture[str]) -> None:
-    made = planned("drape")
+    made = plan(load_scene("tshirt", ["garment.representation=mesh", "garment.key_points=500"]))
     assert made.lacks == "cloth on cloth"
     assert device_of(made, "vulkan") == "cpu"
     assert capsys.readouterr().err.splitlines() == [

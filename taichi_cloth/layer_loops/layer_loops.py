@@ -1,0 +1,236 @@
+"""What cloth that meets cloth does between substeps, as parallel loops (`layers/layer_fields.py` has the order).
+
+All stages are loops over key points, nodes, pairs or contacts; what is told from their outcome, once or twice in an
+interval, the host decides: whether an interval is proven, or taken again, and whether a search is due. Numbers of a few
+words come back for it. Two runs on a device give the same bytes: lists are in the order of cells, and nothing is summed
+by atomics but whole numbers.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import taichi as ti
+
+from taichi_cloth.ground import runtime
+from taichi_cloth.ground.arrays import Float, Int
+from taichi_cloth.layer_loops.contact_loops import ContactLoops
+from taichi_cloth.layer_loops.pair_loops import PairLoops
+from taichi_cloth.layer_loops.path_loops import PathLoops
+from taichi_cloth.layer_loops.proof_loops import ProofLoops
+from taichi_cloth.layer_loops.search_loops import SearchLoops
+from taichi_cloth.layers.certificate import BACK, LET_OFF, LOOK, PUSH, PUSHES, ROUNDS
+from taichi_cloth.layers.nearest import EDGES, FACES
+from taichi_cloth.motion.stencil import taking
+
+__all__ = ["LayerLoops"]
+
+EACH, MOST = 8, 1 << 20
+"""Threads that go through lists of pairs, for each element of the padded grid; and at most."""
+
+Told: Any = ti.types.vector(3, ti.f32)
+
+
+@ti.data_oriented
+class LayerLoops:
+    """Of one sheet. points: the `LayerFields`, whose lists and numbers are used. loops: of the frame, a `FrameLoops`.
+    there: key points of the sheet.
+
+    Of a frame pushed, let_off, unproven, pulled, retaken, searches, intervals: as of `LayerFields` and `Certificate`.
+    """
+
+    def __init__(self, points: Any, loops: Any, there: int) -> None:
+        self.points, self.loops, self.frame = points, loops, loops.frame
+        rows, width = loops.padded_shape
+        self.count = rows * width
+        self.paths = PathLoops(points, self.count, width, there)
+        self.search = SearchLoops(points, loops.padded_shape, min(-(-EACH * self.count // 1024) * 1024, MOST))
+        self.pairs = PairLoops(self.search)
+        self.contacts = ContactLoops(self.pairs)
+        self.proof = ProofLoops(self.contacts)
+        self.start(1, 1, 1, 0.0, False)
+
+    def start(self, longest: int, free: int, substeps: int, use: float, lets: bool) -> None:
+        """Before a frame: as `LayerFields.start`."""
+        self._longest, self._free, self._substeps, self._use, self._lets = longest, free, substeps, use, lets
+        self.pushed = self.let_off = self.unproven = self.pulled = self.retaken = self.searches = self.intervals = 0
+        self._since = self._began = self._horizon = 0
+        self._used, self._allowed, self._alone = 0.0, free, False
+
+    def stop(self, kept: Any, done: int) -> tuple[int, int]:
+        """Between two intervals, `done` substeps of the frame over. kept: planes of the state that contacts are kept
+        in, or none. Returns from which substep the next goes, an earlier one where the last is taken again, and up to
+        which."""
+        with taking(1), runtime.plain_code(routines=True):
+            if done == 0:
+                return self._open(kept)
+            begun, until = self._close(done)
+            if begun == self._substeps and len(kept):
+                self.contacts.save(kept)
+            return begun, until
+
+    def _open(self, kept: Any) -> tuple[int, int]:
+        if len(kept):
+            self.contacts.load(kept)
+        self._arrive()
+        self._look_for_all(0.0, self._substeps)
+        return self._begin(0, min(self._most(), self._substeps), bool(len(kept)))
+
+    def _most(self) -> int:
+        """Substeps of an interval."""
+        return self._free if self._alone else self._longest
+
+    def _look_for_all(self, span: float, left: int) -> None:
+        self._search(span, self._longest, left)
+        faces, edges, self._horizon = (int(one) for one in self._list())
+        self._since, self._used, self._alone = 0, 0.0, faces + edges == 0
+        self.searches += 1
+
+    def _begin(self, done: int, length: int, first: bool = False) -> tuple[int, int]:
+        """An interval. first: whether contacts begin with what the state remembers of them."""
+        self._go_on(length, int(first))
+        self._began = done
+        self.intervals += 1
+        return done, done + length
+
+    def _close(self, done: int) -> tuple[int, int]:
+        """As `LayerFields.close`."""
+        span = done - self._began
+        self._since += span
+        long = span > max(self._longest // 2, 1)
+        self._arrive()
+        used, bad, deep = self._judge(self._since, LOOK)
+        again, moved = long and (used > 0.999 or deep > 0), False
+        if not again and used > 0.999:
+            self._pull(float(span))
+            self.pulled += 1
+            used, bad, _ = self._judge(self._since, LOOK)
+            moved = True
+        if again:
+            self._since -= span
+            self._put_back(self._began)
+            self.retaken += 1
+            self._allowed = span // 2
+            return self._begin(self._began, span // 2)
+        if bad > 0:
+            used, bad = self._mend_all(int(bad))
+            moved = True
+        if moved:
+            self._leave()
+        self._turn()
+        if used > 1.0 or bad > 0:
+            self.unproven += 1
+        self._used = used
+        self._allowed = min(self._allowed + max(1, self._allowed // 4), self._free)
+        return self._next(done, span)
+
+    def _mend_all(self, bad: int) -> tuple[float, int]:
+        """As `Certificate.settle`, after a first look: pushes until all is parted, or nothing helps. Returns what of
+        the paths' room is used then, and how many are not parted."""
+        self.pushed += bad
+        used = 0.0
+        for turn in range(1, ROUNDS):
+            remedy = PUSH if turn < PUSHES else BACK
+            if turn == ROUNDS - 1 and self._lets:
+                remedy = LET_OFF
+                self.let_off += bad
+            self._mend(remedy)
+            used, left, _ = self._judge(self._since, remedy)
+            bad = 0 if remedy == LET_OFF else int(left)
+            if bad == 0:
+                break
+        return used, bad
+
+    def _next(self, done: int, span: int) -> tuple[int, int]:
+        """As `LayerFields.go_on`, but that all is searched if anything is."""
+        left = self._substeps - done
+        if left == 0:
+            return done, done
+        rate = self._used / max(self._since, 1)
+        length = min(self._most(), self._allowed, left, int(self._use / max(rate, 1e-5)))
+        length = max(length, 1)
+        if self._since + length > self._horizon or self._used + length * rate > self._use:
+            self._look_for_all(float(span), left)
+        return self._begin(done, length)
+
+    @ti.kernel
+    def _arrive(self):
+        """Where key points are, from the frame."""
+        for p in range(self.count):
+            for axis in ti.static(range(3)):
+                self.points.position[axis][p] = self.frame.position[axis][p]
+                self.points.step[axis][p] = self.frame.step[axis][p]
+
+    @ti.kernel
+    def _leave(self):
+        """And back."""
+        for p in range(self.count):
+            self.give(p)
+
+    @ti.func
+    def give(self, p):
+        for axis in ti.static(range(3)):
+            self.frame.position[axis][p] = self.points.position[axis][p]
+            self.frame.step[axis][p] = self.points.step[axis][p]
+
+    @ti.kernel
+    def _search(self, span: Float, longest: Int, left: Int):
+        """Of all, from paths that begin here."""
+        self.paths.predict(span, longest, left)
+        self.search.boxes()
+        self.search.descend()
+        self.pairs.ask_all()
+
+    @ti.kernel
+    def _list(self) -> Told:  # pyright: ignore[reportInvalidTypeForm]
+        """Of what was found: how many pairs there are of both kinds, and how many substeps that is good for."""
+        self.pairs.keep_all()
+        self.search.settle()
+        count = ti.static(self.points.near.pairs.count)
+        return Told(count[FACES], count[EDGES], self.points.horizon[None])
+
+    @ti.kernel
+    def _go_on(self, length: Int, first: Int):
+        """An interval of so many substeps begins. first: as of `ContactLoops.next`."""
+        self.paths.keep()
+        self.loops.note()
+        self.contacts.next(length, first)
+
+    @ti.kernel
+    def _judge(self, since: Int, remedy: Int) -> Told:  # pyright: ignore[reportInvalidTypeForm]
+        """Which share of the paths' room is used, how many pairs are not parted, and how many of them by much."""
+        self.paths.measure(since)
+        self.proof.look(remedy)
+        certificate = self.points.certificate
+        return Told(self.points.paths.used[None], certificate.bad[None], certificate.deep[None])
+
+    @ti.kernel
+    def _mend(self, remedy: Int):
+        self.proof.mend(remedy)
+
+    @ti.kernel
+    def _pull(self, span: Float):
+        self.paths.pull_back(span)
+
+    @ti.kernel
+    def _turn(self):
+        self.proof.turn()
+
+    @ti.kernel
+    def _put_back(self, done: Int):
+        """To where the interval began, with substep `done`."""
+        self.paths.go_back()
+        for p in range(self.count):
+            self.give(p)
+        self.loops.recall(done)
+
+    def response(self, mended: float, again: bool) -> Callable[..., Any]:
+        """A kernel of a substep, the first time in it, or again."""
+        contacts, points = self.contacts, self.frame
+
+        @ti.kernel
+        def respond():
+            if ti.static(not again):
+                contacts.warm(points)
+            contacts.respond(points, mended)
+
+        return respond

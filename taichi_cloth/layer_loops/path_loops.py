@@ -1,0 +1,132 @@
+"""Paths of key points as parallel loops (`layers/paths.py` has what they are): all get new ones at once."""
+
+from typing import Any
+
+import taichi as ti
+
+from taichi_cloth.ground.arrays import Template
+from taichi_cloth.layers.layer_fields import FAR, NEXT, SHARE
+from taichi_cloth.layers.paths import FULL, ROUNDS
+
+__all__ = ["PathLoops"]
+
+GROUP = 256
+"""Numbers that one thread goes through."""
+
+
+@ti.data_oriented
+class PathLoops:
+    """points: a `LayerFields`. count: elements of the padded grid; row: of them. there: key points of the sheet."""
+
+    def __init__(self, points: Any, count: int, row: int, there: int) -> None:
+        self.points, self.paths = points, points.paths
+        self.count, self.row, self.there = count, row, there
+        self.groups = -(-count // GROUP)
+        self.value, self.group = ti.field(ti.f32, self.groups * GROUP), ti.field(ti.f32, self.groups)
+
+    @ti.func
+    def predict(self, span, longest, left):
+        """Loops: new paths from here on; and the horizon of a search. span, left: as of `LayerFields.search_all`."""
+        for p in range(self.count):
+            self.paths.take_pace(self.points, p, span)
+        for p in range(self.count):
+            total = 0.0
+            for axis in ti.static(range(3)):
+                own, mean = self.paths.paces(axis, p, self.row)
+                here = self.points.position[axis][p]
+                self.paths.pace[axis][p], self.paths.begin[axis][p] = mean, here
+                self.paths.now[axis][p], self.paths.off[axis][p] = here, 0.0
+                total += self.paths.there[p] * (mean - own) ** 2
+            self.value[p] = total
+        for g in range(self.groups):
+            total = 0.0
+            for k in range(g * GROUP, (g + 1) * GROUP):
+                total += self.value[k]
+            self.group[g] = total
+        for _ in range(1):
+            total = 0.0
+            for g in range(self.groups):
+                total += self.group[g]
+            good = SHARE * 0.5 * self.points.reach[None] / ti.max(ti.sqrt(total / self.there), 1e-7)
+            most = ti.min(ti.max(ti.cast(ti.min(good, 1e6), ti.i32), NEXT * longest), FAR * longest)
+            parts = (left + most - 1) // most
+            self.points.horizon[None], self.paths.since[None] = (left + parts - 1) // parts, 0
+
+    @ti.func
+    def measure(self, since):
+        """Loops: `off` of all, and the largest share of room or turn that one has used up, `used`. since: substeps
+        since the search."""
+        for p in range(self.count):
+            if p == 0:
+                self.paths.since[None] = since
+            total = 0.0
+            for axis in ti.static(range(3)):
+                path = self.paths.begin[axis][p] + ti.cast(since, ti.f32) * self.paths.pace[axis][p]
+                off = self.points.position[axis][p] - path
+                self.paths.off[axis][p] = off
+                total += off * off
+            self.paths.use[p] = total * self.paths.room[p]
+        for p in range(self.count):
+            most = self.paths.use[p]
+            for offset, turn in ti.static(((1, self.paths.turn_east), (self.row, self.paths.turn_north))):
+                if turn[p] > 0.0:
+                    most = ti.max(most, self.apart(p, p + offset) * turn[p])
+            self.value[p] = most
+        for g in range(self.groups):
+            most = 0.0
+            for k in range(g * GROUP, (g + 1) * GROUP):
+                most = ti.max(most, self.value[k])
+            self.group[g] = most
+        for _ in range(1):
+            most = 0.0
+            for g in range(self.groups):
+                most = ti.max(most, self.group[g])
+            self.paths.used[None] = ti.sqrt(most)
+
+    @ti.func
+    def apart(self, p, q):
+        """How far two differ in how far they are off, squared [m²]."""
+        total = 0.0
+        for axis in ti.static(range(3)):
+            total += (self.paths.off[axis][q] - self.paths.off[axis][p]) ** 2
+        return total
+
+    @ti.func
+    def keep(self):
+        """A loop: where an interval starts."""
+        for p in range(self.count):
+            for axis in ti.static(range(3)):
+                self.paths.was[axis][p] = self.points.position[axis][p]
+                self.paths.went[axis][p] = self.points.step[axis][p]
+
+    @ti.func
+    def go_back(self):
+        """A loop: there."""
+        for p in range(self.count):
+            for axis in ti.static(range(3)):
+                self.points.position[axis][p] = self.paths.was[axis][p]
+                self.points.step[axis][p] = self.paths.went[axis][p]
+
+    @ti.func
+    def pull_back(self, span):
+        """Loops: as `Paths.pull_back`; threads by colours, every second of a row or column at a time."""
+        for _ in ti.static(range(ROUNDS)):
+            for p in range(self.count):
+                off = self.paths.away(self.points, p)
+                used = off.norm_sqr() * self.paths.room[p]
+                if used > FULL and self.points.inverse_mass[p] > 0.0:
+                    back = (1.0 - FULL / ti.sqrt(used)) * off
+                    self.points.blends.move(self.points, p, -back, -back / span)
+            for colour in ti.static(range(4)):
+                for p in range(self.count):
+                    self.turn_back(p, span, colour)
+
+    @ti.func
+    def turn_back(self, p, span, colour: Template):
+        """The threads of a colour that begin at p."""
+        offset, turn = ti.static((1, self.paths.turn_east) if colour < 2 else (self.row, self.paths.turn_north))
+        line = p // self.row
+        if ti.static(colour < 2):
+            line = p % self.row
+        if line % 2 == colour % 2 and turn[p] > 0.0:
+            self.paths.turn_back(self.points, p, p + offset, turn[p], span)

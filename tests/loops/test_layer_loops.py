@@ -1,0 +1,82 @@
+"""Cloth on cloth as parallel loops: what many threads list, against NumPy; layers, beside the kernel of one thread.
+What devices make of it is in `test_devices.py`."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+import taichi as ti
+from device_cases import moved, simulation
+
+from taichi_cloth.crossings.crossings import find_crossings
+from taichi_cloth.ground import runtime
+from taichi_cloth.layer_loops.places import GROUP, Lists, Places
+from taichi_cloth.solvers.verlet import Verlet
+
+RNG = np.random.Generator(np.random.Philox(key=31))
+KEYS, ENTRIES = 90, 700
+
+
+@ti.data_oriented
+class Listing:
+    def __init__(self) -> None:
+        self.lists: Any = Lists(KEYS, ENTRIES)
+        self.key = ti.field(ti.i32, ENTRIES)
+
+    @ti.kernel
+    def run(self):
+        self.lists.clear()
+        for k in range(ENTRIES):
+            self.lists.count(self.key[k])
+        self.lists.places.sum_up()
+        for k in range(ENTRIES):
+            self.lists.put(self.key[k], k)
+        self.lists.sort()
+
+
+@ti.data_oriented
+class Summing:
+    def __init__(self, room: int) -> None:
+        self.count = ti.field(ti.i32, ())
+        self.places: Any = Places(room, self.count)
+
+    @ti.kernel
+    def run(self):
+        self.places.sum_up()
+
+
+def test_entries_are_in_the_order_of_their_keys_and_then_their_own() -> None:
+    one, keys = Listing(), RNG.integers(0, KEYS, ENTRIES).astype(np.int32)
+    one.key.from_numpy(keys)
+    for _ in range(2):
+        one.run()
+        assert one.lists.entry.to_numpy().tolist() == np.argsort(keys, kind="stable").tolist()
+        assert one.lists.size.to_numpy().tolist() == np.bincount(keys, minlength=KEYS).tolist()
+
+
+@pytest.mark.parametrize("count", [0, 1, GROUP, GROUP + 1, GROUP**2 + 5, GROUP**2 + 70])
+def test_places_are_the_sums_of_all_before(count: int) -> None:
+    """Of fewer than there is room for, beyond one block of groups."""
+    one, found = Summing(GROUP**2 + 70), RNG.integers(0, 14, GROUP**2 + 70).astype(np.int32)
+    one.places.of.from_numpy(found)
+    one.count[None] = count
+    one.run()
+    assert one.places.of.to_numpy()[:count].tolist() == (np.cumsum(found) - found)[:count].tolist()
+    assert one.places.total[None] == found[:count].sum()
+
+
+@pytest.mark.slow  # all of it is compiled
+def test_layers_as_loops_do_what_the_kernel_does(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two panels thrown at each other: nothing passes through anything, and they come to lie as the kernel has them."""
+    if not runtime.on_host():
+        pytest.skip("on a device there are only loops")
+    kernel = moved("verlet, layers", 8)[-1, ..., 1]
+    monkeypatch.setattr(Verlet, "loops_from", 0)
+    moving = simulation("verlet, layers")
+    for _ in range(8):
+        moving.step()
+        assert find_crossings(moving.positions.reshape(-1, 3), moving.sheet.triangles).count == 0
+        assert not moving.solver.let_off
+    loops = moving.positions[..., 1]
+    assert loops.min() == pytest.approx(kernel.min(), abs=1e-3)
+    assert loops.mean() == pytest.approx(kernel.mean(), abs=1e-3)
