@@ -89,6 +89,18 @@ def test_what_shoulders_carry_hangs_by_their_seams_while_others_close():
     assert held.hung == ()
 
 
+def test_a_hood_hangs_by_the_seam_over_the_head_while_others_close():
+    """In the middle, from the neck to over the crown; its halves stand beside the head."""
+    worn = woman()
+    pattern = fitted(read_garmentcode(next(UNSEEN.glob("900170_*.json"))), worn)
+    hoods = [hold for hold in pattern.hung if pattern.panel(hold.side.panel).label == "head"]
+    assert {hold.side.panel for hold in hoods} == {"left_hood", "right_hood"}
+    places = [hold.place.places for hold in hoods if isinstance(hold.place, Course)]
+    assert len(places) == len(hoods)
+    np.testing.assert_allclose(np.concatenate(places)[:, 0], 0.0, atol=5e-3)
+    assert np.concatenate(places)[:, 1].max() > worn.height["top"] - 0.05
+
+
 def test_a_jumpsuit_is_longer_in_the_trunk_and_no_other_garment_is(monkeypatch):
     """Its fork comes lower by that, its shoulders stay; trousers that hang from the waist keep their places."""
     worn = woman()
