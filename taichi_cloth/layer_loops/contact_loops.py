@@ -16,11 +16,11 @@ import taichi as ti
 
 from taichi_cloth.ground.arrays import F32x3, Template
 from taichi_cloth.layer_loops.pair_loops import PairLoops, nearest_of, parting_of, place_of
-from taichi_cloth.layer_loops.places import Lists, Places
+from taichi_cloth.layer_loops.places import Lists, Places, turns
 from taichi_cloth.layers.blended import answer, slid
 from taichi_cloth.layers.contacts import GROWTH, ROOM, SAVED
 from taichi_cloth.layers.near_pairs import NEAR_SEAMS
-from taichi_cloth.layers.nearest import EDGES, FACES
+from taichi_cloth.layers.nearest import EDGES, FACES, weights_of
 
 __all__ = ["ContactLoops"]
 
@@ -44,7 +44,6 @@ class ContactLoops:
         self.share, self.kept = [ti.field(ti.f32, slots) for _ in range(2)], ti.field(ti.f32, slots)
         self.seen = ti.field(ti.i32, ())
         self.places: Any = Places(slots, self.seen)
-        self.flag = ti.field(ti.i32, slots)
         self.before: Any = Lists(size, room)
         self.remembered, self.stays = ti.field(ti.i32, ()), ti.field(ti.i32, self.before.room)
         self.entries: Any = Lists(size, CORNERS * room)
@@ -64,7 +63,7 @@ class ContactLoops:
         for t in range(self.many):
             if t == 0:
                 self.end()
-            for turn in range((self.seen[None] - t + self.many - 1) // self.many):
+            for turn in range(turns(self.seen[None], t, self.many)):
                 slot = t + turn * self.many
                 if self.kept[slot] >= 0.0 and self.places.of[slot] < self.room:
                     self.add(slot, self.places.of[slot])
@@ -97,7 +96,8 @@ class ContactLoops:
                 self.remembered[None] = self.contacts.count[None]
             if c < ti.select(first == 0, self.contacts.count[None], self.remembered[None]):
                 if first == 0:
-                    self.take(c)
+                    before.put(self.points, self.contacts, c, c)
+                    self.stays[c] = self.contacts.holds[c]
                 if self.stays[c] != 0:
                     self.before.count(before.point[0][c])
         self.before.places.sum_up()
@@ -112,16 +112,6 @@ class ContactLoops:
                 before.next[k] = after
                 after = k + 1
             before.first[p] = after
-
-    @ti.func
-    def take(self, c):
-        """What contact c has pushed."""
-        before, way = self.contacts.before, slid(self.contacts, self.points, c)
-        for corner in ti.static(range(CORNERS)):
-            before.point[corner][c] = self.contacts.point[corner][c]
-        for axis in ti.static(range(3)):
-            before.rubbed[axis][c], before.slid[axis][c] = self.contacts.rubbed[axis][c], way[axis]
-        before.pushed[c], self.stays[c] = self.contacts.pushed[c], self.contacts.holds[c]
 
     @ti.func
     def pair_of(self, slot):
@@ -143,7 +133,7 @@ class ContactLoops:
         for t in range(self.many):
             if t == 0:
                 self.seen[None] = self.total()
-            for turn in range((self.total() - t + self.many - 1) // self.many):
+            for turn in range(turns(self.total(), t, self.many)):
                 slot = t + turn * self.many
                 self.kept[slot] = -1.0
                 kind, pair = self.kind_of(slot), self.pair_of(slot)
@@ -186,7 +176,7 @@ class ContactLoops:
         # Of slivers it may be a way that does not part them: then the one that does stays, and they do not answer.
         if n[3] > 0.5 * ti.sqrt(way.norm_sqr() + 1e-20):
             distance, rate, sewn, yields = 0.0, 0.0, 0.0, 0.0
-            weights = self.weights(kind, found[0], found[1])
+            weights = weights_of(kind, found[0], found[1])
             for axis in ti.static(range(3)):
                 self.pairs.normal[axis][pair] = n[axis]
                 distance += n[axis] * way[axis]
@@ -204,17 +194,9 @@ class ContactLoops:
                 self.kept[slot], self.share[0][slot], self.share[1][slot] = kept, found[0], found[1]
 
     @ti.func
-    def weights(self, kind, s, t):
-        """Of the four points of a pair that is nearest at shares s and t."""
-        out = ti.Vector([1.0 - s, s, t - 1.0, -t])
-        if kind == FACES:
-            out = ti.Vector([1.0, s + t - 1.0, -s, -t])
-        return out
-
-    @ti.func
     def add(self, slot, c):
         """A near pair as contact c, which begins with what that pushed."""
-        pair, weights = self.pair_of(slot), self.weights(self.kind_of(slot), self.share[0][slot], self.share[1][slot])
+        pair, weights = self.pair_of(slot), weights_of(self.kind_of(slot), self.share[0][slot], self.share[1][slot])
         yields = 0.0
         for corner in ti.static(range(CORNERS)):
             w = weights[corner]
@@ -247,7 +229,7 @@ class ContactLoops:
     def respond(self, points: Template, mended: Template):
         """Loops: every contact once; see `Contacts.respond`."""
         for t in range(self.many):
-            for turn in range((self.contacts.count[None] - t + self.many - 1) // self.many):
+            for turn in range(turns(self.contacts.count[None], t, self.many)):
                 c = t + turn * self.many
                 gap = -self.contacts.kept[c]
                 for corner in ti.static(range(CORNERS)):
@@ -261,7 +243,7 @@ class ContactLoops:
                 held += ti.cast(self.active[self.entries.entry[e] // CORNERS], ti.f32)
             self.held[p] = held
         for t in range(self.many):
-            for turn in range((self.contacts.count[None] - t + self.many - 1) // self.many):
+            for turn in range(turns(self.contacts.count[None], t, self.many)):
                 c = t + turn * self.many
                 if self.active[c] != 0:
                     self.answer(points, c, mended)

@@ -35,7 +35,7 @@ class LayerLoops:
     """Of one sheet. points: the `LayerFields`, whose lists and numbers are used. loops: of the frame, a `FrameLoops`.
     there: key points of the sheet.
 
-    Of a frame pushed, let_off, unproven, pulled, retaken, searches, intervals: as of `LayerFields` and `Certificate`.
+    Of a frame pushed, let_off, unproven: as of `LayerFields` and `Certificate`.
     """
 
     def __init__(self, points: Any, loops: Any, there: int) -> None:
@@ -52,7 +52,7 @@ class LayerLoops:
     def start(self, longest: int, free: int, substeps: int, use: float, lets: bool) -> None:
         """Before a frame: as `LayerFields.start`."""
         self._longest, self._free, self._substeps, self._use, self._lets = longest, free, substeps, use, lets
-        self.pushed = self.let_off = self.unproven = self.pulled = self.retaken = self.searches = self.intervals = 0
+        self.pushed = self.let_off = self.unproven = 0
         self._since = self._began = self._horizon = 0
         self._used, self._allowed, self._alone = 0.0, free, False
 
@@ -83,13 +83,11 @@ class LayerLoops:
         self._search(span, self._longest, left)
         faces, edges, self._horizon = (int(one) for one in self._list())
         self._since, self._used, self._alone = 0, 0.0, faces + edges == 0
-        self.searches += 1
 
     def _begin(self, done: int, length: int, first: bool = False) -> tuple[int, int]:
         """An interval. first: whether contacts begin with what the state remembers of them."""
         self._go_on(length, int(first))
         self._began = done
-        self.intervals += 1
         return done, done + length
 
     def _close(self, done: int) -> tuple[int, int]:
@@ -102,13 +100,11 @@ class LayerLoops:
         again, moved = long and (used > 0.999 or deep > 0), False
         if not again and used > 0.999:
             self._pull(float(span))
-            self.pulled += 1
             used, bad, _ = self._judge(self._since, LOOK)
             moved = True
         if again:
             self._since -= span
             self._put_back(self._began)
-            self.retaken += 1
             self._allowed = span // 2
             return self._begin(self._began, span // 2)
         if bad > 0:

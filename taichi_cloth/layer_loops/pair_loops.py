@@ -9,7 +9,7 @@ from typing import Any
 import taichi as ti
 
 from taichi_cloth.ground.arrays import Template
-from taichi_cloth.layer_loops.places import Places
+from taichi_cloth.layer_loops.places import Places, turns
 from taichi_cloth.layer_loops.search_loops import SearchLoops
 from taichi_cloth.layers.nearest import EDGES, FACES, nearest_of_edges, nearest_on_face, parting
 
@@ -69,7 +69,7 @@ class PairLoops:
         for t in range(self.many):
             if t == 0:
                 self.cells[None] = self.search.pairs()
-            for turn in range((self.search.pairs() - t + self.many - 1) // self.many):
+            for turn in range(turns(self.search.pairs(), t, self.many)):
                 self.ask(t + turn * self.many)
 
     @ti.func
@@ -80,7 +80,7 @@ class PairLoops:
         for t in range(self.many):
             if t == 0:
                 self.end()
-            for turn in range((self.search.pairs() - t + self.many - 1) // self.many):
+            for turn in range(turns(self.search.pairs(), t, self.many)):
                 self.keep(t + turn * self.many)
 
     @ti.func

@@ -70,7 +70,7 @@ class PathLoops:
             most = self.paths.use[p]
             for offset, turn in ti.static(((1, self.paths.turn_east), (self.row, self.paths.turn_north))):
                 if turn[p] > 0.0:
-                    most = ti.max(most, self.apart(p, p + offset) * turn[p])
+                    most = ti.max(most, self.paths.turned(p, p + offset) * turn[p])
             self.value[p] = most
         for g in range(self.groups):
             most = 0.0
@@ -82,14 +82,6 @@ class PathLoops:
             for g in range(self.groups):
                 most = ti.max(most, self.group[g])
             self.paths.used[None] = ti.sqrt(most)
-
-    @ti.func
-    def apart(self, p, q):
-        """How far two differ in how far they are off, squared [m²]."""
-        total = 0.0
-        for axis in ti.static(range(3)):
-            total += (self.paths.off[axis][q] - self.paths.off[axis][p]) ** 2
-        return total
 
     @ti.func
     def keep(self):

@@ -4,10 +4,16 @@ from typing import Any
 
 import taichi as ti
 
-__all__ = ["Lists", "Places"]
+__all__ = ["Lists", "Places", "turns"]
 
 GROUP = 64
 """Numbers that one thread sums up."""
+
+
+@ti.func
+def turns(total, t, many):
+    """How many of `total` numbers are thread t's of `many`, which takes each `many`-th from t on."""
+    return (total - t + many - 1) // many
 
 
 @ti.data_oriented

@@ -9,6 +9,7 @@ import taichi as ti
 from taichi_cloth.ground.arrays import Template
 from taichi_cloth.layer_loops.contact_loops import CORNERS, ContactLoops
 from taichi_cloth.layer_loops.pair_loops import nearest_of, parting_of, place_of
+from taichi_cloth.layer_loops.places import turns
 from taichi_cloth.layers.certificate import BACK, DEEP, LET_OFF, PUSH, PUSHED, RESERVE, STEPS, STILL_PARTED
 
 __all__ = ["ProofLoops"]
@@ -27,7 +28,8 @@ class ProofLoops:
         self.contacts, self.points, self.pairs = contacts, contacts.points, contacts.pairs
         self.certificate, self.many = contacts.points.certificate, contacts.many
         self.listed, self.parted = (ti.field(ti.i32, ROOM) for _ in range(2))
-        self.found, self.seen, self.places = contacts.flag, contacts.seen, contacts.places
+        self.seen, self.places = contacts.seen, contacts.places
+        self.found = ti.field(ti.i32, contacts.places.room)
         self.count, self.end = ti.field(ti.i32, ()), ti.field(ti.f32, ROOM)
         self.way, self.share = ([ti.field(ti.f32, ROOM) for _ in range(n)] for n in (3, 2))
 
@@ -37,7 +39,7 @@ class ProofLoops:
         for t in range(self.many):
             if t == 0:
                 self.seen[None] = self.contacts.total()
-            for turn in range((self.contacts.total() - t + self.many - 1) // self.many):
+            for turn in range(turns(self.contacts.total(), t, self.many)):
                 slot = t + turn * self.many
                 pair = self.contacts.pair_of(slot)
                 apart = self.apart(self.contacts.kind_of(slot), pair)
@@ -49,7 +51,7 @@ class ProofLoops:
         for t in range(self.many):
             if t == 0:
                 self.count[None] = self.places.total[None]
-            for turn in range((self.contacts.total() - t + self.many - 1) // self.many):
+            for turn in range(turns(self.contacts.total(), t, self.many)):
                 slot = t + turn * self.many
                 if self.found[slot] != 0 and self.places.of[slot] < ROOM:
                     self.listed[self.places.of[slot]] = slot
@@ -77,24 +79,27 @@ class ProofLoops:
     @ti.func
     def apart(self, kind, pair):
         """How far it is, along its direction [m]."""
-        n, low, high = self.contacts.along(pair), 1e9, -1e9
+        return self.between(kind, self.contacts.along(pair), self.places_of(pair))
+
+    @ti.func
+    def places_of(self, pair):
+        """Of its four points, a row each [m]."""
+        out = ti.Matrix.zero(ti.f32, CORNERS, 3)
         for corner in ti.static(range(CORNERS)):
-            here = n.dot(place_of(self.points, self.pairs.point[corner][pair]))
-            low = ti.select(corner < kind, ti.min(low, here), low)
-            high = ti.select(corner < kind, high, ti.max(high, here))
-        return low - high
+            one = place_of(self.points, self.pairs.point[corner][pair])
+            for axis in ti.static(range(3)):
+                out[corner, axis] = one[axis]
+        return out
 
     @ti.func
     def follow(self, k, least):
         """As `Certificate.follow`."""
         pair, kind = self.pair(k), self.contacts.kind_of(self.listed[k])
-        at = ti.Vector([self.pairs.point[corner][pair] for corner in ti.static(range(CORNERS))])
-        start, there = ti.Matrix.zero(ti.f32, CORNERS, 3), ti.Matrix.zero(ti.f32, CORNERS, 3)
+        start, there = ti.Matrix.zero(ti.f32, CORNERS, 3), self.places_of(pair)
         for corner in ti.static(range(CORNERS)):
-            one = self.points.blends.at_start(self.points, self.points.paths, at[corner])
-            other = place_of(self.points, at[corner])
+            one = self.points.blends.at_start(self.points, self.points.paths, self.pairs.point[corner][pair])
             for axis in ti.static(range(3)):
-                start[corner, axis], there[corner, axis] = one[axis], other[axis]
+                start[corner, axis] = one[axis]
         time, out, step, last, way = 0.0, 0, 0, self.pairs.apart[pair], self.contacts.along(pair)
         s, u = 0.0, 0.0
         while step < STEPS:

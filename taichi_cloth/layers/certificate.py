@@ -18,7 +18,7 @@ import taichi as ti
 from taichi_cloth.ground.arrays import Float, Int, Template
 from taichi_cloth.ground.routine import routine
 from taichi_cloth.layers.contacts import GROWTH
-from taichi_cloth.layers.nearest import EDGES, FACES, gather
+from taichi_cloth.layers.nearest import EDGES, FACES, gather, weights_of
 from taichi_cloth.motion.stencil import listed, load, store
 from taichi_cloth.sheet.sheet import LANES
 
@@ -188,10 +188,8 @@ class Certificate:
         if blends == 0:
             self.push_sides(points, pairs, kind, pair, apart)
         else:
-            s, t, n = self.share[0], self.share[1], ti.Vector([self.way[0], self.way[1], self.way[2]])
-            weights = ti.Vector([1.0 - s, s, t - 1.0, -t])
-            if kind == FACES:
-                weights = ti.Vector([1.0, s + t - 1.0, -s, -t])
+            n = ti.Vector([self.way[0], self.way[1], self.way[2]])
+            weights = weights_of(kind, self.share[0], self.share[1])
             contacts.blended.part(points, pairs, pair, weights, n, apart)
 
     @ti.func

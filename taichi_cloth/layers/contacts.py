@@ -59,15 +59,20 @@ class Pushes:
         at = self.count[None]
         for c in range(contacts.count[None]):
             if contacts.holds[c] != 0:
-                way = slid(contacts, points, c)
-                for corner in ti.static(range(4)):
-                    self.point[corner][at] = contacts.point[corner][c]
-                for axis in ti.static(range(3)):
-                    self.rubbed[axis][at], self.slid[axis][at] = contacts.rubbed[axis][c], way[axis]
-                self.pushed[at] = contacts.pushed[c]
+                self.put(points, contacts, c, at)
                 self.list(at)
                 at += 1
         self.count[None] = at
+
+    @ti.func
+    def put(self, points: Template, contacts: Template, c, at):
+        """What contact c has pushed, as number `at`."""
+        way = slid(contacts, points, c)
+        for corner in ti.static(range(4)):
+            self.point[corner][at] = contacts.point[corner][c]
+        for axis in ti.static(range(3)):
+            self.rubbed[axis][at], self.slid[axis][at] = contacts.rubbed[axis][c], way[axis]
+        self.pushed[at] = contacts.pushed[c]
 
     @ti.func
     def list(self, at):

@@ -74,6 +74,15 @@ def nearest_on_face(w: Template, u: Template, v: Template):
 
 
 @ti.func
+def weights_of(kind, s, t):
+    """Of the four points of a pair that is nearest at shares s and t: Σ w x is the way from the second to the first."""
+    out = ti.Vector([1.0 - s, s, t - 1.0, -t])
+    if kind == FACES:
+        out = ti.Vector([1.0, s + t - 1.0, -s, -t])
+    return out
+
+
+@ti.func
 def parting(kind, j: Template, k: Template, m: Template, way: Template):
     """What parts four points more, one at the origin and the others at j, k and m (lanes): a way between them, or what
     is across two of their edges. A unit vector, and how far the first `kind` of them are beyond the others along it."""

@@ -249,11 +249,17 @@ class Paths:
         return out
 
     @ti.func
+    def turned(self, p, q):
+        """How far two differ in how far they are off, squared [m²]; after `measure`."""
+        total = 0.0
+        for axis in ti.static(range(3)):
+            total += (self.off[axis][q] - self.off[axis][p]) ** 2
+        return total
+
+    @ti.func
     def turn_back(self, points: Template, p, q, turn, span):
         """The thread from p to q, by moving both ends."""
-        most = 0.0
-        for axis in ti.static(range(3)):
-            most += (self.off[axis][q] - self.off[axis][p]) ** 2
+        most = self.turned(p, q)
         one, other = points.inverse_mass[p] > 0.0, points.inverse_mass[q] > 0.0
         if most * turn > 0.25 * FULL and (one or other):
             apart = self.away(points, q) - self.away(points, p)
