@@ -12,6 +12,8 @@ from taichi_cloth.ground.arrays import Template
 from taichi_cloth.layer_loops.places import Places, turns
 from taichi_cloth.layer_loops.search_loops import SearchLoops
 from taichi_cloth.layers.nearest import EDGES, FACES, nearest_of_edges, nearest_on_face, parting
+from taichi_cloth.layers.outline import MEETS
+from taichi_cloth.layers.paths import CELL, EAST, NORTH, POINT
 
 __all__ = ["PairLoops", "nearest_of", "parting_of", "place_of"]
 
@@ -100,20 +102,36 @@ class PairLoops:
             slow, fast = ti.static(self.search.tree.low[axis + 3], self.search.tree.high[axis + 3])
             approach += ti.max(fast[p] - slow[q], fast[q] - slow[p]) ** 2
         within, bits, faces, edges = (reach + ti.sqrt(approach)) ** 2, 0, 0, 0
+        edges_of = ti.Vector([EAST, NORTH, CELL])
         if not self.near.tangled(p, q):
             for turn in range(OF_FACES):
                 a, b = ti.select(turn < 2, p, q), ti.select(turn < 2, q, p)
-                asked = self.near.asks_face(self.points, self.points.paths, a, b, turn % 2)
-                if asked and self.square(FACES, self.of_face(a, b, turn % 2)) < within:
+                at = self.of_face(a, b, turn % 2)
+                asked = self.owns(a, POINT) and self.owns(b, CELL)
+                for k in ti.static(range(1, 4)):
+                    asked = asked and self.differ(a, at[k])
+                if asked and self.square(FACES, at) < within:
                     bits |= 1 << turn
                     faces += 1
             for turn in range(OF_EDGES):
                 e, f = turn // 3, turn % 3
-                asked = self.near.asks_edge(self.points, self.points.paths, p, q, e, f)
-                if asked and self.square(EDGES, self.of_edges(p, q, e, f)) < within:
+                at, asked = self.of_edges(p, q, e, f), self.owns(p, edges_of[e]) and self.owns(q, edges_of[f])
+                for k in ti.static(range(4)):
+                    asked = asked and self.differ(at[k // 2], at[2 + k % 2])
+                if asked and self.square(EDGES, at) < within:
                     bits |= 1 << (OF_FACES + turn)
                     edges += 1
         self.bits[pair], self.faces.of[pair], self.edges.of[pair] = bits, faces, edges
+
+    @ti.func
+    def owns(self, p, bit):
+        """Whether cell p has that, and meets others with it as a whole."""
+        return (self.points.paths.has[p] & (bit << MEETS)) != 0
+
+    @ti.func
+    def differ(self, p, q):
+        """Whether two elements are not one."""
+        return self.points.pieces.label[p] != self.points.pieces.label[q]
 
     @ti.func
     def of_face(self, a, b, half):
@@ -135,25 +153,34 @@ class PairLoops:
         return found[2] ** 2 + found[3] ** 2 + found[4] ** 2
 
     @ti.func
-    def normal(self, kind, at):
-        """What parts elements `at`."""
-        i, j = place_of(self.points, at[0]), place_of(self.points, at[1])
-        k, m = place_of(self.points, at[2]), place_of(self.points, at[3])
-        return parting_of(kind, i, j, k, m, nearest_of(kind, i, j, k, m))
+    def settle(self, kind, number, end, at):
+        """Pair `number` of a kind, of elements `at`, where it was noted: they are up to `end`."""
+        if number < end:
+            i, j = place_of(self.points, at[0]), place_of(self.points, at[1])
+            k, m = place_of(self.points, at[2]), place_of(self.points, at[3])
+            self.near.settle(
+                self.near.pairs.first(kind) + number, parting_of(kind, i, j, k, m, nearest_of(kind, i, j, k, m))
+            )
 
     @ti.func
     def keep(self, pair):
         """The near pairs of two cells."""
         p, q = self.search.cells_of(pair)
         bits, found = self.bits[pair], self.faces.of[pair]
+        has, seams, panel = ti.static(self.points.paths.has, self.points.pieces.cell_seam, self.near.panel)
+        up, along = p // self.row - q // self.row, p % self.row - q % self.row
+        kept, beside = self.near.known_apart(up, along, panel[p], panel[q])
+        sewn = seams[p] + seams[q]
         for turn in range(OF_FACES):
             if (bits >> turn) & 1 != 0:
                 a, b = ti.select(turn < 2, p, q), ti.select(turn < 2, q, p)
-                n = self.normal(FACES, self.of_face(a, b, turn % 2))
-                found = self.near.keep_face(self.points, self.row, a, b, turn % 2, n, found)
+                before = found
+                found = self.near.note_face(found, a, b, turn % 2, kept, sewn, beside)
+                self.settle(FACES, before, found, self.of_face(a, b, turn % 2))
         found = self.edges.of[pair]
         for turn in range(OF_EDGES):
             if (bits >> (OF_FACES + turn)) & 1 != 0:
                 e, f = turn // 3, turn % 3
-                n = self.normal(EDGES, self.of_edges(p, q, e, f))
-                found = self.near.keep_edge(self.points, self.points.paths, self.row, p, q, e, f, n, found)
+                before = found
+                found = self.near.note_edges(found, p, q, e, f, has[p], has[q], kept, sewn, beside)
+                self.settle(EDGES, before, found, self.of_edges(p, q, e, f))

@@ -271,6 +271,7 @@ class LayerFields:
             self.near.thin(points, self.tree, self.search)
             self.stamp("thin")
         self.near.bend(points, self.paths)
+        self.paths.stray(points.row[None])
         self.near.find(points, self.paths, self.tree, self.search, reach)
         self.stamp("near pairs")
         self.pieces.find(points, self.paths, self.tree, self.search, self.near, reach)

@@ -1,21 +1,19 @@
 """Points near faces and edges near edges, of the pairs of cells that a search has left: each with a direction that
 parts them, the unit vector between their nearest places."""
 
-from typing import Any
-
 import taichi as ti
 
 from taichi_cloth.ground.arrays import Float, Int, Template
 from taichi_cloth.ground.routine import routine
-from taichi_cloth.layers.nearest import CORNERS, EDGES, FACES, Nearest
+from taichi_cloth.layers.nearest import CORNERS, EDGES, FACES, Nearest, Pairs, gather
 from taichi_cloth.layers.outline import MEETS, RIM_EAST, RIM_NORTH
 from taichi_cloth.layers.paths import CELL, EAST, NORTH, POINT
+from taichi_cloth.layers.search import COLUMNS, PLACES, element
 from taichi_cloth.layers.search import ROOM as CELL_ROOM
-from taichi_cloth.layers.search import element
-from taichi_cloth.motion.stencil import load, near, nothing, store
+from taichi_cloth.motion.stencil import listed, load, load_xyz, near, nothing, store
 from taichi_cloth.sheet.sheet import LANES
 
-__all__ = ["BESIDE", "NEAR_SEAMS", "NearPairs", "Pairs"]
+__all__ = ["BESIDE", "NEAR_SEAMS", "NearPairs"]
 
 FACE_ROOM, EDGE_ROOM = 16, 48
 """Pairs, for each key point."""
@@ -37,6 +35,14 @@ FOLDED = 4.0
 SHALLOW = 0.35
 """Share of the spacing that pairs are kept apart at least, however near they are in the flat sheet."""
 
+ONE, OTHER, HAS, LABEL, BESIDE_EACH, MET, CELLS = (LANES * k for k in (0, 1, 2, 4, 12, 13, 14))
+"""Places in `NearPairs.cells`: elements of the cells; what both have; labels of the corners of both; whether they are
+nearer in the flat sheet than by way of a seam; which of them are near enough. Fields are few: Taichi has 1,024."""
+
+WITHIN, KEPT, SEWN, ASKED = (LANES * k for k in range(4))
+"""Places in `NearPairs.asked`: how near parts are looked at, squared [m²]; how far they are kept apart, and how far
+they are from each other by way of a seam [m]."""
+
 LET_OFF = 1 << 24
 """Tangle of what is let off within a frame, beyond all others."""
 
@@ -45,70 +51,12 @@ BESIDE = 16
 
 
 @ti.data_oriented
-class Pairs:
-    """Of both kinds, one behind the other, so that one piece of code goes through either. rooms: for pairs of each.
-    point: [corner], elements of the padded grid: a point and a face, or the ends of two edges. normal: [axis], from the
-    second side to the first. kept: how far apart they are kept [m]. apart: along the normal, when last looked at [m].
-    cell: [side], elements of the cells that they are of. awake: numbers of those that may touch in the next interval.
-    count, woken: [kind], how many there are, and are awake."""
-
-    count: Any
-    woken: Any
-
-    def __init__(self, faces: int, edges: int) -> None:
-        self.rooms = faces, edges
-        room = faces + edges + 2 * LANES
-        self.point = [ti.field(ti.i32, room) for _ in range(4)]
-        self.normal = [ti.field(ti.f32, room) for _ in range(3)]
-        self.kept, self.cap, self.least, self.apart = (ti.field(ti.f32, room) for _ in range(4))
-        self.cell = [ti.field(ti.i32, room) for _ in range(2)]
-        self._all = [*self.point, *self.normal, self.kept, self.cap, self.least, self.apart, *self.cell]
-        self.awake = ti.field(ti.i32, room + 2 * LANES)
-        self.count, self.woken = ti.field(ti.i32, 3), ti.field(ti.i32, 3)
-
-    @ti.func
-    def first(self, kind):
-        """Number of the first pair of a kind."""
-        return ti.select(kind == FACES, 0, self.rooms[0] + LANES)
-
-    @ti.func
-    def first_awake(self, kind):
-        """Place in `awake` of the first of a kind."""
-        return ti.select(kind == FACES, 0, self.rooms[0] + 2 * LANES)
-
-    @ti.func
-    def room(self, kind):
-        return ti.select(kind == FACES, self.rooms[0], self.rooms[1])
-
-    @ti.func
-    def packets(self, kind):
-        return (self.count[kind] + LANES - 1) // LANES
-
-    @ti.func
-    def move(self, source, target):
-        """A pair to another place."""
-        for field in ti.static(self._all):
-            field[target] = field[source]
-
-    @ti.func
-    def close(self, kind, found, apart):
-        """`found` pairs of a kind are in; whole lanes of ones that never touch behind them, of points `apart`."""
-        self.count[kind] = ti.min(found, self.room(kind))
-        begin = self.first(kind) + self.count[kind]
-        for k in range(LANES):
-            for corner in ti.static(range(4)):
-                self.point[corner][begin + k] = apart[corner]
-            for axis in ti.static(range(3)):
-                self.normal[axis][begin + k] = 0.0
-            self.kept[begin + k] = -1.0
-
-
-@ti.data_oriented
 class NearPairs:
     """pairs: all of them. nearest: looks at eight. thickness [m]. most: that is kept where cloth is bent [m]. bulge:
     [axis], how far smooth cloth stands out of the middle of each cell [m]. panel: of each element, 0 where there is
     none: only within a panel are neighbours let nearer than the thickness. tangle: of each cell, see `tangles.py`.
-    overflow: pairs without room."""
+    cells, asked: of the eight pairs of cells at hand, by lanes, see `HAS` and `WITHIN`. overflow: pairs without
+    room."""
 
     def __init__(self, size: int) -> None:
         self.pairs, self.nearest = Pairs(FACE_ROOM * size, EDGE_ROOM * size), Nearest()
@@ -118,8 +66,7 @@ class NearPairs:
         self.panel, self.tangle = ti.field(ti.i32, size), ti.field(ti.i32, size)
         # Elements from a cell's own to the corners of its faces, and to the ends of its edges.
         self.face_offset, self.edge_offset = ti.field(ti.i32, (2, 3)), ti.field(ti.i32, (3, 2))
-        self.one, self.other = (ti.field(ti.i32, LANES) for _ in range(2))
-        self.within = ti.field(ti.f32, LANES)
+        self.cells, self.asked = ti.field(ti.i32, CELLS), ti.field(ti.f32, ASKED)
         self.overflow = ti.field(ti.i32, ())
         # Of each cell the first of the pairs of cells at hand that begin with it, from 1; of each of these the next.
         self.first, self.next = ti.field(ti.i32, size), ti.field(ti.i32, CELL_ROOM * size)
@@ -164,40 +111,61 @@ class NearPairs:
         store(self.bulge[axis], p, -four / 32.0)
 
     @ti.func
-    def drawn_apart(self, kept, share, p, q, n):
-        """How far cells p and q are kept apart along normal n, that smooth cloth through them is by `kept`.
-        That is less than a share of the thickness beside seams, where more would be in the way of these."""
-        out = kept
-        if kept >= share * self.thickness[None]:
-            for axis in ti.static(range(3)):
-                out += n[axis] * (self.bulge[axis][q] - self.bulge[axis][p])
-        return ti.min(ti.max(out, kept), ti.max(kept, self.most[None]))
-
-    @ti.func
     def in_fold(self, flat, kept):
         """How far what is so far apart in the flat sheet is kept apart: no fold is tighter than key points follow."""
         return ti.select(flat < self.folded(), ti.max(kept, self.most[None]), kept)
 
-    @ti.func
-    def kept_apart(self, points: Template, width, p, q):
-        """How far parts of two cells are kept apart: the thickness, or what folds are, but at most half of how far they
-        are in the flat sheet, or by way of a seam."""
-        out = self.thickness[None]
-        if self.panel[p] == self.panel[q] and self.panel[p] > 0:
-            i = ti.cast(ti.max(ti.abs(p // width - q // width) - 1, 0), ti.f32) * self.spacing[1]
-            j = ti.cast(ti.max(ti.abs(p % width - q % width) - 1, 0), ti.f32) * self.spacing[0]
-            flat, least = ti.sqrt(i * i + j * j), ti.min(self.spacing[0], self.spacing[1])
-            out = ti.min(self.in_fold(flat, out), ti.max(0.5 * flat, SHALLOW * least))
-        return out
+    @routine
+    def know(self, points: Template, paths: Template, tree: Template, search: Template, group: Int, reach: Float):
+        """Of eight pairs of cells at hand all that is asked of them below. Behind the last one is that again, and
+        nothing near it."""
+        width, total = points.row[None], search.count[0]
+        number = ti.Vector([group * LANES + k for k in ti.static(range(LANES))])
+        at = ti.min(number, total - 1)
+        one = ti.Vector([search.one[0, at[k]] for k in ti.static(range(LANES))])  # pyright: ignore[reportIndexIssue]
+        other = ti.Vector([search.other[0, at[k]] for k in ti.static(range(LANES))])  # pyright: ignore[reportIndexIssue]
+        p, q = element(one, width), element(other, width)
+        store(self.cells, ONE, p)
+        store(self.cells, OTHER, q)
+        approach = ti.Vector([0.0] * LANES)
+        for axis in ti.static(range(3)):
+            slow, fast = ti.static(tree.low[axis + 3], tree.high[axis + 3])
+            ahead = ti.max(gather(fast, p) - gather(slow, q), gather(fast, q) - gather(slow, p))
+            approach += ahead * ahead
+        within = reach + (gather(paths.astray, p) + gather(paths.astray, q)) + ti.sqrt(approach)
+        store(self.asked, WITHIN, ti.select(number < total, within * within, -1.0))
+        for k in range(LANES):
+            a, b = self.cells[ONE + k], self.cells[OTHER + k]
+            tree.clear[a], tree.clear[b] = ti.min(tree.clear[a], 0.5 * reach), ti.min(tree.clear[b], 0.5 * reach)
+        columns = COLUMNS - 1
+        up, along = (one >> PLACES) - (other >> PLACES), (one & columns) - (other & columns)
+        panel, second = gather(self.panel, p), gather(self.panel, q)
+        kept, beside = self.known_apart(up, along, panel, second)
+        store(self.asked, KEPT, kept)
+        store(self.cells, BESIDE_EACH, beside)
+        store(self.asked, SEWN, gather(points.pieces.cell_seam, p) + gather(points.pieces.cell_seam, q))
+        store(self.cells, HAS, gather(paths.has, p))
+        store(self.cells, HAS + LANES, gather(paths.has, q))
+        for corner in range(2 * CORNERS):
+            place = ti.select(corner < CORNERS, p, q) + (corner & 1) + ((corner >> 1) & 1) * width
+            store(self.cells, near(LABEL + corner * LANES), gather(points.pieces.label, place))
 
     @ti.func
-    def across(self, points: Template, width, p, q):
-        """How far parts of two cells are from each other by way of a seam at least; far, where they are nearer in the
-        flat sheet."""
-        seams = ti.static(points.pieces.cell_seam)
-        out = seams[p] + seams[q]
-        near_by = ti.max(ti.abs(p // width - q // width), ti.abs(p % width - q % width)) <= 4
-        return out, near_by and self.panel[p] == self.panel[q]
+    def known_apart(self, up, along, panel, second):
+        """How far parts of two cells of panels (lanes) are kept apart: the thickness, or what folds are, but at most
+        half of how far they are in the flat sheet. And 1 where they are nearer there than by way of a seam. up, along:
+        rows and columns from one to the other."""
+        up, along = ti.max(up, -up), ti.max(along, -along)
+        i = ti.cast(ti.max(up - 1, 0), ti.f32) * self.spacing[1]
+        j = ti.cast(ti.max(along - 1, 0), ti.f32) * self.spacing[0]
+        flat, least = ti.sqrt(i * i + j * j), ti.min(self.spacing[0], self.spacing[1])
+        thick = nothing() + self.thickness[None]
+        folded = ti.min(self.in_fold(flat, thick), ti.max(0.5 * flat, SHALLOW * least))
+        alike = panel == second
+        return (
+            ti.select(alike & (panel > 0), folded, thick),
+            ti.select(alike & (ti.max(up, along) <= 4), 1, 0),
+        )
 
     @ti.func
     def folded(self):
@@ -210,13 +178,15 @@ class NearPairs:
         return HINGE * ti.max(ti.min(sewn, self.folded() - sewn), 0.0)
 
     @ti.func
-    def owns(self, paths: Template, p, bit):
-        return (paths.has[p] & (bit << MEETS)) != 0
+    def owns(self, side, bit):
+        """1 where the cell on a side has that, and meets others with it as a whole."""
+        return ti.select((load(self.cells, near(HAS + side * LANES)) & (bit << MEETS)) != 0, 1, 0)
 
     @ti.func
-    def differ(self, points: Template, p, q):
-        """Whether two elements are not one."""
-        return points.pieces.label[p] != points.pieces.label[q]
+    def differ(self, one, other):
+        """1 where two corners, of one cell from 0, of the other from CORNERS, are not one point."""
+        first, second = near(LABEL + one * LANES), near(LABEL + other * LANES)
+        return ti.select(load(self.cells, first) != load(self.cells, second), 1, 0)
 
     @ti.func
     def tangled(self, p, q):
@@ -226,26 +196,43 @@ class NearPairs:
         return one > 0 and one == self.tangle[q] and (far > one % BESIDE or self.panel[p] != self.panel[q])
 
     @ti.func
-    def keep(self, kind, at, n, kept, share, points: Template, p, q, sewn, beside):
-        """One more pair, which n parts, of cells p and q, unless they are tangled. share: of the thickness that such
-        pairs keep at most. Returns how many there are."""
+    def note(self, kind, at, share, points: Template, p, q, kept, sewn, beside):
+        """One more pair of cells p and q, unless they are tangled: kept apart by `kept`, not more than a share of the
+        thickness but in folds; so far from each other by way of a seam, unless nearer in the flat sheet, `beside`.
+        What of it hangs on its direction is left to `settle`, and stands there what that has to know. Returns how many
+        there are."""
         pairs, out, tangled = self.pairs, at, self.tangled(p, q)
         if at < pairs.room(kind) and not tangled:
             pair = pairs.first(kind) + at
             pairs.cell[0][pair], pairs.cell[1][pair] = p, q
             for corner in ti.static(range(4)):
                 pairs.point[corner][pair] = points[corner]
-            for axis in ti.static(range(3)):
-                pairs.normal[axis][pair] = n[axis]
-            cap = self.drawn_apart(kept, share, p, q, n)
-            pairs.cap[pair], pairs.kept[pair] = cap, cap
-            if not beside:
-                pairs.kept[pair] = ti.max(cap, share * self.tent(ti.max(sewn, 0.5 * self.folded())))
-            pairs.least[pair] = ti.min(PARTED, SHARE * ti.min(cap, share * ti.max(0.5 * sewn, NEAR_SEAMS)))
+            pairs.kept[pair], pairs.apart[pair], pairs.cap[pair] = kept, share, 0.0
+            if beside == 0:
+                pairs.cap[pair] = share * self.tent(ti.max(sewn, 0.5 * self.folded()))
+            pairs.least[pair] = share * ti.max(0.5 * sewn, NEAR_SEAMS)
             out = at + 1
         elif not tangled:
             self.overflow[None] = self.overflow[None] + 1
         return out
+
+    @ti.func
+    def settle(self, at, normal: Template):
+        """Pairs from number `at` on (lanes), which were noted, and their directions: how far cells are kept apart that
+        smooth cloth through them is by what was noted. That is less than a share of the thickness beside seams, where
+        more would be in the way of these."""
+        pairs = self.pairs
+        p, q = load(pairs.cell[0], at), load(pairs.cell[1], at)
+        kept, sewn = load(pairs.kept, at), load(pairs.cap, at)
+        drawn = kept
+        for axis in ti.static(range(3)):
+            store(pairs.normal[axis], at, normal[axis])
+            drawn += normal[axis] * (gather(self.bulge[axis], q) - gather(self.bulge[axis], p))
+        bent = kept >= load(pairs.apart, at) * self.thickness[None]
+        cap = ti.min(ti.max(ti.select(bent, drawn, kept), kept), ti.max(kept, self.most[None]))
+        store(pairs.cap, at, cap)
+        store(pairs.kept, at, ti.max(cap, sewn))
+        store(pairs.least, at, ti.min(PARTED, SHARE * ti.min(cap, load(pairs.least, at))))
 
     @ti.func
     def let_off(self, pair):
@@ -297,25 +284,17 @@ class NearPairs:
     @routine
     def find(self, points: Template, paths: Template, tree: Template, search: Template, reach: Float):
         """Pairs of the cells at hand that are nearer than `reach` [m] and what they may approach each other until the
-        horizon, behind those that are known."""
-        width = points.row[None]
-        faces, edges, total = self.pairs.count[FACES], self.pairs.count[EDGES], search.count[0]
-        for group in range((total + LANES - 1) // LANES):
-            count = ti.min(total - group * LANES, LANES)
-            for k in range(LANES):
-                pair = group * LANES + ti.min(k, count - 1)
-                p, q = element(search.one[0, pair], width), element(search.other[0, pair], width)
-                approach = 0.0
-                for axis in ti.static(range(3)):
-                    slow, fast = ti.static(tree.low[axis + 3], tree.high[axis + 3])
-                    approach += ti.max(fast[p] - slow[q], fast[q] - slow[p]) ** 2
-                off = paths.strayed(p, width) + paths.strayed(q, width)
-                self.one[k], self.other[k], self.within[k] = p, q, (reach + off + ti.sqrt(approach)) ** 2
-                tree.clear[p] = ti.min(tree.clear[p], 0.5 * reach)
-                tree.clear[q] = ti.min(tree.clear[q], 0.5 * reach)
-            self.nearest.take_cells(points, self.one, self.other, width)
-            faces = self.find_faces(points, paths, width, count, faces)
-            edges = self.find_edges(points, paths, width, count, edges)
+        horizon, behind those that are known. First they are listed, then looked at by whole lanes: most cells at hand
+        share a corner, and no parts of them are near each other that do not."""
+        width, faces, edges = points.row[None], self.pairs.count[FACES], self.pairs.count[EDGES]
+        known_faces, known_edges = faces, edges
+        for group in range((search.count[0] + LANES - 1) // LANES):
+            self.know(points, paths, tree, search, group, reach)
+            self.nearest.take_cells(points, self.cells, width)
+            faces = self.list_faces(faces)
+            edges = self.list_edges(edges)
+        self.part(points, FACES, known_faces, faces)
+        self.part(points, EDGES, known_edges, edges)
         self.end(FACES, faces, width)
         self.end(EDGES, edges, width)
 
@@ -325,36 +304,38 @@ class NearPairs:
         self.pairs.close(kind, found, ti.Vector([0, 1, width, width + 1]))
 
     @ti.func
-    def any_within(self):
-        """Whether any of what is looked at is near enough: most are not, and directions take half of the time."""
-        apart = load(self.nearest.square, 0) - load(self.within, 0)
-        return apart.min() < 0.0  # pyright: ignore[reportOptionalCall]
+    def near_enough(self, may):
+        """Whether any of what is looked at is that, of those that may be; which ones, see `MET`."""
+        may = ti.select(load(self.nearest.square, 0) < load(self.asked, WITHIN), may, 0)
+        store(self.cells, MET, may)
+        return may.max() != 0  # pyright: ignore[reportOptionalCall]
 
     @routine
-    def find_faces(self, points: Template, paths: Template, width: Int, count: Int, begin: Int) -> Int:
+    def list_faces(self, begin: Int) -> Int:
         """Of the pairs of cells at hand: the point of each against both faces of the other."""
         found = begin
         for turn in range(4):
-            half = turn % 2
-            p, q = ti.select(turn < 2, 0, CORNERS), ti.select(turn < 2, CORNERS, 0)
-            self.nearest.take_corners(p, q, q + ti.select(half == 0, 1, 3), q + ti.select(half == 0, 3, 2))
+            half, back = turn % 2, turn // 2
+            p, q = back * CORNERS, (1 - back) * CORNERS
+            i, j = q + ti.select(half == 0, 1, 3), q + ti.select(half == 0, 3, 2)
+            may = self.differ(p, q) & self.differ(p, i) & self.differ(p, j)
+            may &= self.owns(back, POINT) & self.owns(1 - back, CELL)
+            self.nearest.take_corners(p, q, i, j)
             self.nearest.of_faces()
-            some = 0
-            if self.any_within():
-                self.nearest.part(FACES)
-                some = count
-            for lane in range(some):
-                if self.nearest.square[lane] < self.within[lane]:
-                    a, b = self.one[lane], self.other[lane]
-                    if turn >= 2:
-                        a, b = b, a
-                    if self.asks_face(points, paths, a, b, half):
-                        found = self.keep_face(points, width, a, b, half, self.found_normal(lane), found)
+            if self.near_enough(may):
+                for k in range(LANES):
+                    if self.cells[MET + k] != 0:
+                        a, b = self.cells[ONE + k], self.cells[OTHER + k]
+                        if back == 1:
+                            a, b = b, a
+                        kept, sewn, beside = self.how_apart(k)
+                        found = self.note_face(found, a, b, half, kept, sewn, beside)
         return found
 
     @ti.func
-    def found_normal(self, lane):
-        return ti.Vector([self.nearest.normal[axis][lane] for axis in ti.static(range(3))])
+    def how_apart(self, k):
+        """Of what is at hand in lane k, see `note`."""
+        return self.asked[KEPT + k], self.asked[SEWN + k], self.cells[BESIDE_EACH + k]
 
     @ti.func
     def corner_of(self, b, half, k: Template):
@@ -362,38 +343,29 @@ class NearPairs:
         return b + self.face_offset[half, k]
 
     @ti.func
-    def asks_face(self, points: Template, paths: Template, a, b, half):
-        """Whether the point of cell a and a face of cell b are there, and no two of their points are one."""
-        out = self.owns(paths, a, POINT) and self.owns(paths, b, CELL)
-        for k in ti.static(range(3)):
-            out = out and self.differ(points, a, self.corner_of(b, half, k))
-        return out
-
-    @ti.func
-    def keep_face(self, points: Template, width, a, b, half, n, at):
-        """That pair, as the next of its kind; see `keep`."""
-        kept = self.kept_apart(points, width, a, b)
-        sewn, beside = self.across(points, width, a, b)
+    def note_face(self, at, a, b, half, kept, sewn, beside):
+        """The point of cell a and a face of cell b; see `note`."""
         corners = a, self.corner_of(b, half, 0), self.corner_of(b, half, 1), self.corner_of(b, half, 2)
-        return self.keep(FACES, at, n, kept, 1.0, corners, a, b, sewn, beside)
+        return self.note(FACES, at, 1.0, corners, a, b, kept, sewn, beside)
 
     @routine
-    def find_edges(self, points: Template, paths: Template, width: Int, count: Int, begin: Int) -> Int:
+    def list_edges(self, begin: Int) -> Int:
         """Of the pairs of cells at hand: three edges of one against three of the other."""
-        found = begin
+        found, bits = begin, ti.Vector([EAST, NORTH, CELL])
         for turn in range(9):
             e, f = turn // 3, turn % 3
-            self.nearest.take_corners(0, e + 1, CORNERS, CORNERS + f + 1)
+            i, j, far = e + 1, CORNERS + f + 1, CORNERS
+            may = self.differ(0, far) & self.differ(0, j) & self.differ(i, far) & self.differ(i, j)
+            may &= self.owns(0, bits[e]) & self.owns(1, bits[f])
+            self.nearest.take_corners(0, i, far, j)
             self.nearest.of_edges()
-            some = 0
-            if self.any_within():
-                self.nearest.part(EDGES)
-                some = count
-            for lane in range(some):
-                if self.nearest.square[lane] < self.within[lane]:
-                    a, b = self.one[lane], self.other[lane]
-                    if self.asks_edge(points, paths, a, b, e, f):
-                        found = self.keep_edge(points, paths, width, a, b, e, f, self.found_normal(lane), found)
+            if self.near_enough(may):
+                for k in range(LANES):
+                    if self.cells[MET + k] != 0:
+                        a, b = self.cells[ONE + k], self.cells[OTHER + k]
+                        has, second = self.cells[HAS + k], self.cells[HAS + LANES + k]
+                        kept, sewn, beside = self.how_apart(k)
+                        found = self.note_edges(found, a, b, e, f, has, second, kept, sewn, beside)
         return found
 
     @ti.func
@@ -402,22 +374,23 @@ class NearPairs:
         return a + self.edge_offset[e, k]
 
     @ti.func
-    def asks_edge(self, points: Template, paths: Template, a, b, e, f):
-        """Whether edges e and f of cells a and b are there, and no two of their ends are one."""
-        bits = ti.Vector([EAST, NORTH, CELL])
-        out = self.owns(paths, a, bits[e]) and self.owns(paths, b, bits[f])
-        for k in ti.static(range(4)):
-            out = out and self.differ(points, self.end_of(a, e, k // 2), self.end_of(b, f, k % 2))
-        return out
-
-    @ti.func
-    def keep_edge(self, points: Template, paths: Template, width, a, b, e, f, n, at):
-        """Those two, as the next pair of their kind; see `keep`."""
+    def note_edges(self, at, a, b, e, f, has, second, kept, sewn, beside):
+        """Edges e and f of cells a and b, which have that; see `note`."""
         rims, share = ti.Vector([RIM_EAST, RIM_NORTH, 0]), 1.0
-        kept = self.kept_apart(points, width, a, b)
         # A rim bears what hangs over it: no point of that is above a face.
-        if (paths.has[a] & rims[e]) | (paths.has[b] & rims[f]) == 0:
+        if (has & rims[e]) | (second & rims[f]) == 0:
             share = self.edge_share[None]
-        sewn, beside = self.across(points, width, a, b)
         ends = self.end_of(a, e, 0), self.end_of(a, e, 1), self.end_of(b, f, 0), self.end_of(b, f, 1)
-        return self.keep(EDGES, at, n, share * kept, share, ends, a, b, sewn, beside)
+        return self.note(EDGES, at, share, ends, a, b, share * kept, sewn, beside)
+
+    @routine
+    def part(self, points: Template, kind: Int, begin: Int, end: Int):
+        """Directions of pairs of a kind that were noted, from one number up to another."""
+        pairs = self.pairs
+        for packet in range((end - begin + LANES - 1) // LANES):
+            at = listed(pairs.first(kind) + begin + packet * LANES)
+            i, j = load(pairs.point[0], at), load(pairs.point[1], at)
+            self.nearest.take(points, i, j, load(pairs.point[2], at), load(pairs.point[3], at))
+            self.nearest.find(kind)
+            self.nearest.part(kind)
+            self.settle(at, load_xyz(self.nearest.normal, 0))

@@ -1,16 +1,19 @@
 """Points and faces, and edges and edges, eight pairs at a time: where they are nearest, and what parts them.
 
-One piece of code for all who ask, as it takes long to compile: they leave places beside it and find answers there.
+One piece of code for all who ask, as it takes long to compile: they leave places beside it and find answers there. And
+the list of those that are near each other, which a search fills.
 """
+
+from typing import Any
 
 import taichi as ti
 
 from taichi_cloth.ground.arrays import Int, Template
 from taichi_cloth.ground.routine import routine
-from taichi_cloth.motion.stencil import load, load_xyz, near, relative, store
+from taichi_cloth.motion.stencil import load, load_xyz, near, relative, store, taken
 from taichi_cloth.sheet.sheet import LANES
 
-__all__ = ["CORNERS", "EDGES", "FACES", "Nearest", "gather"]
+__all__ = ["CORNERS", "EDGES", "FACES", "Nearest", "Pairs", "gather"]
 
 FACES, EDGES = 1, 2
 """Kinds of pairs, and how many of their four points are on the first side: a point and a face, two edges."""
@@ -22,7 +25,10 @@ CORNERS = 4
 @ti.func
 def gather(field: Template, at):
     """Of elements `at`, one a lane."""
-    return ti.Vector([field[at[k]] for k in ti.static(range(LANES))])
+    if ti.static(taken() == 1):
+        return field[at]
+    else:
+        return ti.Vector([field[at[k]] for k in ti.static(range(LANES))])
 
 
 @ti.func
@@ -126,6 +132,65 @@ def beyond_others(kind, j: Template, k: Template, m: Template, way: Template):
 
 
 @ti.data_oriented
+class Pairs:
+    """Of both kinds, one behind the other, so that one piece of code goes through either. rooms: for pairs of each.
+    point: [corner], elements of the padded grid: a point and a face, or the ends of two edges. normal: [axis], from the
+    second side to the first. kept: how far apart they are kept [m]. apart: along the normal, when last looked at [m].
+    cell: [side], elements of the cells that they are of. awake: numbers of those that may touch in the next interval.
+    count, woken: [kind], how many there are, and are awake."""
+
+    count: Any
+    woken: Any
+
+    def __init__(self, faces: int, edges: int) -> None:
+        self.rooms = faces, edges
+        room = faces + edges + 2 * LANES
+        self.point = [ti.field(ti.i32, room) for _ in range(4)]
+        self.normal = [ti.field(ti.f32, room) for _ in range(3)]
+        self.kept, self.cap, self.least, self.apart = (ti.field(ti.f32, room) for _ in range(4))
+        self.cell = [ti.field(ti.i32, room) for _ in range(2)]
+        self._all = [*self.point, *self.normal, self.kept, self.cap, self.least, self.apart, *self.cell]
+        self.awake = ti.field(ti.i32, room + 2 * LANES)
+        self.count, self.woken = ti.field(ti.i32, 3), ti.field(ti.i32, 3)
+
+    @ti.func
+    def first(self, kind):
+        """Number of the first pair of a kind."""
+        return ti.select(kind == FACES, 0, self.rooms[0] + LANES)
+
+    @ti.func
+    def first_awake(self, kind):
+        """Place in `awake` of the first of a kind."""
+        return ti.select(kind == FACES, 0, self.rooms[0] + 2 * LANES)
+
+    @ti.func
+    def room(self, kind):
+        return ti.select(kind == FACES, self.rooms[0], self.rooms[1])
+
+    @ti.func
+    def packets(self, kind):
+        return (self.count[kind] + LANES - 1) // LANES
+
+    @ti.func
+    def move(self, source, target):
+        """A pair to another place."""
+        for field in ti.static(self._all):
+            field[target] = field[source]
+
+    @ti.func
+    def close(self, kind, found, apart):
+        """`found` pairs of a kind are in; whole lanes of ones that never touch behind them, of points `apart`."""
+        self.count[kind] = ti.min(found, self.room(kind))
+        begin = self.first(kind) + self.count[kind]
+        for k in range(LANES):
+            for corner in ti.static(range(4)):
+                self.point[corner][begin + k] = apart[corner]
+            for axis in ti.static(range(3)):
+                self.normal[axis][begin + k] = 0.0
+            self.kept[begin + k] = -1.0
+
+
+@ti.data_oriented
 class Nearest:
     """All by lanes. place: [corner][axis], of a point and a face, or of the ends of two edges [m]. cell: [axis], of the
     corners of two cells, one behind the other [m]. way: [axis], from the nearest place of the second to that of the
@@ -151,10 +216,11 @@ class Nearest:
                 store(self.place[corner][axis], 0, gather(points.position[axis], p))
 
     @routine
-    def take_cells(self, points: Template, one: Template, other: Template, width: Int):
-        """Cells by their elements: of the corners of two go all that is then looked at."""
+    def take_cells(self, points: Template, cells: Template, width: Int):
+        """Cells by their elements, all that are first and then all others: of the corners of two go all that is then
+        looked at."""
         for k in range(2 * CORNERS):
-            first = ti.select(k < CORNERS, load(one, 0), load(other, 0))
+            first = ti.select(k < CORNERS, load(cells, 0), load(cells, LANES))
             p = first + (k & 1) + ((k >> 1) & 1) * width
             for axis in ti.static(range(3)):
                 store(self.cell[axis], near(k * LANES), gather(points.position[axis], p))

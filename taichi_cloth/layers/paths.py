@@ -35,13 +35,13 @@ ROUNDS = 3
 class Paths:
     """Of padded grids of up to `size` key points. has: `CELL` and so on. was, went: place and step at the start of an
     interval [m]. begin, pace: path since the last search of all, where it is at its start [m] and its step [m a
-    substep]. now: where it is at the last search [m]. off: from the path [m]. room, turn: 1 over the square of how far
-    key points may be off [m], and of how much the difference of two that a thread joins may be off [m]; 0 where there
-    is none. renewed: substep at which the path was, from that search on. use: which share of room or turn is used up.
-    fast: of it, how much a substep. used, rate: the largest of these. spent: 1 of key points that get a new path.
-    count: packets of lanes. since: substeps since the search of all. held: share of their room at which key points are
-    held, or 1. rough: how much the paces of key points differ from those of their paths, in the root of the mean
-    square [m]."""
+    substep]. now: where it is at the last search [m]. off: from the path [m]; astray: of a cell's corners at most [m].
+    room, turn: 1 over the square of how far key points may be off [m], and of how much the difference of two that a
+    thread joins may be off [m]; 0 where there is none. renewed: substep at which the path was, from that search on.
+    use: which share of room or turn is used up. fast: of it, how much a substep. used, rate: the largest of these.
+    spent: 1 of key points that get a new path. count: packets of lanes. since: substeps since the search of all. held:
+    share of their room at which key points are held, or 1. rough: how much the paces of key points differ from those of
+    their paths, in the root of the mean square [m]."""
 
     count: Any  # its number is the bound of loops: type checkers would take it for a matrix
 
@@ -51,6 +51,7 @@ class Paths:
 
         self.was, self.went, self.begin, self.now, self.pace, self.off, self._own = (fields(3) for _ in range(7))
         self.room, self.turn_east, self.turn_north, self.there, self.renewed, self.use, self.fast = fields(7)
+        self.astray = ti.field(ti.f32, size)
         self.has, self.spent = ti.field(ti.i32, size), ti.field(ti.i32, size)
         self.count, self.since = ti.field(ti.i32, ()), ti.field(ti.i32, ())
         self.used, self.rate, self.rough, self.held = (ti.field(ti.f32, ()) for _ in range(4))
@@ -153,14 +154,16 @@ class Paths:
             total += load(self.there, p) * (mean - own) ** 2
         return total.sum()  # pyright: ignore[reportOptionalCall]
 
-    @ti.func
-    def strayed(self, p, width):
-        """How far corners of cell p are off, at most [m]; after `measure` or `predict`."""
-        most = 0.0
-        for offset in ti.static(range(4)):
-            q = p + (offset & 1) + (offset >> 1) * width
-            most = ti.max(most, self.off[0][q] ** 2 + self.off[1][q] ** 2 + self.off[2][q] ** 2)
-        return ti.sqrt(most)
+    @routine
+    def stray(self, row: Int):
+        """How far the corners of each cell are off, at most, into `astray`; after `measure` or `predict`."""
+        for e in range(self.count[None]):
+            p, most = self.packet(e), ti.Vector([0.0] * LANES)
+            for offset in ti.static((0, 1, row, row + 1)):
+                q = near(p + offset)
+                x, y, z = load(self.off[0], q), load(self.off[1], q), load(self.off[2], q)
+                most = ti.max(most, x * x + y * y + z * z)
+            store(self.astray, p, ti.sqrt(most))
 
     @routine
     def measure(self, points: Template):

@@ -134,9 +134,9 @@ class Pieces:
                 paths.room[q] = ti.max(paths.room[q], 1.0 / (self.clear[k] * self.clear[k]))
 
     @ti.func
-    def strayed(self, paths: Template, p, width):
+    def strayed(self, paths: Template, p):
         """How far corners of cell p and of its pieces are off, at most [m]."""
-        return ti.max(paths.strayed(p, width), ti.select((paths.has[p] & BEYOND) != 0, self.beyond[p], 0.0))
+        return ti.max(paths.astray[p], ti.select((paths.has[p] & BEYOND) != 0, self.beyond[p], 0.0))
 
     @routine
     def find(self, points: Template, paths: Template, tree: Template, search: Template, near: Template, reach: Float):
@@ -151,7 +151,7 @@ class Pieces:
                     for axis in ti.static(range(3)):
                         slow, fast = ti.static(tree.low[axis + 3], tree.high[axis + 3])
                         approach += ti.max(fast[p] - slow[q], fast[q] - slow[p], 0.0) ** 2
-                    off = self.strayed(paths, p, width) + self.strayed(paths, q, width)
+                    off = self.strayed(paths, p) + self.strayed(paths, q)
                     within = (reach + off + ti.sqrt(approach)) ** 2
                     if kind == FACES:
                         self.ask_faces(paths, near, p, q, within)
@@ -174,7 +174,7 @@ class Pieces:
         for axis in ti.static(range(3, 6)):
             approach += (tree.high[axis][p] - tree.low[axis][p]) ** 2
         tree.clear[p] = ti.min(tree.clear[p], 0.5 * reach)
-        within = (reach + 2.0 * self.strayed(paths, p, near.face_offset[1, 2]) + ti.sqrt(approach)) ** 2
+        within = (reach + 2.0 * self.strayed(paths, p) + ti.sqrt(approach)) ** 2
         if kind == FACES:
             self.ask_faces(paths, near, p, p, within)
         else:
@@ -263,7 +263,8 @@ class Pieces:
     @routine
     def answer(self, points: Template, near: Template, kind: Int):
         """Those that wait and are near enough, as pairs."""
-        found = near.pairs.count[kind]
+        known = near.pairs.count[kind]
+        found = known
         for group in range(self.waiting_lanes()):
             at = ti.Vector([group * LANES + k for k in ti.static(range(LANES))])
             i, j = gather(self.queue[0], at), gather(self.queue[1], at)
@@ -271,7 +272,6 @@ class Pieces:
             near.nearest.find(kind)
             some, apart = 0, load(near.nearest.square, 0) - gather(self.within, at)
             if apart.min() < 0.0:  # pyright: ignore[reportOptionalCall]
-                near.nearest.part(kind)
                 some = LANES
             for k in range(some):
                 w = group * LANES + k
@@ -290,9 +290,9 @@ class Pieces:
                         share = near.edge_share[None]
                     kept *= share
                     p, q = self.cell[0][w], self.cell[1][w]
-                    beside = near.panel[p] == near.panel[q] and flat < sewn
-                    n = near.found_normal(k)
-                    found = near.keep(kind, found, n, kept, share, (a, b, c, d), p, q, sewn, beside)
+                    beside = ti.select(near.panel[p] == near.panel[q] and flat < sewn, 1, 0)
+                    found = near.note(kind, found, share, (a, b, c, d), p, q, kept, sewn, beside)
+        near.part(points, kind, known, found)
         near.end(kind, found, points.row[None])
         self.waiting[None] = 0
 

@@ -23,12 +23,13 @@ from taichi_cloth.layers.tree import LEVELS, NONE
 from taichi_cloth.motion.stencil import load, store
 from taichi_cloth.sheet.sheet import LANES
 
-__all__ = ["ROOM", "Search", "Sieve", "element"]
+__all__ = ["COLUMNS", "PLACES", "ROOM", "Search", "Sieve", "element"]
 
 ROOM = 24
 """Pairs, for each key point."""
 
-COLUMNS = 1 << 12
+PLACES = 12
+COLUMNS = 1 << PLACES
 """More than a padded grid has."""
 
 ANEW = 1 << 28
@@ -38,7 +39,7 @@ ANEW = 1 << 28
 @ti.func
 def element(node, width):
     """Of the padded grid, of a cell in a list."""
-    return node // COLUMNS * width + node % COLUMNS
+    return (node >> PLACES) * width + (node & (COLUMNS - 1))
 
 
 @ti.data_oriented
