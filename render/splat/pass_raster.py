@@ -11,7 +11,7 @@ from taichi_cloth.ground.vectors import Vec16, keep
 from ..tiles.picture import Picture
 from ..tiles.rows import row_from_sprite
 
-__all__ = ["DEPTH", "FACING", "PASSING", "Wanted", "raster_passes"]
+__all__ = ["DEPTH", "FACING", "PASSING", "Wanted", "raster_passes", "shape_of"]
 
 # Planes of what is seen: the share of light that still passes, the depth [m], the normal (3).
 PASSING, DEPTH, FACING = 0, 1, 2
@@ -73,7 +73,7 @@ def raster_passes(
                 first = ti.max(0, ti.cast(ti.ceil(middle - reach - 0.5), ti.i32))
                 last = ti.min(TILE - 1, ti.cast(ti.floor(middle + reach - 0.5), ti.i32))
                 for y in range(first, last + 1):
-                    alpha, height = _shape(features, picture, splats, sheet, k, dx, y + 0.5 - middle, narrow)
+                    alpha, height = shape_of(features, picture, splats, sheet, k, dx, y + 0.5 - middle, narrow)
                     # What the pixels that it covers see of it.
                     at = tile * TILE + y
                     for x in range(LANES):
@@ -96,7 +96,7 @@ def raster_passes(
 
 
 @ti.func
-def _shape(features: Template, picture: Template, splats: F32x2, sheet: F32x1, k, dx, dy, narrow):
+def shape_of(features: Template, picture: Template, splats: F32x2, sheet: F32x1, k, dx, dy, narrow):
     """Alpha of 16 pixels of a row, and how far the particle rises there: 1 - (distance from its middle or axis, in
     radii)^2."""
     alpha = Vec16(0.0)

@@ -8,19 +8,24 @@ spread: a thick one has only one of those that it stands for.
 """
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from itertools import product
 from math import log
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taichi_cloth.detail.cell_stream import CellStream
+from taichi_cloth.detail.directions import DIRECTIONS, VIEWS, Seen, mended, tables
+from taichi_cloth.detail.patches import SPREAD
 from taichi_cloth.detail.surfels import guess_of
 from taichi_cloth.fabric.cells import CellCloth
-from taichi_cloth.ground.particles import COLOUR, LANES, OPENNESS, TANGENT
+from taichi_cloth.ground.particles import NORMAL, OPENNESS, TANGENT
 
 from ...render.data.finish import Finish
 from ...render.data.light import Lighting
+from ...render.splat.shares import shares_seen
 from ...render.splat.splat import Splatter
 from ...render.splat.stream import STREAMED
 from .flat_piece import SIZE, flat_piece, tilted_camera
@@ -31,15 +36,13 @@ F64 = NDArray[np.float64]
 
 THREADS, PIXELS = 20, 5.0
 """Threads each way of the piece, and pixels from one to the next where it is seen from above."""
-TILTS = 0.4, 0.9
-"""Cosines of the angles at which it is seen; how much it covers is asked at the last, as at a flat angle all do."""
 ROUNDS, POWER = 3, 0.4
 """Rounds in which a width is found; of fibres wider by a small share, by what power of that light that gets through is
 less, as a logarithm, at first."""
 WIDEST, OPENER = (0.85, 1.25), (0.3, 2.0)
 """What a width, and a factor of what a fibre does not see of the sky, are kept between."""
-SPREAD = 0.6
-"""The most that directions are spread by."""
+TURNS = 3
+"""Turns in which directions are found: what is seen hangs on them."""
 LITTLE = 0.03
 """Of a picture, a family of which no more is seen is left as it is."""
 CLEAR = 1e-3
@@ -57,28 +60,35 @@ def fit_few(cloth: CellCloth, number: int, pitch: tuple[float, float]) -> F64:
     guess = guess_of(cloth.bank, cloth.repeats)
     splatter, out = Splatter(*SIZE), guess.few[number].astype(np.float64)
 
-    def seen(level: int, side: int, tilt: float) -> F64:
+    def laid(level: int) -> CellStream:
         few = guess.few.copy()
         few[number] = out
         piece.level, piece.look = level, replace(guess, few=few)
-        return _seen(splatter, piece, tilt, side)
+        return piece
 
-    want = np.array([[seen(0, side, tilt) for tilt in TILTS] for side in (0, 1)])
-    covered = float(want[:, -1, 0].mean())
+    def seen(level: int) -> list[_Family]:
+        """At a flat angle and from nearly above: of the right side and of the wrong one warp and weft."""
+        return [
+            family
+            for tilt, side in product(VIEWS, (0, 1))
+            for family in _seen(splatter, laid(level), tilt, side)
+        ]  # fmt: skip
+
+    def covered(level: int) -> float:
+        return float(np.mean([_covered(splatter, laid(level), VIEWS[-1], side) for side in (0, 1)]))
+
+    want, cover = seen(0), covered(0)
     for level in range(1, cloth.bank.levels):
-        few = out[level]
-        _widen(lambda level=level: float(np.mean([seen(level, side, TILTS[-1])[0] for side in (0, 1)])), covered, few)
-        have = np.array([[seen(level, side, tilt) for tilt in TILTS] for side in (0, 1)])
-        for side in (0, 1):
-            for family in (0, 1):
-                share, opened = want[side, :, 1 + 2 * family : 3 + 2 * family].mean(axis=0)
-                now, now_opened = have[side, :, 1 + 2 * family : 3 + 2 * family].mean(axis=0)
-                if min(share, now) > LITTLE:
-                    shut = (1.0 - opened / share) / max(1.0 - now_opened / now, CLEAR)
-                    few[1 + 2 * side + family] = np.clip(shut, *OPENER)
-        # An even chance of so much each way has a third of its square.
-        spread = 3.0 * (want[..., 5:] - have[..., 5:]).mean(axis=(0, 1))
-        few[5:] = np.minimum(np.sqrt(np.maximum(spread, 0.0)), SPREAD)
+        few, rng = out[level], np.random.default_rng(level)
+        shut, turned = few[1:SPREAD], few[SPREAD:].reshape(-1, DIRECTIONS)
+        _widen(lambda level=level: covered(level), cover, few)
+        for turn in range(TURNS):
+            for k, (have, wanted) in enumerate(zip(seen(level), want, strict=True)):
+                if min(wanted.share, have.share) > LITTLE:
+                    more = (1.0 - wanted.opened) / max(1.0 - have.opened, CLEAR)
+                    shut[k] = np.clip(shut[k] * more, *OPENER)
+                    there, there_should = have.directions, wanted.directions
+                    turned[k] = mended(turned[k], there, there_should) if turn else tables(there, there_should, rng)
     return out
 
 
@@ -94,23 +104,52 @@ def _widen(cover: Callable[[], float], want: float, few: F64) -> None:
         few[0] = np.clip(few[0] * deep ** (-1.0 / power), *WIDEST)
 
 
-def _seen(splatter: Splatter, piece: CellStream, tilt: float, side: int) -> F64:
-    """From there: coverage; of warp how much of the picture it is and how much of that times its openness; of weft
-    likewise; of what is seen the mean squares of the fibres' directions, out of the cloth and across the thread."""
+@dataclass(frozen=True)
+class _Family:
+    """What is seen of warp or weft. share: of the picture; opened: mean openness; directions: of its fibres, but for
+    hairs, as `tables` takes them."""
+
+    share: float
+    opened: float
+    directions: Seen
+
+
+def _drawn(splatter: Splatter, piece: CellStream, tilt: float, side: int) -> Any:
+    """A piece is drawn from there: the camera, which pixels show its inner part, its particles, each one's family."""
     camera, where = tilted_camera(piece, tilt, side, PIXELS)
     survey = piece.survey(camera)
     chosen = np.flatnonzero(survey.counts).astype(np.int32)
-    laid, total = piece.lay(survey, chosen)
-    batch = np.array(laid)
-    family = np.zeros(batch.shape[1] * LANES, np.float32)
-    family[:total] = piece.numbers(survey, chosen)[1]
-    warp, opened = 1.0 - family.reshape(-1, LANES), batch[OPENNESS].copy()
-    rises, across = batch[TANGENT + 1] ** 2, np.where(warp > 0, batch[TANGENT], batch[TANGENT + 2]) ** 2
-    batch[OPENNESS], means = 1.0, []
-    for colours in ((warp, warp * opened, (1.0 - warp) * opened), (rises, across, across)):
-        batch[COLOUR : COLOUR + 3] = colours
-        splatter.load_blocks(STREAMED, batch, total)
-        splatter.render(camera, lighting=EVEN, finish=Finish(sheen=0.0))
-        means.append(splatter.linear()[where].mean(axis=0, dtype=np.float64))
-    (shown, of_warp, of_weft, cover), (high, wide, *_) = means
-    return np.array([cover, shown, of_warp, cover - shown, of_weft, high / cover, wide / cover])
+    family = piece.numbers(survey, chosen)[1]
+    batch, total = piece.lay(survey, chosen)
+    splatter.load_blocks(STREAMED, batch, total)
+    splatter.render(camera, lighting=EVEN, finish=Finish(sheen=0.0))
+    return camera, where, batch.reshape(len(batch), -1)[:, :total], family
+
+
+def _covered(splatter: Splatter, piece: CellStream, tilt: float, side: int) -> float:
+    """How much of the picture a piece covers from there."""
+    _, where, *_ = _drawn(splatter, piece, tilt, side)
+    return float(splatter.linear()[where][:, 3].mean(dtype=np.float64))
+
+
+def _seen(splatter: Splatter, piece: CellStream, tilt: float, side: int) -> tuple[_Family, _Family]:
+    """Warp and weft, from there."""
+    camera, where, batch, family = _drawn(splatter, piece, tilt, side)
+    share = shares_seen(splatter, where)[: len(family)] / np.count_nonzero(where)
+    there = share > 0.0
+    family, share, batch = family[there], share[there], batch[:, there].astype(np.float64)
+    # In the threads' frames: a warp end goes along -z, a weft pick along x, the cloth's normal is y.
+    tangent, normal = batch[TANGENT : TANGENT + 3], batch[NORMAL : NORMAL + 3]
+    along, aside = np.where(family == 0, -tangent[[2, 0]], tangent[[0, 2]] * [[1.0], [-1.0]])
+    way = np.sign(along)
+    to_eye = np.where(family == 0, *np.sign(camera.forward[[2, 0]] * (1.0, -1.0)))
+    ahead = to_eye * np.where(family == 0, -normal[2], normal[0])
+    seen = to_eye * way * tangent[1], way * aside, ahead, normal[1], share
+    core, out = batch[OPENNESS] < 1.0, []
+    for k in (0, 1):
+        of = family == k
+        total = float(share[of].sum())
+        opened = float(share[of] @ batch[OPENNESS, of]) / max(total, 1e-9)
+        of &= core
+        out.append(_Family(total, opened, Seen(*(one[of] for one in seen))))
+    return out[0], out[1]

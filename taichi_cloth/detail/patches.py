@@ -6,6 +6,7 @@ crossing and then the weft pick's. Their particles come one after the other; whe
 
 import taichi as ti
 
+from taichi_cloth.detail.directions import DIRECTIONS, VIEWS, turned
 from taichi_cloth.detail.thinning import FADE
 from taichi_cloth.detail.view import View, in_frustum, seen_at, tiles_of
 from taichi_cloth.fabric.cell_blocks import (
@@ -18,7 +19,7 @@ from taichi_cloth.fabric.cell_blocks import (
     hashed,
 )
 from taichi_cloth.fabric.cells import TEMPLATES, CellPack
-from taichi_cloth.fabric.laying import lay_particle
+from taichi_cloth.fabric.laying import frame_at, lay_particle
 from taichi_cloth.fabric.templates import COLUMN
 from taichi_cloth.ground.arrays import F32x1, F32x2, F32x3, I16x2, I32x1, I32x2, Template
 from taichi_cloth.ground.particles import (
@@ -42,8 +43,9 @@ __all__ = [
 CELL, PANEL, FIRST_PICK, FIRST_END, PATCH_PICKS, PATCH_ENDS, LAYERS, LEVEL = range(8)
 """Numbers of a patch: its cell and panel, its first pick and end in the panel, how many of each, layers, level."""
 PATCH = 8
-FEW = 7
-"""Numbers that `SheetLook` has of a level of fibres."""
+SPREAD = 9
+FEW = SPREAD + 8 * DIRECTIONS
+"""Numbers that `SheetLook` has of a level of fibres; where those of directions begin."""
 CHUNKS = 16
 
 
@@ -187,15 +189,26 @@ def lay(
                     x, d, outward = lay_particle(cloth.particle, t, p0, p1, a0, a1, n0, n1)
                     on_right = cloth.particle[t, COLUMN.normal + 2] > 0.0
                     lean = eye[3 + patch[q, LEVEL]]
+                    way, near = ti.Vector([0.0, 0.0, 0.0]), 0.5
                     if lean > 0.0:
                         way = (ti.Vector([eye[0], eye[1], eye[2]]) - x).normalized()  # pyright: ignore[reportOptionalCall]
+                        near = ti.math.clamp((ti.abs(way.dot(n0)) - VIEWS[0]) / (VIEWS[1] - VIEWS[0]), 0.0, 1.0)
+                    u, of = cloth.particle[t, COLUMN.u], family if on_right else 2 + family
+                    if patch[q, LEVEL] > 0 and cloth.particle[t, COLUMN.openness] < 1.0:
+                        chances = ti.Vector([0.0, 0.0, 0.0, 0.0])
+                        for c in ti.static(range(4)):
+                            chances[c] = hashed(yarn * 64 + along % 64, 4 * m + 4096 + c) / 16777216.0
+                        spread = few + SPREAD + DIRECTIONS * (4 + of if chances[3] < near else of)
+                        a, c, n = frame_at(a0, a1, n0, n1, u)
+                        own = ti.Vector([cloth.particle[t, COLUMN.tangent + k] for k in range(3)])
+                        out = ti.Vector([cloth.particle[t, COLUMN.normal + k] for k in range(3)])
+                        own, out = turned(
+                            own, out, a.dot(way), shades, p, spread, chances[0], chances[1], chances[2]
+                        )  # fmt: skip
+                        d = own[0] * a + own[1] * c + own[2] * n  # pyright: ignore[reportIndexIssue]
+                        outward = out[0] * a + out[1] * c + out[2] * n  # pyright: ignore[reportIndexIssue]
+                    if lean > 0.0:
                         outward = (outward + lean * way).normalized()
-                    if shades[p, few + 5] + shades[p, few + 6] > 0.0:
-                        chance = ti.cast(hashed(yarn * 64 + along % 64, 2 * m + 4096), ti.f32) / 8388608.0 - 1.0
-                        aside = ti.cast(hashed(yarn * 64 + along % 64, 2 * m + 4097), ti.f32) / 8388608.0 - 1.0
-                        d += shades[p, few + 5] * chance * n0 + shades[p, few + 6] * aside * n0.cross(a0)
-                        d = d.normalized()
-                    u = cloth.particle[t, COLUMN.u]
                     radius = cloth.particle[t, COLUMN.radius] * shades[p, few]
                     if share[q] < 1.0:
                         chance = ti.cast(hashed(yarn * 64 + along % 64, m), ti.f32) / 16777216.0
@@ -203,7 +216,7 @@ def lay(
                     group, lane = at // LANES, at % LANES
                     tone = cloth.particle[t, COLUMN.tone]
                     dyed = right if on_right else wrong
-                    shut = shades[p, few + 1 + family] if on_right else shades[p, few + 3 + family]
+                    shut = (1.0 - near) * shades[p, few + 1 + of] + near * shades[p, few + 5 + of]
                     for axis in ti.static(range(3)):
                         groups_out[POSITION + axis, group, lane] = x[axis]
                         groups_out[TANGENT + axis, group, lane] = d[axis]

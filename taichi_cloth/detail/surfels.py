@@ -12,7 +12,7 @@ import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
 
-from taichi_cloth.detail.patches import CELL, FEW, FIRST_END, FIRST_PICK, PANEL, PATCH_ENDS, PATCH_PICKS
+from taichi_cloth.detail.patches import CELL, FEW, FIRST_END, FIRST_PICK, PANEL, PATCH_ENDS, PATCH_PICKS, SPREAD
 from taichi_cloth.fabric.cell_blocks import cell_inside, cell_mean
 from taichi_cloth.fabric.cells import (
     COL,
@@ -80,8 +80,8 @@ class SheetLook:
     along the thread. alone: (repeats, 4) what threads send back with
     nothing but black ones round them, over what they do among their like: of warp and of weft on the right side, then
     on the wrong one. few: (repeats, levels, FEW) of each level of fibres, by what their width is taken times; what
-    they do not see of the sky, of warp and of weft on the right side, then on the wrong one; and the most by which
-    their directions are spread, out of the cloth and across the thread.
+    they do not see of the sky, of warp and of weft on the right side, then on the wrong one, seen at a flat angle, and
+    likewise from nearly above; and tables of directions, of the same eight (see `directions`).
     """
 
     factor: F32
@@ -120,7 +120,7 @@ def guess_of(bank: RepeatBank, repeats: tuple[WeaveRepeat, ...]) -> SheetLook:
         factor[r, ..., OPEN_WARP] = factor[r, ..., OPEN_WEFT] = 0.8
         begin += len(kinds)
     few = np.ones((len(repeats), bank.levels, FEW), np.float32)
-    few[..., 5:] = 0.0
+    few[..., SPREAD:] = 0.0
     return SheetLook(factor, lean, np.ones((len(repeats), 4), np.float32), few)
 
 

@@ -52,7 +52,8 @@ class Detail:
     variants: different fillings of the same kind of block. fringe: free yarn beyond the last crossing [pitches].
     irregularity: how far threads stray from even spacing, in fractions of it. seed: of everything random.
     hairs_each: real hairs that each drawn one stands for, as many times as wide. far: nobody tells one fibre from
-    another, so that pieces may lean from their course as those do that they stand for.
+    another, so that pieces may lean from their course as those do that they stand for: steps of the many; 0 where each
+    fibre is seen.
     """
 
     fibres: int = 12
@@ -62,7 +63,7 @@ class Detail:
     irregularity: float = 0.03
     seed: int = 0
     hairs_each: int = 1
-    far: bool = False
+    far: int = 0
 
 
 @dataclass(frozen=True)

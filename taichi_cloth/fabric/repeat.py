@@ -207,7 +207,8 @@ def _banks(layout: FabricLayout, periods: NDArray, variants: int) -> list[Templa
     for fibres, steps in levels_of(layout.detail.fibres, layout.detail.steps, most):
         bald += fibres <= BALD
         each = HAIRS_EACH**bald
-        detail = replace(layout.detail, fibres=fibres, steps=steps, variants=variants, hairs_each=each, far=bool(out))
+        far = layout.detail.steps if out else 0
+        detail = replace(layout.detail, fibres=fibres, steps=steps, variants=variants, hairs_each=each, far=far)
         shown = _with_naps(layout) if bald else layout
         bank = build_templates(replace(shown, blocks=blocks, detail=detail))
         assert (np.diff(bank.template) == 1).all()  # in the order of the blocks

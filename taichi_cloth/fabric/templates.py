@@ -28,6 +28,10 @@ I32 = NDArray[np.int32]
 FRAY = 1.6  # how much wider a yarn is at its free end
 LEAN = 0.45  # how far free ends stray from straight, in thread widths
 MOST_OPEN = 0.999  # of a fibre in a yarn; a hair stands open on all sides
+EVEN = 0.8191725134, 0.6710436067, 0.5497004779
+"""By which places within pieces follow one another from block to block, fibre to fibre and along one: powers of the
+inverse of the plastic number's kin in three dimensions (M. Roberts, "The unreasonable effectiveness of quasirandom
+sequences", 2018)."""
 WANDER = 0.10  # bend of a fibre between block ends that tells variants apart, in yarn radii
 
 
@@ -109,8 +113,10 @@ def particle_count(layout: FabricLayout) -> int:
         body = (family == which) & (section == BODY)
         free = (family == which) & (section != BODY)
         total += rows * (int(body.sum()) * detail.steps + int(free.sum()) * _free_steps(layout))
-        for v, n in enumerate(np.bincount(blocks.variant[body], minlength=1)):
-            total += int(n) * _grown(layout, threads.yarn, period, which, v).half_length.size
+        parts = max(1, layout.detail.hairs_each)
+        for code, n in enumerate(np.bincount(blocks.variant[body] * parts + blocks.phase[body] % parts)):
+            if n:
+                total += int(n) * _grown(layout, threads.yarn, period, which, *divmod(code, parts)).half_length.size
     return total
 
 
@@ -119,14 +125,16 @@ def _free_steps(layout: FabricLayout) -> int:
     return max(1, round(layout.detail.fringe * layout.detail.steps))
 
 
-def _grown(layout: FabricLayout, yarn: Yarn, period: Period, family: int, variant: int) -> Strands:
-    """The hairs of one variant of a family's blocks."""
+def _grown(layout: FabricLayout, yarn: Yarn, period: Period, family: int, variant: int, part: int) -> Strands:
+    """The hairs of one variant of a family's blocks; where one stands for several, those that blocks of that part of
+    the period have, so that all have their turn."""
     return hairs(
         yarn,
         length=period.block_length,
         step=1.5 * period.block_length / layout.detail.steps,
         seed=((layout.detail.seed * 2 + family) << 20) + 1000 + variant,
         each=layout.detail.hairs_each,
+        part=part,
     )
 
 
@@ -226,6 +234,15 @@ def _core(
     offset, tangent, normal = _bend(
         section_yz, gather(spun.tangent), gather(spun.normal), z[:, None, :], slope[:, None, :]
     )
+    if layout.detail.far and section == BODY:
+        # Few pieces have the slopes of many: each that of some place of it where one of many stands.
+        finest = layout.detail.far
+        turns = np.multiply.outer(phase + variant * period.blocks, np.ones((rows, count))) * EVEN[0]
+        turns += np.arange(rows)[:, None] * EVEN[1] + np.arange(count) * EVEN[2]
+        spot = ((u + (turns % 1.0 - 0.5) / steps) * finest).astype(np.int64).clip(0, finest - 1)
+        slopes = _path(layout, kind, (np.arange(finest) + 0.5) / finest, section)[1]
+        sampled = np.take_along_axis(slopes[:, None], spot, axis=2)
+        _, tangent, normal = _bend(section_yz, gather(spun.tangent), gather(spun.normal), z[:, None, :], sampled)
     # What is seen of the fibres that a thick one stands for lies farther out, on the cloth's side that it is on.
     out = standing_out(radius, grown, rows / (yarn.fibres_in_section * yarn.plies))[..., None]
     out = out * np.clip(offset[..., 2] / radius[..., None], -1.0, 1.0)
@@ -265,11 +282,12 @@ def _hair(
 ) -> list[_Piece]:
     """Hairs of each variant, turned with the block's place in the period so that no two blocks look alike."""
     pieces = []
-    for v in np.unique(variant):
-        grown = _grown(layout, yarn, period, family, int(v))
+    parts = max(1, layout.detail.hairs_each)
+    for code in np.unique(variant * parts + phase % parts):
+        grown = _grown(layout, yarn, period, family, *(int(k) for k in divmod(code, parts)))
         if not len(grown.ply):
             continue
-        mine = np.flatnonzero(variant == v)
+        mine = np.flatnonzero(variant * parts + phase % parts == code)
         turn = (phase[mine] * (pi * (3.0 - 5.0**0.5)))[:, None, None]
 
         def turned(array: F64, turn: F64 = turn) -> F64:

@@ -41,17 +41,17 @@ def usual_hairiness(fibre: str, form: Literal["spun", "filament"], tex: float, *
     return Hairiness(ends * more, loops * more, height, FLAT if raised else LIE)
 
 
-def hairs(yarn: Yarn, *, length: float, step: float, seed: int, each: int = 1) -> Strands:
+def hairs(yarn: Yarn, *, length: float, step: float, seed: int, each: int = 1, part: int = 0) -> Strands:
     """Flyaway ends and loops on `length` [m] of yarn, each a row of points at most `step` [m] apart.
 
     A flyaway end comes out of the yarn at a slant, rises, curls and ends in a point; a loop rises and goes in again.
     Which and where is drawn from `seed`; their number is the stated number per metre, rounded at random so that the
     mean is right. All rows have as many points as the longest hair needs. A hair is as thick as a real fibre; or it
-    stands for `each` of them and is as many times as wide.
+    stands for `each` of them and is as many times as wide: then it is every `each`-th, from number `part` on.
     """
     rng = np.random.Generator(np.random.Philox(key=seed))
     stated = yarn.hairiness
-    counts = [int(n * length / each + rng.random()) for n in (stated.ends_per_m, stated.loops_per_m)]
+    counts = [int(n * length + rng.random()) for n in (stated.ends_per_m, stated.loops_per_m)]
     rows = sum(counts)
     height = stated.height_mm * 1e-3 * np.clip(rng.exponential(1.0, rows), 0.15, 3.0)
     reach = height * (stated.lie / LIE) * rng.uniform(0.8, 2.2, rows) * np.where(rng.random(rows) < 0.5, -1.0, 1.0)
@@ -83,14 +83,16 @@ def hairs(yarn: Yarn, *, length: float, step: float, seed: int, each: int = 1) -
     segment = np.linalg.norm(path(t + 0.5 / points) - path(t - 0.5 / points), axis=-1)
     thin = np.where(is_end, np.maximum(1.0 - t, 0.0) / TIP, 1.0).clip(POINT, 1.0)
     girth = 1.0 + GIRTH * rng.uniform(-1.0, 1.0, (rows, 1))
+    tone = 1.05 + 0.08 * rng.standard_normal(rows).clip(-2, 2)
+    kept = slice(part, None, each)
     return Strands(
-        position=middle,
-        tangent=tangent,
-        normal=unit(normal),
-        ply=np.zeros(rows, np.int32),
-        tone=1.05 + 0.08 * rng.standard_normal(rows).clip(-2, 2),
-        depth=np.ones((rows, points)),
-        radius=each * yarn.fibre_diameter / 2 * girth * thin,
-        away=np.linalg.norm(out, axis=-1),
-        half_length=OVERLAP * 0.5 * segment,
+        position=middle[kept],
+        tangent=tangent[kept],
+        normal=unit(normal)[kept],
+        ply=np.zeros(len(tone[kept]), np.int32),
+        tone=tone[kept],
+        depth=np.ones((rows, points))[kept],
+        radius=(each * yarn.fibre_diameter / 2 * girth * thin)[kept],
+        away=np.linalg.norm(out, axis=-1)[kept],
+        half_length=(OVERLAP * 0.5 * segment)[kept],
     )

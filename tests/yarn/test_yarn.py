@@ -256,3 +256,14 @@ def test_impossible_yarns_are_refused(bad: dict, says: str):
 def _sorted(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     order = np.argsort(x)
     return x[order], y[order]
+
+
+def test_hairs_that_stand_for_several_take_turns() -> None:
+    """Every third of the same hairs, three times as wide: the three parts together are all of them."""
+    yarn = Yarn(count_tex=20, hairiness=Hairiness(4000.0, 2000.0, 0.3))
+    every = hairs(yarn, length=0.01, step=1e-4, seed=5)
+    parts = [hairs(yarn, length=0.01, step=1e-4, seed=5, each=3, part=k) for k in range(3)]
+    assert sum(len(part.ply) for part in parts) == len(every.ply)
+    for k, part in enumerate(parts):
+        assert (part.position == every.position[k::3]).all()
+        assert part.radius == pytest.approx(3 * every.radius[k::3])
