@@ -17,10 +17,13 @@ import taichi as ti
 from taichi_cloth.ground.arrays import F32x3, Template
 from taichi_cloth.layer_loops.pair_loops import PairLoops, nearest_of, parting_of, place_of
 from taichi_cloth.layer_loops.places import Lists, Places, turns
-from taichi_cloth.layers.blended import answer, slid
+from taichi_cloth.layers.blended import FIRM, TOUCHING, WEAK, Nodes, answer, slid
+from taichi_cloth.layers.blended import NODES as OF_BLENDS
+from taichi_cloth.layers.blended import ROOM as BLEND_ROOM
 from taichi_cloth.layers.contacts import GROWTH, ROOM, SAVED
 from taichi_cloth.layers.near_pairs import NEAR_SEAMS
 from taichi_cloth.layers.nearest import EDGES, FACES, weights_of
+from taichi_cloth.layers.tree import NONE
 
 __all__ = ["ContactLoops"]
 
@@ -31,23 +34,29 @@ CORNERS = 4
 class ContactLoops:
     """pairs: near pairs. Of each of them share: [2], where they are nearest, and kept: what a contact keeps it apart by
     [m], −1 of those that are none. before: lists, by their first key points, of what contacts pushed in the last
-    interval; remembered: how many, stays: which of them held. entries: of each key point, its contacts, four times
-    their number plus their corner; weight: by the same number. Of each contact gap [m], active: whether it answers,
-    change, move: [axis], what it changes steps and positions by, over weight and 1/m. held: contacts of a key point
-    that answer."""
+    interval; remembered: how many, stays: which of them held. nodes: what contacts consist of, those of one up to
+    `ends`: of sheets its four corners, of garments `lists` says from where; owner: the contact of each of these, −1 of
+    none. entries: of each key point, where in `nodes` it is. Of each contact gap [m], active: whether it answers,
+    change, move: [axis], what it changes steps and positions by, over weight and 1/m; slot: its near pair. held:
+    contacts of a key point that answer. sewn: of a garment, in which points of near pairs are blends of key points."""
 
-    def __init__(self, pairs: PairLoops) -> None:
+    def __init__(self, pairs: PairLoops, *, sewn: bool) -> None:
         self.points, self.pairs, self.near = pairs.points, pairs.points.near.pairs, pairs.near
         self.contacts, self.many, self.count, self.row = pairs.points.contacts, pairs.many, pairs.count, pairs.row
-        size, room = self.count, min(self.contacts.room, ROOM * self.count)
-        self.room, slots = room, sum(self.pairs.rooms)
+        size, blends = self.count, self.points.blends.at.shape[0] if sewn else 0
+        room = min(self.contacts.room, ROOM * self.count + BLEND_ROOM * blends)
+        self.sewn, self.room, slots = sewn, room, sum(self.pairs.rooms)
         self.share, self.kept = [ti.field(ti.f32, slots) for _ in range(2)], ti.field(ti.f32, slots)
         self.seen = ti.field(ti.i32, ())
         self.places: Any = Places(slots, self.seen)
-        self.before: Any = Lists(size, room)
+        self.before: Any = Lists(self.points.inverse_mass.shape[0] if sewn else size, room)
         self.remembered, self.stays = ti.field(ti.i32, ()), ti.field(ti.i32, self.before.room)
-        self.entries: Any = Lists(size, CORNERS * room)
-        self.weight = ti.field(ti.f32, CORNERS * room)
+        self.listed = CORNERS * room + OF_BLENDS * BLEND_ROOM * blends
+        self.nodes: Any = Nodes(self.listed)
+        self.lists: Any = Places(room, self.contacts.count) if sewn else None
+        self.ends, self.slot = ti.field(ti.i32, room), ti.field(ti.i32, room)
+        self.owner = ti.field(ti.i32, self.listed if sewn else 1)
+        self.entries: Any = Lists(size, self.listed)
         self.gap, self.active = ti.field(ti.f32, room), ti.field(ti.i32, room)
         self.change, self.move = ([ti.field(ti.f32, room) for _ in range(3)] for _ in range(2))
         self.held = ti.field(ti.f32, size)
@@ -67,17 +76,83 @@ class ContactLoops:
                 slot = t + turn * self.many
                 if self.kept[slot] >= 0.0 and self.places.of[slot] < self.room:
                     self.add(slot, self.places.of[slot])
+        if ti.static(self.sewn):
+            self.lists.sum_up()
+        for c in range(self.room):
+            if c < self.contacts.count[None]:
+                self.gather(c)
         self.entries.clear()
-        for c in range(self.room):
-            if c < self.contacts.count[None]:
-                for corner in ti.static(range(CORNERS)):
-                    self.entries.count(self.contacts.point[corner][c])
+        for e in range(self.listed):
+            if self.is_listed(e):
+                self.entries.count(self.nodes.node[e])
         self.entries.places.sum_up()
-        for c in range(self.room):
-            if c < self.contacts.count[None]:
-                for corner in ti.static(range(CORNERS)):
-                    self.entries.put(self.contacts.point[corner][c], CORNERS * c + corner)
+        for e in range(self.listed):
+            if self.is_listed(e):
+                self.entries.put(self.nodes.node[e], e)
         self.entries.sort()
+
+    @ti.func
+    def first(self, c):
+        """Where the key points of contact c begin in `nodes`."""
+        out = CORNERS * c
+        if ti.static(self.sewn):
+            out = ti.min(self.lists.of[c], self.listed)
+        return out
+
+    @ti.func
+    def of(self, e):
+        """The contact that number e of `nodes` is of."""
+        out = e // CORNERS
+        if ti.static(self.sewn):
+            out = self.owner[e]
+        return out
+
+    @ti.func
+    def is_listed(self, e):
+        """Whether number e of `nodes` is a key point of a contact."""
+        out = False
+        if ti.static(self.sewn):
+            out = e < self.lists.total[None]
+            if out:
+                out = self.owner[e] >= 0
+        else:
+            out = e < CORNERS * self.contacts.count[None]
+            if out:
+                out = e < self.ends[e // CORNERS]
+        return out
+
+    @ti.func
+    def gather(self, c):
+        """What contact c consists of, and its share; as `Blended.add` has them."""
+        pair, begin, room, blends = self.pair_of(self.slot[c]), self.first(c), 0, 0
+        weights = ti.Vector([self.contacts.weight[corner][c] for corner in ti.static(range(CORNERS))])
+        for corner in ti.static(range(CORNERS)):
+            room += self.size_of(self.contacts.point[corner][c])
+            blends += ti.select(self.points.blends.of[self.contacts.point[corner][c]] >= 0, 1, 0)
+        end = begin
+        if begin + room <= self.listed:
+            end = self.nodes.gather(self.points, self.pairs, pair, weights, begin)
+        else:
+            self.contacts.overflow[None] = 1
+        yields, most = self.nodes.yields(self.points, begin, end)
+        if ti.static(self.sewn):
+            for e in range(begin, ti.min(begin + room, self.listed)):
+                self.owner[e] = ti.select(e < end, c, -1)
+            if blends > 0:
+                if yields <= WEAK * most:
+                    self.contacts.kept[c], self.contacts.pushed[c], self.contacts.holds[c] = -NONE, 0.0, 0
+                elif yields <= FIRM * most:
+                    self.contacts.kept[c] = ti.min(self.contacts.kept[c], TOUCHING * self.pairs.least[pair])
+        self.ends[c], self.contacts.share[c] = end, ti.select(yields > 0.0, 1.0 / ti.max(yields, 1e-20), 0.0)
+
+    @ti.func
+    def size_of(self, p):
+        """Of how many key points element p is one, or a blend."""
+        k = self.points.blends.of[p]
+        out = 1
+        if k >= 0:
+            out = self.points.blends.start[k + 1] - self.points.blends.start[k]
+        return out
 
     @ti.func
     def end(self):
@@ -197,14 +272,15 @@ class ContactLoops:
     def add(self, slot, c):
         """A near pair as contact c, which begins with what that pushed."""
         pair, weights = self.pair_of(slot), weights_of(self.kind_of(slot), self.share[0][slot], self.share[1][slot])
-        yields = 0.0
+        self.slot[c], size = slot, 0
         for corner in ti.static(range(CORNERS)):
-            w = weights[corner]
-            self.contacts.weight[corner][c], self.weight[CORNERS * c + corner] = w, w
-            yields += w * w * self.points.inverse_mass[self.pairs.point[corner][pair]]
+            self.contacts.weight[corner][c] = weights[corner]
+            size += self.size_of(self.pairs.point[corner][pair])
+        if ti.static(self.sewn):
+            self.lists.of[c] = size
         for axis in ti.static(range(3)):
             self.contacts.normal[axis][c] = self.pairs.normal[axis][pair]
-        self.contacts.kept[c], self.contacts.share[c] = self.kept[slot], 1.0 / yields
+        self.contacts.kept[c] = self.kept[slot]
         self.contacts.before.recall(self.points, self.contacts, self.pairs, pair, c)
 
     @ti.func
@@ -214,9 +290,9 @@ class ContactLoops:
             if self.entries.size[p] > 0:
                 way = ti.Vector([0.0, 0.0, 0.0])
                 for e in range(self.entries.first(p), self.entries.end(p)):
-                    c = self.entries.entry[e] // CORNERS
+                    c = self.of(self.entries.entry[e])
                     if self.contacts.pushed[c] > 0.0:
-                        share = self.contacts.share[c] * self.weight[self.entries.entry[e]]
+                        share = self.contacts.share[c] * self.nodes.weight[self.entries.entry[e]]
                         for axis in ti.static(range(3)):
                             push = self.contacts.pushed[c] * self.contacts.normal[axis][c]
                             way[axis] += share * (push + self.contacts.rubbed[axis][c])
@@ -232,15 +308,15 @@ class ContactLoops:
             for turn in range(turns(self.contacts.count[None], t, self.many)):
                 c = t + turn * self.many
                 gap = -self.contacts.kept[c]
-                for corner in ti.static(range(CORNERS)):
-                    p, w = self.contacts.point[corner][c], self.contacts.weight[corner][c]
+                for e in range(self.first(c), self.ends[c]):
+                    p, w = self.nodes.node[e], self.nodes.weight[e]
                     for axis in ti.static(range(3)):
                         gap += w * self.contacts.normal[axis][c] * points.position[axis][p]
                 self.gap[c], self.active[c] = gap, ti.select(gap < 0.0 or self.contacts.pushed[c] > 0.0, 1, 0)
         for p in range(self.count):
             held = 0.0
             for e in range(self.entries.first(p), self.entries.end(p)):
-                held += ti.cast(self.active[self.entries.entry[e] // CORNERS], ti.f32)
+                held += ti.cast(self.active[self.of(self.entries.entry[e])], ti.f32)
             self.held[p] = held
         for t in range(self.many):
             for turn in range(turns(self.contacts.count[None], t, self.many)):
@@ -251,9 +327,9 @@ class ContactLoops:
             if self.held[p] > 0.0:
                 change, move = ti.Vector([0.0, 0.0, 0.0]), ti.Vector([0.0, 0.0, 0.0])
                 for e in range(self.entries.first(p), self.entries.end(p)):
-                    c = self.entries.entry[e] // CORNERS
+                    c = self.of(self.entries.entry[e])
                     if self.active[c] != 0:
-                        w = self.weight[self.entries.entry[e]]
+                        w = self.nodes.weight[self.entries.entry[e]]
                         for axis in ti.static(range(3)):
                             change[axis] += w * self.change[axis][c]
                             move[axis] += w * self.move[axis][c]
@@ -266,8 +342,8 @@ class ContactLoops:
         """What contact c asks of its key points."""
         place, step, shared = ti.Vector([0.0, 0.0, 0.0]), ti.Vector([0.0, 0.0, 0.0]), 0.0
         n = ti.Vector([self.contacts.normal[axis][c] for axis in ti.static(range(3))])
-        for corner in ti.static(range(CORNERS)):
-            p, w = self.contacts.point[corner][c], self.contacts.weight[corner][c]
+        for e in range(self.first(c), self.ends[c]):
+            p, w = self.nodes.node[e], self.nodes.weight[e]
             shared += w * w * points.inverse_mass[p] * self.held[p]
             for axis in ti.static(range(3)):
                 place[axis] += w * points.position[axis][p]

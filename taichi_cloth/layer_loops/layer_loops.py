@@ -16,6 +16,7 @@ from taichi_cloth.ground.arrays import Float, Int
 from taichi_cloth.layer_loops.contact_loops import ContactLoops
 from taichi_cloth.layer_loops.pair_loops import PairLoops
 from taichi_cloth.layer_loops.path_loops import PathLoops
+from taichi_cloth.layer_loops.piece_loops import PieceLoops
 from taichi_cloth.layer_loops.proof_loops import ProofLoops
 from taichi_cloth.layer_loops.search_loops import SearchLoops
 from taichi_cloth.layers.certificate import BACK, LET_OFF, LOOK, PUSH, PUSHES, ROUNDS
@@ -33,19 +34,21 @@ Told: Any = ti.types.vector(3, ti.f32)
 @ti.data_oriented
 class LayerLoops:
     """Of one sheet. points: the `LayerFields`, whose lists and numbers are used. loops: of the frame, a `FrameLoops`.
-    there: key points of the sheet.
+    there: key points of the sheet. sewn: whether it has an outline, as a garment has: pieces of cells, and points that
+    are blends of key points.
 
     Of a frame pushed, let_off, unproven: as of `LayerFields` and `Certificate`.
     """
 
-    def __init__(self, points: Any, loops: Any, there: int) -> None:
-        self.points, self.loops, self.frame = points, loops, loops.frame
+    def __init__(self, points: Any, loops: Any, there: int, *, sewn: bool) -> None:
+        self.points, self.loops, self.frame, self.sewn = points, loops, loops.frame, sewn
         rows, width = loops.padded_shape
         self.count = rows * width
-        self.paths = PathLoops(points, self.count, width, there)
+        self.paths = PathLoops(points, self.count, width, there, sewn=sewn)
         self.search = SearchLoops(points, loops.padded_shape, min(-(-EACH * self.count // 1024) * 1024, MOST))
-        self.pairs = PairLoops(self.search)
-        self.contacts = ContactLoops(self.pairs)
+        self.pairs = PairLoops(self.search, sewn=sewn)
+        self.pieces: Any = PieceLoops(self.pairs) if sewn else None
+        self.contacts = ContactLoops(self.pairs, sewn=sewn)
         self.proof = ProofLoops(self.contacts)
         self.start(1, 1, 1, 0.0, False)
 
@@ -71,6 +74,8 @@ class LayerLoops:
     def _open(self, kept: Any) -> tuple[int, int]:
         if len(kept):
             self.contacts.load(kept)
+        if self.sewn:
+            self._learn()
         self._arrive()
         self._look_for_all(0.0, self._substeps)
         return self._begin(0, min(self._most(), self._substeps), bool(len(kept)))
@@ -81,12 +86,17 @@ class LayerLoops:
 
     def _look_for_all(self, span: float, left: int) -> None:
         self._search(span, self._longest, left)
+        if self.sewn:
+            self._ask_pieces()
+        self._keep()
+        if self.sewn:
+            self._keep_pieces()
         faces, edges, self._horizon = (int(one) for one in self._list())
         self._since, self._used, self._alone = 0, 0.0, faces + edges == 0
 
     def _begin(self, done: int, length: int, first: bool = False) -> tuple[int, int]:
         """An interval. first: whether contacts begin with what the state remembers of them."""
-        self._go_on(length, int(first))
+        self._go_on(done, length, int(first))
         self._began = done
         return done, done + length
 
@@ -155,6 +165,13 @@ class LayerLoops:
             for axis in ti.static(range(3)):
                 self.points.position[axis][p] = self.frame.position[axis][p]
                 self.points.step[axis][p] = self.frame.step[axis][p]
+        self.refresh()
+
+    @ti.func
+    def refresh(self):
+        """A loop: blends of key points are where these are."""
+        if ti.static(self.sewn):
+            self.pieces.refresh()
 
     @ti.kernel
     def _leave(self):
@@ -164,30 +181,54 @@ class LayerLoops:
 
     @ti.func
     def give(self, p):
-        for axis in ti.static(range(3)):
-            self.frame.position[axis][p] = self.points.position[axis][p]
-            self.frame.step[axis][p] = self.points.step[axis][p]
+        if not self.paths.is_blend(p):
+            for axis in ti.static(range(3)):
+                self.frame.position[axis][p] = self.points.position[axis][p]
+                self.frame.step[axis][p] = self.points.step[axis][p]
 
     @ti.kernel
     def _search(self, span: Float, longest: Int, left: Int):
         """Of all, from paths that begin here."""
         self.paths.predict(span, longest, left)
         self.search.boxes()
+        if ti.static(self.sewn):
+            self.pieces.reach()
+        self.search.rise()
         self.search.descend()
         self.pairs.ask_all()
 
     @ti.kernel
+    def _learn(self):
+        self.pieces.learn()
+
+    @ti.kernel
+    def _ask_pieces(self):
+        self.pieces.count_up()
+        self.pieces.ask_all()
+
+    @ti.kernel
+    def _keep(self):
+        self.pairs.keep_all()
+
+    @ti.kernel
+    def _keep_pieces(self):
+        self.pieces.keep_all()
+
+    @ti.kernel
     def _list(self) -> Told:  # pyright: ignore[reportInvalidTypeForm]
         """Of what was found: how many pairs there are of both kinds, and how many substeps that is good for."""
-        self.pairs.keep_all()
         self.search.settle()
+        if ti.static(self.sewn):
+            self.pieces.settle()
         count = ti.static(self.points.near.pairs.count)
         return Told(count[FACES], count[EDGES], self.points.horizon[None])
 
     @ti.kernel
-    def _go_on(self, length: Int, first: Int):
-        """An interval of so many substeps begins. first: as of `ContactLoops.next`."""
+    def _go_on(self, done: Int, length: Int, first: Int):
+        """An interval of so many substeps begins with substep `done`. first: as of `ContactLoops.next`."""
         self.paths.keep()
+        for _ in range(1):
+            self.points.began[None] = done
         self.loops.note()
         self.contacts.next(length, first)
 
@@ -202,10 +243,12 @@ class LayerLoops:
     @ti.kernel
     def _mend(self, remedy: Int):
         self.proof.mend(remedy)
+        self.refresh()
 
     @ti.kernel
     def _pull(self, span: Float):
         self.paths.pull_back(span)
+        self.refresh()
 
     @ti.kernel
     def _turn(self):
@@ -217,16 +260,19 @@ class LayerLoops:
         self.paths.go_back()
         for p in range(self.count):
             self.give(p)
+        self.refresh()
         self.loops.recall(done)
 
     def response(self, mended: float, again: bool) -> Callable[..., Any]:
         """A kernel of a substep, the first time in it, or again."""
-        contacts, points = self.contacts, self.frame
+        contacts, points, loops = self.contacts, self.frame, self.loops
 
         @ti.kernel
         def respond():
             if ti.static(not again):
                 contacts.warm(points)
+                if ti.static(self.sewn):
+                    self.paths.hold(points, loops)
             contacts.respond(points, mended)
 
         return respond

@@ -49,12 +49,13 @@ def parting_of(kind, i, j, k, m, found):
 
 @ti.data_oriented
 class PairLoops:
-    """search: the cells at hand. bits: of each pair of cells, which of its parts are near pairs."""
+    """search: the cells at hand. bits: of each pair of cells, which of its parts are near pairs. cells: how many are
+    asked; of garments behind the pairs also each cell with itself, see `PieceLoops`."""
 
-    def __init__(self, search: SearchLoops) -> None:
+    def __init__(self, search: SearchLoops, *, sewn: bool) -> None:
         self.search, self.points, self.near = search, search.points, search.points.near
         self.many, self.count, self.row = search.many, search.count, search.row
-        room = search.room
+        room = search.room + (search.count if sewn else 0)
         self.bits, self.cells = ti.field(ti.i32, room), ti.field(ti.i32, ())
         self.faces: Any = Places(room, self.cells)
         self.edges: Any = Places(room, self.cells)
@@ -84,6 +85,16 @@ class PairLoops:
                 self.end()
             for turn in range(turns(self.search.pairs(), t, self.many)):
                 self.keep(t + turn * self.many)
+
+    @ti.func
+    def behind(self, pair):
+        """Places of the first of faces and of edges behind those that two cells have as a whole."""
+        faces, edges = self.faces.of[pair], self.edges.of[pair]
+        for turn in range(OF_FACES):
+            faces += (self.bits[pair] >> turn) & 1
+        for turn in range(OF_EDGES):
+            edges += (self.bits[pair] >> (OF_FACES + turn)) & 1
+        return faces, edges
 
     @ti.func
     def end(self):

@@ -16,10 +16,11 @@ GROUP = 256
 
 @ti.data_oriented
 class PathLoops:
-    """points: a `LayerFields`. count: elements of the padded grid; row: of them. there: key points of the sheet."""
+    """points: a `LayerFields`. count: elements of the padded grid; row: of them. there: key points of the sheet. sewn:
+    whether points of it are blends of others."""
 
-    def __init__(self, points: Any, count: int, row: int, there: int) -> None:
-        self.points, self.paths = points, points.paths
+    def __init__(self, points: Any, count: int, row: int, there: int, *, sewn: bool) -> None:
+        self.points, self.paths, self.sewn = points, points.paths, sewn
         self.count, self.row, self.there = count, row, there
         self.groups = -(-count // GROUP)
         self.value, self.group = ti.field(ti.f32, self.groups * GROUP), ti.field(ti.f32, self.groups)
@@ -101,24 +102,68 @@ class PathLoops:
 
     @ti.func
     def pull_back(self, span):
-        """Loops: as `Paths.pull_back`; threads by colours, every second of a row or column at a time."""
+        """Loops: as `Paths.pull_back`; threads by colours, every second of a row or column at a time. Corners of cells
+        that are blends move what others may: one after the other, and the threads to them, after the others."""
         for _ in ti.static(range(ROUNDS)):
             for p in range(self.count):
-                off = self.paths.away(self.points, p)
-                used = off.norm_sqr() * self.paths.room[p]
-                if used > FULL and self.points.inverse_mass[p] > 0.0:
-                    back = (1.0 - FULL / ti.sqrt(used)) * off
-                    self.points.blends.move(self.points, p, -back, -back / span)
+                if not self.is_blend(p):
+                    self.pull(p, span)
+            if ti.static(self.sewn):
+                for _ in range(1):
+                    for k in range(self.points.blends.count[None]):
+                        if self.points.blends.at[k] < self.count:
+                            self.pull(self.points.blends.at[k], span)
             for colour in ti.static(range(4)):
                 for p in range(self.count):
-                    self.turn_back(p, span, colour)
+                    offset = ti.static(1 if colour < 2 else self.row)
+                    line = ti.select(ti.static(colour < 2), p % self.row, p // self.row)
+                    if line % 2 == colour % 2 and not self.is_blend(p) and not self.is_blend(p + offset):
+                        self.turn_back(p, span, ti.static(colour // 2))
+            if ti.static(self.sewn):
+                for _ in range(1):
+                    for k in range(self.points.blends.count[None]):
+                        p = self.points.blends.at[k]
+                        if p < self.count:
+                            for along, first in ti.static(((0, 0), (0, 1), (1, 0), (1, self.row))):
+                                self.turn_back(p - first, span, along)
 
     @ti.func
-    def turn_back(self, p, span, colour: Template):
-        """The threads of a colour that begin at p."""
-        offset, turn = ti.static((1, self.paths.turn_east) if colour < 2 else (self.row, self.paths.turn_north))
-        line = p // self.row
-        if ti.static(colour < 2):
-            line = p % self.row
-        if line % 2 == colour % 2 and turn[p] > 0.0:
+    def is_blend(self, p):
+        out = False
+        if ti.static(self.sewn):
+            out = self.points.blends.of[ti.min(p, self.count - 1)] >= 0
+        return out
+
+    @ti.func
+    def pull(self, p, span):
+        """Key point p, or a blend, to the edge of its room."""
+        off = self.paths.away(self.points, p)
+        used = off.norm_sqr() * self.paths.room[p]
+        if used > FULL and self.points.inverse_mass[p] > 0.0:
+            back = (1.0 - FULL / ti.sqrt(used)) * off
+            self.points.blends.move(self.points, p, -back, -back / span)
+
+    @ti.func
+    def turn_back(self, p, span, north: Template):
+        """The thread that begins at p, along its row or its column."""
+        offset, turn = ti.static((self.row, self.paths.turn_north) if north else (1, self.paths.turn_east))
+        if turn[p] > 0.0:
             self.paths.turn_back(self.points, p, p + offset, turn[p], span)
+
+    @ti.func
+    def hold(self, points: Template, loops: Template):
+        """A loop: as `Paths.hold_all`. points: of the solver. loops: of a frame."""
+        for p in range(self.count):
+            done = loops.now() + 1 - self.points.began[None]
+            time, most = ti.cast(self.paths.since[None] + done, ti.f32), self.paths.held[None] ** 2
+            off, total = ti.Vector([0.0, 0.0, 0.0]), 0.0
+            for axis in ti.static(range(3)):
+                here = points.position[axis][p] - self.paths.begin[axis][p]
+                off[axis] = here - time * self.paths.pace[axis][p]
+                total += off[axis] * off[axis]
+            total *= self.paths.room[p]
+            if total > most and points.inverse_mass[p] > 0.0:
+                share = 1.0 - ti.min(ti.sqrt(most / ti.max(total, 1e-9)), 1.0)
+                for axis in ti.static(range(3)):
+                    points.position[axis][p] = points.position[axis][p] - share * off[axis]
+                    points.step[axis][p] = points.step[axis][p] - share * off[axis]

@@ -13,6 +13,7 @@ import taichi as ti
 
 from taichi_cloth.ground.arrays import Template
 from taichi_cloth.layer_loops.places import Places
+from taichi_cloth.layers.outline import BEYOND
 from taichi_cloth.layers.paths import CELL, EAST, NORTH, POINT
 from taichi_cloth.layers.search import ROOM
 from taichi_cloth.layers.tree import NONE, TOP, levels_of
@@ -50,21 +51,25 @@ class SearchLoops:
 
     @ti.func
     def boxes(self):
-        """Loops: of all levels, until the horizon; and patches."""
+        """Loops: of all cells, until the horizon."""
         for p in range(self.count):
             ahead = ti.cast(self.points.horizon[None], ti.f32)
             for axis in ti.static(range(3)):
                 self.tree.bounds_at(self.paths, ahead, axis, p, self.row)
+
+    @ti.func
+    def rise(self):
+        """Loops: of all levels, and patches."""
         for q in range(self.nodes):
             self.clear[q], self.slack[q] = bits_of(NONE), bits_of(NONE)
         for level in ti.static(range(1, self.top + 1)):
-            self.rise(ti.static(self.levels[level]), ti.static(self.levels[level - 1]))
+            self.rise_to(ti.static(self.levels[level]), ti.static(self.levels[level - 1]))
         for level in ti.static(range(self.top + 1)):
             for q in range(ti.static(self.levels[level][1] * self.levels[level][2])):
                 self.tree.fit_lanes(q + ti.static(self.levels[level][0]), ti.static(self.levels[level][2]))
 
     @ti.func
-    def rise(self, level: Template, below: Template):
+    def rise_to(self, level: Template, below: Template):
         """A loop: the boxes of a level round those of the one below."""
         for node in range(ti.static(level[1] * level[2])):
             i, j = node // level[2], node % level[2]
@@ -146,8 +151,9 @@ class SearchLoops:
         if out:
             reach = self.points.reach[None] + ti.static(1.0 if level > 0 else 0.0) * self.points.coarse[None]
             gap = self.gap(first + a, first + b)
-            if ti.static(level == 0):
-                gap = ti.max(gap, self.gap_of_cells(first + a, first + b))
+            if ti.static(level == 0):  # noqa: SIM102 (one is known when it is compiled)
+                if ((self.paths.has[a] | self.paths.has[b]) & BEYOND) == 0:
+                    gap = ti.max(gap, self.gap_of_cells(first + a, first + b))
             if gap > reach:
                 ti.atomic_min(self.clear[first + a], bits_of(0.5 * gap))
                 ti.atomic_min(self.clear[first + b], bits_of(0.5 * gap))

@@ -7,7 +7,7 @@ import taichi as ti
 from taichi_cloth.ground.arrays import Float, Int, Template
 from taichi_cloth.ground.routine import routine
 
-__all__ = ["Blended", "across", "answer", "slid"]
+__all__ = ["FIRM", "NODES", "ROOM", "TOUCHING", "WEAK", "Blended", "Nodes", "across", "answer", "slid"]
 
 ROOM, NODES = 6, 24
 """Contacts for each blend, and key points of one in the mean, at most."""
@@ -68,30 +68,16 @@ def slid(contacts: Template, points: Template, c):
 
 
 @ti.data_oriented
-class Blended:
-    """start, node, weight: of each contact. point: [corner], as in its pair. normal, rubbed: [axis]. kept, share,
-    pushed, holds, anchor: as of `Contacts`. overflow: contacts without room."""
+class Nodes:
+    """Key points that pairs consist of, and their weights: node, weight, of as many as there is room for."""
 
-    count: Any
-    start: Any
-
-    def __init__(self, blends: int) -> None:
-        self.room = ROOM * blends
-
-        def fields(count: int) -> list[ti.Field]:
-            return [ti.field(ti.f32, self.room) for _ in range(count)]
-
-        self.start, self.point = ti.field(ti.i32, self.room + 1), [ti.field(ti.i32, self.room) for _ in range(4)]
-        self.node, self.weight = ti.field(ti.i32, NODES * self.room), ti.field(ti.f32, NODES * self.room)
-        self.normal, self.rubbed, self.anchor = fields(3), fields(3), fields(3)
-        self.holds = ti.field(ti.i32, self.room)
-        self.kept, self.share, self.pushed = fields(3)
-        self.count, self.overflow = ti.field(ti.i32, ()), ti.field(ti.i32, ())
+    def __init__(self, room: int) -> None:
+        self.node, self.weight = ti.field(ti.i32, room), ti.field(ti.f32, room)
 
     @ti.func
     def gather(self, points: Template, pairs: Template, pair, weights: Template, begin):
-        """The key points of a pair and their weights, from `begin` on, where the next contact would be. weights: of its
-        four points. Returns where they end."""
+        """The key points of a pair and their weights, from `begin` on. weights: of its four points. Returns where they
+        end."""
         used = begin
         for corner in ti.static(range(4)):
             p, w = pairs.point[corner][pair], weights[corner]
@@ -111,6 +97,20 @@ class Blended:
         return out
 
     @ti.func
+    def put(self, begin, used, p, w):
+        """One key point more, or more of one. Returns how many there are."""
+        out, found = used, -1
+        for m in range(begin, used):
+            if self.node[m] == p:
+                found = m
+        if found >= 0:
+            self.weight[found] = self.weight[found] + w
+        else:
+            self.node[used], self.weight[used] = p, w
+            out = used + 1
+        return out
+
+    @ti.func
     def yields(self, points: Template, begin, end):
         """Σ w²/m of key points, and the largest 1/m of them [1/kg]."""
         out, most = 0.0, 0.0
@@ -118,6 +118,28 @@ class Blended:
             out += self.weight[m] ** 2 * points.inverse_mass[self.node[m]]
             most = ti.max(most, points.inverse_mass[self.node[m]])
         return out, most
+
+
+@ti.data_oriented
+class Blended(Nodes):
+    """start: of each contact, in the lists of nodes. point: [corner], as in its pair. normal, rubbed: [axis]. kept,
+    share, pushed, holds, anchor: as of `Contacts`. overflow: contacts without room."""
+
+    count: Any
+    start: Any
+
+    def __init__(self, blends: int) -> None:
+        self.room = ROOM * blends
+
+        def fields(count: int) -> list[ti.Field]:
+            return [ti.field(ti.f32, self.room) for _ in range(count)]
+
+        self.start, self.point = ti.field(ti.i32, self.room + 1), [ti.field(ti.i32, self.room) for _ in range(4)]
+        Nodes.__init__(self, NODES * self.room)
+        self.normal, self.rubbed, self.anchor = fields(3), fields(3), fields(3)
+        self.holds = ti.field(ti.i32, self.room)
+        self.kept, self.share, self.pushed = fields(3)
+        self.count, self.overflow = ti.field(ti.i32, ()), ti.field(ti.i32, ())
 
     @ti.func
     def part(self, points: Template, pairs: Template, pair, weights: Template, n: Template, apart):
@@ -165,20 +187,6 @@ class Blended:
                 self.count[None] = c + 1
         else:
             self.overflow[None] = self.overflow[None] + 1
-
-    @ti.func
-    def put(self, begin, used, p, w):
-        """One key point more, or more of one. Returns how many there are."""
-        out, found = used, -1
-        for m in range(begin, used):
-            if self.node[m] == p:
-                found = m
-        if found >= 0:
-            self.weight[found] = self.weight[found] + w
-        else:
-            self.node[used], self.weight[used] = p, w
-            out = used + 1
-        return out
 
     @ti.func
     def place(self, points: Template, c):

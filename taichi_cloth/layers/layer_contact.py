@@ -54,8 +54,7 @@ one with less are looked at more closely."""
 class LayerContact(SharedConstraint):
     """The contact of one sheet with itself. options: see `SelfContact`. outline: of a sheet whose cells are not all
     whole, or that is sewn. keeps: contacts from frame to frame, where no other constraint keeps anything. loops_of:
-    makes `LayerLoops`, which cells that are whole can do with. Raises InputError on a thickness that is more than key
-    points can keep."""
+    makes `LayerLoops`. Raises InputError on a thickness that is more than key points can keep."""
 
     fields_of = LayerFields
     known_as = "cloth on cloth"
@@ -98,7 +97,7 @@ class LayerContact(SharedConstraint):
         named |= {str(level): least for level, least in enumerate(LEAST_SLACK)}
         self._numbers = np.array([named[name] for name in NUMBERS], np.float32)
         self.keeps = SAVED if keeps else 0
-        self._loops_of, self.spreads = loops_of, loops_of is not None and outline is None
+        self._loops_of, self.spreads, self._sewn = loops_of, loops_of is not None, outline is not None
         self._told: Any = None  # what told of the last frame, where loops did
         self._inverse, self._tables = sheet.padded(sheet.inverse_mass).ravel(), Tables(sheet, outline, self._size)
 
@@ -190,7 +189,10 @@ class LayerContact(SharedConstraint):
     def over(self, loops: Any) -> Any:
         """What it does as parallel loops, over those of a frame."""
         there = int(((self._tables.has & POINT) != 0).sum())
-        return loops.kernel(("layers", id(self.fields)), lambda loops: self._loops_of(self.fields, loops, there))
+        return loops.kernel(
+            ("layers", id(self.fields), self._sewn),
+            lambda loops: self._loops_of(self.fields, loops, there, sewn=self._sewn),
+        )
 
     def loop(self, loops: Any, again: bool) -> Callable[..., Any]:
         return self.over(loops).response(MEND_SUMMED if loops.frame.sums else MEND, again)

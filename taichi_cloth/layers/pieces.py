@@ -81,26 +81,36 @@ class Pieces:
         """After `Tree.cells`: boxes of cells go round corners beyond them, and what their paths follow from is a
         part of them. ahead: substeps until the horizon."""
         for k in range(points.blends.count[None]):
-            self.clear[k], self.spent[k], off = NONE, 0, ti.Vector([0.0, 0.0, 0.0])
-            now, pace = ti.Vector([0.0, 0.0, 0.0]), ti.Vector([0.0, 0.0, 0.0])
-            for m in range(points.blends.start[k], points.blends.start[k + 1]):
-                q, w = points.blends.node[m], points.blends.weight[m]
-                self.spent[k] = self.spent[k] | paths.spent[q]
-                for axis in ti.static(range(3)):
-                    now[axis] += w * paths.now[axis][q]
-                    pace[axis] += w * paths.pace[axis][q]
-                    off[axis] += w * paths.off[axis][q]
-            self.off[k] = off.norm()  # pyright: ignore[reportOptionalCall]
-            for axis in ti.static(range(3)):
-                self.now[axis][k], self.pace[axis][k] = now[axis], ahead * pace[axis]
+            self.expect(points, paths, k, ahead)
         for p in range(self.cells(paths)):
             if (paths.has[p] & BEYOND) != 0:
-                self.beyond[p] = 0.0
-                for f in range(self.first[1, p], self.first[1, p + 1]):
-                    for corner in ti.static(range(3)):
-                        k = points.blends.of[self.face[corner][f]]
-                        if k >= 0:
-                            self.reach_to(tree, p, k)
+                self.reach_corners(points, tree, p)
+
+    @ti.func
+    def expect(self, points: Template, paths: Template, k, ahead):
+        """Where blend k is by the paths of what it consists of, and how it goes on."""
+        self.clear[k], self.spent[k], off = NONE, 0, ti.Vector([0.0, 0.0, 0.0])
+        now, pace = ti.Vector([0.0, 0.0, 0.0]), ti.Vector([0.0, 0.0, 0.0])
+        for m in range(points.blends.start[k], points.blends.start[k + 1]):
+            q, w = points.blends.node[m], points.blends.weight[m]
+            self.spent[k] = self.spent[k] | paths.spent[q]
+            for axis in ti.static(range(3)):
+                now[axis] += w * paths.now[axis][q]
+                pace[axis] += w * paths.pace[axis][q]
+                off[axis] += w * paths.off[axis][q]
+        self.off[k] = off.norm()  # pyright: ignore[reportOptionalCall]
+        for axis in ti.static(range(3)):
+            self.now[axis][k], self.pace[axis][k] = now[axis], ahead * pace[axis]
+
+    @ti.func
+    def reach_corners(self, points: Template, tree: Template, p):
+        """The box of cell p round all corners of its pieces that are blends."""
+        self.beyond[p] = 0.0
+        for f in range(self.first[1, p], self.first[1, p + 1]):
+            for corner in ti.static(range(3)):
+                k = points.blends.of[self.face[corner][f]]
+                if k >= 0:
+                    self.reach_to(tree, p, k)
 
     @ti.func
     def cells(self, paths: Template):
@@ -276,25 +286,30 @@ class Pieces:
             for k in range(some):
                 w = group * LANES + k
                 if near.nearest.square[k] < self.within[w]:
-                    a, b, c, d = self.queue[0][w], self.queue[1][w], self.queue[2][w], self.queue[3][w]
-                    kept, share, flat, sewn = 0.0, 1.0, 0.0, 0.0
-                    if kind == FACES:
-                        flat = ti.min(self.beside(a, b, c), ti.min(self.beside(a, c, d), self.beside(a, d, b)))
-                        sewn = self.seam[a] + ti.min(self.seam[b], ti.min(self.seam[c], self.seam[d]))
-                        kept = self.kept_apart(near, a, b, flat)
-                    else:
-                        one, other = ti.min(self.beside(a, c, d), self.beside(b, c, d)), self.beside(c, a, b)
-                        flat = ti.min(one, ti.min(other, self.beside(d, a, b)))
-                        sewn = ti.min(self.seam[a], self.seam[b]) + ti.min(self.seam[c], self.seam[d])
-                        kept = self.kept_apart(near, a, c, flat)
-                        share = near.edge_share[None]
-                    kept *= share
-                    p, q = self.cell[0][w], self.cell[1][w]
-                    beside = ti.select(near.panel[p] == near.panel[q] and flat < sewn, 1, 0)
-                    found = near.note(kind, found, share, (a, b, c, d), p, q, kept, sewn, beside)
+                    corners = ti.Vector([self.queue[corner][w] for corner in ti.static(range(4))])
+                    found = self.note(near, kind, found, corners, self.cell[0][w], self.cell[1][w])
         near.part(points, kind, known, found)
         near.end(kind, found, points.row[None])
         self.waiting[None] = 0
+
+    @ti.func
+    def note(self, near: Template, kind, found, corners, p, q):
+        """Those corners of pieces of cells p and q, as the next pair of their kind. Returns how many there are."""
+        a, b, c, d = corners[0], corners[1], corners[2], corners[3]
+        kept, share, flat, sewn = 0.0, 1.0, 0.0, 0.0
+        if kind == FACES:
+            flat = ti.min(self.beside(a, b, c), ti.min(self.beside(a, c, d), self.beside(a, d, b)))
+            sewn = self.seam[a] + ti.min(self.seam[b], ti.min(self.seam[c], self.seam[d]))
+            kept = self.kept_apart(near, a, b, flat)
+        else:
+            one, other = ti.min(self.beside(a, c, d), self.beside(b, c, d)), self.beside(c, a, b)
+            flat = ti.min(one, ti.min(other, self.beside(d, a, b)))
+            sewn = ti.min(self.seam[a], self.seam[b]) + ti.min(self.seam[c], self.seam[d])
+            kept = self.kept_apart(near, a, c, flat)
+            share = near.edge_share[None]
+        kept *= share
+        beside = ti.select(near.panel[p] == near.panel[q] and flat < sewn, 1, 0)
+        return near.note(kind, found, share, (a, b, c, d), p, q, kept, sewn, beside)
 
     @routine
     def beside(self, p: Int, i: Int, j: Int) -> Float:
