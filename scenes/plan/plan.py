@@ -156,7 +156,7 @@ def _count_cloth(scene: Scene, counted: _Counted) -> None:
     else:
         counted.woven = scene if scene.weave else None
         return
-    counted.lacks = _lacks(built, sewn=scene.cloth is None)
+    counted.lacks = built.get(DEVICES, "")
     built[DEVICES] = (
         f"--arch other than cpu: none, {counted.lacks} has no parallel form yet, and the whole run takes the CPU"
         if counted.lacks
@@ -164,16 +164,6 @@ def _count_cloth(scene: Scene, counted: _Counted) -> None:
     )
     counted.built |= built
     counted.left |= left
-
-
-def _lacks(built: dict[str, str], *, sewn: bool) -> str:
-    """Which of the stages of a moving cloth run on a CPU alone. built[DEVICES]: what of its solver does. sewn: whether
-    it is a garment, of which cloth on cloth does."""
-    of_solver = built.get(DEVICES, "")
-    wanting = [of_solver] if of_solver else []
-    if sewn and "cloth on cloth" in built and "cloth on cloth" not in of_solver:
-        wanting.append("cloth on cloth")
-    return ", ".join(wanting)
 
 
 def _count_strands(scene: Scene, counted: _Counted) -> None:

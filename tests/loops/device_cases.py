@@ -5,6 +5,7 @@ python device_cases.py CASE ARCH FILE.npy
 
 import sys
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,12 @@ from taichi_cloth.body.colliders.colliders import Colliders
 from taichi_cloth.body.primitives.primitives import Primitive
 from taichi_cloth.constraints.constraints_for import constraints_for
 from taichi_cloth.constraints.ties import Ties
+from taichi_cloth.crossings.crossings import find_crossings
+from taichi_cloth.garment.pattern.cut import cut
+from taichi_cloth.garment.pattern.pattern import Flat, Panel, Pattern, Seam, Side
+from taichi_cloth.garment.sewn.garment import Garment
 from taichi_cloth.ground import runtime
+from taichi_cloth.layers.outline import crossings_of
 from taichi_cloth.motion.forces import Forces, Plane, SelfContact, Sphere, StrainLimit, Wind
 from taichi_cloth.motion.simulation import Simulation
 from taichi_cloth.sheet.materials import named_material
@@ -39,10 +45,12 @@ CASES = {
     "yarns, drape": (Yarns, {"drape": True}),
     "verlet, layers": (Verlet, {"layers": True}),
     "yarns, layers": (Yarns, {"layers": True}),
+    "verlet, sack": (Verlet, {"sack": True}),
+    "yarns, sack": (Yarns, {"sack": True}),
 }
 """Hanging from their top edge in wind, falling on a table, sewn of two halves and hung from places, folding over a
-ball, two panels thrown at each other over a floor. Only the last three buckle."""
-WHOLE = "yarns, drape", "verlet, layers", "yarns, layers"
+ball, two panels thrown at each other over a floor, a sack that falls on it. Only the last five buckle."""
+WHOLE = "yarns, drape", "verlet, layers", "yarns, layers", "verlet, sack", "yarns, sack"
 """Of which no key point is an oracle, but the whole is."""
 WITHIN = {"yarns, limit": 3e-6, "verlet, seam": 5e-5}
 """How far from a CPU's places may be [m], of those where rounding decides what is held and what slides; else 1e-6."""
@@ -53,6 +61,8 @@ def simulation(case: str, *, n: int = N, long: int = 0) -> Simulation:
     solver, asked = CASES[case]
     if asked.get("layers"):
         return thrown(solver)
+    if asked.get("sack"):
+        return dropped(solver)
     straight = {} if solver is Yarns else dict.fromkeys(("drawn_warp", "drawn_weft", "crimp_warp", "crimp_weft"), 0.0)
     material = replace(named_material("cotton-shirting"), air_damping=1.0, fibre_damping=5e-5, **straight)
     if asked.get("within"):
@@ -95,6 +105,31 @@ def thrown(solver: type[Verlet | Yarns]) -> Simulation:
     forces = Forces(plane=Plane(height=-0.05), self_contact=SelfContact(thickness=THICKNESS))
     made = solver(sheet, forces, frame_rate=60, constraints=constraints_for(sheet, forces))
     return Simulation(sheet, made, forces=forces, positions=x, velocities=v)
+
+
+@cache
+def sack() -> Garment:
+    """Two panels of 234 key points sewn along three sides that no thread follows: pieces of cells all round."""
+    corner = 0.2 * np.array([[0.03, 0.0], [1.02, 0.06], [0.91, 1.0], [0.08, 0.97], [0.03, 0.0]])
+    edges = tuple(corner[k : k + 2] for k in range(4))
+    lean = np.array([[1.0, 0.0, 0.0], [0.0, 0.94, -0.34], [0.0, 0.34, 0.94]])
+    lean /= np.linalg.norm(lean, axis=0)
+    panels = tuple(Panel(name, edges, Flat(lean, np.array([0, 0, z]))) for name, z in (("a", 0.006), ("b", -0.006)))
+    pattern = Pattern("sack", panels, tuple(Seam(Side("a", k), Side("b", k)) for k in (1, 2, 3)))
+    return Garment(pattern, cut(pattern, (0.02, 0.02)), named_material("cotton-shirting").linear)
+
+
+def dropped(solver: type[Verlet | Yarns]) -> Simulation:
+    """The sack: its seams close in the first frame, and it folds on a floor."""
+    forces = Forces(plane=Plane(height=-0.02), self_contact=SelfContact(thickness=0.001))
+    return sack().simulation(forces, sack().atlas.start(), solver=solver.__name__.lower())
+
+
+def through(case: str, moving: Simulation) -> int:
+    """How many triangles of its cloth pass through others, by the exact test."""
+    if CASES[case][1].get("sack"):
+        return crossings_of(sack().outline, moving.positions).count
+    return find_crossings(moving.positions.reshape(-1, 3), moving.sheet.triangles).count
 
 
 def sewn_and_hung(sheet: Sheet, most: float | None) -> tuple[Ties, Ties]:

@@ -6,9 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 import taichi as ti
-from device_cases import moved, simulation
+from device_cases import moved, simulation, through
 
-from taichi_cloth.crossings.crossings import find_crossings
 from taichi_cloth.ground import runtime
 from taichi_cloth.layer_loops.places import GROUP, Lists, Places
 from taichi_cloth.solvers.verlet import Verlet
@@ -66,16 +65,18 @@ def test_places_are_the_sums_of_all_before(count: int) -> None:
 
 
 @pytest.mark.slow  # all of it is compiled
-def test_layers_as_loops_do_what_the_kernel_does(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two panels thrown at each other: nothing passes through anything, and they come to lie as the kernel has them."""
+@pytest.mark.parametrize("case", ["verlet, layers", "verlet, sack"])
+def test_layers_as_loops_do_what_the_kernel_does(case: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two panels thrown at each other, a sack that falls: nothing passes through anything, and they come to lie as the
+    kernel has them."""
     if not runtime.on_host():
         pytest.skip("on a device there are only loops")
-    kernel = moved("verlet, layers", 8)[-1, ..., 1]
+    kernel = moved(case, 8)[-1, ..., 1]
     monkeypatch.setattr(Verlet, "loops_from", 0)
-    moving = simulation("verlet, layers")
+    moving = simulation(case)
     for _ in range(8):
         moving.step()
-        assert find_crossings(moving.positions.reshape(-1, 3), moving.sheet.triangles).count == 0
+        assert through(case, moving) == 0
         assert not moving.solver.let_off
     loops = moving.positions[..., 1]
     assert loops.min() == pytest.approx(kernel.min(), abs=1e-3)
