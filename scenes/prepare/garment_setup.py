@@ -31,7 +31,6 @@ from taichi_cloth.garment.sewn.tried_on import tight
 from taichi_cloth.garment.sewn.weaving import crossings_shape
 from taichi_cloth.ground.cache import digest, kept
 from taichi_cloth.ground.errors import InputError
-from taichi_cloth.ground.runtime import generation, on_host
 from taichi_cloth.motion.forces import Forces, Plane, SelfContact
 from taichi_cloth.motion.simulation import Simulation
 from taichi_cloth.sheet.materials import Material
@@ -245,12 +244,11 @@ def sewn(
 
 def sewn_with(scene: Scene, parts: Parts) -> tuple[SelfContact | None, float]:
     """Contact of a garment with itself while it is sewn, and how much of it may pass through itself before that is
-    taken up. A pattern of another's that a scene says nothing of has it where it would not fit else, on the CPU, as
-    this contact has no parallel form; it then moves without. Raises InputError."""
+    taken up. A pattern of another's that a scene says nothing of has it where it would not fit else; it then moves
+    without. Raises InputError."""
     asked = garment_forces(scene, parts).self_contact
     said = scene.forces is not None and "self_contact" in scene.forces.model_fields_set
-    device = generation() > 0 and not on_host()
-    if asked or said or device or scene.garment is None or scene.garment.pattern in CLEAR:
+    if asked or said or scene.garment is None or scene.garment.pattern in CLEAR:
         return asked, 0.0
     return SelfContact(thickness=parts.gaps.layers.size, friction=parts.gaps.friction), CROSSED
 

@@ -54,7 +54,8 @@ class ContactLoops:
         self.listed = CORNERS * room + OF_BLENDS * BLEND_ROOM * blends
         self.nodes: Any = Nodes(self.listed)
         self.lists: Any = Places(room, self.contacts.count) if sewn else None
-        self.ends, self.slot = ti.field(ti.i32, room), ti.field(ti.i32, room)
+        self.ends: Any = ti.field(ti.i32, room)  # its numbers are bounds of loops
+        self.slot = ti.field(ti.i32, room)
         self.owner = ti.field(ti.i32, self.listed if sewn else 1)
         self.entries: Any = Lists(size, self.listed)
         self.gap, self.active = ti.field(ti.f32, room), ti.field(ti.i32, room)

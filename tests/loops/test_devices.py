@@ -48,8 +48,10 @@ def test_two_runs_on_a_device_give_the_same_bytes() -> None:
 
 @pytest.mark.parametrize("case", WHOLE)
 def test_cloth_that_folds_comes_to_the_same_shape_as_a_whole(case: str, tmp_path: Path) -> None:
-    """Point by point a sheet that buckles is no oracle: 1e-7 m at the start are 10 cm later."""
-    there, here = moved(case, FRAMES)[-1, ..., 1], on_cpu(case, tmp_path)[-1, ..., 1]
+    """Point by point a sheet that buckles is no oracle: 1e-7 m at the start are 10 cm later. Nor as a whole a sack that
+    falls over: 1e-5 m at the start are 1 mm of its mean height after 8 frames, and 2 after 12."""
+    last = 7 if "sack" in case else -1
+    there, here = moved(case, FRAMES)[last, ..., 1], on_cpu(case, tmp_path)[last, ..., 1]
     assert there.min() == pytest.approx(here.min(), abs=5e-3)
     assert there.mean() == pytest.approx(here.mean(), abs=2e-3)
 
