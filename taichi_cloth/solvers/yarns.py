@@ -71,9 +71,13 @@ rest that went to and fro between two and three moved at 3 mm/s. Of what moves t
 walk with four in each frame where 2.1 do."""
 
 FINER, LASTS = 2.5, 0.5
-"""How many times the substeps of the soft springs there are at least where proofs have pushed layers in each frame for
-so long, and for how long after [s]. A T-shirt that lies as a heap has threads of 2 % then and not 4, trembles half as
+"""How many times the substeps of the soft springs there are at least where layers were restless in each frame for so
+long, and for how long after [s]. A T-shirt that lies as a heap has threads of 2 % then and not 4, trembles half as
 much, and its frames take no longer: most of what they take are proofs. One that walks has such frames in rows of 8."""
+
+TREMBLES, MORE = 0.03, 1.5
+"""Layers are restless where proofs push them, or where they hardly move from frame to frame but tremble within one: at
+such a speed at least (rms) [m/s], and so many times that from frame to frame."""
 
 WILD = 0.02
 """Strain of a thread, beyond its crimp, that makes a substep wild (`whole_yarns.py`)."""
@@ -217,20 +221,31 @@ class Yarns(SpringSolver):
         if self._sweep_more(self.sweeps > self._fewest and still):
             return True
         if self._layered:
-            self._follow(reached, still)
+            self._follow(reached, still, still and self._trembles(state, reached))
         return False
 
     def _still(self, before: SheetState, state: SheetState) -> bool:
         """Whether a sheet hardly moves; layers may tremble within a frame."""
-        ways, time = state.values[3:6], self.step
-        if self._layered:
-            ways, time = state.values[:3] - before.values[:3], self.step * self.substeps
-        square = float(np.square(ways).sum()) / max(1, int(self.sheet.present.sum()))
-        return sqrt(square) < STILL * time
+        return (self._frame_speed(before, state) if self._layered else self._inner_speed(state)) < STILL
 
-    def _follow(self, state: SheetState, still: bool) -> None:
-        """To shorter steps where layers have to be pushed after them in frame after frame."""
-        self._pushed = self._pushed + 1 if sum(one.pushed for one in self.constraints) > 1 else 0
+    def _trembles(self, before: SheetState, state: SheetState) -> bool:
+        return self._inner_speed(state) > max(TREMBLES, MORE * self._frame_speed(before, state))
+
+    def _frame_speed(self, before: SheetState, state: SheetState) -> float:
+        """From frame to frame, of all key points (rms) [m/s]."""
+        return self._rms(state.values[:3] - before.values[:3]) / (self.step * self.substeps)
+
+    def _inner_speed(self, state: SheetState) -> float:
+        """In the last substep."""
+        return self._rms(state.values[3:6]) / self.step
+
+    def _rms(self, ways: NDArray[np.float32]) -> float:
+        return sqrt(float(np.square(ways).sum()) / max(1, int(self.sheet.present.sum())))
+
+    def _follow(self, state: SheetState, still: bool, trembles: bool) -> None:
+        """To shorter steps where layers were restless in frame after frame."""
+        restless = trembles or sum(one.pushed for one in self.constraints) > 1
+        self._pushed = self._pushed + 1 if restless else 0
         if self._pushed >= LASTS * self.frame_rate:
             self._finer = ceil((STAYS if still else LASTS) * self.frame_rate)
         elif self._finer > 0:
