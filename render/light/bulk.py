@@ -8,25 +8,26 @@ cloth's depth nearer to the light, the share of the sky S that it sees, F and G 
 behind it, the direction b that is open to it, its tangent t, phi the angle between light l and view v round the fibre,
 and A how far it is in a yarn alone (`seen.look`),
 
-    L = key T E (w0 C(phi) (3 + 2 b.l) / 5 + C(pi - phi) (w1 (1 + ROUND (U - T) (1 - S)) + w D))
+    L = key T E (w0 C(phi) (3 + 2 b.l) / 5 + C(pi - phi) (w1 (1 + ROUND (U - T) (1 - S)) + w D)) + key T g G
       + key U (w2 max(b.l, 0) (1 - ALONE A S) + w3 max(-b.l, 0) (1 - SHUT S))
       + sky(b) F (w4 + w5 S) + sky(-b) G (w6 + w7 (1 - S))
     C(phi) = (sin phi + (pi - phi) cos phi) / pi                     a Lambertian cylinder
     D = (1 - BARED S) (1 + ROUND_ONCE (U - T) (1 - S)) exp(-1.5 (1 + cos phi) - (t.l + t.v)^2)
-    w = ONCE a (1 - a)^4                                             light that goes through one fibre
+    G = `fibre.grazed`                                               light that grazes what both it and the eye see
     E = h exp(-k (t.l + t.v)^2)                                      about the cone of a fibre's highlights, see `cone`
 
 Light that goes from fibre to fibre of a yarn, which lie nearly one way, stays near the cone round them on which each of
 them sends it on (`fibre`), until it has been sent on often: E. What has gone through a cloth is the brighter the nearer
 to the side that it comes from, as the diffuse flux in a slab is (Schuster's two streams): who sees little of the sky
 before the cloth is near its other side, hence S with what is before it and 1 - S with what is behind it. A yarn alone
-lets out at its sides what a cloth keeps: A. Each weight is w = b + r sqrt(a) + a (c0 + c1 a + c2 a^2), which never
-falls with a. b, which w0 and w5 have, is of the fibres' surfaces, and r of what has gone once through a dark fibre,
-where the share that it lets through grows as fast at first. All were found together, on a plain weave, a satin, a
-twill, a basket and a yarn of all their fibres, of colours from black to 0.95, under lights from the front, the side,
-behind and at a flat angle and under half skies, seen from two sides, by a path tracer (`docs/appearance.md`). With an
-even sky all round, w4 + w5 S + w6 + w7 (1 - S) is all of the light there is: at most 1, which is what white sends on,
-at any depth.
+lets out at its sides what a cloth keeps: A; and w1 is more there, of light that gets through it every way. Each weight
+is w = b + r sqrt(a) + a (c0 + c1 a + c2 a^2), which never falls with a. b, which w0, w5 and g have, is of the fibres'
+surfaces, and r of what has gone once through a dark fibre, where the share that it lets through grows as fast at first,
+as in w and g. All were found together, on a plain weave, a satin, twills, a basket and a yarn of all their fibres, of
+colours from black to 0.95, under lights from the front, the side, behind and at a flat angle and under half skies, seen
+from two sides, and on flat pieces of plain and satin under lights all round, by a path tracer (`docs/appearance.md`).
+With an even sky all round, w4 + w5 S + w6 + w7 (1 - S) is all of the light there is: at most 1, which is what white
+sends on, at any depth.
 """
 
 from math import radians, sin
@@ -39,23 +40,26 @@ from taichi_cloth.ground.arrays import Template
 from taichi_cloth.ground.mixing import SURFACE_SHARE
 
 __all__ = [
-    "AHEAD", "ALONE", "ALONG", "BARED", "BODY", "FITTED_SPREAD", "OF_KEY", "OF_SKY", "ONCE", "ROUND", "ROUND_ONCE",
-    "SHUT", "cone", "dyed", "once", "weight",
+    "AHEAD", "ALONE", "ALONG", "BARED", "BODY", "FITTED_SPREAD", "GRAZED", "OF_KEY", "OF_SKY", "ONCE", "ROUND",
+    "ROUND_ONCE", "SHUT", "THROUGH_ALONE", "cone", "dyed", "weight",
 ]  # fmt: skip
 
 OF_KEY = (
-    (0.013, 0.17, 0.86, -0.318, -0.103),
-    (0.0, 0.0, 1.5, -0.6, -0.1),
-    (0.0, 0.0, 0.0, 0.984, -0.656),
-    (0.0, 0.0, 0.0, 2.3, -1.53),
+    (0.013, 0.1, 1.235, -1.235, 0.412),
+    (0.0, 0.0, 0.127, 0.468, -0.354),
+    (0.0, 0.0, 0.0, 1.135, -0.756),
+    (0.0, 0.0, 0.0, 2.222, -1.481),
 )
+THROUGH_ALONE = (0.0, 0.0, 1.589, -0.388, -0.271)
+ONCE, GRAZED = (0.0, 0.453, 0.034, 0.0, 0.0), (0.241, 4.053, 0.0, 0.0, 0.0)
 OF_SKY = (
     (0.0, 0.0, 0.0, 0.792, -0.529),
     (0.038, 0.157, 1.284, -1.17, 0.325),
     (0.0, 0.0, 0.0, 0.31, -0.208),
     (0.0, 0.0, 0.533, 0.834, -0.735),
 )
-"""b, r, c0, c1, c2 of the weights."""
+"""b, r, c0, c1, c2 of the weights; THROUGH_ALONE: w1 of a yarn alone; ONCE: w, of light that goes through but
+one fibre before it is seen; GRAZED: g, of light that comes back forwards from the topmost fibres."""
 
 ALONG = 1.5
 """How fast light that fibres of a yarn send to one another falls off from the cone of their highlights, where these are
@@ -71,9 +75,9 @@ SHUT = 0.85
 """How much less of a light behind a cloth gets to its fibres that see all of the sky before it: to a flat cloth, too,
 some of it."""
 
-ONCE, AHEAD, ROUND_ONCE, BARED = 2.5, (1.5, 1.0), 5.0, 0.6
-"""Light that goes through but one fibre before it is seen, as most does that gets through dark ones: its weight; how
-fast it falls off from straight on, round the fibre and from the cone of its highlights; as `ROUND`; and how much less
+AHEAD, ROUND_ONCE, BARED = (1.5, 1.0), 5.0, 0.6
+"""Light that goes through but one fibre before it is seen, as most does that gets through dark ones: how fast it falls
+off from straight on, round the fibre and from the cone of its highlights; as `ROUND`; and how much less
 of it is seen of fibres that see all of the sky before the cloth."""
 
 ROUND = 2.0
@@ -114,10 +118,3 @@ def _sent_on(k: float) -> float:
     x, share = np.polynomial.legendre.leggauss(64)
     share = share * np.sqrt(1.0 - x * x)
     return float(share @ np.exp(-k * (x[:, None] + x) ** 2) @ share)
-
-
-@ti.func
-def once(a):
-    """Weight of light that goes through one fibre: of what gets through, most where they are dark, none where white."""
-    clear = (1.0 - a) * (1.0 - a)
-    return ONCE * a * clear * clear

@@ -15,6 +15,11 @@ Departures: M is a Gaussian in the sum of the sines, which integrates to 1 over 
 needs no arcsine (Karis does the same); scales are left out, since the fibres of a yarn lie either way round; TRT
 is broad, because textile fibres are not round; A is the fibre's colour (TRT), its root (TT: half the way through
 the fibre) or 1 (R, whose weight grows towards grazing light as Schlick's (1 - x)^5).
+
+Of light that grazes a cloth, seen against it, most has been turned by little: mirrored at flat angles, as by Fresnel,
+and through one fibre or few. Of it, with x = cos(phi / 2) cos th_d, the cosine of half the angle between l and v,
+
+    G = cos(phi / 2) (1 - x)^3 M_TT(s_i + s_r) cos th_i / cos th_d
 """
 
 from math import pi
@@ -24,7 +29,7 @@ import taichi as ti
 
 from ..maps.decay import decay
 
-__all__ = ["lobes"]
+__all__ = ["grazed", "lobes"]
 
 K_TT, K_TRT = 3.65, 2.0
 N_TT = float(1 / (2 * pi * np.exp(-K_TT) * np.i0(K_TT)))
@@ -37,13 +42,26 @@ def _along(y, q):
 
 
 @ti.func
+def _between(s_i, s_r, cos_i, cos_r, l_v):
+    """cos phi, cos (phi / 2), cos th_d."""
+    cos_phi = (l_v - s_i * s_r) / ti.max(cos_i * cos_r, 1e-4)
+    cos_phi = ti.min(ti.max(cos_phi, -1.0), 1.0)
+    return cos_phi, ti.sqrt(0.5 + 0.5 * cos_phi), ti.sqrt(ti.max(0.5 + 0.5 * (cos_i * cos_r + s_i * s_r), 1e-4))
+
+
+@ti.func
+def grazed(s_i, s_r, cos_i, cos_r, l_v, sharpness):
+    """G, shape of the arguments. l_v, sharpness: see `lobes`."""
+    _, half, cos_d = _between(s_i, s_r, cos_i, cos_r, l_v)
+    turned = 1.0 - half * cos_d
+    return turned * turned * turned * half * _along(s_i + s_r, 4.0 * sharpness) * cos_i / cos_d
+
+
+@ti.func
 def lobes(s_i, s_r, cos_i, cos_r, l_v, sharpness, weights):
     """R, TT, TRT without their colours, shape of the arguments. l_v: sharpness: q of R; weights: w of each."""
     reflect, transmit, internal = weights[0], weights[1], weights[2]
-    cos_phi = (l_v - s_i * s_r) / ti.max(cos_i * cos_r, 1e-4)
-    cos_phi = ti.min(ti.max(cos_phi, -1.0), 1.0)
-    cos_d = ti.sqrt(ti.max(0.5 + 0.5 * (cos_i * cos_r + s_i * s_r), 1e-4))
-    half = ti.sqrt(0.5 + 0.5 * cos_phi)
+    cos_phi, half, cos_d = _between(s_i, s_r, cos_i, cos_r, l_v)
     y = s_i + s_r
     graze = 1.0 - half * cos_d
     fresnel = graze * graze

@@ -13,8 +13,8 @@ from taichi_cloth.ground.particles import COLOUR, NORMAL, POSITION, TANGENT
 from taichi_cloth.ground.vectors import Octets, each, of_group, of_row
 
 from ..maps.decay import decay
-from .bulk import AHEAD, ALONE, BARED, OF_KEY, OF_SKY, ROUND, ROUND_ONCE, SHUT, once, weight
-from .fibre import lobes
+from .bulk import AHEAD, ALONE, BARED, GRAZED, OF_KEY, OF_SKY, ONCE, ROUND, ROUND_ONCE, SHUT, THROUGH_ALONE, weight
+from .fibre import grazed, lobes
 from .view import (
     BULK,
     COAT,
@@ -172,24 +172,28 @@ def _from_sky(shading: Template, view: F32x2, up, mirrored, albedo, root, seen, 
 
 
 @ti.func
-def _parts(shadowed: Template, view: F32x2, b_l, around, along, arriving, outside, seen, closed):
-    """The five parts of a light on a particle in a bulk (see `bulk`). around: cosine of the angle between light and
-    view round the fibre; along: t.l + t.v; arriving: of the light at the particle; outside: what reaches the cloth
-    there; seen: of the sky; closed: how far the cloth is no yarn alone."""
+def _parts(shadowed: Template, view: F32x2, b_l, around, along, forward, arriving, outside, seen, closed):
+    """The seven parts of a light on a particle in a bulk (see `bulk`). around: cosine of the angle between light and
+    view round the fibre; along: t.l + t.v; forward: G; arriving: of the light at the particle; outside: what reaches
+    the cloth there; seen: of the sky; closed: how far the cloth is no yarn alone."""
     around = ti.min(ti.max(around, -1.0), 1.0)
-    gain = (1.5 * view[BULK, 0] * view[COAT, 1] * view[CONE, 1]) * decay(view[CONE, 0] * along * along)
+    whole = 1.5 * view[BULK, 0] * view[COAT, 1]
+    gain = (whole * view[CONE, 1]) * decay(view[CONE, 0] * along * along)
     here, through = gain * arriving, gain * arriving * (1.0 + ROUND * (outside - arriving) * (1.0 - seen))
     # Where no map does it, the direction that is open keeps light from passing through the cloth.
     unseen = view[BULK, 1] if ti.static(shadowed) else 1.0
     turned, shown = ti.max(0.2 + 0.8 * b_l, 0.0), 0.6 + 0.4 * b_l
     facing = here * rise(around) * (shown + unseen * (turned - shown))
-    forward = through * rise(-around) * (1.0 + unseen * (turned - 1.0))
+    hidden = 1.0 + unseen * (turned - 1.0)
+    grazing = whole * arriving * forward * hidden
+    beyond = through * rise(-around) * hidden
     ahead = gain * arriving * (1.0 - BARED * seen) * (1.0 + ROUND_ONCE * (outside - arriving) * (1.0 - seen))
     ahead *= decay(AHEAD[0] * (1.0 + around) + AHEAD[1] * along * along)
-    ahead *= rise(-around) * (1.0 + unseen * (turned - 1.0))
+    ahead *= rise(-around) * hidden
     outside *= view[BULK, 0] * _alike(view, seen)
     before = outside * view[CONE, 2] * ti.max(b_l, 0.0) * (1.0 - ALONE * seen * (1.0 - closed))
-    return facing, forward, before, outside * ti.max(-b_l, 0.0) * (1.0 - SHUT * seen), ahead
+    behind = outside * ti.max(-b_l, 0.0) * (1.0 - SHUT * seen)
+    return facing, beyond * closed, before, behind, ahead, grazing, beyond * (1.0 - closed)
 
 
 @ti.func
@@ -198,7 +202,8 @@ def _lit(parts, albedo, root):
     total = weight(OF_KEY[0], albedo, root) * parts[0]
     for j in ti.static(range(1, 4)):
         total += weight(OF_KEY[j], albedo, root) * parts[j]
-    return total + once(albedo) * parts[4]
+    total += weight(ONCE, albedo, root) * parts[4] + weight(GRAZED, albedo, root) * parts[5]
+    return total + weight(THROUGH_ALONE, albedo, root) * parts[6]
 
 
 @ti.func
@@ -326,10 +331,11 @@ def shade(layout: Template, shading: Template, particles: Octets, light: Octets,
             if ti.static(shading.shadows[k] >= 0):
                 outside = of_row(light, b, shading.shadows[k] + 1)
             b_l = bx * view[at, 0] + by * view[at, 1] + bz * view[at, 2]
-            around = view[at, 0] * vx + view[at, 1] * vy + view[at, 2] * vz - t_l * t_v
-            around /= ti.max(sin_l * sin_v, 1e-4)
+            to_eye = view[at, 0] * vx + view[at, 1] * vy + view[at, 2] * vz
+            around = (to_eye - t_l * t_v) / ti.max(sin_l * sin_v, 1e-4)
+            forward = grazed(t_l, t_v, sin_l, sin_v, to_eye, view[EDGE, 2])
             parts = _parts(
-                ti.static(shading.shadows[k] >= 0), view, b_l, around, t_l + t_v, passed, outside, seen, closed
+                ti.static(shading.shadows[k] >= 0), view, b_l, around, t_l + t_v, forward, passed, outside, seen, closed
             )
             lit_r, lit_g = _lit(parts, albedo_r, root_r), _lit(parts, albedo_g, root_g)
             lit_b = _lit(parts, albedo_b, root_b)

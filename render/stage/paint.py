@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from taichi_cloth.ground.arrays import F32x1, F32x2, F32x3, I32x2, Int, Template
 from taichi_cloth.ground.copies import DeviceArray, fetched, filled, zeros
+from taichi_cloth.ground.mixing import under_sky
 from taichi_cloth.ground.vectors import keep
 
 from ..data.backdrop import Backdrop, padded, tiled
@@ -25,7 +26,7 @@ from ..tiles.mesh import Mesh, from_behind, normals_at, visible
 from ..tiles.sort import usual_chunks
 from .skin import BLEED, blurred, shine, sky_shine
 from .stage import CELLS, Stage
-from .woven import answered, under_sky
+from .woven import answered
 
 __all__ = ["paint"]
 

@@ -5,19 +5,17 @@
 of the cosines x to the light and v to the eye: of fibres, which lie every way, some face a light that grazes the sheet,
 as grains of Seeliger's law do, NAP; those that lie in it send light back near the cone round them, which holds the
 sheet's normal, LAID. In all directions it sends back as much as by Lambert's law, to 3 %, and in none more than it
-gets. And of a sky, of which much falls at flat angles, EVEN + DARKER (1 - r), where the sheet sends back the share r of
-what white does. Found on flat pieces of plain, twill, satin and denim of three colours as fibres, and beside a path
-tracer's pictures (`docs/appearance.md`).
+gets; of a sky see `mixing.under_sky`. Found on flat pieces of plain, twill, satin and denim of three colours as fibres,
+and beside a path tracer's pictures (`docs/appearance.md`).
 """
 
 import taichi as ti
 
 from taichi_cloth.ground.mixing import WHITE
 
-__all__ = ["answered", "under_sky"]
+__all__ = ["answered"]
 
 BODY, LAID, NAP = 0.346, 0.345, 0.48
-EVEN, DARKER = 1.05, 0.43
 
 
 @ti.func
@@ -26,9 +24,3 @@ def answered(light, eye):
     both = ti.max(light * eye, 0.0)
     over = BODY + LAID * both * both + NAP / (ti.max(light, 0.0) + 0.2 * ti.max(eye, 0.0) + 0.1)
     return ti.min(over, ti.static(1.0 / WHITE))
-
-
-@ti.func
-def under_sky(sent):
-    """Over Lambert's law, of a sheet that sends back so much."""
-    return EVEN + DARKER * (1.0 - ti.min(sent * ti.static(1.0 / WHITE), 1.0))

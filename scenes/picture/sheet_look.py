@@ -18,6 +18,7 @@ from taichi_cloth.detail.surfels import (
     FLANKS,
     OPEN_WARP,
     OPEN_WEFT,
+    OPENED,
     TILTS,
     TO_EYE,
     TURNED,
@@ -62,9 +63,8 @@ LITTLE = 0.01
 """Light of warp or weft, and a factor of it, of which less is no matter: of a family that is not seen from one side."""
 OPENS, LEAST_OPEN = [OPEN_WARP, OPEN_WEFT], (0.1, 1.0)
 """An openness that is less, or more, is taken for that."""
-PALE, STEEP = 0.6, 1.5
-"""Colour of the family that is pale where the other is dark; power by which its openness follows what is asked of its
-light, which changes by half as much."""
+PALE = 0.6
+"""Colour of the family that is pale where the other is dark."""
 CLEAR = 1e-3
 """Of light that passes through, less is taken for as much."""
 AROUND = ((0.0, 1.0, 0.0, 0.3), *((0.8 * cos(2 * pi * k / 5), 0.6, 0.8 * sin(2 * pi * k / 5), 0.2) for k in range(5)))
@@ -216,7 +216,7 @@ def _opened(
                 sheet.look.factor[number, side] = now
                 ratio = want / max(sent_back(sheet, *camera), 1e-6)
                 before = now[OPENS[few]]
-                now[OPENS[few]] = np.clip(before * ratio**STEEP, *LEAST_OPEN)
+                now[OPENS[few]] = np.clip(before * ratio**OPENED, *LEAST_OPEN)
                 more = now[OPENS[1 - few]] + share / (1.0 - share) * (before - now[OPENS[few]])
                 now[OPENS[1 - few]] = np.clip(more, *LEAST_OPEN)
                 if abs(now[OPENS[few]] / before - 1.0) < STEADY:

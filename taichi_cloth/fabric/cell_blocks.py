@@ -26,7 +26,7 @@ from taichi_cloth.fabric.cells import (
 )
 from taichi_cloth.fabric.surface import surface_at
 from taichi_cloth.ground.arrays import F32x2, Template
-from taichi_cloth.ground.mixing import colour_in_kernel, lit_among, sent_back_in_kernel
+from taichi_cloth.ground.mixing import colour_in_kernel, lit_among, sent_back_in_kernel, under_sky
 
 __all__ = [
     "cell_block", "cell_crossing", "cell_inside", "cell_mean", "cell_shades", "cell_span", "cell_template",
@@ -154,22 +154,28 @@ def _sent_back(cloth: Template, first, last, at, room):
 @ti.func
 def cell_mean(cloth: Template, p, i, j, tall, broad, warp, weft, warp_alone, weft_alone):
     """Colour of the cloth at i picks and j ends of panel p, over so many picks and ends: that which sends back `warp`
-    times what its warp ends do among its weft picks and `weft` times what those do; of a print as its middle does. And
-    the share of it that is the weft's, the mean of the three colours. warp_alone, weft_alone: see `mixing`."""
+    times what its warp ends do among its weft picks and `weft` times what those do; of a print as its middle does. Of
+    that the share that is the weft's; and what both send back of a sky over what a cloth of their mean does, means of
+    the three colours. warp_alone, weft_alone: see `mixing`."""
     end, pick = cloth.panel[p, END], cloth.panel[p, PICK]
     ends, picks = cloth.panel[p, ENDS], cloth.panel[p, PICKS]
     out = cell_dye(cloth, p, ti.min(ti.cast(i + 0.5, ti.i32), picks - 1), ti.min(ti.cast(j + 0.5, ti.i32), ends - 1))
-    of_weft = weft / ti.max(warp + weft, 1e-6)
+    of_weft, under = weft / ti.max(warp + weft, 1e-6), 1.0
     if out[0] < 0.0:  # pyright: ignore[reportIndexIssue]
         by_warp = _sent_back(cloth, end, end + ends - 1, j, broad)
         by_weft = _sent_back(cloth, pick, pick + picks - 1, i, tall)
         warp_alone, weft_alone = 1.0 - MIXED * (1.0 - warp_alone), 1.0 - MIXED * (1.0 - weft_alone)
-        from_weft = weft * lit_among(by_weft, by_warp, weft_alone)
-        out = warp * lit_among(by_warp, by_weft, warp_alone) + from_weft
-        of_weft = from_weft.sum() / ti.max(out.sum(), 1e-6)
+        warps, wefts = lit_among(by_warp, by_weft, warp_alone), lit_among(by_weft, by_warp, weft_alone)
+        out = warp * warps + weft * wefts
+        of_weft = weft * wefts.sum() / ti.max(out.sum(), 1e-6)
+        apart, alike = 0.0, 1e-6
+        for c in ti.static(range(3)):
+            apart += warp * warps[c] * under_sky(warps[c]) + weft * wefts[c] * under_sky(wefts[c])
+            alike += out[c] * under_sky(out[c] / ti.max(warp + weft, 1e-6))
+        under = apart / alike
     else:
         out = (warp + weft) * sent_back_in_kernel(out)
-    return colour_in_kernel(out), of_weft
+    return colour_in_kernel(out), of_weft, under
 
 
 @ti.func

@@ -11,6 +11,9 @@ Threads of another colour send another light to a thread than its own kind does,
 beside nothing but black a white one sends back a share `alone` of what it does among white ones, one that sends back r
 among others that send back o sends back r (1 + (1 - alone) (o - r) / r(1)), as two surfaces do that see each other (the
 radiosity of a groove).
+
+Of a sky, of which much falls at flat angles, the darker a cloth is the more it sends back over what it does of lights:
+`under_sky`. So threads of two colours send back less of a sky than a cloth of their mean, which is as dark all over.
 """
 
 from typing import Any
@@ -18,7 +21,7 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
-__all__ = ["SURFACE_SHARE", "colour_in_kernel", "lit_among", "sent_back", "sent_back_in_kernel"]
+__all__ = ["SURFACE_SHARE", "colour_in_kernel", "lit_among", "sent_back", "sent_back_in_kernel", "under_sky"]
 
 SURFACE_SHARE = 0.031
 """What a thick mass of cotton fibres sends back before light gets to their dye, of any colour: none is darker."""
@@ -26,6 +29,8 @@ SURFACE_SHARE = 0.031
 DARK, LESS = 0.78, 0.155
 WHITE = DARK - LESS
 """r(1)."""
+EVEN, DARKER = 1.05, 0.43
+"""Of a sky over of lights, of a white cloth, and how much more of a black one: path traced (`docs/appearance.md`)."""
 TURNS = 5
 """Of Newton's method, after which r's inverse is within 1e-6."""
 
@@ -47,6 +52,12 @@ def sent_back_in_kernel(colour):
 def lit_among(sent, others, alone):
     """What a thread sends back among others, where it and they send back so much of light that comes from elsewhere."""
     return sent * (1.0 + (1.0 - alone) * ti.static(1.0 / WHITE) * (others - sent))
+
+
+@ti.func
+def under_sky(sent):
+    """What a cloth that sends back so much sends back of a sky, over what it does by Lambert's law."""
+    return EVEN + DARKER * (1.0 - ti.min(sent * ti.static(1.0 / WHITE), 1.0))
 
 
 @ti.func

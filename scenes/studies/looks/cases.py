@@ -120,6 +120,13 @@ CASES = (
          towards=(0.8, 0.6, -0.5), fill=0.55, ground=(0.6, 0.6, 0.6), away=(0.35, 1.0, -0.6)),
     replace(YARN, name="one yarn, third view, light and colours", fitted=False, colour=(0.75, 0.3, 0.06), key=1.4,
             towards=(0.4, -0.5, 0.7), fill=0.5, away=(-0.3, 0.25, 0.9)),
+    Case(name="twill 2/1, low light before the eye", weave="twill-2/1", threads=9, fitted=True,
+         colour=(0.8, 0.45, 0.12), key=1.6, towards=(-0.35, 0.5, -0.9), fill=0.35, ground=(0.3, 0.3, 0.3),
+         away=(0.5, 0.75, 0.7)),
+    Case(name="basket, high light, pale ground", weave="basket-2/2", fitted=False, colour=(0.5, 0.7, 0.25), key=1.0,
+         towards=(-0.3, 1.0, -0.6), fill=0.8, ground=(0.7, 0.6, 0.5), away=(-0.5, 1.0, 0.5)),
+    replace(YARN, name="one yarn, low light along it", fitted=True, colour=(0.65, 0.35, 0.09), key=1.5,
+            towards=(0.9, 0.25, 0.4), fill=0.4, away=(-0.6, 0.3, 0.7)),
 )  # fmt: skip
 QUICK = replace(PLAIN, name="plain, 4 × 4 threads", threads=4)
 
