@@ -17,7 +17,8 @@ is broad, because textile fibres are not round; A is the fibre's colour (TRT), i
 the fibre) or 1 (R, whose weight grows towards grazing light as Schlick's (1 - x)^5).
 
 Of light that grazes a cloth, seen against it, most has been turned by little: mirrored at flat angles, as by Fresnel,
-and through one fibre or few. Of it, with x = cos(phi / 2) cos th_d, the cosine of half the angle between l and v,
+and through one fibre or few. Of it, with x = cos(phi / 2) cos th_d, on the cone of the fibre's highlights the cosine of
+half the angle between l and v,
 
     G = cos(phi / 2) (1 - x)^3 M_TT(s_i + s_r) cos th_i / cos th_d
 """

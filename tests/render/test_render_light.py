@@ -19,7 +19,7 @@ from taichi_cloth.render.data.light_sizes import light_bytes
 from taichi_cloth.render.data.particles import Particles, concatenate
 from taichi_cloth.render.image.image import linear_to_srgb
 from taichi_cloth.render.image.tone import TONES, WHITE, tone_curve, tone_inverse, tone_table
-from taichi_cloth.render.light.fibre import lobes
+from taichi_cloth.render.light.fibre import grazed, lobes
 from taichi_cloth.render.light.occlusion import half_sphere, occlude
 from taichi_cloth.render.light.particle_light import NO_LIGHT, shading_of
 from taichi_cloth.render.light.shade import PLAIN
@@ -438,6 +438,34 @@ def test_a_fibre_sends_out_no_more_than_comes_in(name: str) -> None:
         share = (m * np.cos(th) ** 2 / np.sqrt(0.5 + 0.5 * np.cos(th))).sum() * (th[1] - th[0])
         assert got == pytest.approx(weight * share, rel=0.01)
     assert normal[0] >= 0.95 * finish.reflect
+
+
+def test_what_grazes_comes_back_forwards() -> None:
+    """By the angle between light and view, whose half's cosine is x: nothing straight back, most ahead, and nothing off
+    the cone of the fibre's highlights."""
+
+    @ti.kernel
+    def run(light: F32x2, view: F32x2, sharpness: float, out: F32x2):
+        for i in range(out.shape[0]):
+            to, v = ti.Vector([light[i, k] for k in range(3)]), ti.Vector([view[i, k] for k in range(3)])
+            cos_i, cos_r = ti.sqrt(1.0 - to[0] * to[0]), ti.sqrt(1.0 - v[0] * v[0])
+            out[i, 0] = grazed(to[0], v[0], cos_i, cos_r, to.dot(v), sharpness)
+
+    rng, sharpness = np.random.default_rng(3), 5.0
+    light, view = (rng.normal(size=(500, 3)) for _ in range(2))
+    view[:, 0] = 0.1 * view[:, 0] - light[:, 0]
+    light, view = (x / np.linalg.norm(x, axis=1, keepdims=True) for x in (light, view))
+    out = np.zeros((500, 1), np.float32)
+    run(light.astype(np.float32), view.astype(np.float32), sharpness, out)
+    along = light[:, 0] + view[:, 0]
+    cos_i, cos_r = (np.sqrt(1 - x[:, 0] ** 2) for x in (light, view))
+    half = np.sqrt((1 + np.clip((light * view)[:, 1:].sum(axis=1) / (cos_i * cos_r), -1, 1)) / 2)
+    cos_d = np.cos((np.arcsin(light[:, 0]) - np.arcsin(view[:, 0])) / 2)
+    x = np.linalg.norm(light + view, axis=1) / 2
+    m = np.sqrt(4 * sharpness / pi) * np.exp(-4 * sharpness * along**2)
+    assert half * cos_d == pytest.approx(x, abs=0.02 + np.abs(along).max() ** 2)
+    np.testing.assert_allclose(out[:, 0], half * (1 - half * cos_d) ** 3 * m * cos_i / cos_d, rtol=0.03, atol=2e-3)
+    assert out[x > 0.9].max() < 0.01 * out.max()
 
 
 def test_decay_is_the_exponential() -> None:

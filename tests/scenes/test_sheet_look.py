@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from taichi_cloth.detail.cell_stream import TARGET, CellStream
-from taichi_cloth.detail.surfels import OPEN_WARP, OPEN_WEFT, WARP, WEFT
-from taichi_cloth.ground.mixing import sent_back
-from taichi_cloth.ground.particles import COLOUR, NORMAL, RADIUS, ROWS, TANGENT
+from taichi_cloth.detail.surfels import OPEN_WARP, OPEN_WEFT, OPENED, WARP, WEFT
+from taichi_cloth.ground.copies import fetched
+from taichi_cloth.ground.mixing import DARKER, EVEN, WHITE, sent_back
+from taichi_cloth.ground.particles import COLOUR, NORMAL, OPENNESS, RADIUS, ROWS, TANGENT
 from taichi_cloth.render.data.camera import frame
 from taichi_cloth.render.data.finish import Finish, finish_for
 from taichi_cloth.render.data.light import Lighting
@@ -177,6 +178,28 @@ def test_threads_have_less_light_beside_darker_ones_and_more_beside_paler(source
     lost = (1 - ALONE[0, 1]) * (1 - sent_back(dark) / sent_back(1.0))
     assert mixed[1] / alike[1] == pytest.approx(1 - lost, rel=0.02)
     assert mixed[0] > laid(dark, dark, ALONE)[0]
+
+
+def test_a_sheet_of_black_and_white_is_less_open_than_one_of_their_mean(source: CellStream) -> None:
+    """Dark cloth sends back more of a sky than of lights; of a mixture each family does so as its own colour does."""
+
+    def opened(warp: float, weft: float) -> np.ndarray:
+        sheet = flat_piece(source.cloth, 0, SHEETS[0], source.pitch, probe=((warp,) * 3, (weft,) * 3))
+        factor = source.look.factor.copy()
+        factor[..., [WARP, WEFT]], factor[..., [OPEN_WARP, OPEN_WEFT]] = 0.5, 0.8
+        sheet.look = replace(source.look, factor=factor)
+        camera, _ = flat_camera(sheet, 90.0, SHEETS[1])
+        seen = sheet.survey(camera)
+        blocks, *_ = sheet.lay(seen, np.flatnonzero(seen.counts).astype(np.int32))
+        rows = np.asarray(fetched(blocks)).reshape(len(blocks), -1)
+        return rows[OPENNESS, rows[RADIUS] > 0]
+
+    assert opened(0.9, 0.9) == pytest.approx(0.8, rel=1e-3)
+    each = sent_back(np.array([0.05, 0.9]))
+    of_sky, of_mean = (EVEN + DARKER * (1 - r / WHITE) for r in (each, each.mean()))
+    under = (each * of_sky).mean() / (each.mean() * of_mean)
+    assert under < 0.95
+    assert np.median(opened(0.05, 0.9)) == pytest.approx(0.8 * under**OPENED, rel=0.01)
 
 
 @pytest.mark.slow

@@ -127,6 +127,12 @@ CASES = (
          towards=(-0.3, 1.0, -0.6), fill=0.8, ground=(0.7, 0.6, 0.5), away=(-0.5, 1.0, 0.5)),
     replace(YARN, name="one yarn, low light along it", fitted=True, colour=(0.65, 0.35, 0.09), key=1.5,
             towards=(0.9, 0.25, 0.4), fill=0.4, away=(-0.6, 0.3, 0.7)),
+    Case(name="satin of 8, low light opposite", weave="satin-8", fitted=False, colour=(0.9, 0.5, 0.2), key=1.3,
+         towards=(0.6, 0.55, -0.7), fill=0.4, ground=(0.5, 0.5, 0.5), away=(-0.5, 0.9, 0.6)),
+    replace(YARN, name="one yarn, light from beyond", fitted=False, colour=(0.85, 0.45, 0.15), key=1.4,
+            towards=(0.7, 0.5, -0.4), fill=0.5, away=(0.2, 0.5, 0.8)),
+    Case(name="plain, low light opposite", weave="plain", fitted=False, colour=(0.6, 0.3, 0.1), key=1.4,
+         towards=(0.2, 0.4, -0.9), fill=0.4, ground=(0.3, 0.3, 0.3), away=(-0.1, 0.9, 0.6)),
 )  # fmt: skip
 QUICK = replace(PLAIN, name="plain, 4 × 4 threads", threads=4)
 
