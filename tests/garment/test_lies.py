@@ -13,7 +13,7 @@ import pytest
 pytest.importorskip("ezdxf")
 
 from taichi_cloth.body.primitives.primitives import Primitive
-from taichi_cloth.garment.sewn.lies import _axis, _turns, crossed, free_loops, lies, lying_faults
+from taichi_cloth.garment.sewn.lies import _axes, _turns, crossed, free_loops, lies, lying_faults
 from taichi_cloth.garment.sewn.misfit import misfit
 from taichi_cloth.garment.sewn.sew import Worn
 from taichi_cloth.scenes.prepare.garment_setup import Parts, dressed_parts
@@ -71,11 +71,25 @@ def test_a_wide_cuff_goes_round_its_own_leg():
     knee = made.body.skeleton.joints[names.index("shin_l")]
     circle = np.stack([np.cos(t), 0 * t, np.sin(t)], -1)
     start = knee - [0.06, 0.1, 0] + 0.2 * circle
-    assert _turns(start, *_axis(start, made.primitives, "leg_l")) == 1
+    [leg] = _axes(start, made.primitives, "leg_l")
+    assert _turns(start, *leg) == 1
     worn = knee - [0, 0.1, 0] + 0.065 * circle
-    assert _turns(worn, *_axis(start, made.primitives, "leg_l")) == 1
-    assert _turns(worn, *_axis(start, made.primitives, "")) == 0
-    assert _turns(worn * [-1, 1, 1], *_axis(start, made.primitives, "leg_l")) == 0
+    assert _turns(worn, *leg) == 1
+    assert [_turns(worn, *axis) for axis in _axes(start, made.primitives, "")] == [1, 0]
+    assert _turns(worn * [-1, 1, 1], *leg) == 0
+
+
+def test_a_hem_goes_round_both_legs_whether_or_not_a_fold_hangs_between_them():
+    made = parts("skirt")
+    t = np.linspace(0, 2 * np.pi, 400, endpoint=False)
+    knee = made.body.skeleton.joints[made.body.skeleton.names.index("shin_l")]
+    hem = [0, knee[1] - 0.1, knee[2]] + 0.3 * np.stack([np.sin(t), 0 * t, np.cos(t)], -1)
+    axes = _axes(hem, made.primitives, "skirt")
+    assert len(axes) == 2
+    behind = (np.abs(hem[:, 0]) < 0.04) & (hem[:, 2] < knee[2])
+    between = hem + np.where(behind, 0.35, 0.0)[:, None] * [0, 0, 1]  # 5 cm past the middle between the legs
+    beside = np.where(hem[:, :1] < 0, hem * [0.01, 1, 1], hem)  # off the right one
+    assert [[_turns(line, *axis) for axis in axes] for line in (hem, between, beside)] == [[1, 1], [1, 1], [1, 0]]
 
 
 def test_a_sleeve_on_the_other_arm_is_astray():

@@ -76,7 +76,7 @@ class Lie:
 @dataclass(frozen=True)
 class Loop:
     """A closed loop of free edges. sides: in their order. placed, worn: how often it goes round its part of the body,
-    where panels were placed and as it is worn."""
+    where panels were placed and as it is worn; of both legs round the one of which these differ more."""
 
     sides: tuple[Side, ...]
     placed: int
@@ -192,8 +192,10 @@ def free_loops(garment: Garment, positions: NDArray, primitives: Sequence[Primit
     for loop in _loops(garment):
         placed, worn = (np.concatenate([_edge(garment, s, x)[::way] for s, way in loop]) for x in (start, positions))
         labels = {garment.pattern.panel(side.panel).label for side, _ in loop}
-        axis = _axis(placed, primitives, min(labels) if len(labels) == 1 else "")
-        out.append(Loop(tuple(side for side, _ in loop), _turns(placed, *axis), _turns(worn, *axis)))
+        axes = _axes(placed, primitives, min(labels) if len(labels) == 1 else "")
+        turns = [(_turns(placed, *axis), _turns(worn, *axis)) for axis in axes]
+        worst = max(turns, key=lambda both: abs(both[1] - both[0]))
+        out.append(Loop(tuple(side for side, _ in loop), *worst))
     return out
 
 
@@ -271,9 +273,9 @@ def _edge(garment: Garment, side: Side, positions: NDArray) -> F64:
     return np.einsum("nkc,nk->nc", np.asarray(positions, np.float64)[nodes[..., 0], nodes[..., 1]], weights)
 
 
-def _axis(line: F64, primitives: Sequence[Primitive], label: str) -> tuple[F64, F64]:
-    """A point (3,) and the way (3,) of the limb that a loop (k, 3) lies round: that of its panels' label, else that of
-    most of its points; of both legs the trunk's, upright."""
+def _axes(line: F64, primitives: Sequence[Primitive], label: str) -> list[tuple[F64, F64]]:
+    """A point (3,) and the way (3,) of the limbs that a loop (k, 3) lies round: that of its panels' label, else that of
+    most of its points. Round both legs it has to go round each: a fold of a hem may well hang between them."""
     limb_of = {JOINTS.index(name): limb for limb, names in LIMBS.items() for name in names}
     limbs = [limb_of[p.bone] for p in primitives]
     nearest = [limbs[k] for k in nearest_distance(primitives, line)[2]]
@@ -282,13 +284,19 @@ def _axis(line: F64, primitives: Sequence[Primitive], label: str) -> tuple[F64, 
     if label.startswith(("arm", "leg")):  # a wide cuff reaches over to the other leg where it starts
         limb = label
     elif min(share["leg_l"], share["leg_r"]) > BOTH:
-        limb = "trunk"
+        return [_limb_axis(line, primitives, limbs, leg) for leg in ("leg_l", "leg_r")]
     if limb == "trunk":
         own = [p for p, name in zip(primitives, limbs, strict=True) if name == "trunk"]
         ends = np.array([(p.start, p.end) for p in own]).reshape(-1, 3)
         height = float(line[:, 1].mean())
         near = np.exp(-(((ends[:, 1] - height) / 0.15) ** 2)) + 1e-9
-        return (near / near.sum()) @ ends, np.array([0.0, 1.0, 0.0])
+        return [((near / near.sum()) @ ends, np.array([0.0, 1.0, 0.0]))]
+    return [_limb_axis(line, primitives, limbs, limb)]
+
+
+def _limb_axis(line: F64, primitives: Sequence[Primitive], limbs: Sequence[str], limb: str) -> tuple[F64, F64]:
+    """The middle line, a point (3,) and its way (3,), of the part of a limb next to the middle of a loop (k, 3).
+    limbs: that each primitive is of."""
     middle, best = line.mean(axis=0), (np.inf, line.mean(axis=0), np.array([0.0, 1.0, 0.0]))
     for p, name in zip(primitives, limbs, strict=True):
         way = p.end - p.start
