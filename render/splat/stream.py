@@ -4,7 +4,7 @@ A source says where its pieces are on the image and how many particles each has;
 lies in one is a batch. A window is drawn whole, with its own depth order, so nothing shows where two meet: the
 picture is that of one batch. Pieces that reach into two windows are made twice, pieces out of view or behind a mesh
 never. Where even a single tile has too much behind it, batches lie one behind the other, nearest first, until it is
-opaque.
+opaque: each is a slab of depth, and has of pieces that reach out of it the particles in it.
 """
 
 from collections.abc import Callable, Iterator
@@ -12,10 +12,12 @@ from dataclasses import dataclass, fields, replace
 from typing import Any, Protocol
 
 import numpy as np
+import taichi as ti
 from numpy.typing import NDArray
 
+from taichi_cloth.ground.arrays import F32x1, F32x3, Float
 from taichi_cloth.ground.copies import fetched
-from taichi_cloth.ground.particles import TILE
+from taichi_cloth.ground.particles import LANES, POSITION, RADIUS, TILE
 
 from ..data.backdrop import Backdrop
 from ..data.blocks import Layout
@@ -31,17 +33,20 @@ __all__ = ["STREAMED", "Source", "StreamStats", "stream", "stream_passes"]
 STREAMED = Layout(elliptic=True, openness=True)
 """The rows of the particles that a source lays."""
 
+FAR = 1e30
+"""Beyond all that is seen [m]."""
 WASTE = 1.5
 """Windows are not halved further where that makes pieces more than this many times over."""
 
 
 class Seen(Protocol):
     """boxes: (n, 4) int16 first and last tile column and row of each piece; counts: (n,) particles of each, 0 where
-    out of view; depth: (n,) [m]."""
+    out of view; depth: (n,) of its middle [m]; reach: (n,) how far its particles lie from there at most [m]."""
 
     boxes: Any
     counts: Any
     depth: Any
+    reach: Any
 
 
 class Source(Protocol):
@@ -81,7 +86,8 @@ def stream(
     drawn: Drawn | None = None,
     **options: Any,
 ) -> tuple[NDArray[np.uint8], StreamStats]:
-    """The image (height, width, 3) 8-bit sRGB of all that `source` shows, at most about `most` particles at a time.
+    """The image (height, width, 3) 8-bit sRGB of all that `source` shows, about `most` particles at a time, and what else
+    reaches into a slab of depth from before and from behind it.
 
     The splatter must have the camera's size. linear: an array (height, width, 4) that takes what `Splatter.linear`
     gives. Other options are those of `Splatter.render`. Batches know nothing of one another: for shadows and occlusion
@@ -107,8 +113,10 @@ def stream(
             parts = list(_batches(seen, inside, most))
             if len(parts) > 1:
                 splatter.begin(near, **behind, **options)
-            for part in parts:
+            for part, nearest, farthest in parts:
                 blocks, count = source.lay(seen, part)
+                if len(parts) > 1:
+                    _cut(blocks, _ahead(camera), nearest, farthest)
                 made, batches, largest = made + count, batches + 1, max(largest, count)
                 splatter.load_blocks(STREAMED, blocks, count)
                 if len(parts) == 1:
@@ -204,14 +212,35 @@ def windows(
         waiting.append((*boxes[0], inside[near]))
 
 
-def _batches(seen: Seen, inside: NDArray[np.int32], most: int) -> Iterator[NDArray[np.int32]]:
-    """The pieces of a window in one batch, or from front to back in several."""
+def _batches(seen: Seen, inside: NDArray[np.int32], most: int) -> Iterator[tuple[NDArray[np.int32], float, float]]:
+    """The pieces of a window in one batch, or from front to back in several: of each the pieces and between what depths
+    [m] their particles are of it. What reaches into two is in both."""
     if int(seen.counts[inside].sum(dtype=np.int64)) <= most:
-        yield inside
+        yield inside, -FAR, FAR
         return
-    inside = inside[np.argsort(seen.depth[inside], kind="stable")]
-    group = np.cumsum(seen.counts[inside], dtype=np.int64) // max(most, 1)
-    yield from np.split(inside, np.flatnonzero(np.diff(group)) + 1)
+    depth, reach = seen.depth[inside], seen.reach[inside]
+    order = np.argsort(depth, kind="stable")
+    group = np.cumsum(seen.counts[inside][order], dtype=np.int64) // max(most, 1)
+    cuts = depth[order][np.flatnonzero(np.diff(group)) + 1].tolist()
+    for nearest, farthest in zip([-FAR, *cuts], [*cuts, FAR], strict=True):
+        yield inside[(depth - reach < farthest) & (depth + reach >= nearest)], nearest, farthest
+
+
+def _ahead(camera: Camera) -> NDArray[np.float32]:
+    """By what a place's depth is known: the camera's axis, and what is added (4,)."""
+    return np.array([*np.asarray(camera.rotation)[2], np.asarray(camera.translation)[2]], np.float32)
+
+
+@ti.kernel
+def _cut(groups: F32x3, ahead: F32x1, nearest: Float, farthest: Float):
+    """Particles that are not from the one depth [m] up to the other hold nothing (radius 0)."""
+    for at in range(groups.shape[1] * LANES):
+        g, lane = at // LANES, at % LANES
+        z = ahead[3]
+        for c in ti.static(range(3)):
+            z += ahead[c] * groups[POSITION + c, g, lane]
+        if z < nearest or z >= farthest:
+            groups[RADIUS, g, lane] = 0.0
 
 
 def _window(backdrop: Backdrop, x0: int, y0: int, x1: int, y1: int, height: int) -> Backdrop:

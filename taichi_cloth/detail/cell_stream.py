@@ -73,13 +73,15 @@ MOST = 16_384
 @dataclass(frozen=True)
 class Seen:
     """What a camera sees. boxes: (n, 4) int16 first and last tile column and row of each patch, then of each piece.
-    counts: (n,) int32 particles. depth: (n,) float32 [m]. patch: (patches, PATCH) int32, see `patches`. share:
+    counts: (n,) int32 particles. depth: (n,) float32 [m] of their middles. reach: (n,) float32 how far it reaches from
+    there [m]. patch: (patches, PATCH) int32, see `patches`. share:
     (patches,) float32 of its particles that are drawn, 1 for all. grid: (patches, 2) int32 rows and columns of surfels,
     0 where it is drawn of fibres. eye: where it stands (3,) [m]; None: the right side is wanted."""
 
     boxes: NDArray[np.int16]
     counts: I32
     depth: F32
+    reach: F32
     patch: I32
     share: F32
     grid: I32
@@ -167,7 +169,7 @@ class CellStream:
         bank = self.cloth.bank
         patch = self._whole.copy()
         pack, view = self.cloth.pack(), view_of(camera)
-        depth, seen, _ = self._look(pack, view, patch, np.full(len(patch), bank.reach[0], np.float32))
+        depth, seen, _, _ = self._look(pack, view, patch, np.full(len(patch), bank.reach[0]))
         patch, depth = patch[seen], depth[seen]
         pixel = np.maximum(depth, camera.near).astype(np.float64) / camera.focal  # [m]
         fine = self._fine(pixel)
@@ -181,17 +183,19 @@ class CellStream:
         patch = np.concatenate([woven, flat])
         share = np.concatenate([of_fibres[of_patch], 1.0 - fine[fine < 1]])
         reach = np.concatenate([bank.reach[woven[:, LEVEL]], bank.reach[0] + 2.0 * self._apart(far)])
-        depth, seen, boxes = self._look(pack, view, patch, reach.astype(np.float32))
-        patch, share, grid, depth, boxes = patch[seen], share[seen], grid[seen], depth[seen], boxes[seen]
+        depth, seen, boxes, reach = self._look(pack, view, patch, reach)
+        patch, share, grid = patch[seen], share[seen], grid[seen]
+        depth, boxes, reach = depth[seen], boxes[seen], reach[seen]
         counts = self._counts(pack, patch, grid)
         if self.pieces.shape[1]:
             sphere = self._spheres()
             more, far = np.empty((len(sphere), 4), np.int16), np.empty(len(sphere), np.float32)
             look_at(sphere, view, more, far)
             boxes, depth = np.concatenate([boxes, more]), np.concatenate([depth, far])
+            reach = np.concatenate([reach, sphere[:, 3]])
             counts = np.concatenate([counts, np.where(more[:, 0] <= more[:, 1], self.each, 0).astype(np.int32)])
         eye = -np.asarray(camera.rotation).T @ np.asarray(camera.translation)
-        return Seen(boxes, counts, depth, patch, share.astype(np.float32), grid, eye)
+        return Seen(boxes, counts, depth, reach, patch, share.astype(np.float32), grid, eye)
 
     def _spheres(self) -> F32:
         """Round each of the pieces, (n, 4)."""
@@ -201,12 +205,15 @@ class CellStream:
         away = np.linalg.norm(place - middle[:, None], axis=2).max(axis=1)
         return np.column_stack([middle, away + size]).astype(np.float32)
 
-    def _look(self, pack: Any, view: Any, patch: I32, reach: F32) -> tuple[F32, NDArray[np.bool_], NDArray[np.int16]]:
+    def _look(
+        self, pack: Any, view: Any, patch: I32, beyond: F64
+    ) -> tuple[F32, NDArray[np.bool_], NDArray[np.int16], F32]:
+        """Of patches whose particles lie so far beyond their crossings [m]: depth, whether in view, boxes, reach."""
         n = len(patch)
-        boxes, depth = np.empty((n, 4), np.int16), np.empty(n, np.float32)
+        boxes, depth, reach = np.empty((n, 4), np.int16), np.empty(n, np.float32), beyond.astype(np.float32)
         if n:
-            look(pack, patch, reach, view, boxes, depth)
-        return depth, boxes[:, 0] <= boxes[:, 1], boxes
+            look(pack, patch, view, reach, boxes, depth)
+        return depth, boxes[:, 0] <= boxes[:, 1], boxes, reach
 
     def _fine(self, pixel: F64) -> F64:
         """What share of a cloth is drawn of fibres where a pixel is so wide [m], 0 to 1."""
@@ -306,7 +313,7 @@ class CellStream:
             area = float((patch[:, PATCH_PICKS] * patch[:, PATCH_ENDS]).sum()) * self.pitch[0] * self.pitch[1]
             grid = self._grid(patch, np.full(len(patch), np.sqrt(area * CAST / most)))
         counts = self._counts(self.cloth.pack(), patch, grid)
-        seen = Seen(np.zeros((len(patch), 4), np.int16), counts, zero, patch, zero + 1.0, grid, None)
+        seen = Seen(np.zeros((len(patch), 4), np.int16), counts, zero, zero, patch, zero + 1.0, grid, None)
         return fetched(self.lay(seen, np.arange(len(patch), dtype=np.int32))[0]).copy()
 
     def numbers(self, seen: Seen, chosen: I32) -> tuple[I32, I32]:

@@ -42,6 +42,7 @@ from taichi_cloth.detail.pieces import (
     TURN,
     WIDTH,
     place,
+    reach_of,
 )
 from taichi_cloth.detail.skins import Skins
 from taichi_cloth.detail.view import Pinhole, View, view_of
@@ -175,6 +176,7 @@ class SeenNear:
     boxes: NDArray[np.int16]
     counts: I32
     depth: F32
+    reach: F32
     cells: Seen
     pieces: F32
     grid: I32
@@ -218,6 +220,7 @@ class NearCells:
             boxes=np.concatenate([seen.boxes, boxes]),
             counts=np.concatenate([counts, made]),
             depth=np.concatenate([seen.depth, depth]),
+            reach=np.concatenate([seen.reach, reach_of(pieces)]),
             cells=seen,
             pieces=pieces,
             grid=grid,
@@ -239,7 +242,7 @@ class NearCells:
         boxes, depth = np.empty((n, 4), np.int16), np.empty(n, np.float32)
         if n:
             reach = np.full(n, self.cells.cloth.bank.reach[0], np.float32)
-            look(self.cells.cloth.pack(), single, reach, view, boxes, depth)
+            look(self.cells.cloth.pack(), single, view, reach, boxes, depth)
         seen = np.flatnonzero(boxes[:, 0] <= boxes[:, 1])
         return single[np.sort(seen[np.argsort(depth[seen], kind="stable")[:MOST_CROSSINGS]])]
 
@@ -306,7 +309,7 @@ class NearCells:
         counts, zero = np.zeros(n, np.int32), np.zeros(n, np.float32)
         if n:
             count(cloth.pack(), patch, np.arange(n, dtype=np.int32), counts)
-        seen = Seen(np.zeros((n, 4), np.int16), counts, zero, patch, zero + 1.0, np.zeros((n, 2), np.int32), None)
+        seen = Seen(np.zeros((n, 4), np.int16), counts, zero, zero, patch, zero + 1.0, np.zeros((n, 2), np.int32), None)
         return self.cells.lay(seen, np.arange(n, dtype=np.int32))[0].copy()
 
     def lay(self, survey: SeenNear, chosen: I32) -> tuple[F32, int]:

@@ -50,8 +50,9 @@ CHUNKS = 16
 
 
 @ti.kernel
-def look(cloth: CellPack, patch: I32x2, reach: F32x1, view: View, boxes_out: I16x2, depth_out: F32x1):
-    """Boxes of tiles and depth of patches, first > last for those out of view. reach: beyond the crossings [m]."""
+def look(cloth: CellPack, patch: I32x2, view: View, reach: F32x1, boxes_out: I16x2, depth_out: F32x1):
+    """Boxes of tiles and depth of patches, first > last for those out of view. reach: beyond the crossings [m], and
+    then from the middle."""
     for q in range(patch.shape[0]):
         cell, p = patch[q, CELL], patch[q, PANEL]
         i, j, high, wide = patch[q, FIRST_PICK], patch[q, FIRST_END], patch[q, PATCH_PICKS], patch[q, PATCH_ENDS]
@@ -62,6 +63,7 @@ def look(cloth: CellPack, patch: I32x2, reach: F32x1, view: View, boxes_out: I16
             x, _s, _t = cell_crossing(cloth, p, cell, i + high * (corner // 2), j + wide * (corner % 2))
             r = ti.max(r, (x - middle).norm())  # pyright: ignore[reportOptionalCall]
         r = 1.15 * r + reach[q]
+        reach[q] = r
         _box(view, seen_at(view, middle), r, q, boxes_out, depth_out)
 
 

@@ -6,7 +6,9 @@ image and how many points its surface needs there; `surface` makes them.
 
 from math import pi
 
+import numpy as np
 import taichi as ti
+from numpy.typing import NDArray
 
 from taichi_cloth.detail.view import View, seen_at, tiles_of
 from taichi_cloth.fabric.laying import FabricPack, block_ends, lay_particle, row
@@ -26,7 +28,7 @@ from taichi_cloth.ground.particles import (
 
 __all__ = [
     "AFTER", "BEFORE", "BEYOND", "COVERED", "FAMILY", "MEETS", "PARTED", "PERIOD", "PLACE", "SKINNED", "SURFACE",
-    "THREAD", "TURN", "WIDTH", "place", "split", "surface",
+    "THREAD", "TURN", "WIDTH", "place", "reach_of", "split", "surface",
 ]  # fmt: skip
 
 SURFACE = (7.0, 16.0)
@@ -47,6 +49,8 @@ the list, 0 at a block's end, its thread, whether that is warp (0) or weft (1), 
 the next block, and where its piece there stands and which way it looks (6)."""
 WIDTH = ROWS + 16
 """Numbers of a piece."""
+AROUND = 2.2
+"""Radii from a piece's axis within which all of it lies."""
 ARC = 220.0 / 180.0 * pi
 """How much of a fibre's circumference gets points: the side towards the camera, and a little more."""
 
@@ -161,7 +165,7 @@ def place(
     for q in range(pieces.shape[0]):
         at = seen_at(view, row(pieces, q))
         z = at[2]
-        r = ti.max(pieces[q, HALF_LENGTH], 2.2 * pieces[q, RADIUS])
+        r = ti.max(pieces[q, HALF_LENGTH], AROUND * pieces[q, RADIUS])
         left, right, top, bottom = 1, 0, 1, 0
         along, around, count = 0, 0, 0
         if z > view.near + r:
@@ -188,6 +192,11 @@ def place(
         depth_out[q] = z
         grid_out[q, 0] = along
         grid_out[q, 1] = around
+
+
+def reach_of(pieces: NDArray[np.float32]) -> NDArray[np.float32]:
+    """How far each of the pieces (n, WIDTH) reaches from its middle [m], (n,)."""
+    return np.maximum(pieces[:, HALF_LENGTH], AROUND * pieces[:, RADIUS]) + AROUND * pieces[:, RADIUS]
 
 
 @ti.func

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from taichi_cloth.detail.pieces import THREAD, WIDTH, place, split
+from taichi_cloth.detail.pieces import THREAD, WIDTH, place, reach_of, split
 from taichi_cloth.detail.skins import Skins
 from taichi_cloth.detail.streaming import FabricStream, Survey
 from taichi_cloth.detail.view import Pinhole, View, view_of
@@ -40,6 +40,7 @@ class Refined:
     boxes: NDArray[np.int16]
     counts: NDArray[np.int32]
     depth: F32
+    reach: F32
     blocks: Survey
     pieces: F32
     grid: NDArray[np.int32]
@@ -102,6 +103,7 @@ class RefiningStream:
             boxes=np.concatenate([seen.boxes, boxes]),
             counts=np.concatenate([counts_of_blocks, counts]),
             depth=np.concatenate([seen.depth, depth]),
+            reach=np.concatenate([seen.reach, reach_of(pieces)]),
             blocks=seen,
             pieces=pieces,
             grid=grid,

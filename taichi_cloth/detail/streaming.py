@@ -51,12 +51,13 @@ LOG2 = log(2.0)
 class Survey:
     """What a camera sees of each block. boxes: (blocks, 4) int16 first and last tile column and row, last < first
     where it is out of view. counts: (blocks,) int32 particles worth drawing, 0 out of view. depth: (blocks,)
-    float32 [m] of the middle. share: (blocks,) float32 λ, `FULL` for everything. tilt: mean cosine between the cloth's
-    normal and the camera's axis, the same from both sides."""
+    float32 [m] of the middle. reach: (blocks,) float32 how far it reaches from there [m]. share: (blocks,) float32 λ,
+    `FULL` for everything. tilt: mean cosine between the cloth's normal and the camera's axis, the same from both sides."""
 
     boxes: NDArray[np.int16]
     counts: I32
     depth: F32
+    reach: F32
     share: F32
     tilt: float
 
@@ -112,12 +113,12 @@ class FabricStream:
         """Where every block is for a camera, and how much of it is worth drawing."""
         n = len(self.arrays.key0)
         boxes, counts = np.empty((n, 4), np.int16), np.empty(n, np.int32)
-        depth, share = np.empty(n, np.float32), np.empty(n, np.float32)
+        depth, reach, share = (np.empty(n, np.float32) for _ in range(3))
         pack, view = self.arrays.pack(), view_of(camera)
-        _survey(pack, self.reach, self.radius, view, self.target, boxes, counts, depth, share)
+        _survey(pack, self.reach, self.radius, view, self.target, boxes, counts, depth, reach, share)
         # To the camera's axis, not to its place: then a cloth's tilt is the same from near and from far.
         cosine = self.arrays.normal[:: self._every] @ np.asarray(camera.rotation)[2]
-        return Survey(boxes, counts, depth, share, float(np.abs(cosine).mean()))
+        return Survey(boxes, counts, depth, reach, share, float(np.abs(cosine).mean()))
 
     def lay(self, survey: Survey, blocks: I32) -> tuple[F32, int]:
         """The particles of these blocks, as many as the survey says: (ROWS, ceil(n / 16), 16) and n.
@@ -153,7 +154,8 @@ class FabricStream:
         size = self.size[template]
         n, share = len(size), np.float32(min(FULL, FULL * most / max(1, self.fabric.particles)))
         counts = np.minimum(size, np.maximum(1, np.ceil(share * size))).astype(np.int32)
-        survey = Survey(np.zeros((n, 4), np.int16), counts, np.zeros(n, np.float32), np.full(n, share), 1.0)
+        zero = np.zeros(n, np.float32)
+        survey = Survey(np.zeros((n, 4), np.int16), counts, zero, zero, np.full(n, share), 1.0)
         return fetched(self.lay(survey, np.arange(n, dtype=np.int32))[0]).copy()
 
     def numbers(self, survey: Survey, blocks: I32) -> tuple[I32, I32]:
@@ -174,6 +176,7 @@ def _survey(
     boxes_out: I16x2,
     counts_out: I32x1,
     depth_out: F32x1,
+    reach_out: F32x1,
     share_out: F32x1,
 ):
     """What `Survey` says of each block. reach, radius: of each template [m], round its middle and of its particles."""
@@ -214,6 +217,7 @@ def _survey(
         boxes_out[b, 3] = ti.cast(bottom, ti.i16)
         counts_out[b] = count
         depth_out[b] = z
+        reach_out[b] = r
         share_out[b] = share
 
 

@@ -96,7 +96,7 @@ def all_particles(cells: CellCloth) -> np.ndarray:
     patch[:, LEVEL] = 0
     grid, none = np.zeros((len(patch), 2), np.int32), np.zeros(len(patch), np.float32)
     counts = stream._counts(cells.pack(), patch, grid)
-    seen = Seen(np.zeros((len(patch), 4), np.int16), counts, none, patch, none + 1.0, grid, None)
+    seen = Seen(np.zeros((len(patch), 4), np.int16), counts, none, none, patch, none + 1.0, grid, None)
     groups, count = stream.lay(seen, np.arange(len(patch), dtype=np.int32))
     groups = fetched(groups)
     return groups.reshape(ROWS, -1)[:, :count].copy()
@@ -216,7 +216,7 @@ def cells_threads(cells: CellCloth) -> np.ndarray:
     patch = stream._whole.copy()
     grid, none = np.zeros((len(patch), 2), np.int32), np.zeros(len(patch), np.float32)
     counts = stream._counts(cells.pack(), patch, grid)
-    seen = Seen(np.zeros((len(patch), 4), np.int16), counts, none, patch, none + 1.0, grid, None)
+    seen = Seen(np.zeros((len(patch), 4), np.int16), counts, none, none, patch, none + 1.0, grid, None)
     return stream.numbers(seen, np.arange(len(patch), dtype=np.int32))[0]
 
 

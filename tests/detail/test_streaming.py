@@ -84,7 +84,7 @@ def test_windows_are_one_picture(model: FabricModel, particles: Particles, camer
     for most in (10**9, 40_000, 20_000):
         image, stats = stream(splatter, camera, source, most=most)
         assert psnr(whole, image) > 43
-        assert stats.largest <= most * 1.1
+        assert stats.largest <= most * 2  # with what reaches into a slab from others
         sizes.append(stats.batches)
     assert sizes[0] == 1 < sizes[1] < sizes[2]
 
@@ -112,13 +112,12 @@ def test_passes_of_windows_and_batches_are_those_of_one_picture(model: FabricMod
         seen = whole.depth > 0
         assert (seen == (passes.depth > 0)).mean() > 0.995
         np.testing.assert_allclose(passes.mask, whole.mask, atol=0.1)
-        # Pieces of batches lie one behind the other as wholes: where two cross, the nearer middle wins.
         both = seen & (passes.depth > 0)
         near = np.abs(passes.depth - whole.depth)[both] < 2 * particles.radius.max()
-        assert near.mean() > (0.99 if most == 20_000 else 0.8)
+        assert near.mean() > 0.99
         for name in ("yarn", "part"):
             same = (getattr(passes, name) == getattr(whole, name))[both]
-            assert same.mean() > (0.985 if most == 20_000 else 0.8), name
+            assert same.mean() > 0.985, name
 
 
 @pytest.mark.slow
@@ -149,7 +148,7 @@ def test_memory_is_bounded_by_the_batch(model: FabricModel, camera: Camera) -> N
     source = FabricStream(model.fabric, model.points, target=0)
     _, stats = stream(Splatter(*SIZE), camera, source, most=20_000)
     assert stats.particles > 80_000
-    assert source.allocated <= 1.1 * 20_000 * ROWS * 4 + ROWS * LANES * 4
+    assert source.allocated <= 2 * 20_000 * ROWS * 4 + ROWS * LANES * 4
 
 
 def test_same_bytes_for_any_number_of_chunks(model: FabricModel, camera: Camera) -> None:
