@@ -86,8 +86,8 @@ def stream(
     drawn: Drawn | None = None,
     **options: Any,
 ) -> tuple[NDArray[np.uint8], StreamStats]:
-    """The image (height, width, 3) 8-bit sRGB of all that `source` shows, about `most` particles at a time, and what else
-    reaches into a slab of depth from before and from behind it.
+    """The image (height, width, 3) 8-bit sRGB of all that `source` shows, about `most` particles at a time, and what
+    else reaches into a slab of depth from before and from behind it.
 
     The splatter must have the camera's size. linear: an array (height, width, 4) that takes what `Splatter.linear`
     gives. Other options are those of `Splatter.render`. Batches know nothing of one another: for shadows and occlusion

@@ -52,7 +52,8 @@ class Survey:
     """What a camera sees of each block. boxes: (blocks, 4) int16 first and last tile column and row, last < first
     where it is out of view. counts: (blocks,) int32 particles worth drawing, 0 out of view. depth: (blocks,)
     float32 [m] of the middle. reach: (blocks,) float32 how far it reaches from there [m]. share: (blocks,) float32 λ,
-    `FULL` for everything. tilt: mean cosine between the cloth's normal and the camera's axis, the same from both sides."""
+    `FULL` for everything. tilt: mean cosine between the cloth's normal and the camera's axis, the same
+    from both sides."""
 
     boxes: NDArray[np.int16]
     counts: I32
