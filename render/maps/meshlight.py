@@ -88,7 +88,7 @@ def _walls(
     first_out: F32x1,
     last_out: F32x1,
 ):
-    if ti.static(runtime.resident()):
+    if ti.static(not runtime.on_host()):
         for cell in range(first_out.shape[0]):
             first_out[cell], last_out[cell] = EMPTY, -EMPTY
         for t in range(maps.shape[0] * faces.shape[0]):
