@@ -366,12 +366,13 @@ def _status(arguments: list[str]) -> int:
         _say("out of memory; make the scene smaller (see: taichi-cloth plan) or close other programs")
         return 2
     except RuntimeError as error:
-        from taichi_cloth.ground.device_memory import is_out_of_memory
+        from taichi_cloth.ground.device_memory import is_out_of_memory, said_of_memory
 
         if not is_out_of_memory(error):
             raise
         _say(
-            "the device is out of memory; use --arch cpu, fewer key points or fewer particles (see: taichi-cloth plan)"
+            f"the device is out of memory{said_of_memory()}; use --arch cpu, fewer key points or fewer particles (see: "
+            "taichi-cloth plan)"
         )
         return 2
     except BrokenPipeError:  # whoever read our output has gone; Python must not trip over it again at its end

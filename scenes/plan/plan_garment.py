@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from math import hypot
 
-from taichi_cloth.constraints.ties import MOST_AT_ONCE, Ties
 from taichi_cloth.garment.outfit.outfit import Outfit
 from taichi_cloth.motion.forces import Forces
 from taichi_cloth.solvers.named import named_solver
@@ -112,8 +111,6 @@ def _worn_stages(scene: Scene, parts: Parts, ones: Sequence[Scene]) -> tuple[dic
         "contact": f"{counted}, {gaps.said(worn.solids)}, friction {parts.friction:g}",
     }
     built |= _solver(scene, parts)
-    if max(len(garment.seams()[0]), len(garment.holds()[0])) > MOST_AT_ONCE:
-        built["devices"] = ", ".join(filter(None, (built["devices"], Ties.known_as)))
     left = {}
     if moves.name == "rest":
         hang = "the garment hangs as it was" if len(ones) == 1 else "garments hang as they were"

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from taichi_cloth.ground.arrays import F32x2, I32x1, I32x2, Template
+from taichi_cloth.ground.runtime import on_host
 from taichi_cloth.sheet.materials import Material
 from taichi_cloth.sheet.sheet import PAD, Sheet
 
@@ -105,16 +106,16 @@ class BesideFields:
 
     @ti.kernel
     def take(self, ends: I32x2, numbers: F32x2, begin: I32x1, tie: I32x1):
-        ti.loop_config(serialize=True)  # less work than to wake threads
+        ti.loop_config(serialize=ti.static(on_host()))  # less work than to wake threads
         for t in range(ends.shape[0]):
             for k in ti.static(range(2)):
                 self.ends[t, k] = ends[t, k]
             for k in ti.static(range(4)):
                 self.number[t, k] = numbers[t, k]
-        ti.loop_config(serialize=True)
+        ti.loop_config(serialize=ti.static(on_host()))
         for t in range(begin.shape[0]):
             self.begin[t] = begin[t]
-        ti.loop_config(serialize=True)
+        ti.loop_config(serialize=ti.static(on_host()))
         for e in range(tie.shape[0]):
             self.tie[e] = tie[e]
         self.count[None] = ends.shape[0]

@@ -27,6 +27,7 @@ from taichi_cloth.constraints.middle_response import respond
 from taichi_cloth.ground.arrays import Float, I32x1, Int, Template
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.ground.routine import routine
+from taichi_cloth.ground.runtime import on_host
 from taichi_cloth.motion.capacity import capacity_of
 from taichi_cloth.motion.constraint import SharedConstraint
 from taichi_cloth.motion.crew import PARTS
@@ -66,7 +67,7 @@ class MiddleFields:
 
     @ti.kernel
     def take(self, solids: I32x1):
-        ti.loop_config(serialize=True)
+        ti.loop_config(serialize=ti.static(on_host()))
         for k in range(solids.shape[0]):
             self.solid[k] = solids[k]
         self.solids[None] = solids.shape[0]

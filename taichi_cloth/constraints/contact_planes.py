@@ -20,6 +20,7 @@ from taichi_cloth.constraints.contact_entries import ENTRY, FACED, GAP, OFFSET, 
 from taichi_cloth.constraints.contact_surface import BOX
 from taichi_cloth.ground.arrays import F32x1, Float, I32x1, Int, Template
 from taichi_cloth.ground.routine import routine
+from taichi_cloth.ground.runtime import on_host
 from taichi_cloth.motion.crew import LINE, PARTS
 from taichi_cloth.motion.stencil import Lanes, load, load_xyz, relative, store
 from taichi_cloth.sheet.sheet import LANES
@@ -69,10 +70,10 @@ class Planes(Entries):
     @ti.kernel
     def take_constant(self, values: F32x1, spared: I32x1):
         """values: of all distance grids. spared: of the elements of the padded grid."""
-        ti.loop_config(serialize=True)
+        ti.loop_config(serialize=ti.static(on_host()))
         for k in range(values.shape[0]):
             self.nodes[k] = values[k]
-        ti.loop_config(serialize=True)
+        ti.loop_config(serialize=ti.static(on_host()))
         for p in range(spared.shape[0]):
             self.spared[p] = spared[p]
 

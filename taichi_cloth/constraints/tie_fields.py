@@ -7,6 +7,7 @@ import taichi as ti
 from taichi_cloth.constraints.beside_ties import BesideFields
 from taichi_cloth.ground.arrays import F32x1, F32x2, I32x1, I32x2, Int, Template
 from taichi_cloth.ground.routine import routine
+from taichi_cloth.ground.runtime import on_host
 from taichi_cloth.motion.stencil import load, nothing, store
 from taichi_cloth.sheet.sheet import LANES
 
@@ -43,7 +44,8 @@ beyond 3 % in all, with 8 two."""
 
 @ti.data_oriented
 class TieFields:
-    """Room for so many ties, for what they are to do in a frame, and for so many threads beside them.
+    """Room for so many ties, for what they are to do in a frame, for so many threads beside them, and for so many
+    numbers of the matrix by which ties are closed at once; none where they are gone through one after the other.
 
     usual, apart, push: LANES numbers of each tie, of which the first three are [m] of places, the next three of steps.
     borne, slid: as many numbers of ties to places: what they have pushed by in this substep, and how far their places
@@ -55,8 +57,8 @@ class TieFields:
 
     wide: Any  # its number is the bound of a loop: type checkers would take it for a matrix
 
-    def __init__(self, capacity: int, repeated: bool, at_once: bool, threads: int) -> None:
-        self.capacity, self.repeated, self.at_once = capacity, repeated, at_once
+    def __init__(self, capacity: int, repeated: bool, numbers: int, threads: int) -> None:
+        self.capacity, self.repeated, self.at_once = capacity, repeated, numbers > 0
         self.row, self.path = ti.field(ti.f32, (capacity, ROW)), ti.field(ti.f32, (capacity + 1, PATH))
         self.node = ti.field(ti.i32, (capacity, NODES))
         self.usual, self.apart, self.push = (ti.field(ti.f32, LANES * capacity) for _ in range(3))
@@ -64,8 +66,8 @@ class TieFields:
         self.points: Any = ti.field(ti.i32, ())
         self.point, self.of, self.share = (ti.field(kind, NODES * capacity) for kind in (ti.i32, ti.i32, ti.f32))
         self.point_begin: Any = _begins(NODES * capacity)
-        if at_once:
-            self.answer, self.other = (ti.field(kind, capacity * capacity) for kind in (ti.f32, ti.i32))
+        if self.at_once:
+            self.answer, self.other = (ti.field(kind, numbers) for kind in (ti.f32, ti.i32))
             self.answer_begin: Any = _begins(capacity)
         self.holder: object = None
         self.wide, self.listed = ti.field(ti.i32, ()), ti.field(ti.i32, capacity)
@@ -75,10 +77,10 @@ class TieFields:
     @ti.kernel
     def take(self, path: F32x2):
         """For a frame; its last row is of all ties."""
-        ti.loop_config(serialize=True)  # less work than to wake threads
+        ti.loop_config(serialize=ti.static(on_host()))  # less work than to wake threads
         for i, j in ti.ndrange(path.shape[0], path.shape[1]):
             self.path[i if i < path.shape[0] - 1 else self.capacity, j] = path[i, j]
-        ti.loop_config(serialize=True)
+        ti.loop_config(serialize=ti.static(on_host()))
         for k in range(path.shape[0] - 1):
             for c in range(3):
                 self.usual[k * LANES + c] = path[k, USUAL + c]
@@ -90,14 +92,14 @@ class TieFields:
     @ti.kernel
     def give_slid(self, slid: F32x2):
         """How far places have gone along in this frame, (3, ties) [m]."""
-        ti.loop_config(serialize=True)
+        ti.loop_config(serialize=ti.static(on_host()))
         for c, k in ti.ndrange(slid.shape[0], slid.shape[1]):
             slid[c, k] = self.slid[k * LANES + c]
 
     @ti.kernel
     def give(self, usual: F32x2):
         """What ties are usually pushed by, (3, ties) [m]."""
-        ti.loop_config(serialize=True)
+        ti.loop_config(serialize=ti.static(on_host()))
         for c, k in ti.ndrange(usual.shape[0], usual.shape[1]):
             usual[c, k] = self.usual[k * LANES + c]
 
@@ -107,7 +109,7 @@ class TieFields:
     ):
         """points: (key points, 2), element and where its ties begin in `of` and `share`. begin: (ties + 1,), where the
         pushes that answer a tie's gap begin in `other` and `answer`, nothing where ties are not closed at once."""
-        ti.loop_config(serialize=True)
+        ti.loop_config(serialize=ti.static(on_host()))
         for k in range(node.shape[0]):
             for j in range(NODES):
                 self.node[k, j] = node[k, j]
@@ -115,17 +117,17 @@ class TieFields:
                 self.row[k, j] = row[k, j]
             for c in range(LANES):
                 self.apart[k * LANES + c] = 0.0
-        ti.loop_config(serialize=True)
+        ti.loop_config(serialize=ti.static(on_host()))
         for m in range(points.shape[0]):
             self.point[m], self.point_begin[m] = points[m, 0], points[m, 1]
-        ti.loop_config(serialize=True)
+        ti.loop_config(serialize=ti.static(on_host()))
         for e in range(of.shape[0]):
             self.of[e], self.share[e] = of[e], share[e]
         if ti.static(self.at_once):
-            ti.loop_config(serialize=True)
+            ti.loop_config(serialize=ti.static(on_host()))
             for k in range(begin.shape[0]):
                 self.answer_begin[k] = begin[k]
-            ti.loop_config(serialize=True)
+            ti.loop_config(serialize=ti.static(on_host()))
             for e in range(other.shape[0]):
                 self.other[e], self.answer[e] = other[e], answer[e]
         self.points[None], self.point_begin[points.shape[0]] = points.shape[0], of.shape[0]

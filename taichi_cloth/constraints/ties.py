@@ -30,12 +30,14 @@ along with the cloth, and stays there.
 """
 
 from collections.abc import Callable
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
+from scipy.sparse import csr_array, diags_array
+from scipy.sparse.linalg import splu
 
 from taichi_cloth.constraints.beside_ties import LINKS, beside
 from taichi_cloth.constraints.tie_fields import ALLOWED, MOST, NODES, PATH, USUAL, TieFields
@@ -48,24 +50,30 @@ from taichi_cloth.motion.constraint import SharedConstraint
 from taichi_cloth.motion.forces import FrameForces
 from taichi_cloth.sheet.sheet import LANES, PAD, Sheet, SheetState
 
-__all__ = ["LEARNT", "MOST_AT_ONCE", "Ties"]
+__all__ = ["LEARNT", "Ties"]
 
 F64 = NDArray[np.float64]
-CLOSED = 2e-3
-"""Gap at the start of a frame up to which a tie is closed and held so, instead of being drawn together [m]."""
+TieAnswer = tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.float32]]
+"""Where each row begins (n + 1,), columns and values row after row."""
 
-SEAM, HOLD = 0.02, 0.3
-"""ε of ties that take turns with the strain limit, and of holds, which often ask of one cell what cannot be."""
-
-THREADS = 4096  # beside ties, in the smallest class
 MOST_AT_ONCE = 1024
-"""Ties up to which they are closed at once: the work grows with the square of their number."""
+"""Ties up to which a CPU closes them at once; a device however many. And up to which the matrix is made as a whole."""
+
+BLOCK = 256
+"""Rows of the matrix that are found at once."""
 
 NEGLIGIBLE = 1e-5
 """Share of what a tie asks of itself that those are left out for that matter least to it, all together: about what
 rounding leaves. A T-shirt's seams keep 22 of 214 numbers a row. With 1e-3 seams that are finer than the cells stay open
 by 75 µm, of a strip thrown about, where 10 µm are left."""
 
+CLOSED = 2e-3
+"""Gap at the start of a frame up to which a tie is closed and held so, instead of being drawn together [m]."""
+
+SEAM, HOLD = 0.02, 0.3
+"""ε of ties that take turns with the strain limit, and of holds, which often ask of one cell what cannot be."""
+
+THREADS, MANY = 4096, 1 << 20  # in the smallest class: beside ties, and of answers of more than a CPU closes at once
 FOLLOWING = 0.1
 """Over which pushes are averaged that the next substep begins with [s]. A T-shirt that walks has 51 of its 12,000
 threads beyond 3 % without, 15 at 0.1 and 8 at 0.04; but key points that stand half outside the cloth twitch in its
@@ -97,7 +105,7 @@ class Ties(SharedConstraint):
 
     fields_of = TieFields
     whole = True
-    known_as = f"more than {MOST_AT_ONCE:,} seams and holds"
+    spreads = True
     _loops: TieLoops | None = None
     substeps: int
     step: float
@@ -138,29 +146,34 @@ class Ties(SharedConstraint):
         compliance = (self.weight.astype(np.float64) ** 2 * inverse).sum(axis=1, keepdims=True)
         self.share = self.weight * inverse / np.where(compliance > 0, compliance, np.inf)
         self.most = None if most is None else np.asarray(most, np.float64)
-        self._yields, self._at_end = compliance[:, 0], None
+        self._yields, self._inverse, self._at_end = compliance[:, 0], inverse, None
         self.blend = self.weight.astype(np.float64)
-        self.answer = self._answer(inverse, compliance) if n <= MOST_AT_ONCE else None
-        self.spreads = self.answer is not None  # one after the other is no parallel form
         self.beside = beside(sheet, self.index, self.weight)
         self.places = np.full((n, 3), np.nan) if places is None else np.asarray(places, np.float64)
         self.bones = np.full(n, -1) if bones is None else np.asarray(bones)
         self.held = np.asarray(np.isfinite(self.places).all(axis=1))
 
     @property
-    def kind(self) -> tuple[int, bool, bool, int]:
-        """Room for ties, in whole lanes, and for threads; a sheet's seams and what it is held by do not share one."""
+    def kind(self) -> tuple[int, bool, int, int]:
+        """Room for ties, in whole lanes, for numbers of their answers, and for threads; a sheet's seams and what it is
+        held by do not share one."""
         threads = class_of(max(len(self.beside.ends), len(self.beside.tie) // LINKS), THREADS)
-        return class_of(self.count, MOST_AT_ONCE) + 2 * LANES, self.repeated, self.answer is not None, threads
+        room = class_of(self.count, MOST_AT_ONCE) + 2 * LANES
+        numbers = room * room
+        if self.count > MOST_AT_ONCE:
+            numbers = class_of(len(self.answer[1]), MANY) if self.spread else 0
+        return room, self.repeated, numbers, threads
 
-    def _answer(self, inverse: NDArray[np.float32], compliance: F64) -> F64:
-        """(n, n): from all gaps to the pushes D λ of all ties, which `share` hands on to their key points."""
+    @cached_property
+    def answer(self) -> TieAnswer:
+        """From all gaps to the pushes D λ of all ties, which `share` hands on to their key points."""
+        compliance = self._yields[:, None]
         used, node = np.unique(self.index, return_inverse=True)
         at = np.repeat(np.arange(self.count), NODES), node.ravel()
         blend = csr_array((self.blend.ravel(), at), shape=(self.count, len(used)))
-        mobile = csr_array(((self.blend * inverse).ravel(), at), shape=blend.shape)
+        mobile = csr_array(((self.blend * self._inverse).ravel(), at), shape=blend.shape)
         soft = (SEAM if self.repeated else HOLD) * np.where(compliance > 0, compliance, 1.0)
-        return compliance * np.linalg.inv((mobile @ blend.T).toarray() + np.diag(soft[:, 0]))
+        return answer_of(csr_array(mobile @ blend.T), soft, compliance)
 
     def _moves(self) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.float32]]:
         """Key points that ties move (n, 2), each with where its ties begin, those ties, and by what share of their
@@ -237,7 +250,8 @@ class Ties(SharedConstraint):
         row = np.concatenate([self.weight, self.share], axis=1).astype(np.float32)
         near = self.beside
         self.fields.beside.take(near.ends, near.numbers, near.begin, near.tie)
-        self.fields.take_constant(self.index, row, *self._moves(), *_lists(self.answer))
+        none = np.zeros(1, np.int32), np.zeros(1, np.int32), np.zeros(1, np.float32)
+        self.fields.take_constant(self.index, row, *self._moves(), *(self.answer if self.fields.at_once else none))
 
     def begin(self, state: SheetState, forces: FrameForces) -> None:
         super().begin(state, forces)
@@ -281,16 +295,40 @@ class Ties(SharedConstraint):
         self.fields.pull(points, done)
 
 
-def _lists(answer: F64 | None) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.float32]]:
-    """Where each row of a matrix begins, columns and values row after row, without what is negligible of it: the
-    smallest, as long as they come to less than NEGLIGIBLE of what a tie asks of itself."""
-    if answer is None:
-        return np.zeros(1, np.int32), np.zeros(1, np.int32), np.zeros(1, np.float32)
+def answer_of(matrix: csr_array, soft: F64, compliance: F64) -> TieAnswer:
+    """From all gaps to the pushes D λ of all ties. matrix: G (n, n); soft: ε D (n, 1); compliance: D (n, 1).
+
+    What two ties have to do with each other falls off along a seam, so these lists grow with their number alone. Of
+    many the matrix is never made as a whole, but row by row from a sparse factorization of its inverse."""
+    count = len(compliance)
+    if count <= MOST_AT_ONCE:
+        answer = compliance * np.linalg.inv(matrix.toarray() + np.diag(soft[:, 0]))
+        return _joined([_listed(answer, np.diag(answer))])
+    factors, rows = splu((matrix + diags_array(soft[:, 0])).tocsc()), []
+    for begin in range(0, count, BLOCK):
+        here = np.arange(begin, min(begin + BLOCK, count))
+        one = np.zeros((count, len(here)))
+        one[here, here - begin] = 1.0
+        answer = compliance[here] * factors.solve(one).T  # of a symmetric matrix columns are rows
+        rows.append(_listed(answer, answer[here - begin, here]))
+    return _joined(rows)
+
+
+def _listed(answer: F64, own: F64) -> TieAnswer:
+    """Of some rows, without what is negligible of them: the smallest, as long as they come to less than NEGLIGIBLE of
+    what a tie asks of itself. own: that."""
     size = np.abs(answer)
     order = np.argsort(size, axis=1)
-    below = np.cumsum(np.take_along_axis(size, order, axis=1), axis=1) > NEGLIGIBLE * np.diag(size)[:, None]
+    below = np.cumsum(np.take_along_axis(size, order, axis=1), axis=1) > NEGLIGIBLE * own[:, None]
     kept = np.zeros(answer.shape, bool)
     np.put_along_axis(kept, order, below, axis=1)
     row, column = np.nonzero(kept)
     begin = np.searchsorted(row, np.arange(len(answer) + 1))
     return begin.astype(np.int32), column.astype(np.int32), answer[row, column].astype(np.float32)
+
+
+def _joined(rows: list[TieAnswer]) -> TieAnswer:
+    """Of rows one after the other."""
+    sizes = np.concatenate([np.diff(begin) for begin, _, _ in rows])
+    begin = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int32)
+    return begin, np.concatenate([one for _, one, _ in rows]), np.concatenate([one for _, _, one in rows])

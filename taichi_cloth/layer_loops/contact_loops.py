@@ -20,10 +20,11 @@ from taichi_cloth.layer_loops.places import Lists, Places, turns
 from taichi_cloth.layers.blended import FIRM, TOUCHING, WEAK, Nodes, answer, slid
 from taichi_cloth.layers.blended import NODES as OF_BLENDS
 from taichi_cloth.layers.blended import ROOM as BLEND_ROOM
-from taichi_cloth.layers.contacts import GROWTH, ROOM, SAVED
+from taichi_cloth.layers.contacts import GROWTH, PUSHED, ROOM, RUBBED, SAVED, SLID, THERE
 from taichi_cloth.layers.near_pairs import NEAR_SEAMS
 from taichi_cloth.layers.nearest import EDGES, FACES, weights_of
 from taichi_cloth.layers.tree import NONE
+from taichi_cloth.loops.frame_loops import MOST_ITERATIONS
 
 __all__ = ["ContactLoops"]
 
@@ -44,14 +45,14 @@ class ContactLoops:
         self.points, self.pairs, self.near = pairs.points, pairs.points.near.pairs, pairs.near
         self.contacts, self.many, self.count, self.row = pairs.points.contacts, pairs.many, pairs.count, pairs.row
         size, blends = self.count, self.points.blends.at.shape[0] if sewn else 0
-        room = min(self.contacts.room, ROOM * self.count + BLEND_ROOM * blends)
+        room = min(self.contacts.room, ROOM * self.count + BLEND_ROOM * blends, MOST_ITERATIONS)
         self.sewn, self.room, slots = sewn, room, sum(self.pairs.rooms)
         self.share, self.kept = [ti.field(ti.f32, slots) for _ in range(2)], ti.field(ti.f32, slots)
         self.seen = ti.field(ti.i32, ())
         self.places: Any = Places(slots, self.seen)
         self.before: Any = Lists(self.points.inverse_mass.shape[0] if sewn else size, room)
         self.remembered, self.stays = ti.field(ti.i32, ()), ti.field(ti.i32, self.before.room)
-        self.listed = CORNERS * room + OF_BLENDS * BLEND_ROOM * blends
+        self.listed = min(CORNERS * room + OF_BLENDS * BLEND_ROOM * blends, MOST_ITERATIONS)
         self.nodes: Any = Nodes(self.listed)
         self.lists: Any = Places(room, self.contacts.count) if sewn else None
         self.ends: Any = ti.field(ti.i32, room)  # its numbers are bounds of loops
@@ -363,12 +364,13 @@ class ContactLoops:
             i, j = c // self.row, c % self.row
             if c == 0:
                 self.remembered[None] = grid
-            self.stays[c] = ti.select(values[SAVED - 1, i, j] > 0.0, 1, 0)
+            self.stays[c] = ti.select(values[THERE, i, j] > 0.0, 1, 0)
             for corner in ti.static(range(CORNERS)):
                 before.point[corner][c] = ti.cast(values[corner, i, j], ti.i32)
-            before.pushed[c] = values[4, i, j]
+            before.pushed[c] = values[PUSHED, i, j]
             for axis in ti.static(range(3)):
-                before.rubbed[axis][c], before.slid[axis][c] = values[5 + axis, i, j], values[8 + axis, i, j]
+                before.rubbed[axis][c] = values[RUBBED + axis, i, j]
+                before.slid[axis][c] = values[SLID + axis, i, j]
 
     @ti.kernel
     def save(self, values: F32x3):
@@ -391,6 +393,6 @@ class ContactLoops:
         way = slid(self.contacts, self.points, c)
         for corner in ti.static(range(CORNERS)):
             values[corner, i, j] = ti.cast(self.contacts.point[corner][c], ti.f32)
-        values[4, i, j], values[SAVED - 1, i, j] = self.contacts.pushed[c], 1.0
+        values[PUSHED, i, j], values[THERE, i, j] = self.contacts.pushed[c], 1.0
         for axis in ti.static(range(3)):
-            values[5 + axis, i, j], values[8 + axis, i, j] = self.contacts.rubbed[axis][c], way[axis]
+            values[RUBBED + axis, i, j], values[SLID + axis, i, j] = self.contacts.rubbed[axis][c], way[axis]

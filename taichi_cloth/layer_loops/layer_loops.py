@@ -15,7 +15,7 @@ from taichi_cloth.ground import runtime
 from taichi_cloth.ground.arrays import Float, Int
 from taichi_cloth.layer_loops.contact_loops import ContactLoops
 from taichi_cloth.layer_loops.pair_loops import PairLoops
-from taichi_cloth.layer_loops.path_loops import PathLoops
+from taichi_cloth.layer_loops.path_loops import PathLoops, carry
 from taichi_cloth.layer_loops.piece_loops import PieceLoops
 from taichi_cloth.layer_loops.proof_loops import ProofLoops
 from taichi_cloth.layer_loops.search_loops import SearchLoops
@@ -162,9 +162,7 @@ class LayerLoops:
     def _arrive(self):
         """Where key points are, from the frame."""
         for p in range(self.count):
-            for axis in ti.static(range(3)):
-                self.points.position[axis][p] = self.frame.position[axis][p]
-                self.points.step[axis][p] = self.frame.step[axis][p]
+            carry(self.frame.position, self.frame.step, self.points.position, self.points.step, p)
         self.refresh()
 
     @ti.func
@@ -182,9 +180,7 @@ class LayerLoops:
     @ti.func
     def give(self, p):
         if not self.paths.is_blend(p):
-            for axis in ti.static(range(3)):
-                self.frame.position[axis][p] = self.points.position[axis][p]
-                self.frame.step[axis][p] = self.points.step[axis][p]
+            carry(self.points.position, self.points.step, self.frame.position, self.frame.step, p)
 
     @ti.kernel
     def _search(self, span: Float, longest: Int, left: Int):

@@ -8,10 +8,17 @@ from taichi_cloth.ground.arrays import Template
 from taichi_cloth.layers.layer_fields import FAR, NEXT, SHARE
 from taichi_cloth.layers.paths import FULL, ROUNDS
 
-__all__ = ["PathLoops"]
+__all__ = ["PathLoops", "carry"]
 
 GROUP = 256
 """Numbers that one thread goes through."""
+
+
+@ti.func
+def carry(position: Template, step: Template, places: Template, steps: Template, p):
+    """Where element p is, and its step, from fields [axis] to others."""
+    for axis in ti.static(range(3)):
+        places[axis][p], steps[axis][p] = position[axis][p], step[axis][p]
 
 
 @ti.data_oriented
@@ -39,15 +46,9 @@ class PathLoops:
                 self.paths.now[axis][p], self.paths.off[axis][p] = here, 0.0
                 total += self.paths.there[p] * (mean - own) ** 2
             self.value[p] = total
-        for g in range(self.groups):
-            total = 0.0
-            for k in range(g * GROUP, (g + 1) * GROUP):
-                total += self.value[k]
-            self.group[g] = total
+        self.group_up(True)
         for _ in range(1):
-            total = 0.0
-            for g in range(self.groups):
-                total += self.group[g]
+            total = self.of_groups(True)
             good = SHARE * 0.5 * self.points.reach[None] / ti.max(ti.sqrt(total / self.there), 1e-7)
             most = ti.min(ti.max(ti.cast(ti.min(good, 1e6), ti.i32), NEXT * longest), FAR * longest)
             parts = (left + most - 1) // most
@@ -73,32 +74,42 @@ class PathLoops:
                 if turn[p] > 0.0:
                     most = ti.max(most, self.paths.turned(p, p + offset) * turn[p])
             self.value[p] = most
-        for g in range(self.groups):
-            most = 0.0
-            for k in range(g * GROUP, (g + 1) * GROUP):
-                most = ti.max(most, self.value[k])
-            self.group[g] = most
+        self.group_up(False)
         for _ in range(1):
-            most = 0.0
-            for g in range(self.groups):
-                most = ti.max(most, self.group[g])
-            self.paths.used[None] = ti.sqrt(most)
+            self.paths.used[None] = ti.sqrt(self.of_groups(False))
+
+    @ti.func
+    def group_up(self, summed: Template):
+        """A loop: the sum of each group of `value`, or the largest number in it."""
+        for g in range(self.groups):
+            out = 0.0
+            for k in range(g * GROUP, (g + 1) * GROUP):
+                out = self.both(out, self.value[k], summed)
+            self.group[g] = out
+
+    @ti.func
+    def of_groups(self, summed: Template):
+        """That of all groups, after `group_up`."""
+        out = 0.0
+        for g in range(self.groups):
+            out = self.both(out, self.group[g], summed)
+        return out
+
+    @ti.func
+    def both(self, one, other, summed: Template):
+        return one + other if ti.static(summed) else ti.max(one, other)
 
     @ti.func
     def keep(self):
         """A loop: where an interval starts."""
         for p in range(self.count):
-            for axis in ti.static(range(3)):
-                self.paths.was[axis][p] = self.points.position[axis][p]
-                self.paths.went[axis][p] = self.points.step[axis][p]
+            carry(self.points.position, self.points.step, self.paths.was, self.paths.went, p)
 
     @ti.func
     def go_back(self):
         """A loop: there."""
         for p in range(self.count):
-            for axis in ti.static(range(3)):
-                self.points.position[axis][p] = self.paths.was[axis][p]
-                self.points.step[axis][p] = self.paths.went[axis][p]
+            carry(self.paths.was, self.paths.went, self.points.position, self.points.step, p)
 
     @ti.func
     def pull_back(self, span):

@@ -10,6 +10,7 @@ import taichi as ti
 
 from taichi_cloth.ground.arrays import F32x1, I32x1, Template
 from taichi_cloth.ground.routine import routine
+from taichi_cloth.ground.runtime import on_host
 
 __all__ = ["Blends"]
 
@@ -33,10 +34,12 @@ class Blends:
 
     @ti.func
     def take(self, points: Template, count, at: I32x1, starts: I32x1, nodes: I32x1, weights: F32x1):
-        """After the inverse masses of key points; those of blends follow."""
+        """Loops, after the inverse masses of key points; those of blends follow."""
+        ti.loop_config(serialize=ti.static(on_host()))
         for p in range(self.of.shape[0]):
             self.of[p] = -1
-        self.count[None] = count
+        self.count[None], self.start[0] = count, 0
+        ti.loop_config(serialize=ti.static(on_host()))
         for k in range(count):
             self.at[k], self.start[k + 1] = at[k], starts[k + 1]
             self.of[at[k]] = k
@@ -46,7 +49,6 @@ class Blends:
                 yields += weights[m] ** 2 * points.inverse_mass[nodes[m]]
             points.inverse_mass[at[k]] = yields
             self.give[k] = ti.select(yields > 0.0, 1.0 / ti.max(yields, 1e-20), 0.0)
-        self.start[0] = 0
 
     @routine
     def refresh(self, points: Template):

@@ -19,7 +19,7 @@ from taichi_cloth.layers.nearest import EDGES, FACES, gather
 from taichi_cloth.motion.stencil import listed, load, store
 from taichi_cloth.sheet.sheet import LANES
 
-__all__ = ["AWAKE", "SAVED", "Contacts"]
+__all__ = ["AWAKE", "PUSHED", "RUBBED", "SAVED", "SLID", "THERE", "Contacts"]
 
 ROOM = 12
 """Contacts, for each key point."""
@@ -27,8 +27,9 @@ ROOM = 12
 AWAKE = 0.2
 """Share of the thickness beyond it up to which pairs are looked at for the next interval."""
 
-SAVED = 12
-"""Numbers of a contact that a state keeps."""
+PUSHED, RUBBED, SLID, THERE, SAVED = 4, 5, 8, 11, 12
+"""Numbers of a contact that a state keeps, and which of them are what it pushed, what it rubbed, how far it has slid,
+and 1 where it is one; the first are its points."""
 
 WARM = 1.0
 """Share of what a contact pushed and rubbed in a substep that it begins the next with."""
@@ -107,14 +108,14 @@ class Pushes:
         """After `save`, of a state."""
         for c in range(grid):
             k = first + c
-            if values[k + 11 * grid] > 0.0:
+            if values[k + THERE * grid] > 0.0:
                 at = self.count[None]
                 for corner in ti.static(range(4)):
                     self.point[corner][at] = ti.cast(values[k + corner * grid], ti.i32)
-                self.pushed[at] = values[k + 4 * grid]
+                self.pushed[at] = values[k + PUSHED * grid]
                 for axis in ti.static(range(3)):
-                    self.rubbed[axis][at] = values[k + (5 + axis) * grid]
-                    self.slid[axis][at] = values[k + (8 + axis) * grid]
+                    self.rubbed[axis][at] = values[k + (RUBBED + axis) * grid]
+                    self.slid[axis][at] = values[k + (SLID + axis) * grid]
                 self.list(at)
                 self.count[None] = at + 1
 
@@ -123,14 +124,14 @@ class Pushes:
         """Into planes of `grid` elements of a state, which begin at element `first`, as many as there is room for."""
         for c in range(grid):
             k, there = first + c, c < self.count[None]
-            values[k + 11 * grid] = ti.select(there, 1.0, 0.0)
+            values[k + THERE * grid] = ti.select(there, 1.0, 0.0)
             if there:
                 for corner in ti.static(range(4)):
                     values[k + corner * grid] = ti.cast(self.point[corner][c], ti.f32)
-                values[k + 4 * grid] = self.pushed[c]
+                values[k + PUSHED * grid] = self.pushed[c]
                 for axis in ti.static(range(3)):
-                    values[k + (5 + axis) * grid] = self.rubbed[axis][c]
-                    values[k + (8 + axis) * grid] = self.slid[axis][c]
+                    values[k + (RUBBED + axis) * grid] = self.rubbed[axis][c]
+                    values[k + (SLID + axis) * grid] = self.slid[axis][c]
 
     @ti.func
     def clear(self):

@@ -11,9 +11,11 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
+from taichi_cloth.ground import runtime
 from taichi_cloth.ground.arrays import Template
+from taichi_cloth.ground.device_memory import require_device_memory
 from taichi_cloth.ground.errors import InputError
-from taichi_cloth.layers.contacts import AWAKE, SAVED
+from taichi_cloth.layers.contacts import AWAKE, PUSHED, SAVED, SLID
 from taichi_cloth.layers.layer_fields import MOVED, NUMBERS, SHIFT, UNPROVEN, LayerFields
 from taichi_cloth.layers.outline import Outline, Tables
 from taichi_cloth.layers.paths import HOLD, POINT
@@ -128,7 +130,7 @@ class LayerContact(SharedConstraint):
 
     def rescale(self, state: SheetState, share: float) -> None:
         if self.keeps:
-            state.values[4 - self.keeps : 8 - self.keeps] *= share * share
+            state.values[PUSHED - self.keeps : SLID - self.keeps] *= share * share
 
     def _untangle(self, state: SheetState) -> None:
         """Lets off what passes through other cloth, and moves it a little towards where it does not."""
@@ -189,10 +191,14 @@ class LayerContact(SharedConstraint):
     def over(self, loops: Any) -> Any:
         """What it does as parallel loops, over those of a frame."""
         there = int(((self._tables.has & POINT) != 0).sum())
-        return loops.kernel(
-            ("layers", id(self.fields), self._sewn),
-            lambda loops: self._loops_of(self.fields, loops, there, sewn=self._sewn),
-        )
+
+        def made(loops: Any) -> Any:
+            out = self._loops_of(self.fields, loops, there, sewn=self._sewn)
+            if not runtime.on_host():
+                require_device_memory("cloth on cloth", there, (out,), (self.fields, loops.frame, loops))
+            return out
+
+        return loops.kernel(("layers", id(self.fields), self._sewn), made)
 
     def loop(self, loops: Any, again: bool) -> Callable[..., Any]:
         return self.over(loops).response(MEND_SUMMED if loops.frame.sums else MEND, again)

@@ -20,6 +20,7 @@ import taichi as ti
 
 from taichi_cloth.ground.arrays import F32x1, F32x2, Float, I32x1, I32x2, Int, Template
 from taichi_cloth.ground.routine import routine
+from taichi_cloth.ground.runtime import on_host
 from taichi_cloth.layers.blends import Blends
 from taichi_cloth.layers.certificate import Certificate
 from taichi_cloth.layers.contacts import Contacts
@@ -93,11 +94,6 @@ class LayerFields:
         for _ in range(1):
             self.row[None] = width
             self.paths.count[None] = labels.shape[1] // LANES
-            for p in range(labels.shape[1]):
-                self.paths.has[p] = labels[0, p]
-                self.inverse_mass[p] = inverse[p]
-                self.paths.there[p] = ti.cast((labels[0, p] & POINT) != 0, ti.f32)
-                self.near.panel[p] = labels[1, p]
             self.tree.take(levels, 1.0 / numbers[5], 1.0 / numbers[6])
             self.near.take(width)
             self.near.thickness[None], self.near.edge_share[None] = numbers[0], EDGE_SHARE
@@ -107,6 +103,12 @@ class LayerFields:
             self.reach[None], self.coarse[None] = numbers[2], numbers[3]
             for level in range(LEVELS):
                 self.search.least[level] = numbers[9 + ti.min(level, 3)]
+        ti.loop_config(serialize=ti.static(on_host()))
+        for p in range(labels.shape[1]):
+            self.paths.has[p] = labels[0, p]
+            self.inverse_mass[p] = inverse[p]
+            self.paths.there[p] = ti.cast((labels[0, p] & POINT) != 0, ti.f32)
+            self.near.panel[p] = labels[1, p]
 
     @ti.kernel
     def take_outline(
@@ -125,15 +127,13 @@ class LayerFields:
         elements: F32x2,
     ):
         """After `take`: of `Tables`."""
-        ti.loop_config(serialize=True)
-        for _ in range(1):
-            self.blends.take(self, count, at, starts, nodes, weights)
-            self.pieces.take(first, points, faces, edges, elements)
+        self.blends.take(self, count, at, starts, nodes, weights)
+        self.pieces.take(first, points, faces, edges, elements)
 
     @ti.kernel
     def take_tangles(self, labels: I32x1):
         """labels: of the elements of the padded grid, see `Tangles.labels`."""
-        ti.loop_config(serialize=True)
+        ti.loop_config(serialize=ti.static(on_host()))
         for p in range(labels.shape[0]):
             self.near.tangle[p] = labels[p]
 

@@ -6,6 +6,7 @@ import taichi as ti
 
 from taichi_cloth.ground.arrays import F32x2, Float, I32x2, Int, Template
 from taichi_cloth.ground.routine import routine
+from taichi_cloth.ground.runtime import on_host
 from taichi_cloth.layers.near_pairs import NEAR_SEAMS
 from taichi_cloth.layers.nearest import EDGES, FACES, gather
 from taichi_cloth.layers.outline import BEYOND, MEETS, PIECES
@@ -55,24 +56,30 @@ class Pieces:
 
     @ti.func
     def take(self, first: I32x2, points: I32x2, faces: I32x2, edges: I32x2, elements: F32x2):
-        """elements: (6, …), label, flat, seam, the seam of cells, panel."""
-        self.some[None] = 0
-        for k in range(3):
-            for p in range(first.shape[1]):
+        """Loops. elements: (6, …), label, flat, seam, the seam of cells, panel."""
+        last = first.shape[1] - 1
+        self.some[None] = ti.max(first[0, last], first[1, last], first[2, last])
+        ti.loop_config(serialize=ti.static(on_host()))
+        for p in range(first.shape[1]):
+            for k in ti.static(range(3)):
                 self.first[k, p] = first[k, p]
-                self.some[None] = ti.max(self.some[None], first[k, p])
+        ti.loop_config(serialize=ti.static(on_host()))
         for k in range(points.shape[1]):
             self.point[k] = points[0, k]
+        ti.loop_config(serialize=ti.static(on_host()))
         for k in range(faces.shape[1]):
             for c in ti.static(range(3)):
                 self.face[c][k] = faces[c, k]
+        ti.loop_config(serialize=ti.static(on_host()))
         for k in range(edges.shape[1]):
             for c in ti.static(range(2)):
                 self.edge[c][k] = edges[c, k]
+        ti.loop_config(serialize=ti.static(on_host()))
         for p in range(elements.shape[1]):
             self.label[p] = ti.cast(elements[0, p], ti.i32)
             self.flat[0][p], self.flat[1][p], self.seam[p] = elements[1, p], elements[2, p], elements[3, p]
             self.panel[p] = ti.cast(elements[5, p], ti.i32)
+        ti.loop_config(serialize=ti.static(on_host()))
         for p in range(self.cell_seam.shape[0]):
             self.cell_seam[p] = elements[4, p]
 

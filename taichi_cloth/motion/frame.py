@@ -21,6 +21,7 @@ import taichi as ti
 from numpy.typing import NDArray
 
 from taichi_cloth.ground.arrays import F32x1, F32x2, F32x3, Float, I32x1, Int, Template
+from taichi_cloth.ground.runtime import on_host
 from taichi_cloth.motion.constraint import Constraint
 from taichi_cloth.motion.crew import PARTS, Crew, parts_of
 from taichi_cloth.motion.grip import Grip
@@ -120,11 +121,12 @@ class Frame(Stencil):
         ti.loop_config(serialize=True)
         for _ in range(1):
             self.row[None], self.grid[None] = values.shape[2], values.shape[1] * values.shape[2]
-            for e in range(packets.shape[0]):
-                self.packet[e] = packets[e]
             for part in range(cuts.shape[0]):
                 self.cut[part] = cuts[part]
             take_numbers(self._number, named, self.cloths)
+        ti.loop_config(serialize=ti.static(on_host()))
+        for e in range(packets.shape[0]):
+            self.packet[e] = packets[e]
 
     @ti.func
     def shared(self):

@@ -8,6 +8,7 @@ import taichi as ti
 from numpy.typing import NDArray
 
 from taichi_cloth.ground.arrays import F32x3, I32x2, Int
+from taichi_cloth.ground.runtime import on_host
 from taichi_cloth.motion.crew import LINE
 from taichi_cloth.sheet.sheet import LANES
 from taichi_cloth.solvers.yarn_order import GROUPS, yarn_order
@@ -141,19 +142,19 @@ class YarnFields:
             for family in ti.static(range(self.families)):
                 for field in ti.static(self._forgotten[0]):
                     field[p + family * self.size] = 0.0
-        ti.loop_config(serialize=True)
+        ti.loop_config(serialize=ti.static(on_host()))
         for e in range(orders.shape[1]):
             self.order[e], self.closes[e] = orders[0, e], orders[1, e]
-        ti.loop_config(serialize=True)
+        ti.loop_config(serialize=ti.static(on_host()))
         for k in range(places.shape[1]):
             self.tile[k], self.turned_tile[k] = places[0, k], places[1, k]
-        ti.loop_config(serialize=True)
+        ti.loop_config(serialize=ti.static(on_host()))
         for family in range(self.families):
             self.offset[family] = reach[3, family * GROUPS]
             for k, number in ti.static(enumerate(self._number)):
                 for cloth in range(named.shape[1]):
                     number[family * self.cloths + cloth] = named[family, cloth, k]
-        ti.loop_config(serialize=True)
+        ti.loop_config(serialize=ti.static(on_host()))
         for k in range(reach.shape[1]):
             self.begin[k], self.count[k], self.lag[k] = reach[0, k], reach[1, k], reach[2, k]
         self.row[None], self.tall[None] = width, weights.shape[2] // width

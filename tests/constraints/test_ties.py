@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
+from scipy.sparse import csr_array
 from strips import COLS, NOTHING, PLAIN, simulate, strip
 
+from taichi_cloth.constraints import ties as of_ties
 from taichi_cloth.constraints.beside_ties import PULL
 from taichi_cloth.constraints.constraints_for import constraints_for
 from taichi_cloth.constraints.tie_fields import TieFields
@@ -53,6 +55,19 @@ def test_seams_finer_than_the_cells_close_and_shake_nothing(strips):
         gaps.append(ties.gaps(simulation.state).max())
     assert max(gaps) < 1e-5
     assert max(energy) < 1.1 * energy[0]
+
+
+def test_the_answer_of_many_ties_is_that_of_few(strips, monkeypatch):
+    """Row by row from a sparse factorization, and from the inverse as a whole."""
+    sheet, nodes, weights = strips
+    whole = Ties(sheet, nodes, weights).answer
+    monkeypatch.setattr(of_ties, "MOST_AT_ONCE", TIES - 1)
+    monkeypatch.setattr(of_ties, "BLOCK", 16)
+    rows = Ties(sheet, nodes, weights).answer
+    one, other = (csr_array((values, at, begin), shape=(TIES, TIES)).toarray() for begin, at, values in (whole, rows))
+    assert one.any()
+    np.testing.assert_allclose(one, other, atol=1e-4)
+    assert len(rows[1]) < TIES**2
 
 
 def test_what_seams_are_usually_pushed_by_is_kept_with_the_state(strips):

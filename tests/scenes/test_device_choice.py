@@ -8,7 +8,7 @@ import taichi as ti
 
 from taichi_cloth.ground import device_memory
 from taichi_cloth.ground.copies import copy_in, copy_out
-from taichi_cloth.ground.device_memory import field_bytes, is_out_of_memory, require_device_memory
+from taichi_cloth.ground.device_memory import field_bytes, is_out_of_memory, require_device_memory, said_of_memory
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.scenes.commands.device import device_of
 from taichi_cloth.scenes.plan.lines import plan_lines
@@ -69,6 +69,10 @@ def test_more_than_one_buffer_holds_is_refused_with_what_would_fit(monkeypatch: 
     monkeypatch.setattr(device_memory, "MOST_BYTES", 222)
     with pytest.raises(InputError, match=r"sheet: 100 key points .* about 47 would fit"):
         require_device_memory("sheet", 100, [holder])
+    require_device_memory("sheet", 100, [holder], known=[holder.one])
+    assert field_bytes(holder, known=[holder.one]) == 4 * (10 + 1)
+    monkeypatch.setattr(device_memory, "_taken", {"sheet": (900, 10**9), "cloth on cloth": (900, 2 * 10**9)})
+    assert said_of_memory() == "; 900 key points take 3 GB of it"
 
 
 def test_a_device_that_has_no_memory_left_is_told_from_other_errors() -> None:
