@@ -153,4 +153,10 @@ def woven(
             f"fabric.ends_per_cm, fabric.picks_per_cm: {line}; they fit at {fitted.thinned:.2f} of that thickness: "
             'space them wider, take a finer yarn, or set fabric.when_jammed = "scale"'
         )
-    return fitted.cloth, rooms, (f"{line}: thinned to {100 * fitted.thinned:.0f} %",)
+    rounder = [
+        f"{family} {own:.2f}"
+        for family, own in zip(("warp", "weft"), fitted.flattening, strict=True)
+        if own < section.flattening
+    ]
+    pressed = f", and pressed rounder, width over thickness: {', '.join(rounder)}" if rounder else ""
+    return fitted.cloth, rooms, (f"{line}: thinned to {100 * fitted.thinned:.0f} %{pressed}",)

@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 from taichi_cloth.ground.errors import InputError, did_you_mean
 from taichi_cloth.mechanics.fibre_mechanics import FibreMechanics
 from taichi_cloth.weave.cloth_facts import ClothFacts, cloth_facts
-from taichi_cloth.weave.cloth_set import Fitted, fit_set, set_sizes
+from taichi_cloth.weave.cloth_set import CLOSEST, Fitted, fit_set, set_sizes
 from taichi_cloth.weave.crimp import Family, Interlacing, path_kinds, peirce_crimp
 from taichi_cloth.weave.draft import Draft
-from taichi_cloth.yarn.yarn import CLOSEST_PACKING, Yarn
+from taichi_cloth.yarn.yarn import Yarn
 
-__all__ = ["CLOSEST", "FINISHES", "FLATTENING", "Construction", "ThreadFamily", "usual_loss"]
+__all__ = ["FINISHES", "FLATTENING", "Construction", "ThreadFamily", "usual_loss"]
 
 FLATTENING = {"spun": 2.0, "filament": 2.9}
 """Width of a thread over its thickness where it lies in cloth. Filaments without twist: 0.35 = 1/2.9 (polyester of 300
@@ -30,9 +30,6 @@ _LOSS = 0.04
 """Share of its nominal mass that spun cotton and its like lose until the cloth is finished: dirt, wax and short fibres
 that are scoured, singed and washed out. Nominal counts and the crimps of this model together come out heavier by 1 to 5
 % in three measured twills and in three weights that the trade names (poplin, sheeting, denim); this is their mean."""
-
-CLOSEST = float(np.sqrt(0.60 / CLOSEST_PACKING))
-"""Diameter of a thread pressed by its neighbours as far as that goes, over that of the loose one."""
 
 FINISHES = {"plain": 1.0, "softened": 0.7, "raised": 1.0, "resin": 2.0, "sized": 2.7, "starched": 4.0}
 """How much a finish changes the cohesion of yarns in bending. "sized": raw denim (see `bending`). The others are the
@@ -182,10 +179,10 @@ class Construction:
         As woven. Where threads jam, round ones would leave all of the wave to one family; real ones give way, to the
         closest packing at most, and rest where they press each other alike.
         """
-        fitted, (warp, weft) = self.fitted, self._sizes[0]
-        whole = 1e3 * float(warp.mean() + weft.mean()) / np.sqrt(self.flattening)
+        fitted = self.fitted
+        whole = 1e3 * float(fitted.cloth.warp_diameter_m.mean() + fitted.cloth.weft_diameter_m.mean())
         share = self.resting_balance if self.pressed else fitted.balance
-        whole *= max(fitted.thinned, CLOSEST)
+        whole *= max(fitted.thinned, CLOSEST) / fitted.thinned
         return share * whole, (1.0 - share) * whole
 
     @cached_property

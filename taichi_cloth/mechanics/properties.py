@@ -95,7 +95,8 @@ def light_thickness(cloth: Construction) -> float:
     warp, weft = cloth.families
     bulge = 1.30 - 0.20 * (warp.turns + weft.turns) / 2.0
     thick = sum(
-        own.diameter * (cloth.flattening**-0.5 if own.fibre.form == "filament" else bulge) for own in (warp, weft)
+        own.diameter * (flat**-0.5 if own.fibre.form == "filament" else bulge)
+        for own, flat in zip((warp, weft), cloth.fitted.flattening, strict=True)
     )
     return float(thick)
 

@@ -12,7 +12,8 @@
 from math import acos, degrees
 
 from taichi_cloth.mechanics.bending import crossing_force, one_yarn
-from taichi_cloth.mechanics.construction import CLOSEST, Construction
+from taichi_cloth.mechanics.construction import Construction
+from taichi_cloth.weave.cloth_set import CLOSEST
 
 __all__ = ["locking_angle", "shear_hysteresis", "shear_stiffness"]
 

@@ -16,7 +16,8 @@ from math import cos, sin
 
 import numpy as np
 
-from taichi_cloth.mechanics.construction import CLOSEST, Construction, ThreadFamily
+from taichi_cloth.mechanics.construction import Construction, ThreadFamily
+from taichi_cloth.weave.cloth_set import CLOSEST
 
 __all__ = ["Tension", "drawn_stiffness", "family_tension", "interchange_strain", "leg_stiffness", "poisson"]
 

@@ -11,13 +11,18 @@ from numpy.typing import NDArray
 from taichi_cloth.weave.crimp import Interlacing
 from taichi_cloth.weave.draft import Draft
 from taichi_cloth.weave.jamming import fit_balance, fit_diameters
+from taichi_cloth.yarn.yarn import CLOSEST_PACKING
 
-__all__ = ["OPENING", "Fitted", "fit_set", "opening_spacing", "set_sizes", "square_set_diameter"]
+__all__ = ["CLOSEST", "OPENING", "Fitted", "fit_set", "opening_spacing", "set_sizes", "square_set_diameter"]
 
 F64 = NDArray[np.float64]
 
 OPENING = 1.02
 """Spacing of threads over the closest possible, where nothing states one."""
+CLOSEST = float(np.sqrt(0.60 / CLOSEST_PACKING))
+"""Diameter of a thread pressed by its neighbours as far as that goes, over that of the loose one."""
+ROUNDING = 1e-9
+"""Share of a size by which threads that just fit may jam, by how numbers are rounded."""
 
 
 def square_set_diameter(spacing: float, flattening: float) -> float:
@@ -62,11 +67,12 @@ def set_sizes(
 @dataclass(frozen=True)
 class Fitted:
     """A weave that can be woven. balance: the warp's part of the crimp height it took. thinned: the factor of all
-    diameters it took, 1 for none."""
+    diameters it took, 1 for none. flattening: of the warp and of the weft, width over thickness."""
 
     cloth: Interlacing
     balance: float
     thinned: float
+    flattening: tuple[float, float]
 
 
 def fit_set(
@@ -77,33 +83,47 @@ def fit_set(
     flattening: float,
     balance: float,
 ) -> Fitted:
-    """The weave with its sizes, fitted as a loom fits a close set: first the crimp is shared otherwise, and only then
-    is yarn thinned.
+    """The weave with its sizes, fitted as a loom fits a close set: first the crimp is shared otherwise, then yarn is
+    pressed as far as that goes (CLOSEST), then threads of a family that lie closer than they would be wide press each
+    other rounder, and only then is yarn thinned.
 
     warp_up: (picks, ends). spacing, diameter: of the warp ends and of the weft picks [m]. balance: the warp's part of
     the crimp height, kept where it can be.
     """
-    root = float(np.sqrt(flattening))
 
-    def sized(factor: float, share: float) -> Interlacing:
+    def sized(factor: float, share: float, flat: tuple[float, float]) -> Interlacing:
+        warp, weft = (float(np.sqrt(one)) for one in flat)
         return Interlacing(
             warp_up=warp_up,
             warp_spacing_m=spacing[0],
             weft_spacing_m=spacing[1],
-            warp_diameter_m=factor * diameter[0] / root,
-            weft_diameter_m=factor * diameter[1] / root,
-            warp_flat_m=factor * diameter[0] * (root - 1.0 / root),
-            weft_flat_m=factor * diameter[1] * (root - 1.0 / root),
+            warp_diameter_m=factor * diameter[0] / warp,
+            weft_diameter_m=factor * diameter[1] / weft,
+            warp_flat_m=factor * diameter[0] * (warp - 1.0 / warp),
+            weft_flat_m=factor * diameter[1] * (weft - 1.0 / weft),
             balance=share,
             periodic=False,
         )
 
-    cloth = sized(1.0, balance)
-    if fit_diameters(cloth) >= 1.0:
-        return Fitted(cloth, balance, 1.0)
-    shared = fit_balance(cloth)
-    cloth = sized(1.0, shared)
-    factor = fit_diameters(cloth)
-    if factor >= 1.0:
-        return Fitted(cloth, shared, 1.0)
-    return Fitted(sized(factor * (1.0 - 1e-9), shared), shared, factor)
+    def fits(factor: float, share: float, flat: tuple[float, float]) -> float:
+        found = fit_diameters(sized(factor, share, flat))
+        return factor if found > 1.0 - ROUNDING else factor * found
+
+    flat = flattening, flattening
+    if fits(1.0, balance, flat) == 1.0:
+        return Fitted(sized(1.0, balance, flat), balance, 1.0, flat)
+    share = fit_balance(sized(1.0, balance, flat))
+    factor = fits(1.0, share, flat)
+    if factor < CLOSEST:
+        rounder = _rounded(spacing[0], diameter[0], flattening), _rounded(spacing[1], diameter[1], flattening)
+        other = fit_balance(sized(CLOSEST, balance, rounder))
+        pressed = fits(CLOSEST, other, rounder)
+        if pressed > factor:
+            flat, share, factor = rounder, other, pressed
+    return Fitted(sized(factor * (1.0 - ROUNDING * (factor < 1.0)), share, flat), share, factor, flat)
+
+
+def _rounded(spacing: F64, diameter: F64, flattening: float) -> float:
+    """How flat threads of a family can be, pressed to the closest, without lying over one another."""
+    between = (spacing[1:] + spacing[:-1]) / (CLOSEST * (diameter[1:] + diameter[:-1]))
+    return float(np.clip(np.min(between, initial=np.inf) ** 2, 1.0, flattening))

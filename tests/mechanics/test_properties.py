@@ -16,13 +16,14 @@ from taichi_cloth.mechanics.bending import (
     pressed,
     yarn_bending,
 )
-from taichi_cloth.mechanics.construction import CLOSEST, Construction, usual_loss
+from taichi_cloth.mechanics.construction import Construction, usual_loss
 from taichi_cloth.mechanics.drape import bending_length, drape_coefficient
 from taichi_cloth.mechanics.fibre_mechanics import FibreMechanics, blend, fibre_mechanics
 from taichi_cloth.mechanics.properties import woven_properties
 from taichi_cloth.mechanics.shear import locking_angle, shear_stiffness
 from taichi_cloth.mechanics.tension import drawn_stiffness, interchange_strain, leg_stiffness, poisson
 from taichi_cloth.weave.cloth_facts import cloth_facts
+from taichi_cloth.weave.cloth_set import CLOSEST
 from taichi_cloth.weave.draft import named_weave
 from taichi_cloth.yarn.yarn import Yarn
 
