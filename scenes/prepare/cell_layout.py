@@ -72,7 +72,8 @@ def _repeat(scene: Scene, sett: Sett) -> tuple[WeaveRepeat, tuple[str, ...]]:
         irregularity=0.0,
         seed=scene.seed,
     )
-    layout = lay_out(cloth, *families_of(cloth, spacing, (grey[0], grey[1]), yarns), detail=detail)
+    families = families_of(cloth, spacing, (grey[0], grey[1]), yarns, section.flattening)
+    layout = lay_out(cloth, *families, detail=detail)
     return WeaveRepeat.of(layout), (*sett.draft.notes, *notes)
 
 

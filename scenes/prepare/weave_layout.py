@@ -80,7 +80,7 @@ def prepare_fabric(scene: Scene, *, streamed: bool = False) -> Prepared:
 
     cloth, spacing, note = woven(draft, section, yarns)
     colours = thread_colours(scene, draft, ends=draft.ends, picks=draft.picks)
-    families = families_of(cloth, spacing, colours, yarns)
+    families = families_of(cloth, spacing, colours, yarns, section.flattening)
     extent, pitch = (float(spacing[0].sum()), float(spacing[1].sum())), max(float(one.mean()) for one in spacing)
     layout = lay_out(
         cloth,

@@ -41,6 +41,8 @@ I32 = NDArray[np.int32]
 
 BODY, START, END = 0, 1, 2  # a block between two crossings; the free end before the first; after the last
 BLOCK_BYTES = 40  # the records of a block, and what laying them out takes besides
+ALIKE = 1e-6
+"""Share of a width below which a thread is as wide as another."""
 PARTICLE_BYTES = 4 * (ROWS + 1)  # its record, and the number of its thread
 
 
@@ -71,7 +73,8 @@ class Threads:
     """One family of threads (warp ends or weft picks).
 
     position: (n,) [m] across. thickness, width: (n,) [m] of the section as it lies in the cloth, flattened by the
-    threads it crosses. colour: (n, 3) float32 linear. yarn: what they are spun of; its section is scaled to fit.
+    threads it crosses. colour: (n, 3) float32 linear. yarn: what they are spun of; its section is scaled to fit. room:
+    how much wider each is where it floats and no neighbour is beside it (n,) [m].
     """
 
     position: F64
@@ -79,6 +82,7 @@ class Threads:
     width: F64
     colour: F32
     yarn: Yarn
+    room: F64 | float = 0.0
 
     @property
     def pitch(self) -> float:
@@ -110,7 +114,8 @@ class BlockKinds:
 
     family: 0 warp, 1 weft. section: BODY, START or END. pitch: between the two crossings [m]. path: heights, wrap
     radii and pitch without flats [m] as in `crimp`. flat: half of the first crossing's flat [m], where the path
-    starts to bend. thickness, width: of the thread [m].
+    starts to bend. thickness, width: of the thread [m]. spread: (kinds, 2, 2) [m] how much farther out it reaches at
+    the first crossing and at the next, towards the thread before it and the one after it.
     """
 
     family: I32
@@ -120,6 +125,7 @@ class BlockKinds:
     flat: F64
     thickness: F64
     width: F64
+    spread: F64
 
 
 @dataclass(frozen=True)
@@ -172,8 +178,10 @@ def families_of(
     spacing: tuple[F64, F64],
     colour: tuple[NDArray, NDArray],
     yarns: tuple[Yarn, Yarn],
+    flattening: float = 1.0,
 ) -> tuple[Threads, Threads]:
-    """Warp ends and weft picks of a weave with its sizes, each where the room [m] of those before it puts it."""
+    """Warp ends and weft picks of a weave with its sizes, each where the room [m] of those before it puts it.
+    flattening: width over thickness of threads that have room; what neighbours press rounder spreads where it has."""
     thickness = (cloth.warp_diameter_m, cloth.weft_diameter_m)
     flat = (cloth.warp_flat_m, cloth.weft_flat_m)
     warp, weft = (
@@ -183,6 +191,7 @@ def families_of(
             thick + wider,
             np.asarray(shades, np.float32),
             yarn,
+            np.maximum(np.sqrt(flattening * thick * (thick + wider)) - (thick + wider) * (1.0 + ALIKE), 0.0),
         )
         for room, thick, wider, shades, yarn in zip(spacing, thickness, flat, colour, yarns, strict=True)
     )
@@ -226,7 +235,7 @@ def lay_out(cloth: Interlacing, warp: Threads, weft: Threads, *, detail: Detail)
             family=np.repeat(np.array([0, 1], np.int32), [len(warp_kinds["section"]), len(weft_kinds["section"])]),
             section=kinds["section"],
             path=PathKinds(*(kinds[name] for name in PATH_FIELDS)),
-            **{name: kinds[name] for name in ("pitch", "flat", "thickness", "width")},
+            **{name: kinds[name] for name in ("pitch", "flat", "thickness", "width", "spread")},
         ),
         blocks=Blocks(phase=phase.astype(np.int32), variant=variant.astype(np.int32), **rows),
     )
@@ -266,9 +275,13 @@ def _family(
     section = np.concatenate([np.full(len(p[0]), p[3], np.int32) for p in parts])
     gap = np.zeros(len(thread), np.int64)
     gap[section == BODY] = gap_class[begin[section == BODY]]
+    beside = _beside(up) & (np.broadcast_to(own.room, threads) > 0.0)[:, None, None]
+    sides = (beside @ np.array([1, 2])).astype(np.int64)  # (threads, crossings)
+    shapes = [up[thread, begin], up[thread, end], own_class[thread], other_class[begin], other_class[end], gap]
+    shapes += [np.where(section == BODY, sides[thread, at], 0) for at in (begin, end)]
     # A kind is a mixed-radix number of everything that shapes the path; np.unique finds those in use.
     code = section.astype(np.int64)
-    for values in (up[thread, begin], up[thread, end], own_class[thread], other_class[begin], other_class[end], gap):
+    for values in shapes:
         code = code * (int(values.max(initial=0)) + 1) + values
     _, found, kind = np.unique(code, return_index=True, return_inverse=True)
     t, b, free = thread[found], begin[found], section[found] != BODY
@@ -280,6 +293,9 @@ def _family(
         "flat": np.where(free, 0.0, (other.width - other.thickness)[b] / 2),
         "pitch": np.where(free, other.pitch, gaps[inside] if crossings > 1 else other.pitch),
     }
+    reaching = np.stack([beside[t, b], beside[t, end[found]]], axis=1) & ~free[:, None, None]
+    both = np.maximum(reaching.sum(axis=2, keepdims=True), 1)
+    kinds["spread"] = reaching * np.broadcast_to(own.room, threads)[t][:, None, None] / both
     for name, array in paths.items():
         kinds[name] = np.where(free, 0.0, array[t, inside] if crossings > 1 else 0.0)
     for name in ("z0", "z1"):
@@ -292,6 +308,19 @@ def _family(
         "along": begin,
     }
     return rows, kinds
+
+
+def _beside(up: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Where threads float and the one before, or after, lies on the other face: (threads, crossings, 2). Of a repeat
+    with its first thread and crossing once more it goes on beyond the edge; another weave ends there."""
+    on = [up.shape[axis] > 2 and bool((np.take(up, 0, axis) == np.take(up, -1, axis)).all()) for axis in (0, 1)]
+    wide = up
+    for axis, goes_on in enumerate(on):
+        first, last = np.take(wide, [-2 if goes_on else 0], axis), np.take(wide, [1 if goes_on else -1], axis)
+        wide = np.concatenate([first, wide, last], axis)
+    here = wide[1:-1, 1:-1]
+    floats = (wide[1:-1, :-2] == here) & (wide[1:-1, 2:] == here)
+    return np.stack([floats & (wide[:-2, 1:-1] != here), floats & (wide[2:, 1:-1] != here)], axis=-1)
 
 
 def _classes(values: F64) -> NDArray[np.int64]:

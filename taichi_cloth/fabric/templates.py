@@ -231,9 +231,10 @@ def _core(
         lean = rng.standard_normal((max(1, layout.detail.variants), 1, 1, 2)).clip(-2, 2)
         section_yz = section_yz + lean[variant] * (LEAN * size) * (away**2)[None, None, :, None]
     z, slope = _path(layout, kind, u, section)
-    offset, tangent, normal = _bend(
-        section_yz, gather(spun.tangent), gather(spun.normal), z[:, None, :], slope[:, None, :]
-    )
+    course, outward = gather(spun.tangent), gather(spun.normal)
+    if section == BODY and layout.kinds.spread[kind].any():
+        section_yz, course, z = _spread(layout, kind, u, section_yz, course, z)
+    offset, tangent, normal = _bend(section_yz, course, outward, z[:, None, :], slope[:, None, :])
     if layout.detail.far and section == BODY:
         # Few pieces have the slopes of many: each that of some place of it where one of many stands.
         finest = layout.detail.far
@@ -242,7 +243,7 @@ def _core(
         spot = ((u + (turns % 1.0 - 0.5) / steps) * finest).astype(np.int64).clip(0, finest - 1)
         slopes = _path(layout, kind, (np.arange(finest) + 0.5) / finest, section)[1]
         sampled = np.take_along_axis(slopes[:, None], spot, axis=2)
-        _, tangent, normal = _bend(section_yz, gather(spun.tangent), gather(spun.normal), z[:, None, :], sampled)
+        _, tangent, normal = _bend(section_yz, course, outward, z[:, None, :], sampled)
     # What is seen of the fibres that a thick one stands for lies farther out, on the cloth's side that it is on.
     out = standing_out(radius, grown, rows / (yarn.fibres_in_section * yarn.plies))[..., None]
     out = out * np.clip(offset[..., 2] / radius[..., None], -1.0, 1.0)
@@ -346,6 +347,35 @@ def _path(layout: FabricLayout, kind: NDArray[np.int64], u: F64, section: int) -
     inner = np.clip((u[None, :] * kinds.pitch[kind][:, None] - kinds.flat[kind][:, None]) / free, 0.0, 1.0)
     z, per_pitch = centreline(PathKinds(*(a[kind] for a in (p.pitch, p.z0, p.z1, p.r0, p.r1))), inner)
     return z, per_pitch / free
+
+
+def _spread(
+    layout: FabricLayout, kind: NDArray[np.int64], u: F64, section_yz: F64, course: F64, z: F64
+) -> tuple[F64, F64, F64]:
+    """Threads that float reach out to where no neighbour is beside them, at equal area, and lie on what they lay on.
+
+    section_yz: (t, f, k, 2) [m], course: (t, f, k, 3) the fibres' directions, z: (t, k) [m] the axis; as returned.
+    """
+    kinds = layout.kinds
+    width, pitch = kinds.width[kind][:, None], kinds.pitch[kind][:, None, None]
+    # Across a block is to the left of its way, where the next pick lies, and the end before.
+    before, after = np.moveaxis(kinds.spread[kind], 2, 0)
+    warp = (kinds.family[kind] == 0)[:, None]
+    right, left = np.where(warp, after, before), np.where(warp, before, after)  # (t, 2)
+    ease, rate = u * u * (3.0 - 2.0 * u), 6.0 * u * (1.0 - u)
+
+    def between(ends: F64) -> tuple[F64, F64]:
+        return ends[:, :1] + (ends[:, 1:] - ends[:, :1]) * ease, (ends[:, 1:] - ends[:, :1]) * rate
+
+    more, widens = between((left + right) / width)
+    aside, moves = between((left - right) / 2.0)
+    wide, widens = 1.0 + more[:, None, :], widens[:, None, :]
+    y, up = section_yz[..., 0], section_yz[..., 1]
+    lower = np.sign(z) * (kinds.thickness[kind] / 2.0)[:, None]
+    section = np.stack([y * wide + aside[:, None, :], up / wide], -1)
+    lean = np.stack([0.0 * y, y * widens + moves[:, None, :], -(lower[:, None, :] + up) * widens / wide**2], -1)
+    sunk = z - lower * (1.0 - 1.0 / wide[:, 0])
+    return section, unit(course + course[..., :1] * lean / pitch[..., None]), sunk
 
 
 def _bend(section_yz: F64, tangent: F64, normal: F64, z: F64, slope: F64) -> tuple[F64, F64, F64]:

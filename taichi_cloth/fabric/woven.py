@@ -53,5 +53,5 @@ def weave_fabric(
         np.tile(np.array(UNDYED, np.float32), (count, 1)) if stated is None else stated
         for count, stated in ((draft.ends, draft.warp_colour), (draft.picks, draft.weft_colour))
     )
-    families = families_of(fitted.cloth, rooms, (shades[0], shades[1]), (warp, weft))
+    families = families_of(fitted.cloth, rooms, (shades[0], shades[1]), (warp, weft), flattening)
     return build_fabric(lay_out(fitted.cloth, *families, detail=detail or Detail()))
