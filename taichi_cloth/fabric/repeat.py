@@ -14,11 +14,12 @@ from numpy.typing import NDArray
 from taichi_cloth.fabric.layout import BODY, Blocks, FabricLayout
 from taichi_cloth.fabric.templates import TemplateBank, build_templates, particles_per_body_block
 from taichi_cloth.ground.errors import InputError
+from taichi_cloth.weave.draft import longest_float
 from taichi_cloth.yarn.hairs import hairs
 from taichi_cloth.yarn.spin import Period
 from taichi_cloth.yarn.yarn import Hairiness, Yarn
 
-__all__ = ["BANK_BYTES", "RepeatBank", "WeaveRepeat", "bank_of", "bytes_of_bank", "levels_of"]
+__all__ = ["BANK_BYTES", "FLOATING", "RepeatBank", "WeaveRepeat", "bank_of", "bytes_of_bank", "levels_of"]
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -26,6 +27,8 @@ I32 = NDArray[np.int32]
 
 COARSER = ((36, 8), (12, 4), (4, 4))
 """Fibres a ply and particles along a fibre in a block, of levels below the one that a scene states."""
+FLOATING, LONG = ((36, 8), (12, 6), (8, 4)), 5
+"""The same of weaves with floats over so many crossings, which are steep in few places and shine there."""
 BALD = 12
 """Levels of at most so many fibres a ply have no hairs, which nobody sees that far away; but a nap of fewer and wider
 ones."""
@@ -109,14 +112,22 @@ class RepeatBank:
         return len(self.size)
 
 
-def levels_of(fibres: int, steps: int, most: int) -> tuple[tuple[int, int], ...]:
-    """Fibres a ply and steps of each level, the finest first. most: fibres that a ply has."""
+def levels_of(
+    fibres: int, steps: int, most: int, coarser: tuple[tuple[int, int], ...] = COARSER
+) -> tuple[tuple[int, int], ...]:
+    """Fibres a ply and steps of each level, the finest first. most: fibres that a ply has. coarser: levels below."""
     out = [(min(fibres, most), steps)]
-    for fewer, shorter in COARSER:
+    for fewer, shorter in coarser:
         last = out[-1]
         if fewer < 0.75 * last[0]:
             out.append((fewer, min(shorter, last[1])))
     return tuple(out)
+
+
+def _levels(layout: FabricLayout, most: int) -> tuple[tuple[int, int], ...]:
+    """As `levels_of` has them, of a layout's weave."""
+    floats = max(longest_float(layout.cloth.warp_up[:-1, :-1]))
+    return levels_of(layout.detail.fibres, layout.detail.steps, most, FLOATING if floats >= LONG else COARSER)
 
 
 def bytes_of_bank(repeats: tuple[WeaveRepeat, ...]) -> int:
@@ -129,7 +140,7 @@ def bytes_of_bank(repeats: tuple[WeaveRepeat, ...]) -> int:
             ((layout.warp, layout.warp_period), (layout.weft, layout.weft_period))
         ):
             kinds = int((layout.kinds.family == family).sum())
-            for fibres, steps in levels_of(layout.detail.fibres, layout.detail.steps, threads.yarn.fibres_in_section):
+            for fibres, steps in _levels(layout, threads.yarn.fibres_in_section):
                 total += kinds * period.blocks * variants * _per_block(threads.yarn, period, fibres, steps) * PARTICLE
     return total
 
@@ -204,7 +215,7 @@ def _banks(layout: FabricLayout, periods: NDArray, variants: int) -> list[Templa
     most = max(layout.warp.yarn.fibres_in_section, layout.weft.yarn.fibres_in_section)
     out = []
     bald = 0
-    for fibres, steps in levels_of(layout.detail.fibres, layout.detail.steps, most):
+    for fibres, steps in _levels(layout, most):
         bald += fibres <= BALD
         each = HAIRS_EACH**bald
         far = layout.detail.steps if out else 0

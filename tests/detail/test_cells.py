@@ -13,7 +13,7 @@ from taichi_cloth.fabric.cells import CellCloth, CellPanel, CellThreads, sheet_o
 from taichi_cloth.fabric.crossings import refine_points
 from taichi_cloth.fabric.fabric import Fabric, build_fabric
 from taichi_cloth.fabric.layout import Detail, FabricLayout, drawn_density, families_of, lay_out
-from taichi_cloth.fabric.repeat import WeaveRepeat, bank_of, levels_of
+from taichi_cloth.fabric.repeat import FLOATING, WeaveRepeat, bank_of, levels_of
 from taichi_cloth.fabric.surface import nodes_of, surface_points
 from taichi_cloth.fabric.templates import COLUMN
 from taichi_cloth.ground.copies import fetched
@@ -398,6 +398,7 @@ def test_levels_are_fewer_and_thicker_fibres() -> None:
     assert levels_of(87, 10, 200) == ((87, 10), (36, 8), (12, 4), (4, 4))
     assert levels_of(6, 2, 200) == ((6, 2), (4, 2))
     assert levels_of(87, 10, 9) == ((9, 10), (4, 4))
+    assert levels_of(57, 10, 19, FLOATING) == ((19, 10), (12, 6), (8, 4))
 
 
 def test_the_density_of_what_is_drawn_is_the_mills_sum() -> None:
