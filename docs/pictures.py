@@ -41,7 +41,7 @@ CLOTHS = {
     "silk satin": [
         "fibre.kind=silk", "yarn.count='20/22 den x 3'", "yarn.twist_multiplier=0.3", "weave.draft=satin-8",
         "fabric.ends_per_cm=90", "fabric.picks_per_cm=44", "fabric.flattening=2.2", *dyed("#a30d24"),
-        "camera.aim=[0.35,0.43]",
+        "camera.aim=[0.42,0.4]",
     ],
     "wool flannel": ["cloth.material=wool-flannel", *dyed("#0e0f11")],
     "denim": ["cloth.material=denim-12oz", *dyed("#16264c", "#cbc2ab")],

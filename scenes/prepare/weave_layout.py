@@ -133,6 +133,7 @@ def woven(
         diameter,
         flattening=section.flattening,
         balance=section.balance,
+        rounder=True,
     )
     if fitted.thinned == 1.0 and fitted.balance == section.balance:
         return fitted.cloth, rooms, ()
@@ -153,10 +154,10 @@ def woven(
             f"fabric.ends_per_cm, fabric.picks_per_cm: {line}; they fit at {fitted.thinned:.2f} of that thickness: "
             'space them wider, take a finer yarn, or set fabric.when_jammed = "scale"'
         )
-    rounder = [
+    own_shapes = [
         f"{family} {own:.2f}"
         for family, own in zip(("warp", "weft"), fitted.flattening, strict=True)
         if own < section.flattening
     ]
-    pressed = f", and pressed rounder, width over thickness: {', '.join(rounder)}" if rounder else ""
+    pressed = f", and pressed rounder, width over thickness: {', '.join(own_shapes)}" if own_shapes else ""
     return fitted.cloth, rooms, (f"{line}: thinned to {100 * fitted.thinned:.0f} %{pressed}",)

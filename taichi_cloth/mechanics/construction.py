@@ -126,7 +126,7 @@ class Construction:
 
     @cached_property
     def fitted(self) -> Fitted:
-        """The weave with its sizes, as it is drawn. Where threads jam, they are pressed: thinner than their yarn."""
+        """The weave with its sizes. Where threads jam, they are pressed, all alike: thinner than their yarn."""
         diameter, rooms = self._sizes
         balance = self.resting_balance if self.balance is None else self.balance
         found = fit_set(self.draft.warp_up, rooms, diameter, flattening=self.flattening, balance=balance)
@@ -179,10 +179,10 @@ class Construction:
         As woven. Where threads jam, round ones would leave all of the wave to one family; real ones give way, to the
         closest packing at most, and rest where they press each other alike.
         """
-        fitted = self.fitted
-        whole = 1e3 * float(fitted.cloth.warp_diameter_m.mean() + fitted.cloth.weft_diameter_m.mean())
+        fitted, (warp, weft) = self.fitted, self._sizes[0]
+        whole = 1e3 * float(warp.mean() + weft.mean()) / np.sqrt(self.flattening)
         share = self.resting_balance if self.pressed else fitted.balance
-        whole *= max(fitted.thinned, CLOSEST) / fitted.thinned
+        whole *= max(fitted.thinned, CLOSEST)
         return share * whole, (1.0 - share) * whole
 
     @cached_property

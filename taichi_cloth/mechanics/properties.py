@@ -95,8 +95,7 @@ def light_thickness(cloth: Construction) -> float:
     warp, weft = cloth.families
     bulge = 1.30 - 0.20 * (warp.turns + weft.turns) / 2.0
     thick = sum(
-        own.diameter * (flat**-0.5 if own.fibre.form == "filament" else bulge)
-        for own, flat in zip((warp, weft), cloth.fitted.flattening, strict=True)
+        own.diameter * (cloth.flattening**-0.5 if own.fibre.form == "filament" else bulge) for own in (warp, weft)
     )
     return float(thick)
 

@@ -82,13 +82,15 @@ def fit_set(
     *,
     flattening: float,
     balance: float,
+    rounder: bool = False,
 ) -> Fitted:
     """The weave with its sizes, fitted as a loom fits a close set: first the crimp is shared otherwise, then yarn is
-    pressed as far as that goes (CLOSEST), then threads of a family that lie closer than they would be wide press each
-    other rounder, and only then is yarn thinned.
+    pressed, and where it cannot be pressed so far (CLOSEST) it is thinned.
 
     warp_up: (picks, ends). spacing, diameter: of the warp ends and of the weft picks [m]. balance: the warp's part of
-    the crimp height, kept where it can be.
+    the crimp height, kept where it can be. rounder: before yarn is thinned, threads of a family that lie closer than
+    they would be wide press each other rounder. So they look; what close cloths weigh is nearer to what all threads
+    pressed alike come to, whose crimp is less (`mechanics.comparison`).
     """
 
     def sized(factor: float, share: float, flat: tuple[float, float]) -> Interlacing:
@@ -114,12 +116,12 @@ def fit_set(
         return Fitted(sized(1.0, balance, flat), balance, 1.0, flat)
     share = fit_balance(sized(1.0, balance, flat))
     factor = fits(1.0, share, flat)
-    if factor < CLOSEST:
-        rounder = _rounded(spacing[0], diameter[0], flattening), _rounded(spacing[1], diameter[1], flattening)
-        other = fit_balance(sized(CLOSEST, balance, rounder))
-        pressed = fits(CLOSEST, other, rounder)
+    if rounder and factor < CLOSEST:
+        pressed_flat = _rounded(spacing[0], diameter[0], flattening), _rounded(spacing[1], diameter[1], flattening)
+        other = fit_balance(sized(CLOSEST, balance, pressed_flat))
+        pressed = fits(CLOSEST, other, pressed_flat)
         if pressed > factor:
-            flat, share, factor = rounder, other, pressed
+            flat, share, factor = pressed_flat, other, pressed
     return Fitted(sized(factor * (1.0 - ROUNDING * (factor < 1.0)), share, flat), share, factor, flat)
 
 

@@ -18,7 +18,7 @@ def satin(ends: int = 9, picks: int = 9, opening: float = 1.0) -> FabricLayout:
     draft = named_weave("satin-8", ends=ends, picks=picks)
     diameter = np.full(ends, YARN.woven_diameter), np.full(picks, YARN.woven_diameter)
     rooms = np.full(ends, 1.06 * opening * YARN.woven_diameter), np.full(picks, 2.2 * YARN.woven_diameter)
-    made = fit_set(draft.warp_up, rooms, diameter, flattening=FLAT, balance=0.5)
+    made = fit_set(draft.warp_up, rooms, diameter, flattening=FLAT, balance=0.5, rounder=True)
     grey = np.full((ends, 3), 0.5), np.full((picks, 3), 0.5)
     return lay_out(
         made.cloth,

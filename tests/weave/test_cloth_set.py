@@ -14,7 +14,7 @@ def satin(warp_um: float, weft_um: float, diameter_um: float = 105.0) -> Fitted:
     draft = named_weave("satin-8", ends=16, picks=16)
     room, thick = np.full(16, warp_um * 1e-6), np.full(16, diameter_um * 1e-6)
     return fit_set(
-        draft.warp_up, (room, np.full(16, weft_um * 1e-6)), (thick, thick), flattening=FLAT, balance=0.5
+        draft.warp_up, (room, np.full(16, weft_um * 1e-6)), (thick, thick), flattening=FLAT, balance=0.5, rounder=True
     )  # fmt: skip
 
 
