@@ -18,7 +18,6 @@ from taichi_cloth.detail.surfels import (
     FLANKS,
     OPEN_WARP,
     OPEN_WEFT,
-    OPENED,
     TILTS,
     TO_EYE,
     TURNED,
@@ -27,6 +26,7 @@ from taichi_cloth.detail.surfels import (
     SheetLook,
     guess_of,
 )
+from taichi_cloth.fabric.cell_blocks import OPENED
 from taichi_cloth.fabric.cells import CellCloth
 from taichi_cloth.ground.cache import digest, kept
 
@@ -45,7 +45,7 @@ __all__ = ["fit_look", "seen_light"]
 
 F64 = NDArray[np.float64]
 
-VERSION = 23
+VERSION = 24
 """Of what is kept on disk: raised whenever the same cloth would come to another look."""
 FIBRES, SHEETS = (60, 1.6), (240, 0.6)
 """Threads each way of the piece that is drawn of fibres, and of that drawn as a sheet, and pixels from one to the next

@@ -36,7 +36,6 @@ from taichi_cloth.ground.vectors import chunk_steps
 __all__ = [
     "AREA",
     "FLANKS",
-    "OPENED",
     "OPEN_WARP",
     "OPEN_WEFT",
     "TILTS",
@@ -64,8 +63,6 @@ TURNED = 5.0
 """How far fibres turn to face the eye, which sees that side of a thread that goes over and under: this times the square
 of how far they lean and the share of crossings at which it changes sides, for what floats is straight. By fibres of a
 plain weave, a twill, a satin and a denim in lights from all sides (`docs/appearance.md`)."""
-OPENED = 1.5
-"""Power by which openness follows what is asked of a sheet's light, most of which is of the sky."""
 OVERLAP = 3.0
 
 EVEN_ROW, EVEN_COL = 0.7548776662, 0.5698402910
@@ -188,9 +185,10 @@ def lay_surfels(
                 for c in ti.static(FACTORS):
                     seen[c] = look[p, number, c] + part * (look[p, number + 1, c] - look[p, number, c])
                 # Its colour, and what an outline leaves of it.
-                dyed, of_weft, under = cell_mean(
-                    cloth, p, i, j, tall, broad, seen[WARP], seen[WEFT], lean[p, 7 + 2 * side], lean[p, 8 + 2 * side]
-                )
+                dyed, opening = cell_mean(
+                    cloth, p, i, j, tall, broad, seen[WARP], seen[WEFT], lean[p, 7 + 2 * side], lean[p, 8 + 2 * side],
+                    seen[OPEN_WARP], seen[OPEN_WEFT],
+                )  # fmt: skip
                 inside = cell_inside(cloth, p, i, j, tall, broad)
                 # As warp or as weft, and to which side it leans.
                 turn = (patch[q, FIRST_PICK] + row) * EVEN_ROW + (patch[q, FIRST_END] + col) * EVEN_COL
@@ -224,8 +222,7 @@ def lay_surfels(
                 radius = ti.sqrt(area * seen[AREA] * inside * share[q] * (15.0 / 32.0))
                 groups_out[RADIUS, group, lane] = radius
                 groups_out[HALF_LENGTH, group, lane] = radius
-                opened = seen[OPEN_WARP] + of_weft * (seen[OPEN_WEFT] - seen[OPEN_WARP])
-                groups_out[OPENNESS, group, lane] = ti.min(opened * under**OPENED, 1.0)
+                groups_out[OPENNESS, group, lane] = opening
                 thread = cloth.panel[p, END] + ti.min(ti.cast(j + 0.5, ti.i32), cloth.panel[p, ENDS] - 1)
                 if not warp:
                     thread = cloth.panel[p, PICK] + ti.min(ti.cast(i + 0.5, ti.i32), cloth.panel[p, PICKS] - 1)

@@ -29,12 +29,14 @@ from taichi_cloth.ground.arrays import F32x2, Template
 from taichi_cloth.ground.mixing import colour_in_kernel, lit_among, sent_back_in_kernel, under_sky
 
 __all__ = [
-    "cell_block", "cell_crossing", "cell_inside", "cell_mean", "cell_shades", "cell_span", "cell_template",
+    "OPENED", "cell_block", "cell_crossing", "cell_inside", "cell_mean", "cell_shades", "cell_span", "cell_template",
     "cell_turned_in", "hashed",
 ]  # fmt: skip
 
 MIXED = 0.7
 """Of what threads lose among darker ones, what the mean of a sheet of them loses: by stripes from far and near."""
+OPENED = 1.5
+"""Power by which openness follows what is asked of a sheet's light, most of which is of the sky."""
 MOST_THREADS = 16
 """Threads of which the mean colour is taken; of more, every so many."""
 
@@ -152,30 +154,37 @@ def _sent_back(cloth: Template, first, last, at, room):
 
 
 @ti.func
-def cell_mean(cloth: Template, p, i, j, tall, broad, warp, weft, warp_alone, weft_alone):
+def cell_mean(cloth: Template, p, i, j, tall, broad, warp, weft, warp_alone, weft_alone, open_warp, open_weft):
     """Colour of the cloth at i picks and j ends of panel p, over so many picks and ends: that which sends back `warp`
-    times what its warp ends do among its weft picks and `weft` times what those do; of a print as its middle does. Of
-    that the share that is the weft's; and what both send back of a sky over what a cloth of their mean does, means of
-    the three colours. warp_alone, weft_alone: see `mixing`."""
+    times what its warp ends do among its weft picks and `weft` times what those do; of a print as its middle does. And
+    its openness, of which warp and weft have one each: by what of its light is whose, and by what both send back of a
+    sky over what a cloth of their mean does. It is one for three colours: of a colour that is more of the family that
+    sees less than the others are, less is sent back, as by `OPENED`. warp_alone, weft_alone: see `mixing`."""
     end, pick = cloth.panel[p, END], cloth.panel[p, PICK]
     ends, picks = cloth.panel[p, ENDS], cloth.panel[p, PICKS]
     out = cell_dye(cloth, p, ti.min(ti.cast(i + 0.5, ti.i32), picks - 1), ti.min(ti.cast(j + 0.5, ti.i32), ends - 1))
-    of_weft, under = weft / ti.max(warp + weft, 1e-6), 1.0
+    both = ti.max(warp + weft, 1e-6)
+    opening = (warp * open_warp + weft * open_weft) / both
     if out[0] < 0.0:  # pyright: ignore[reportIndexIssue]
         by_warp = _sent_back(cloth, end, end + ends - 1, j, broad)
         by_weft = _sent_back(cloth, pick, pick + picks - 1, i, tall)
         warp_alone, weft_alone = 1.0 - MIXED * (1.0 - warp_alone), 1.0 - MIXED * (1.0 - weft_alone)
         warps, wefts = lit_among(by_warp, by_weft, warp_alone), lit_among(by_weft, by_warp, weft_alone)
         out = warp * warps + weft * wefts
-        of_weft = weft * wefts.sum() / ti.max(out.sum(), 1e-6)
-        apart, alike = 0.0, 1e-6
+        each, whole = out, 0.0
         for c in ti.static(range(3)):
-            apart += warp * warps[c] * under_sky(warps[c]) + weft * wefts[c] * under_sky(wefts[c])
-            alike += out[c] * under_sky(out[c] / ti.max(warp + weft, 1e-6))
-        under = apart / alike
+            of_warp, of_weft = warp * warps[c], weft * wefts[c]
+            sent = ti.max(out[c], 1e-6)
+            apart = of_warp * under_sky(warps[c]) + of_weft * under_sky(wefts[c])
+            under = apart / (sent * under_sky(sent / both))
+            each[c] = (of_warp * open_warp + of_weft * open_weft) / sent * under**OPENED
+            whole += out[c] * each[c]
+        opening = whole / ti.max(out.sum(), 1e-6)
+        for c in ti.static(range(3)):
+            out[c] *= (ti.max(each[c], 1e-6) / ti.max(opening, 1e-6)) ** (1.0 / OPENED)
     else:
-        out = (warp + weft) * sent_back_in_kernel(out)
-    return colour_in_kernel(out), of_weft, under
+        out = both * sent_back_in_kernel(out)
+    return colour_in_kernel(out), ti.min(opening, 1.0)
 
 
 @ti.func

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from taichi_cloth.detail.cell_stream import TARGET, CellStream
-from taichi_cloth.detail.surfels import OPEN_WARP, OPEN_WEFT, OPENED, WARP, WEFT
+from taichi_cloth.detail.surfels import OPEN_WARP, OPEN_WEFT, WARP, WEFT
+from taichi_cloth.fabric.cell_blocks import OPENED
 from taichi_cloth.ground.copies import fetched
 from taichi_cloth.ground.mixing import DARKER, EVEN, WHITE, sent_back
 from taichi_cloth.ground.particles import COLOUR, NORMAL, OPENNESS, RADIUS, ROWS, TANGENT
