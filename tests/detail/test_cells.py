@@ -341,7 +341,8 @@ def test_surfels_lie_on_the_side_that_is_seen_in_the_colours_of_their_threads() 
         assert (np.sign(rows[POSITION + 1]) == up).all()
         assert np.average(rows[NORMAL + 1], weights=rows[RADIUS] ** 2) * up > 0.8
         later = -rows[POSITION + 2] > 16.5 * PITCH
-        assert rows[COLOUR + 1][-rows[POSITION + 2] < 14.5 * PITCH].max() < 1.01 * SURFACE_SHARE  # the darkest there is
+        # The darkest there is, more open than the red beside it.
+        assert rows[COLOUR + 1][-rows[POSITION + 2] < 14.5 * PITCH].max() < 1.2 * SURFACE_SHARE
         red, green = rows[COLOUR][later].mean(), rows[COLOUR + 1][later].mean()
         assert (red > 2 * green) if up > 0 else (green > 2 * red)
 
