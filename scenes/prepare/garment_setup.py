@@ -73,7 +73,7 @@ __all__ = [
     "woven_garment",
 ]
 
-VERSION = 49
+VERSION = 50
 """Of what is kept on disk: raised whenever the same scene would come to another rest."""
 
 TOILE, FITTINGS = 2000, 2

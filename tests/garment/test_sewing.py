@@ -11,6 +11,8 @@ from scipy.spatial import KDTree
 
 from taichi_cloth.body.colliders.colliders import Colliders, solid_distance
 from taichi_cloth.body.primitives.distance import nearest_distance
+from taichi_cloth.body.primitives.primitives import Primitive
+from taichi_cloth.body.skin.names import JOINTS
 from taichi_cloth.garment.fit.fitted import OVER_SHOULDERS, fitted
 from taichi_cloth.garment.fit.taped import landmarks_of
 from taichi_cloth.garment.pattern.curves import length
@@ -23,7 +25,7 @@ from taichi_cloth.garment.sewn.garment import Garment, holds_of, seams_of
 from taichi_cloth.garment.sewn.lies import CROSSED
 from taichi_cloth.garment.sewn.limbs import bearer, spared
 from taichi_cloth.garment.sewn.misfit import misfit
-from taichi_cloth.garment.sewn.sew import Worn, sew
+from taichi_cloth.garment.sewn.sew import SWUNG, Worn, sew
 from taichi_cloth.layers.outline import crossings_of
 from taichi_cloth.motion.forces import Forces, StrainLimit
 from taichi_cloth.scenes.__main__ import _status
@@ -176,6 +178,28 @@ def test_what_hangs_while_seams_close_is_drawn_to_its_place_against_its_weight()
     assert seams.count == len(garment.seams()[0]) + 11
     assert seams.gaps(hanging.state).max() < 2e-3
     assert holds_of(holding).gaps(holding.state).min() > 5e-3
+
+
+def test_a_garment_comes_down_before_it_rubs():
+    """A patch on a slope of 30° that would hold it (µ = 0.9) slides as far as it is halted, and then stays."""
+    slope = np.radians(30.0)
+    along, out = np.array([0.0, -np.sin(slope), np.cos(slope)]), np.array([0.0, np.cos(slope), np.sin(slope)])
+    axes = np.stack([[1.0, 0.0, 0.0], -along, out])
+    corners = np.array([[0, 0], [0.1, 0], [0.1, 0.1], [0, 0.1], [0, 0]])
+    edges = tuple(corners[k : k + 2] for k in range(4))
+    panel = Panel("patch", edges, Flat(axes.T, 1.005 * out))
+    pattern = Pattern("patch", (panel,), ())
+    garment = Garment(pattern, cut(pattern, (0.02, 0.02)), CLOTH)
+    trunk = Primitive(kind="cylinder", start=-along, end=along, radii=(1.0, 1.0), bone=JOINTS.index("spine1"))
+    body = Colliders(primitives=(trunk,), friction=0.9, gap=0.004)
+    start = garment.atlas.start()
+    present = garment.atlas.present()
+    came = [
+        float(((sew(garment, body, settling=most).positions - start)[present] @ along).mean())
+        for most in (SWUNG, SWUNG + 20)
+    ]
+    assert came[0] > 0.05
+    assert came[1] - came[0] < 0.02
 
 
 def sewn(name, gender, count):

@@ -4,9 +4,10 @@
    that it closes round the body as long as it will be (trousers would fold over themselves on the hips): what shoulders
    carry by the seams over them, which are drawn to their places as seams are (`Pattern.hung`). What is not has no
    weight yet.
-2. Settling: gravity and friction, each panel on its own limbs (`limbs.py`), asked again once it has come down on them;
-   at first halted whenever it has begun to slow down, then, with what rubs within the cloth, slowed a little in every
-   frame, until it is at rest or the time is up.
+2. Settling: gravity, each panel on its own limbs (`limbs.py`), asked again once it has come down on them; at first
+   halted whenever it has begun to slow down, and hardly rubbing, as who wears it would draw it down over the hips; then
+   with friction and with what rubs within the cloth, slowed a little in every frame, until it is at rest or the time is
+   up.
 What comes out is where the key points rest. Seams then stay as ties for as long as the garment is worn.
 """
 
@@ -55,7 +56,7 @@ HANGING = 0.3
 """Share of its weight that cloth has while seams close that shoulders will carry: sleeves and hoods fall until theirs
 are closed."""
 THICK, THIN = 6.0, 2.0  # [1/s] damping by the air while closing and while settling
-SMOOTH = 0.05  # Coulomb's µ while closing
+SMOOTH = 0.05  # Coulomb's µ while closing, and as long as a garment is halted
 RECOVERY = 5.0  # [m/s] at which the body lets out cloth that panels start with, or that seams draw, inside it
 
 
@@ -261,7 +262,7 @@ def _settled(
         acts = replace(forces, body=body)
         return garment.simulation(acts, positions, air_damping=THIN, solver=solver, settled=True, **known)
 
-    body = meets(positions)
+    body = replace(meets(positions), friction=SMOOTH)
     simulation = simulation_of(positions, relaxed=True)
     moving, speed, lately = 0.0, 0.0, list[F32]()
     held = np.full(len(garment.holds()[2]), -1)  # by no bone
