@@ -142,7 +142,7 @@ def occlude(
     axes = np.stack([f.axes(opacity) for f in fits])
     texels, texel = int(sizes.sum()), max(f.texel for f in fits)
     ends, depth = zeros((2, texels)), zeros((texels, LAYERS))
-    chunks = min(chunks, directions) if runtime.on_host() else directions
+    chunks = directions if runtime.resident() else min(chunks, directions)
     octets = in_octets(blocks)
     count = octets.shape[1]
     scratch = zeros((max(1, chunks * count), SCRATCH_ROWS, OCTET))

@@ -54,7 +54,7 @@ FIXED = float(1 << 18)
 @ti.func
 def lower(array: Template, at: Template, value):
     """The least of what stands there and a value."""
-    if ti.static(not runtime.on_host()):
+    if ti.static(runtime.resident()):
         ti.atomic_min(array[at], value)
     else:
         array[at] = ti.min(array[at], value)
@@ -63,7 +63,7 @@ def lower(array: Template, at: Template, value):
 @ti.func
 def lift(array: Template, at: Template, value):
     """The greatest."""
-    if ti.static(not runtime.on_host()):
+    if ti.static(runtime.resident()):
         ti.atomic_max(array[at], value)
     else:
         array[at] = ti.max(array[at], value)
@@ -73,7 +73,7 @@ def lift(array: Template, at: Template, value):
 def deepen(layers: Template, counts: Template, cell, layer, optical):
     """Adds an optical depth to a layer of a texel: of `layers` (texels, 1), vectors of 16; on a device of `counts`
     (texels, 16), in steps."""
-    if ti.static(not runtime.on_host()):
+    if ti.static(runtime.resident()):
         ti.atomic_add(counts[cell, layer], ti.cast(optical * FIXED + 0.5, ti.i32))
     else:
         layers[cell, 0][layer] = layers[cell, 0][layer] + optical  # of one thread: `+=` would be atomic
@@ -94,7 +94,7 @@ def moved_out(particles: Octets, b, by):
 @ti.func
 def laid(layers: Template, counts: Template, cell):
     """What has been added to the layers of a texel."""
-    if ti.static(not runtime.on_host()):
+    if ti.static(runtime.resident()):
         return Vec16([counts[cell, k] * (1.0 / FIXED) for k in range(LAYERS)])
     else:
         return layers[cell, 0]
@@ -102,4 +102,4 @@ def laid(layers: Template, counts: Template, cell):
 
 def counts_for(texels: int) -> Any:
     """The `counts` of so many texels, where they are needed."""
-    return zeros((texels, LAYERS) if not runtime.on_host() else (1, 1), np.int32)
+    return zeros((texels, LAYERS) if runtime.resident() else (1, 1), np.int32)

@@ -15,7 +15,7 @@ from taichi_cloth.ground.vectors import CHUNK_STEPS
 
 from ..tiles.mesh import Mesh
 from ..tiles.sort import share
-from .deep_map import AWAY, EMPTY, ORIGIN, RIGHT, SCALE, UP, lift, lower
+from .deep_map import AWAY, EMPTY, ORIGIN, RIGHT, SCALE, UP
 
 __all__ = ["walls"]
 
@@ -73,8 +73,12 @@ def _face(vertices: F32x2, faces: I32x2, i, axes: F32x3, maps: I32x2, m, first_o
                 if b1 >= -1e-4 and b2 >= -1e-4 and b1 + b2 <= 1.0001:
                     depth = a[2] + b1 * b[2] + b2 * c[2]  # pyright: ignore[reportIndexIssue]
                     cell = maps[m, 0] + y * width + x
-                    lower(first_out, cell, depth)
-                    lift(last_out, cell, depth)
+                    if ti.static(runtime.on_host()):
+                        first_out[cell] = ti.min(first_out[cell], depth)
+                        last_out[cell] = ti.max(last_out[cell], depth)
+                    else:
+                        ti.atomic_min(first_out[cell], depth)
+                        ti.atomic_max(last_out[cell], depth)
 
 
 @ti.kernel

@@ -10,18 +10,13 @@ fibre of area A and opacity a takes the optical depth DENSITY a A / texel^2, lai
 bilinearly between four texels. A direction belongs to one thread.
 """
 
-from typing import Any
-
-import numpy as np
 import taichi as ti
-from numpy.typing import NDArray
 
 from taichi_cloth.ground import runtime
 from taichi_cloth.ground.arrays import F32x2, F32x3, Float, I32x2, Int, Template
 from taichi_cloth.ground.particles import OCTET, POSITION, RADIUS, TANGENT
 from taichi_cloth.ground.vectors import CHUNK_STEPS, Blocks, Octets, Vec16, each, lanes
 
-from ..data.blocks import Layout
 from ..data.light_sizes import LAYERS
 from ..tiles.compiling import left_to_llvm
 from ..tiles.sort import share
@@ -138,69 +133,9 @@ def _placed(placed: Octets, row, t):
         return ti.Vector([placed[t // OCTET, row][t % OCTET]])
 
 
-def fill(
-    layout: Layout,
-    chunks: int,
-    stretch: float,
-    particles: Any,
-    octet_count: int,
-    axes: NDArray[np.float32],
-    maps: NDArray[np.int32],
-    fine: float,
-    # scratch of a chunk:
-    placed: Any,
-    # out, all maps one after another:
-    ends: Any,
-    depth: Any,
-    counts: Any,
-) -> None:
-    """First and last depth [m] and optical depth up to the end of each layer, shape (2, texels), (texels, 1, 16).
-
-    axes: (maps, 5, 3) as in `deep_map`; maps: rows (first texel, width, height). stretch: each piece stands
-    for so many, and is that much longer. counts: zeros (texels, 16), see `deepen`. On a device in kernels of their own:
-    of all in one Taichi makes none for Vulkan.
-    """
-    if runtime.on_host():
-        _fill(layout, chunks, stretch, particles, octet_count, axes, maps, fine, placed, ends, depth, counts)
-    else:
-        _place_all(layout, stretch, particles, octet_count, axes, maps, placed, ends)
-        for turn in range(2):
-            _lay_all(layout, turn, octet_count, maps, fine, placed, ends, depth, counts)
-        _sum_all(ends, depth, counts)
-
-
-@ti.kernel
-def _place_all(
-    layout: Template, stretch: Float, particles: Octets, octet_count: Int, axes: F32x3, maps: I32x2, placed: Octets,
-    ends_out: F32x2,
-):  # fmt: skip
-    for cell in range(ends_out.shape[1]):
-        ends_out[0, cell] = EMPTY
-        ends_out[1, cell] = -EMPTY
-    for t in range(maps.shape[0] * octet_count):
-        _place(layout, stretch, particles, t % octet_count, axes, t // octet_count, placed, t)
-
-
-@ti.kernel
-def _lay_all(
-    layout: Template, turn: Template, octet_count: Int, maps: I32x2, fine: Float, placed: Octets, ends_out: F32x2,
-    depth_out: Blocks, counts: I32x2,
-):  # fmt: skip
-    for t in range(maps.shape[0] * octet_count * OCTET):
-        m = t // OCTET // octet_count
-        _lay(layout, turn, placed, t, maps, m, fine, ends_out, depth_out, counts)
-
-
-@ti.kernel
-def _sum_all(ends: F32x2, depth_out: Blocks, counts: I32x2):
-    for cell in range(ends.shape[1]):
-        if ends[0, cell] < EMPTY:
-            _sum_up(cell, depth_out, counts)
-
-
 @left_to_llvm
 @ti.kernel
-def _fill(
+def fill(
     layout: Template,
     chunks: Int,
     stretch: Float,
@@ -209,36 +144,57 @@ def _fill(
     axes: F32x3,
     maps: I32x2,
     fine: Float,
+    # scratch of a chunk:
     placed: Octets,
+    # out, all maps one after another:
     ends_out: F32x2,
     depth_out: Blocks,
     counts: I32x2,
 ):
-    for step in range(chunks * CHUNK_STEPS):
-        if step % CHUNK_STEPS != 0:
-            continue
-        chunk = step // CHUNK_STEPS
-        at = chunk * octet_count
-        for m in range(share(maps.shape[0], chunk, chunks), share(maps.shape[0], chunk + 1, chunks)):  # pyright: ignore[reportArgumentType]
-            begin = maps[m, 0]
-            width = maps[m, 1]
-            high = maps[m, 2]
-            for b in range(octet_count):
-                _place(layout, stretch, particles, b, axes, m, placed, at + b)
-            for cell in range(begin, begin + width * high):
-                ends_out[0, cell] = EMPTY
-                ends_out[1, cell] = -EMPTY
-            # First where anything stands, then what each layer takes of the light; at last summed front to back.
-            for turn in ti.static(range(2)):
-                for b in range(octet_count * ti.static(OCTET // lanes())):
-                    t = at * ti.static(OCTET // lanes()) + b
-                    _lay(layout, turn, placed, t, maps, m, fine, ends_out, depth_out, counts)
+    """First and last depth [m] and optical depth up to the end of each layer, shape (2, texels), (texels, 1, 16).
+
+    axes: (maps, 5, 3) as in `deep_map`; maps: rows (first texel, width, height). stretch: each piece stands
+    for so many, and is that much longer. counts: zeros (texels, 16), see `deepen`.
+    """
+    if ti.static(runtime.resident()):
+        for cell in range(ends_out.shape[1]):
+            ends_out[0, cell] = EMPTY
+            ends_out[1, cell] = -EMPTY
+        for t in range(maps.shape[0] * octet_count):
+            _place(layout, stretch, particles, t % octet_count, axes, t // octet_count, placed, t)
+        for turn in ti.static(range(2)):
+            for t in range(maps.shape[0] * octet_count * OCTET):
+                m = t // OCTET // octet_count
+                _lay(layout, turn, placed, t, maps, m, fine, ends_out, depth_out, counts)
+        for cell in range(ends_out.shape[1]):
+            if ends_out[0, cell] < EMPTY:
+                _sum_up(cell, depth_out, counts)
+    else:
+        for step in range(chunks * CHUNK_STEPS):
+            if step % CHUNK_STEPS != 0:
+                continue
+            chunk = step // CHUNK_STEPS
+            at = chunk * octet_count
+            for m in range(share(maps.shape[0], chunk, chunks), share(maps.shape[0], chunk + 1, chunks)):  # pyright: ignore[reportArgumentType]
+                begin = maps[m, 0]
+                width = maps[m, 1]
+                high = maps[m, 2]
+                for b in range(octet_count):
+                    _place(layout, stretch, particles, b, axes, m, placed, at + b)
                 for cell in range(begin, begin + width * high):
-                    if ends_out[0, cell] < EMPTY:
-                        if ti.static(turn == 0):
-                            depth_out[cell, 0] = Vec16(0.0)
-                        else:
-                            _sum_up(cell, depth_out, counts)
+                    ends_out[0, cell] = EMPTY
+                    ends_out[1, cell] = -EMPTY
+                # First where anything stands, then what each layer takes of the light; at last summed front to back.
+                for turn in ti.static(range(2)):
+                    for b in range(octet_count * ti.static(OCTET // lanes())):
+                        t = at * ti.static(OCTET // lanes()) + b
+                        _lay(layout, turn, placed, t, maps, m, fine, ends_out, depth_out, counts)
+                    for cell in range(begin, begin + width * high):
+                        if ends_out[0, cell] < EMPTY:
+                            if ti.static(turn == 0):
+                                depth_out[cell, 0] = Vec16(0.0)
+                            else:
+                                _sum_up(cell, depth_out, counts)
 
 
 @ti.func

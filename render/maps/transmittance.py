@@ -165,7 +165,7 @@ def deposit(
     cuts: band b has the rows cuts[b] to cuts[b + 1]. wall: first depth of what lets nothing through, EMPTY where
     there is none, shape (texels,). counts: zeros (texels, 16), see `deepen`.
     """
-    if ti.static(not runtime.on_host()):
+    if ti.static(runtime.resident()):
         texels = deep.width * cuts[bands]
         for cell in range(texels):
             nearest_out[cell] = wall[cell] if ti.static(walled) else EMPTY
