@@ -176,6 +176,10 @@ def deposit(
             if nearest_out[cell] < EMPTY:
                 _let_through(walled, deep, cell, wall, nearest_out, through_out, counts)
     else:
+        # Elsewhere than on a CPU a texel has a thread of its own wherever nothing is laid.
+        if ti.static(not runtime.on_host()):
+            for cell in range(deep.width * cuts[bands]):
+                nearest_out[cell] = wall[cell] if ti.static(walled) else EMPTY
         for step in range(bands * CHUNK_STEPS):
             if step % CHUNK_STEPS != 0:
                 continue
@@ -183,19 +187,26 @@ def deposit(
             band = step // CHUNK_STEPS
             top = cuts[band]
             bottom = cuts[band + 1] - 1
-            for cell in range(top * width, (bottom + 1) * width):
-                nearest_out[cell] = wall[cell] if ti.static(walled) else EMPTY
+            if ti.static(runtime.on_host()):
+                for cell in range(top * width, (bottom + 1) * width):
+                    nearest_out[cell] = wall[cell] if ti.static(walled) else EMPTY
             # First where light meets something, then what each layer takes of it.
             for turn in range(2):
                 for b in range(octet_count):
                     if spans[b, 0] <= bottom and spans[b, 1] >= top:
                         for lane in range(OCTET):
                             _lay(turn, deep, stamps, b, lane, top, bottom, nearest_out, through_out, counts)
-                if turn == 0:
-                    for cell in range(top * width, (bottom + 1) * width):
-                        if nearest_out[cell] < EMPTY:
-                            through_out[cell, 0] = Vec16(0.0)
-            for cell in range(top * width, (bottom + 1) * width):
+                if ti.static(runtime.on_host()):  # noqa: SIM102 (elsewhere they come as zeros)
+                    if turn == 0:
+                        for cell in range(top * width, (bottom + 1) * width):
+                            if nearest_out[cell] < EMPTY:
+                                through_out[cell, 0] = Vec16(0.0)
+            if ti.static(runtime.on_host()):
+                for cell in range(top * width, (bottom + 1) * width):
+                    if nearest_out[cell] < EMPTY:
+                        _let_through(walled, deep, cell, wall, nearest_out, through_out, counts)
+        if ti.static(not runtime.on_host()):
+            for cell in range(deep.width * cuts[bands]):
                 if nearest_out[cell] < EMPTY:
                     _let_through(walled, deep, cell, wall, nearest_out, through_out, counts)
 
