@@ -204,11 +204,16 @@ class Search:
             for group in range(a // 4, (total + 3) // 4):
                 first = tree.node(level, 0, 0)
                 others = ti.Vector([first + ti.min(4 * group + y, total - 1) for y in ti.static(range(4))])
-                self.apart(tree, ti.Vector([first + a] * 4), others)
-                for b in range(ti.max(a, 4 * group), ti.min(4 * group + 4, total)):
-                    done = self.done(tree, level, a // wide, a % wide, b // wide, b % wide, 0)
-                    if done <= 0 and not self.clear(tree, first + a, first + b, reach, self.gap[b - 4 * group]):
-                        found = self.add(level & 1, found, a // wide, a % wide, b // wide, b % wide, done)
+                look = tree.stale[first + a]
+                for y in ti.static(range(4)):
+                    look |= tree.stale[others[y]]
+                # Of two that touch what is beside both counts, too.
+                if look != 0 or 4 * group <= a + wide + 1:
+                    self.apart(tree, ti.Vector([first + a] * 4), others)
+                    for b in range(ti.max(a, 4 * group), ti.min(4 * group + 4, total)):
+                        done = self.done(tree, level, a // wide, a % wide, b // wide, b % wide, 0)
+                        if done <= 0 and not self.clear(tree, first + a, first + b, reach, self.gap[b - 4 * group]):
+                            found = self.add(level & 1, found, a // wide, a % wide, b // wide, b % wide, done)
         self.count[level & 1] = found
 
     @routine
