@@ -48,7 +48,7 @@ def test_a_scene_comes_to_its_end_with_the_pictures_of_a_cpu(
     if runtime.on_host():
         pytest.skip("compares a device with the CPU: run with --arch vulkan, cuda or metal")
     there = animated(name, "cpu", tmp_path / "cpu")
-    here = animated(name, pytestconfig.getoption("arch"), tmp_path / "device")
+    here = animated(name, str(pytestconfig.getoption("arch")), tmp_path / "device")
     apart = np.stack([abs(one - other) for one, other in zip(here, there, strict=True)])
     assert there[0].std() > 5.0  # there is something to be seen
     assert apart.mean(axis=(1, 2, 3)).max() < MEAN
