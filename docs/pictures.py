@@ -37,7 +37,7 @@ def dyed(warp: str, weft: str | None = None) -> list[str]:
 
 
 CLOTHS = {
-    "cotton poplin": ["cloth.material=poplin", *dyed("#f6f3ec")],
+    "cotton poplin": ["cloth.material=poplin", "light.exposure=-0.25", *dyed("#f6f3ec")],
     "silk satin": [
         "fibre.kind=silk", "yarn.count='20/22 den x 3'", "yarn.twist_multiplier=0.3", "weave.draft=satin-8",
         "fabric.ends_per_cm=90", "fabric.picks_per_cm=44", "fabric.flattening=2.2", *dyed("#a30d24"),

@@ -134,7 +134,7 @@ def magnified(quick: bool) -> Image:
 
 def _finer(model: GarmentModel, place: NDArray) -> GarmentModel:
     """The surroundings of a place, their threads of as many fibres as a near picture shows."""
-    scene = load_scene(scene_file("tshirt"), [f"yarn.fibres={FINE}", "fabric.steps=8", "light.exposure=-0.2"])
+    scene = load_scene(scene_file("tshirt"), [f"yarn.fibres={FINE}", "fabric.steps=8", "light.exposure=-0.6"])
     prepared = prepare_fabric(woven_garment(scene, model.dressed.garment.atlas), streamed=True)
     return GarmentModel.of(scene, prepared, model.dressed, near=(place, 0.05))
 
