@@ -36,7 +36,7 @@ def animated(name: str, arch: str, folder: Path) -> list[np.ndarray]:
     )
     assert done.returncode == 0, done.stderr
     assert "takes the CPU" not in done.stderr
-    files = sorted(folder.glob("*.png"))
+    files = sorted(folder.glob("frame_*.png"))
     assert len(files) == frames
     return [np.asarray(cv2.imread(str(file)), np.int32) for file in files]
 
