@@ -34,9 +34,9 @@ def flat_piece(
     dark: float = SURFACE_SHARE,
     probe: ArrayLike | None = None,
 ) -> CellStream:
-    """A flat piece of so many threads each way, woven as a repeat says. colours: of its warp ends and then of its weft
-    picks, `CELL` for each cell and one more of both, (n, 3); None: of `probe`, or `PROBE`, over the `dark` that none is
-    darker than: else the little that a mixture has of one would be nothing."""
+    """A flat piece of so many threads each way, all as wide, woven as a repeat says. colours: of its warp ends and then
+    of its weft picks, `CELL` for each cell and one more of both, (n, 3); None: of `probe`, or `PROBE`, over the `dark`
+    that none is darker than: else the little that a mixture has of one would be nothing."""
     cells = -(-threads // CELL)
     shape = cells + 1, cells + 1
     count = cells * CELL + 1
@@ -44,7 +44,7 @@ def flat_piece(
         colours = np.maximum(np.repeat(PROBE if probe is None else probe, count, axis=0), dark)
     panel = CellPanel(0, 0, *shape, number)
     dyed = CellThreads.whole(np.asarray(colours, np.float32))
-    piece = CellCloth(shape, (CELL, CELL), cloth.repeats, (panel,), dyed, bank=cloth.bank)
+    piece = CellCloth(shape, (CELL, CELL), cloth.repeats, (panel,), dyed, bank=cloth.bank, even=True)
     points = np.zeros((*shape, 3))
     points[..., 0] = np.arange(shape[1]) * CELL * pitch[0]
     points[..., 2] = -np.arange(shape[0])[:, None] * CELL * pitch[1]

@@ -6,11 +6,12 @@ import numpy as np
 
 from taichi_cloth.fibre.contours import FIBRES, FibreKind
 from taichi_cloth.ground.errors import InputError, did_you_mean
-from taichi_cloth.mechanics.fibre_mechanics import FibreMechanics, blend, fibre_mechanics
+from taichi_cloth.mechanics.fibre_mechanics import FibreMechanics, Form, blend, fibre_mechanics
 from taichi_cloth.weave.colour_order import coloured
 from taichi_cloth.weave.draft import Draft, named_weave, tile
 from taichi_cloth.yarn.count import in_count, in_tex, parse_count
 from taichi_cloth.yarn.hairs import usual_hairiness
+from taichi_cloth.yarn.unevenness import usual_unevenness
 from taichi_cloth.yarn.yarn import Hairiness, Yarn, count_for_diameter, turns_per_m
 
 from ..scene.draft_file import draft_file
@@ -57,6 +58,13 @@ def yarn_of(section: YarnSection, fibre: FibreKind, *, diameter: float | None = 
     twist = section.twist_per_m * tighter
     if section.twist_multiplier is not None:
         twist = turns_per_m(section.twist_multiplier, in_count(count * plies, "Ne"))
+    fineness = (said.fineness_dtex if said else None) or fibre.fineness_dtex
+    form = (said.form if said else None) or fibre_mechanics(fibre.name).form
+    unevenness = section.unevenness
+    if unevenness is None:
+        unevenness = usual_unevenness(
+            (said.fibre if said else None) or fibre.name, form, 10.0 * count * plies / fineness
+        )
     return Yarn(
         count_tex=count,
         plies=plies,
@@ -65,21 +73,21 @@ def yarn_of(section: YarnSection, fibre: FibreKind, *, diameter: float | None = 
         singles_twist_per_m=section.singles_twist_per_m * tighter,
         singles_twist=section.singles_twist,
         fibre_density=fibre.density_kg_m3,
-        fineness_dtex=(said.fineness_dtex if said else None) or fibre.fineness_dtex,
+        fineness_dtex=fineness,
         packing=section.packing,
         flattening=section.flattening,
         migration=section.migration,
         migration_period_mm=section.migration_period_mm,
-        hairiness=_hairiness(section, fibre, count * plies, raised),
+        hairiness=_hairiness(section, fibre, form, count * plies, raised),
+        unevenness=unevenness,
     )
 
 
-def _hairiness(section: YarnSection, fibre: FibreKind, tex: float, raised: bool) -> Hairiness:
+def _hairiness(section: YarnSection, fibre: FibreKind, form: Form, tex: float, raised: bool) -> Hairiness:
     """As stated; else as is usual of the fibre, spun or of filaments as its count says."""
     if section.hairiness is not None:
         return Hairiness(**section.hairiness.model_dump())
-    said = parse_count(section.count).form if section.count is not None else None
-    return usual_hairiness(fibre.name, said or fibre_mechanics(fibre.name).form, tex, raised=raised)
+    return usual_hairiness(fibre.name, form, tex, raised=raised)
 
 
 def mechanics_of(section: YarnSection, scene: Scene) -> FibreMechanics:

@@ -109,6 +109,12 @@ class YarnSection(Section):
     hairiness: HairinessSection | None = Field(
         default=None, description="fibres that leave the yarn; default: as is usual of its fibre and count"
     )
+    unevenness: float | None = Field(
+        default=None,
+        ge=0,
+        le=0.5,
+        description="coefficient of variation of its mass along it; default: as is usual of its fibre and count",
+    )
     colour: str | None = Field(default=None, description="a name or #rrggbb; default: the fibre's own")
     fibres: int | None = Field(
         default=None,

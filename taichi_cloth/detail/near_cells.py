@@ -46,12 +46,13 @@ from taichi_cloth.detail.pieces import (
 )
 from taichi_cloth.detail.skins import Skins
 from taichi_cloth.detail.view import Pinhole, View, view_of
-from taichi_cloth.fabric.cell_blocks import cell_shades, cell_template, hashed
+from taichi_cloth.fabric.cell_blocks import cell_shades, cell_template, cell_widths
 from taichi_cloth.fabric.cells import TEMPLATES, CellPack
 from taichi_cloth.fabric.laying import lay_particle
 from taichi_cloth.fabric.surface import surface_points
 from taichi_cloth.fabric.templates import COLUMN
 from taichi_cloth.ground.arrays import F32x1, F32x2, Float, I32x1, I32x2, Int
+from taichi_cloth.ground.hashing import hashed
 from taichi_cloth.ground.particles import (
     COLOUR,
     HALF_LENGTH,
@@ -113,12 +114,13 @@ def split_cells(
             while at < last:
                 family, i, j, yarn, along, base, size = patch_block(patch, cloth, k, e)
                 since, up_to, p0, p1, a0, a1, n0, n1 = placed_block(patch, under, cloth, k, e, yarn, along)
+                w0, w1 = cell_widths(cloth, family, yarn, along)
                 right, wrong = cell_shades(cloth, patch[k, PANEL], family, yarn, i, j, alone)
                 length = under[2 - family]
                 periods = ti.max(1.0, ti.round(length / usual))
                 for m in range(size):
                     t = base + m
-                    x, d, outward = lay_particle(cloth.particle, t, p0, p1, a0, a1, n0, n1)
+                    x, d, outward, radius = lay_particle(cloth.particle, t, p0, p1, a0, a1, n0, n1, w0, w1)
                     u, tone = cloth.particle[t, COLUMN.u], cloth.particle[t, COLUMN.tone]
                     is_core = m < core[family]
                     dyed = right if cloth.particle[t, COLUMN.normal + 2] > 0.0 else wrong
@@ -130,7 +132,6 @@ def split_cells(
                         pieces_out[at, TANGENT + c] = d[c]
                         pieces_out[at, NORMAL + c] = outward[c]
                         pieces_out[at, COLOUR + c] = dyed[c] * tone  # pyright: ignore[reportIndexIssue]
-                    radius = cloth.particle[t, COLUMN.radius]
                     pieces_out[at, RADIUS] = 0.0 if cut_away(since, up_to, u) else radius
                     pieces_out[at, HALF_LENGTH] = cloth.particle[t, COLUMN.half_length]
                     pieces_out[at, OPENNESS] = cloth.particle[t, COLUMN.openness]
@@ -158,8 +159,9 @@ def split_cells(
                                 q0, q1, along_it, up = p1, 2.0 * p1 - p0, a1, n1
                                 if on < 0:
                                     q0, q1, along_it, up = 2.0 * p0 - p1, p0, a0, n0
-                                there, _d, looks = lay_particle(
-                                    cloth.particle, other, q0, q1, along_it, along_it, up, up
+                                v0, v1 = cell_widths(cloth, family, yarn, along + on)
+                                there, _d, looks, _r = lay_particle(
+                                    cloth.particle, other, q0, q1, along_it, along_it, up, up, v0, v1
                                 )
                                 for c in ti.static(range(3)):
                                     pieces_out[at, BEYOND + c] = there[c]

@@ -16,12 +16,13 @@ from taichi_cloth.fabric.cell_blocks import (
     cell_span,
     cell_template,
     cell_turned_in,
-    hashed,
+    cell_widths,
 )
 from taichi_cloth.fabric.cells import TEMPLATES, CellPack
 from taichi_cloth.fabric.laying import frame_at, lay_particle
 from taichi_cloth.fabric.templates import COLUMN
 from taichi_cloth.ground.arrays import F32x1, F32x2, F32x3, I16x2, I32x1, I32x2, Template
+from taichi_cloth.ground.hashing import hashed
 from taichi_cloth.ground.particles import (
     COLOUR,
     HALF_LENGTH,
@@ -184,11 +185,12 @@ def lay(
                 # The next block.
                 family, i, j, yarn, along, base, size = patch_block(patch, cloth, q, e)
                 since, up_to, p0, p1, a0, a1, n0, n1 = placed_block(patch, under, cloth, q, e, yarn, along)
+                w0, w1 = cell_widths(cloth, family, yarn, along)
                 right, wrong = cell_shades(cloth, p, family, yarn, i, j, shades)
                 few = 4 + FEW * patch[q, LEVEL]
                 for m in range(size):
                     t = base + m
-                    x, d, outward = lay_particle(cloth.particle, t, p0, p1, a0, a1, n0, n1)
+                    x, d, outward, radius = lay_particle(cloth.particle, t, p0, p1, a0, a1, n0, n1, w0, w1)
                     on_right = cloth.particle[t, COLUMN.normal + 2] > 0.0
                     lean = eye[3 + patch[q, LEVEL]]
                     way, near = ti.Vector([0.0, 0.0, 0.0]), 0.5
@@ -211,7 +213,7 @@ def lay(
                         outward = out[0] * a + out[1] * c + out[2] * n  # pyright: ignore[reportIndexIssue]
                     if lean > 0.0:
                         outward = (outward + lean * way).normalized()
-                    radius = cloth.particle[t, COLUMN.radius] * shades[p, few]
+                    radius *= shades[p, few]
                     if share[q] < 1.0:
                         chance = ti.cast(hashed(yarn * 64 + along % 64, m), ti.f32) / 16777216.0
                         radius *= ti.math.clamp((share[q] - (1.0 - FADE) * chance) / FADE, 0.0, 1.0)

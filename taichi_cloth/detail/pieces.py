@@ -11,9 +11,10 @@ import taichi as ti
 from numpy.typing import NDArray
 
 from taichi_cloth.detail.view import View, seen_at, tiles_of
-from taichi_cloth.fabric.laying import FabricPack, block_ends, lay_particle, row
+from taichi_cloth.fabric.laying import FabricPack, block_ends, block_widths, lay_particle, row
 from taichi_cloth.fabric.templates import COLUMN
 from taichi_cloth.ground.arrays import F32x1, F32x2, F32x3, Float, I16x2, I32x1, I32x2, Int
+from taichi_cloth.ground.hashing import MOST_HASHED, hashed
 from taichi_cloth.ground.particles import (
     COLOUR,
     HALF_LENGTH,
@@ -57,11 +58,8 @@ ARC = 220.0 / 180.0 * pi
 
 @ti.func
 def _hash(a, b):
-    """Even in 0..1 from two whole numbers, the same in any order of work."""
-    x = ti.cast(a * 73856093 + b * 19349663 + 83492791, ti.u32)
-    x = (x ^ (x >> 16)) * ti.cast(73244475, ti.u32)
-    x = (x ^ (x >> 16)) * ti.cast(73244475, ti.u32)
-    return ti.cast((x ^ (x >> 16)) & ti.cast(0xFFFFFF, ti.u32), ti.f32) / 16777216.0
+    """Even in 0..1 from two whole numbers."""
+    return ti.cast(hashed(a, b), ti.f32) / ti.static(MOST_HASHED)
 
 
 @ti.kernel
@@ -93,6 +91,7 @@ def split(
             b = chosen[i]
             yarn, length = fabric.thread[b], fabric.pitch[b]
             p0, p1, a0, a1, n0, n1 = block_ends(fabric, b)
+            w0, w1 = block_widths(fabric, b)
             periods = ti.max(1.0, ti.round(length / usual))
             t0 = ti.cast(fabric.start[fabric.template[b]], ti.i32)
             q = starts[i]
@@ -100,8 +99,8 @@ def split(
             while q < starts[i + 1]:
                 # The drawn fibre's particle, and how many real ones it stands for.
                 t = t0 + m
-                u, radius = fabric.particle[t, COLUMN.u], fabric.particle[t, COLUMN.radius]
-                x, d, up = lay_particle(fabric.particle, t, p0, p1, a0, a1, n0, n1)
+                u = fabric.particle[t, COLUMN.u]
+                x, d, up, radius = lay_particle(fabric.particle, t, p0, p1, a0, a1, n0, n1, w0, w1)
                 side = d.cross(up)
                 is_core = m < core[b]
                 line = m // steps[b] if is_core else 100000 + m

@@ -19,7 +19,7 @@ from taichi_cloth.detail.thinning import FADE, FULL, UNCHANGED, Gains, gain, thi
 from taichi_cloth.detail.view import Pinhole, View, in_frustum, seen_at, tiles_of, view_of
 from taichi_cloth.fabric.fabric import Fabric
 from taichi_cloth.fabric.frames import frames
-from taichi_cloth.fabric.laying import FabricPack, block_ends, lay_particle, row, template_size
+from taichi_cloth.fabric.laying import FabricPack, block_ends, block_widths, lay_particle, row, template_size
 from taichi_cloth.fabric.templates import COLUMN
 from taichi_cloth.ground.arrays import F32x1, F32x2, F32x3, Float, I16x2, I32x1, Int
 from taichi_cloth.ground.copies import fetched, filled_up, zeros
@@ -245,6 +245,7 @@ def _lay(
             b = chosen[i]
             yarn, kind = fabric.thread[b], fabric.template[b]
             p0, p1, a0, a1, n0, n1 = block_ends(fabric, b)
+            w0, w1 = block_widths(fabric, b)
             # How much larger the particles of a share are: as many times as their areas are fewer.
             share, size = shares[b], template_size(fabric, kind)
             n = ti.cast(size, ti.f32)
@@ -272,7 +273,7 @@ def _lay(
             for m in range(count):
                 t, q = first + m, q0 + m
                 t = t0 + (t if t < size else t - size)
-                x, d, outward = lay_particle(fabric.particle, t, p0, p1, a0, a1, n0, n1)
+                x, d, outward, radius = lay_particle(fabric.particle, t, p0, p1, a0, a1, n0, n1, w0, w1)
                 faded = ti.math.clamp((drawn - m) / (FADE * drawn), 0.0, 1.0)
                 grown = ti.sqrt(larger * faded) * wider if share < FULL else 1.0
                 tone, openness = fabric.particle[t, COLUMN.tone], fabric.particle[t, COLUMN.openness]
@@ -281,7 +282,7 @@ def _lay(
                     groups_out[POSITION + c, group, lane] = x[c]
                     groups_out[TANGENT + c, group, lane] = d[c]
                     groups_out[NORMAL + c, group, lane] = outward[c]
-                groups_out[RADIUS, group, lane] = fabric.particle[t, COLUMN.radius] * grown
+                groups_out[RADIUS, group, lane] = radius * grown
                 groups_out[COLOUR, group, lane] = red * tone
                 groups_out[COLOUR + 1, group, lane] = green * tone
                 groups_out[COLOUR + 2, group, lane] = blue * tone

@@ -13,7 +13,7 @@ import taichi as ti
 from numpy.typing import NDArray
 
 from taichi_cloth.detail.patches import CELL, FEW, FIRST_END, FIRST_PICK, PANEL, PATCH_ENDS, PATCH_PICKS, SPREAD
-from taichi_cloth.fabric.cell_blocks import cell_inside, cell_mean
+from taichi_cloth.fabric.cell_blocks import cell_inside, cell_mean, cell_thick
 from taichi_cloth.fabric.cells import (
     COL,
     COLS,
@@ -184,9 +184,14 @@ def lay_surfels(
                 seen = ti.Vector([0.0, 0.0, 0.0, 0.0, 0.0])
                 for c in ti.static(FACTORS):
                     seen[c] = look[p, number, c] + part * (look[p, number + 1, c] - look[p, number, c])
+                # Thick threads cover more, and are more of what is seen.
+                warp_more, weft_more, covered = cell_thick(cloth, p, i, j, tall, broad)
+                of_warp, of_weft = seen[WARP] * (1.0 + warp_more), seen[WEFT] * (1.0 + weft_more)
+                both = (seen[WARP] + seen[WEFT]) / ti.max(of_warp + of_weft, 1e-6)
+                of_warp, of_weft = both * of_warp, both * of_weft
                 # Its colour, and what an outline leaves of it.
                 dyed, opening = cell_mean(
-                    cloth, p, i, j, tall, broad, seen[WARP], seen[WEFT], lean[p, 7 + 2 * side], lean[p, 8 + 2 * side],
+                    cloth, p, i, j, tall, broad, of_warp, of_weft, lean[p, 7 + 2 * side], lean[p, 8 + 2 * side],
                     seen[OPEN_WARP], seen[OPEN_WEFT],
                 )  # fmt: skip
                 inside = cell_inside(cloth, p, i, j, tall, broad)
@@ -219,7 +224,7 @@ def lay_surfels(
                     groups_out[NORMAL + axis, group, lane] = facing[axis]
                     groups_out[COLOUR + axis, group, lane] = dyed[axis]  # pyright: ignore[reportIndexIssue]
                 # As wide as long: 32 / 15 r² is what it covers, see `render.splat.project`.
-                radius = ti.sqrt(area * seen[AREA] * inside * share[q] * (15.0 / 32.0))
+                radius = ti.sqrt(area * seen[AREA] * covered * inside * share[q] * (15.0 / 32.0))
                 groups_out[RADIUS, group, lane] = radius
                 groups_out[HALF_LENGTH, group, lane] = radius
                 groups_out[OPENNESS, group, lane] = opening

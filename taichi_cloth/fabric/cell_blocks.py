@@ -26,28 +26,24 @@ from taichi_cloth.fabric.cells import (
 )
 from taichi_cloth.fabric.surface import surface_at
 from taichi_cloth.ground.arrays import F32x2, Template
+from taichi_cloth.ground.hashing import hashed
 from taichi_cloth.ground.mixing import colour_in_kernel, lit_among, sent_back_in_kernel, under_sky
+from taichi_cloth.yarn.unevenness import COVER, MOST_COVERED, SHIFT, thick_at, wider_at
+from taichi_cloth.yarn.unevenness import ROWS as UNEVEN
 
 __all__ = [
     "OPENED", "cell_block", "cell_crossing", "cell_inside", "cell_mean", "cell_shades", "cell_span", "cell_template",
-    "cell_turned_in", "hashed",
+    "cell_thick", "cell_turned_in", "cell_widths",
 ]  # fmt: skip
 
 MIXED = 0.7
 """Of what threads lose among darker ones, what the mean of a sheet of them loses: by stripes from far and near."""
 OPENED = 1.5
 """Power by which openness follows what is asked of a sheet's light, most of which is of the sky."""
+SOME_THREADS = 3
+"""By which threads it is told how thick many are."""
 MOST_THREADS = 16
 """Threads of which the mean colour is taken; of more, every so many."""
-
-
-@ti.func
-def hashed(a, b):
-    """A whole number from 0 to 2²⁴ − 1 from two, the same in any order of work."""
-    x = ti.cast(a * 73856093 + b * 19349663 + 83492791, ti.u32)
-    x = (x ^ (x >> 16)) * ti.cast(73244475, ti.u32)
-    x = (x ^ (x >> 16)) * ti.cast(73244475, ti.u32)
-    return ti.cast((x ^ (x >> 16)) & ti.cast(0xFFFFFF, ti.u32), ti.i32)
 
 
 @ti.func
@@ -59,12 +55,62 @@ def _repeated(cloth: Template, p, i, j):
 
 
 @ti.func
+def _thick(cloth: Template, family, thread, last, first, along):
+    """Of `thick_at`, of a thread of a panel counted from its first, which are so many."""
+    out = 0.0
+    if thread >= 0 and thread < last:
+        out = thick_at(cloth.uneven, family, cloth.begin[first + thread], along)
+    return out
+
+
+@ti.func
+def _aside(cloth: Template, family, thread, last, first, along):
+    """How far the thick places of the threads on both sides push one [threads]."""
+    before = _thick(cloth, family, thread - 1, last, first, along)
+    after = _thick(cloth, family, thread + 1, last, first, along)
+    return cloth.uneven[UNEVEN * family + SHIFT] * (before - after)
+
+
+@ti.func
+def cell_widths(cloth: Template, family, yarn, along):
+    """How wide a thread is over its mean at a crossing and at the next."""
+    seed = cloth.begin[yarn]
+    return wider_at(cloth.uneven, family, seed, along), wider_at(cloth.uneven, family, seed, along + 1)
+
+
+@ti.func
+def _mean_thick(cloth: Template, family, at, room, last, first, along):
+    """Of the threads of a panel between at ± room / 2, by some of them."""
+    count = ti.math.clamp(ti.cast(ti.ceil(room), ti.i32), 1, SOME_THREADS)
+    out = 0.0
+    for n in range(count):
+        thread = ti.cast(ti.floor(at + room * ((n + 0.5) / count - 0.5) + 0.5), ti.i32)
+        out += _thick(cloth, family, ti.math.clamp(thread, 0, last - 1), last, first, along)
+    return out / ti.sqrt(count * ti.max(room, ti.cast(count, ti.f32)))
+
+
+@ti.func
+def cell_thick(cloth: Template, p, i, j, tall, broad):
+    """By how much of their width warp ends and weft picks are wider than on average at i picks and j ends of panel p,
+    in the mean over so many picks and ends; and what is covered there over what is on average, as the area of surfels
+    that cover as much (see `surfels`)."""
+    warp = _mean_thick(cloth, 0, j, broad, cloth.panel[p, ENDS], cloth.panel[p, END], i)
+    weft = _mean_thick(cloth, 1, i, tall, cloth.panel[p, PICKS], cloth.panel[p, PICK], j)
+    a, b = cloth.uneven[COVER], cloth.uneven[UNEVEN + COVER]
+    left = ti.max(1.0 - a * (1.0 + warp), 1.0 - MOST_COVERED) * ti.max(1.0 - b * (1.0 + weft), 1.0 - MOST_COVERED)
+    return warp, weft, ti.log(left) / ti.log((1.0 - a) * (1.0 - b))
+
+
+@ti.func
 def cell_place(cloth: Template, p, cell, i, j):
     """Where pick i and end j of panel p cross, in shares of cell `cell` along the weft and the warp."""
     cols = cloth.grid[COLS]
     pick, end = _repeated(cloth, p, i, j)
-    u = (j + cloth.ahead[cloth.panel[p, AHEAD_ENDS] + end]) / cloth.grid[PER_CELL_ENDS]
-    v = (i + cloth.ahead[cloth.panel[p, AHEAD_PICKS] + pick]) / cloth.grid[PER_CELL_PICKS]
+    x = j + cloth.ahead[cloth.panel[p, AHEAD_ENDS] + end]
+    y = i + cloth.ahead[cloth.panel[p, AHEAD_PICKS] + pick]
+    x += _aside(cloth, 0, j, cloth.panel[p, ENDS], cloth.panel[p, END], i)
+    y += _aside(cloth, 1, i, cloth.panel[p, PICKS], cloth.panel[p, PICK], j)
+    u, v = x / cloth.grid[PER_CELL_ENDS], y / cloth.grid[PER_CELL_PICKS]
     return u - (cell % cols - cloth.panel[p, COL]), v - (cell // cols - cloth.panel[p, ROW])
 
 

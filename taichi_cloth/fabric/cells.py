@@ -22,6 +22,7 @@ from taichi_cloth.fabric.surface import nodes_of
 from taichi_cloth.ground.arrays import F32x1, F32x2, I32x1, I32x2, I64x1
 from taichi_cloth.ground.copies import sent
 from taichi_cloth.ground.errors import InputError
+from taichi_cloth.yarn.unevenness import uneven_row
 
 __all__ = [
     "AHEAD_ENDS", "AHEAD_PICKS", "COL", "COLS", "DEEP", "END", "ENDS", "FINE", "PER_CELL_ENDS", "PER_CELL_PICKS",
@@ -87,6 +88,7 @@ _TYPES = {
     "first": I32x1,
     "phases": I32x1,
     "begin": I32x1,
+    "uneven": F32x1,
     "colour": F32x2,
     "span_first": I32x1,
     "span": F32x2,
@@ -115,7 +117,8 @@ class CellCloth:
     shape: (rows, cols) of key points. per_cell: warp ends and weft picks to a cell. present: bool (rows, cols), key
     points that exist; None: all. hem: how far inside a turned hem's edge the cloth is, less the hem's width, at FINE
     places a cell each way, ((rows − 1) · FINE + 1, (cols − 1) · FINE + 1) [m]: where it is below 0 a second layer of
-    the same threads lies under the first, its wrong side up. bank: of the repeats, where there is one. Raises
+    the same threads lies under the first, its wrong side up. bank: of the repeats, where there is one. even: threads
+    are as wide all along. Raises
     InputError where a panel lies outside or threads are missing.
     """
 
@@ -131,6 +134,7 @@ class CellCloth:
         hem: F32 | None = None,
         seed: int = 0,
         bank: RepeatBank | None = None,
+        even: bool = False,
     ) -> None:
         self.shape, self.per_cell, self.repeats, self.panels = shape, per_cell, repeats, panels
         self.threads, self.seed = threads, seed
@@ -185,6 +189,7 @@ class CellCloth:
             "first": self.bank.first,
             "phases": self.bank.phases,
             "begin": rng.integers(0, 1 << 30, len(threads.colour)).astype(np.int32),
+            "uneven": _uneven(repeats[0], even),
             "colour": np.clip(threads.colour * shade, 0.0, 1.0).astype(np.float32),
             "span_first": threads.first,
             "span": np.ascontiguousarray(threads.spans, np.float32),
@@ -237,6 +242,16 @@ class CellCloth:
         if self._node is None:
             self._node = sent(self.node)
         return _PACK(node=self._node, **self._arrays)
+
+
+def _uneven(repeat: WeaveRepeat, even: bool) -> F32:
+    """How threads of both families vary along, as kernels read it."""
+    layout = repeat.layout
+    rows = []
+    for threads, period in ((layout.warp, layout.warp_period), (layout.weft, layout.weft_period)):
+        unevenness = 0.0 if even else threads.yarn.unevenness
+        rows.append(uneven_row(unevenness, period.block_length, float(threads.width.mean()) / threads.pitch))
+    return np.concatenate(rows)
 
 
 def _packed(panels: tuple[CellPanel, ...]) -> tuple[I32, list[int]]:

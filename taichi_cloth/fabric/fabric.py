@@ -14,7 +14,7 @@ import taichi as ti
 from numpy.typing import NDArray
 
 from taichi_cloth.fabric.frames import Frames, frames
-from taichi_cloth.fabric.laying import FabricArrays, FabricPack, block_ends, lay_particle, template_size
+from taichi_cloth.fabric.laying import FabricArrays, FabricPack, block_ends, block_widths, lay_particle, template_size
 from taichi_cloth.fabric.layout import FabricLayout
 from taichi_cloth.fabric.templates import COLUMN, TemplateBank, build_templates
 from taichi_cloth.ground.arrays import F32x1, I64x1
@@ -76,6 +76,7 @@ class Fabric:
             key1=blocks.key1,
             family=kinds.family[blocks.kind].astype(np.int32, copy=False),
             pitch=kinds.pitch[blocks.kind].astype(np.float32),
+            wide=blocks.wide,
             thread=blocks.thread,
             template=bank.template,
             start=bank.start,
@@ -99,15 +100,16 @@ def _lay(fabric: FabricPack, first: I64x1, numbers_out: F32x1):
     n = numbers_out.shape[0] // ROWS
     for b in range(fabric.key0.shape[0]):
         p0, p1, a0, a1, n0, n1 = block_ends(fabric, b)
+        w0, w1 = block_widths(fabric, b)
         yarn, kind = fabric.thread[b], fabric.template[b]
         for m in range(template_size(fabric, kind)):  # pyright: ignore[reportArgumentType]
             t, q = fabric.start[kind] + m, first[b] + m
-            x, d, outward = lay_particle(fabric.particle, t, p0, p1, a0, a1, n0, n1)
+            x, d, outward, radius = lay_particle(fabric.particle, t, p0, p1, a0, a1, n0, n1, w0, w1)
             for c in ti.static(range(3)):
                 numbers_out[POSITION * n + 3 * q + c] = x[c]
                 numbers_out[TANGENT * n + 3 * q + c] = d[c]
                 numbers_out[NORMAL * n + 3 * q + c] = outward[c]
                 numbers_out[COLOUR * n + 3 * q + c] = fabric.colour[yarn, c] * fabric.particle[t, COLUMN.tone]
-            numbers_out[RADIUS * n + q] = fabric.particle[t, COLUMN.radius]
+            numbers_out[RADIUS * n + q] = radius
             numbers_out[HALF_LENGTH * n + q] = fabric.particle[t, COLUMN.half_length]
             numbers_out[OPENNESS * n + q] = fabric.particle[t, COLUMN.openness]

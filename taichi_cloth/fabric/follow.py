@@ -62,6 +62,8 @@ FRAME = 12
 BLOCK = 6
 """Numbers a fibre block: both key points, column of its direction in FRAME, first and last run of its template, and
 how many octets its particles stand behind its template."""
+SIZE = 3
+"""And how long it is [m], and how wide its thread is over its mean at both ends."""
 LINE = 16  # numbers in a cache line: whatever is read or written eight at a time begins at one
 
 
@@ -121,7 +123,8 @@ class FibreFollower:
         self._allocate(mask.size, len(self.kept), octets.ratio.size, octets.source.size)
         self._fill(self._present, mask)
         self._fill(self._record, np.stack(record, axis=1))
-        self._fill(self._pitch, layout.kinds.pitch[kind])
+        wide = blocks.wide[self.kept]
+        self._fill(self._size, np.column_stack([layout.kinds.pitch[kind], wide]))
         self._fill(self._start, octets.start)
         self._fill(self._ratio, octets.ratio)
         columns = np.column_stack([getattr(bank, name) for name in MOVING])
@@ -139,6 +142,9 @@ class FibreFollower:
         shade = colour[of_block] * bank.tone[particle][:, None]
         still = {RADIUS: bank.radius, HALF_LENGTH: bank.half_length, OPENNESS: bank.openness}
         rows = {row: values[particle] for row, values in still.items()}
+        u = np.clip(bank.u[particle], 0.0, 1.0)
+        thick = wide[of_block, 0] + u * (wide[of_block, 1] - wide[of_block, 0])
+        rows[RADIUS] = (rows[RADIUS] * thick).astype(np.float32)
         rows |= {COLOUR + c: shade[:, c] for c in range(3)}
         still_groups = np.zeros(self.groups.shape, np.float32) if self._stays else self.groups
         for row, values in rows.items():
@@ -160,13 +166,13 @@ class FibreFollower:
         self._rest = field(ti.f32, keys * FRAME) if self.rule == "paper" else self._frames
         self._present = field(ti.i32, keys)
         self._record = field(ti.i32, blocks * BLOCK)
-        self._pitch = field(ti.f32, blocks)
+        self._size = field(ti.f32, blocks * SIZE)
         self._start = field(ti.i32, ratios // OCTET + 1)
         self._ratio = field(ti.f32, ratios)
         self._bank = field(ti.f32, places * MOVED)
         self._out = field(ti.f32, ROWS * self.slots)
         self._blocks = blocks
-        self._filled = (self._present, self._record, self._pitch, self._start, self._ratio, self._bank, self._out)
+        self._filled = (self._present, self._record, self._size, self._start, self._ratio, self._bank, self._out)
         shape = (ROWS, self.slots // LANES, LANES)
         self._in_place = runtime.on_host()
         if self._in_place or self._stays:
@@ -282,11 +288,12 @@ class FibreFollower:
         a0, a1 = _triple(self._frames, k0 * FRAME + along), _triple(self._frames, k1 * FRAME + along)
         n0, n1 = _triple(self._frames, k0 * FRAME + 9), _triple(self._frames, k1 * FRAME + 9)
         if k0 == k1:  # a free end runs on straight from its last crossing
-            p1 = p0 + a0 * self._pitch[b]
+            p1 = p0 + a0 * self._size[b * SIZE]
         chord = p1 - p0
         length = chord.norm()  # pyright: ignore[reportOptionalCall]
         m0, m1 = a0 * length - chord, a1 * length - chord
         behind = self._record[b * BLOCK + 5]
+        wide, widens = self._size[b * SIZE + 1], self._size[b * SIZE + 2] - self._size[b * SIZE + 1]
         for run in range(self._record[b * BLOCK + 3], self._record[b * BLOCK + 4]):
             # The bounds tell the compiler that no index overflows, without which there are no vector instructions.
             u = _load(self._ratio, ti.min(ti.max(run, 0), 1 << 24) * OCTET)
@@ -313,6 +320,7 @@ class FibreFollower:
                 t = ti.min(ti.max(o, 0), 1 << 24) * (MOVED * OCTET)
                 q = ti.min(ti.max(o + behind, 0), 1 << 24) * OCTET
                 x, y, z = _load3(self._bank, t)
+                y *= wide + widens * w
                 self._store3(
                     POSITION,
                     q,

@@ -22,7 +22,7 @@ from taichi_cloth.fabric.templates import COLUMN
 from taichi_cloth.ground.arrays import F32x1, F32x2, I32x1, I64x1, Template
 from taichi_cloth.ground.copies import sent
 
-__all__ = ["FabricArrays", "FabricPack", "block_ends", "lay_particle", "row", "template_size"]
+__all__ = ["FabricArrays", "FabricPack", "block_ends", "block_widths", "lay_particle", "row", "template_size"]
 
 F32 = NDArray[np.float32]
 I32 = NDArray[np.int32]
@@ -36,6 +36,7 @@ _TYPES = {
     "key1": I32x1,
     "family": I32x1,
     "pitch": F32x1,
+    "wide": F32x2,
     "thread": I32x1,
     "template": I32x1,
     "start": I64x1,
@@ -71,6 +72,8 @@ class FabricArrays:
     """0 warp, 1 weft, (blocks,)."""
     pitch: F32
     """Length between the crossings at rest [m], (blocks,)."""
+    wide: F32
+    """How wide its thread is over its mean at each of its ends, (blocks, 2)."""
     thread: I32
     """Warp ends first, then weft picks, (blocks,)."""
     template: I32
@@ -119,6 +122,12 @@ def block_ends(fabric: Template, b):
 
 
 @ti.func
+def block_widths(fabric: Template, b):
+    """How wide the thread of fibre block b is over its mean, at its beginning and at its end."""
+    return fabric.wide[b, 0], fabric.wide[b, 1]
+
+
+@ti.func
 def frame_at(a0, a1, n0, n1, u):
     """The frame at the ratio u along a block, blended between its ends and held beyond them: along, across, up."""
     w = ti.math.clamp(u, 0.0, 1.0)
@@ -129,13 +138,15 @@ def frame_at(a0, a1, n0, n1, u):
 
 
 @ti.func
-def lay_particle(particle: F32x2, t, p0, p1, a0, a1, n0, n1):
-    """Where particle t of the templates is in a block with those ends, its tangent and its normal."""
+def lay_particle(particle: F32x2, t, p0, p1, a0, a1, n0, n1, w0, w1):
+    """Where particle t of the templates is in a block with those ends and widths, its tangent, normal and radius: in a
+    wide place fibres lie farther apart, and are thicker where few stand for all."""
     u = particle[t, COLUMN.u]
+    wide = w0 + ti.math.clamp(u, 0.0, 1.0) * (w1 - w0)
     along, across, up = frame_at(a0, a1, n0, n1, u)
     x, y, z = particle[t, COLUMN.offset], particle[t, COLUMN.offset + 1], particle[t, COLUMN.offset + 2]
-    position = p0 + u * (p1 - p0) + x * along + y * across + z * up
+    position = p0 + u * (p1 - p0) + x * along + wide * y * across + z * up
     x, y, z = particle[t, COLUMN.tangent], particle[t, COLUMN.tangent + 1], particle[t, COLUMN.tangent + 2]
     tangent = x * along + y * across + z * up
     x, y, z = particle[t, COLUMN.normal], particle[t, COLUMN.normal + 1], particle[t, COLUMN.normal + 2]
-    return position, tangent, x * along + y * across + z * up
+    return position, tangent, x * along + y * across + z * up, wide * particle[t, COLUMN.radius]

@@ -16,6 +16,7 @@ from taichi_cloth.ground.particles import ROWS
 from taichi_cloth.weave.cloth_facts import cloth_facts
 from taichi_cloth.weave.crimp import Interlacing, PathKinds, crossing_heights, path_kinds
 from taichi_cloth.yarn.spin import Period
+from taichi_cloth.yarn.unevenness import thick_places, uneven_row
 from taichi_cloth.yarn.yarn import CLOSEST_PACKING, Yarn
 
 __all__ = [
@@ -40,7 +41,7 @@ F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
 
 BODY, START, END = 0, 1, 2  # a block between two crossings; the free end before the first; after the last
-BLOCK_BYTES = 40  # the records of a block, and what laying them out takes besides
+BLOCK_BYTES = 48  # the records of a block, and what laying them out takes besides
 ALIKE = 1e-6
 """Share of a width below which a thread is as wide as another."""
 PARTICLE_BYTES = 4 * (ROWS + 1)  # its record, and the number of its thread
@@ -97,7 +98,8 @@ class Blocks:
 
     key0, key1: int32 flat indices i·ends + j of the key points at its ends; equal for the free end of a yarn.
     thread: int32, warp ends first, then weft picks. kind: int32 row of `FabricLayout.kinds`.
-    phase: int32 block of the yarn's period. variant: int32 filling.
+    phase: int32 block of the yarn's period. variant: int32 filling. wide: (blocks, 2) float32 how wide the thread is
+    over its mean at both ends.
     """
 
     key0: I32
@@ -106,6 +108,7 @@ class Blocks:
     kind: I32
     phase: I32
     variant: I32
+    wide: F32
 
 
 @dataclass(frozen=True)
@@ -222,8 +225,15 @@ def lay_out(cloth: Interlacing, warp: Threads, weft: Threads, *, detail: Detail)
     starts = rng.integers(0, 1 << 30, ends + picks)
     blocks_of = np.where(np.arange(ends + picks) < ends, warp_period.blocks, weft_period.blocks)
     thread = rows["thread"]
-    phase = (starts[thread] + rows.pop("along")) % blocks_of[thread]
+    along = rows.pop("along")
+    phase = (starts[thread] + along) % blocks_of[thread]
     variant = rng.integers(0, max(1, detail.variants), len(thread))
+    own = [uneven_row(t.yarn.unevenness, p.block_length) for t, p in ((warp, warp_period), (weft, weft_period))]
+    on = (rows["key0"] != rows["key1"]).astype(np.int64)  # a free end is as wide as at its crossing
+    wide = np.empty((len(thread), 2), np.float32)
+    for family, mine in enumerate((thread < ends, thread >= ends)):
+        for end in (0, 1):
+            wide[mine, end] = thick_places(own[family], starts[thread[mine]], (along + end * on)[mine])
     return FabricLayout(
         cloth=cloth,
         warp=warp,
@@ -237,7 +247,7 @@ def lay_out(cloth: Interlacing, warp: Threads, weft: Threads, *, detail: Detail)
             path=PathKinds(*(kinds[name] for name in PATH_FIELDS)),
             **{name: kinds[name] for name in ("pitch", "flat", "thickness", "width", "spread")},
         ),
-        blocks=Blocks(phase=phase.astype(np.int32), variant=variant.astype(np.int32), **rows),
+        blocks=Blocks(phase=phase.astype(np.int32), variant=variant.astype(np.int32), wide=wide, **rows),
     )
 
 

@@ -209,9 +209,9 @@ def _banks(layout: FabricLayout, periods: NDArray, variants: int) -> list[Templa
     of_kind = periods * variants
     kind = np.repeat(np.arange(len(periods)), of_kind)
     place = np.arange(len(kind)) - np.repeat(np.cumsum(of_kind) - of_kind, of_kind)
-    none = np.zeros(len(kind), np.int32)
+    none, even = np.zeros(len(kind), np.int32), np.ones((len(kind), 2), np.float32)
     phase, variant = np.divmod(place, variants)
-    blocks = Blocks(none, none, none, kind.astype(np.int32), phase.astype(np.int32), variant.astype(np.int32))
+    blocks = Blocks(none, none, none, kind.astype(np.int32), phase.astype(np.int32), variant.astype(np.int32), even)
     most = max(layout.warp.yarn.fibres_in_section, layout.weft.yarn.fibres_in_section)
     out = []
     bald = 0

@@ -77,12 +77,13 @@ def in_tex(count: float, system: System) -> float:
 @dataclass(frozen=True)
 class Count:
     """tex: of one single [g/km]. plies: singles folded together. form: "filament" where the words say so. filaments: in
-    one single, 0 where not said."""
+    one single, 0 where not said. fibre: "flax" in its own system."""
 
     tex: float
     plies: int = 1
     form: Literal["filament"] | None = None
     filaments: int = 0
+    fibre: Literal["flax"] | None = None
 
     @property
     def fineness_dtex(self) -> float | None:
@@ -140,7 +141,7 @@ def parse_count(text: str) -> Count:
         first, plies = (second, plies * _plies(said, first)) if plied_first else (first, plies * _plies(said, second))
     if first <= 0:
         raise InputError(f"yarn.count: {said!r}; allowed: a count above 0")
-    return _checked(said, Count(_TEX_OF_ONE[system] / first, plies))
+    return _checked(said, Count(_TEX_OF_ONE[system] / first, plies, fibre="flax" if system == "NeL" else None))
 
 
 def _plies(said: str, number: float) -> int:

@@ -79,6 +79,7 @@ class Strands:
 
 OVERLAP = 3.0  # length of a drawn piece over the distance between pieces; below, a row of them shows its joints
 TONE = 0.10  # spread of brightness from fibre to fibre
+TWISTS = 3  # waves of its twist along a period
 GIRTH = 0.18  # spread of radius from fibre to fibre
 
 
@@ -169,6 +170,9 @@ class _Course:
         self.girth = girth / np.sqrt(np.mean(girth**2))  # spread, at the same area in all
         # A yarn's colour is the mean of few as of many.
         self.tone = 1.0 + TONE * (tone - np.average(tone, weights=girth))
+        # Where a yarn is thin it is twisted more: turns that it is ahead of even ones, over the turns there are.
+        waves = np.random.Generator(np.random.Philox(key=[seed, 5])).standard_normal((2, TWISTS))
+        self.ahead = waves * yarn.unevenness / sqrt(TWISTS) / (2.0 * pi * np.arange(1, TWISTS + 1))
         self.inset = np.maximum(0.0, 1.0 - drawn_radius(yarn, fibres) * self.girth / min(yarn.ply_axes))[:, None]
 
     def __call__(self, x: F64) -> tuple[F64, F64, F64]:
@@ -181,6 +185,8 @@ class _Course:
         fraction = np.abs(fraction)
         fraction = np.where(fraction > 1.0, 2.0 - fraction, fraction)
         rho = self.inset * np.sqrt(np.clip(fraction, 0.0, 1.0))
+        order = np.arange(1, TWISTS + 1)[:, None] * turn
+        turn = turn + 2.0 * pi * (self.ahead[0] @ np.sin(order) + self.ahead[1] @ (1.0 - np.cos(order)))
         own = self.angle + self.period.single_turns * turn + 0.8 * yarn.migration * swing
         radial, tangential = yarn.ply_axes
         zero = np.zeros_like(rho)

@@ -87,6 +87,7 @@ class Yarn:
     flattening: section of a ply, tangential over radial axis, at equal area; plies press each other flat.
     migration: how far a fibre wanders in the section, in fractions of its area; 0 keeps it on its helix.
     migration_period_mm: over which length it wanders.
+    unevenness: coefficient of variation of its mass along it, of which its twist has as much.
     loss: share of its mass that it loses until the cloth is finished; its count and its size are those before.
     """
 
@@ -103,6 +104,7 @@ class Yarn:
     migration: float = 0.25
     migration_period_mm: float = 4.0
     hairiness: Hairiness = Hairiness()
+    unevenness: float = 0.0
     loss: float = 0.0
 
     def __post_init__(self) -> None:
@@ -118,6 +120,7 @@ class Yarn:
         check("fineness_dtex", self.fineness_dtex, 0.01, 1_000, "dtex")
         check("packing", self.packing, 0.05, 0.95, "")
         check("flattening", self.flattening, 0.5, 3.0, "")
+        check("unevenness", self.unevenness, 0.0, 0.5, "")
         check("loss", self.loss, 0.0, 0.5, "")
         check("migration", self.migration, 0.0, 1.0, "")
         check("migration_period_mm", self.migration_period_mm, 0.1, 1000.0, "mm")

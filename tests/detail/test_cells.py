@@ -25,14 +25,18 @@ from taichi_cloth.render.light.thin import chain_step
 from taichi_cloth.render.splat.stream import STREAMED
 from taichi_cloth.weave.cloth_set import fit_set, set_sizes
 from taichi_cloth.weave.draft import Draft, named_weave, tile
+from taichi_cloth.yarn.unevenness import ROWS as ROWS_UNEVEN
+from taichi_cloth.yarn.unevenness import SHIFT, thick_places
 from taichi_cloth.yarn.yarn import Hairiness, Yarn
 
 PITCH = 5e-4
 SEED = 3
 
 
-def layout_of(draft: Draft, *, per_cm: float | None = 20.0, fibres: int = 3, fringe: float = 0.0) -> FabricLayout:
-    yarn = Yarn(count_tex=12.0, hairiness=Hairiness(ends_per_m=0, loops_per_m=0))
+def layout_of(
+    draft: Draft, *, per_cm: float | None = 20.0, fibres: int = 3, fringe: float = 0.0, unevenness: float = 0.0
+) -> FabricLayout:
+    yarn = Yarn(count_tex=12.0, hairiness=Hairiness(ends_per_m=0, loops_per_m=0), unevenness=unevenness)
     diameter, rooms = set_sizes(draft, (yarn.woven_diameter, yarn.woven_diameter), (per_cm, per_cm), 1.5)
     cloth = fit_set(draft.warp_up, rooms, diameter, flattening=1.5, balance=0.5).cloth
     grey = [np.full((n, 3), 0.5, np.float32) for n in (draft.ends, draft.picks)]
@@ -56,13 +60,13 @@ class Sheet:
         return self.cells.shape
 
 
-def sheet(weave: str, shape: tuple[int, int], per_cell: tuple[int, int]) -> Sheet:
+def sheet(weave: str, shape: tuple[int, int], per_cell: tuple[int, int], unevenness: float = 0.0) -> Sheet:
     """The swatch takes of each block's yarn the same part, and the same filling: what the cells choose at random."""
     ends, picks = (shape[1] - 1) * per_cell[0] + 1, (shape[0] - 1) * per_cell[1] + 1
     draft = named_weave(weave)
     grey = [np.full((n, 3), 0.5, np.float32) for n in (ends, picks)]
-    cells = sheet_of_cells(shape, per_cell, repeat_of(draft), (grey[0], grey[1]), seed=SEED)
-    layout = layout_of(tile(draft, ends=ends, picks=picks))
+    cells = sheet_of_cells(shape, per_cell, repeat_of(draft, unevenness=unevenness), (grey[0], grey[1]), seed=SEED)
+    layout = layout_of(tile(draft, ends=ends, picks=picks), unevenness=unevenness)
     # Two lengths hold whole turns alike, and rounding tells which is taken.
     periods = {name: getattr(cells.repeats[0].layout, name) for name in ("warp_period", "weft_period")}
     layout = replace(layout, **periods)
@@ -72,7 +76,12 @@ def sheet(weave: str, shape: tuple[int, int], per_cell: tuple[int, int]) -> Shee
     periods = np.where(warp, layout.warp_period.blocks, layout.weft_period.blocks)
     phase = ((cells._arrays["begin"][blocks.thread].astype(np.int64) + along) % periods).astype(np.int32)
     variant = (hashed(blocks.thread, along) % cells.bank.variants).astype(np.int32)
-    return Sheet(cells, build_fabric(replace(layout, blocks=replace(blocks, phase=phase, variant=variant))))
+    wide = np.empty((len(along), 2), np.float32)
+    for family, mine in enumerate((warp, ~warp)):
+        row = cells._arrays["uneven"][ROWS_UNEVEN * family : ROWS_UNEVEN * (family + 1)]
+        for end in (0, 1):
+            wide[mine, end] = thick_places(row, cells._arrays["begin"][blocks.thread[mine]], along[mine] + end)
+    return Sheet(cells, build_fabric(replace(layout, blocks=replace(blocks, phase=phase, variant=variant, wide=wide))))
 
 
 def hashed(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -151,6 +160,30 @@ def test_a_flat_cloth_is_a_swatch_of_the_same_sett(weave: str) -> None:
     crossings = np.stack(np.broadcast_arrays(x, 0.0, z[:, None]), -1)
     cloud = one.swatch.cloud(crossings)
     assert differ(one.cells, cloud.position, cloud.radius) < 1e-8
+
+
+@pytest.mark.parametrize("push", [False, True])
+def test_thick_and_thin_places_are_those_of_the_swatch_and_push_their_neighbours_apart(push: bool) -> None:
+    shape, per_cell = (4, 4), (5, 7)
+    one = sheet("plain", shape, per_cell, unevenness=0.2)
+    one.cells.move(flat(shape, per_cell))
+    uneven = one.cells._arrays["uneven"]
+    if not push:
+        uneven[[SHIFT, ROWS_UNEVEN + SHIFT]] = 0.0
+    x, z = np.arange(16) * PITCH, -np.arange(22) * PITCH
+    cloud = one.swatch.cloud(np.stack(np.broadcast_arrays(x, 0.0, z[:, None]), -1))
+    if not push:
+        assert differ(one.cells, cloud.position, cloud.radius) < 1e-8
+        return
+    ours = all_particles(one.cells)
+    threads = one.swatch.threads()
+    ends = [x[cells_threads(one.cells) == k].mean() for x in (ours[POSITION],) for k in range(16)]
+    even = [cloud.position[threads == k, 0].mean() for k in range(16)]
+    wide = [cloud.radius[threads == k].mean() / cloud.radius[threads < 16].mean() for k in range(16)]
+    moved = np.diff(ends) - np.diff(even)
+    room = (np.array(wide)[1:] + np.array(wide)[:-1]) / 2 - 1.0
+    assert 0.0 < np.abs(moved).max() < 0.2 * PITCH
+    assert np.corrcoef(moved, room)[0, 1] > 0.5
 
 
 def test_one_thread_to_a_cell_is_cloth_whose_threads_follow_key_points() -> None:

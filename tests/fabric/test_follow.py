@@ -18,13 +18,15 @@ from taichi_cloth.ground import runtime
 from taichi_cloth.ground.copies import fetched
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.ground.runtime import Runtime
+from taichi_cloth.yarn.yarn import Yarn
 
+UNEVEN = Yarn(count_tex=20, plies=2, twist_per_m=700, singles_twist_per_m=250, unevenness=0.2)
 NAMES = ("position", "tangent", "normal", "colour", "radius", "half_length", "openness")
 
 
 @pytest.fixture(scope="module")
 def fabric() -> Fabric:
-    return build_fabric(woven(ends=11, picks=9, fibres=3, steps=5, fringe=1.5))
+    return build_fabric(woven(ends=11, picks=9, fibres=3, steps=5, fringe=1.5, yarn=UNEVEN))
 
 
 @pytest.fixture(scope="module")

@@ -193,6 +193,7 @@ class Subject:
 def subject_of(case: Case, size: int) -> Subject:
     """The fibres of a case, without hairs, all of one colour; pictures of them are `size` pixels wide and high."""
     changes = [f"yarn.fibres={EVERY}", "yarn.hairiness.ends_per_m=0", "yarn.hairiness.loops_per_m=0"]
+    changes += ["yarn.unevenness=0"]
     if case.weave == "yarn":
         scene = load_scene("yarn", [*changes, "yarn.length_mm=3"])
     else:
