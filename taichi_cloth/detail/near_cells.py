@@ -52,7 +52,6 @@ from taichi_cloth.fabric.laying import lay_particle
 from taichi_cloth.fabric.surface import surface_points
 from taichi_cloth.fabric.templates import COLUMN
 from taichi_cloth.ground.arrays import F32x1, F32x2, Float, I32x1, I32x2, Int
-from taichi_cloth.ground.hashing import hashed
 from taichi_cloth.ground.particles import (
     COLOUR,
     HALF_LENGTH,
@@ -64,6 +63,7 @@ from taichi_cloth.ground.particles import (
     TANGENT,
     TILE,
 )
+from taichi_cloth.yarn.places import hashed
 
 __all__ = ["NearCells"]
 

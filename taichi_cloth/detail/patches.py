@@ -22,7 +22,6 @@ from taichi_cloth.fabric.cells import TEMPLATES, CellPack
 from taichi_cloth.fabric.laying import frame_at, lay_particle
 from taichi_cloth.fabric.templates import COLUMN
 from taichi_cloth.ground.arrays import F32x1, F32x2, F32x3, I16x2, I32x1, I32x2, Template
-from taichi_cloth.ground.hashing import hashed
 from taichi_cloth.ground.particles import (
     COLOUR,
     HALF_LENGTH,
@@ -35,6 +34,7 @@ from taichi_cloth.ground.particles import (
     TILE,
 )
 from taichi_cloth.ground.vectors import chunk_count, chunk_steps
+from taichi_cloth.yarn.places import hashed
 
 __all__ = [
     "CELL", "CHUNKS", "FEW", "FIRST_END", "FIRST_PICK", "LAYERS", "LEVEL", "PANEL", "PATCH", "PATCH_ENDS",

@@ -14,7 +14,6 @@ from taichi_cloth.detail.view import View, seen_at, tiles_of
 from taichi_cloth.fabric.laying import FabricPack, block_ends, block_widths, lay_particle, row
 from taichi_cloth.fabric.templates import COLUMN
 from taichi_cloth.ground.arrays import F32x1, F32x2, F32x3, Float, I16x2, I32x1, I32x2, Int
-from taichi_cloth.ground.hashing import MOST_HASHED, hashed
 from taichi_cloth.ground.particles import (
     COLOUR,
     HALF_LENGTH,
@@ -26,6 +25,8 @@ from taichi_cloth.ground.particles import (
     ROWS,
     TANGENT,
 )
+from taichi_cloth.yarn.places import hashed
+from taichi_cloth.yarn.unevenness import MOST_HASHED
 
 __all__ = [
     "AFTER", "BEFORE", "BEYOND", "COVERED", "FAMILY", "MEETS", "PARTED", "PERIOD", "PLACE", "SKINNED", "SURFACE",

@@ -26,9 +26,9 @@ from taichi_cloth.fabric.cells import (
 )
 from taichi_cloth.fabric.surface import surface_at
 from taichi_cloth.ground.arrays import F32x2, Template
-from taichi_cloth.ground.hashing import hashed
 from taichi_cloth.ground.mixing import colour_in_kernel, lit_among, sent_back_in_kernel, under_sky
-from taichi_cloth.yarn.unevenness import COVER, MOST_COVERED, SHIFT, thick_at, wider_at
+from taichi_cloth.yarn.places import hashed, thick_at, wider_at
+from taichi_cloth.yarn.unevenness import COVER, MOST_COVERED, SHIFT
 from taichi_cloth.yarn.unevenness import ROWS as UNEVEN
 
 __all__ = [

@@ -6,33 +6,25 @@ drawing them out adds waves. Where a yarn is thick it takes less twist and is pr
 that varies. Thick and thin places are as long as a fibre, about, with shorter ones among them, neps and slubs.
 
 A place's width follows from the number of its thread and how far it lies along it, by two rows of random numbers
-between which it is linear: kernels find it where they ask for it, and the host finds the same.
+between which it is linear: kernels find it where they ask for it (`places`), and the host finds the same. Needs no
+Taichi.
 """
 
 from math import sqrt
 from typing import Literal
 
 import numpy as np
-import taichi as ti
 from numpy.typing import ArrayLike, NDArray
 
-from taichi_cloth.ground.arrays import F32x1, Template
-from taichi_cloth.ground.hashing import MOST_HASHED, hashed, hashed_array
-
 __all__ = [
-    "COVER",
-    "MOST_COVERED",
-    "ROWS",
-    "SHIFT",
-    "thick_at",
-    "thick_places",
-    "uneven_row",
-    "usual_unevenness",
-    "wider_at",
-]
+    "COVER", "CV", "LEAST", "LONG", "MOST_COVERED", "MOST_HASHED", "ROWS", "SHARES", "SHIFT", "SHORT", "hashed_array",
+    "thick_places", "uneven_row", "usual_unevenness",
+]  # fmt: skip
 
 F32 = NDArray[np.float32]
 
+MOST_HASHED = 1 << 24
+"""What is below every hashed number, all of which float32 tells apart."""
 UNLIKE = 1.06
 """How much more fibres of unlike fineness give than those that are all alike."""
 DRAWN = {"cotton": 0.10, "wool": 0.10, "flax": 0.20}
@@ -78,31 +70,16 @@ def uneven_row(unevenness: float, pitch: float, cover: float = 0.0) -> F32:
     return np.array([WIDENS * unevenness, *rates, PUSHED * cover, min(cover, MOST_COVERED)], np.float32)
 
 
-@ti.func
-def _at(seed, x, number: Template):
-    """Of a row of random numbers with mean 0 that is linear between them, times what gives it its share."""
-    k = ti.cast(ti.floor(x), ti.i32)
-    low, high = hashed(seed, 2 * k + number), hashed(seed, 2 * k + 2 + number)
-    # An even number from −1 to 1 has a variance of 1/3, of which two thirds are left between.
-    return ti.static(sqrt(4.5 * SHARES[number])) * ((low + (x - k) * (high - low)) * ti.static(2.0 / MOST_HASHED) - 1.0)
-
-
-@ti.func
-def thick_at(uneven: F32x1, family, seed, along):
-    """By how much of its width a thread is wider than on average at a crossing, of its long places alone. seed: a whole
-    number of its own. along: crossings from its beginning."""
-    return uneven[ROWS * family + CV] * _at(seed, along * uneven[ROWS * family + LONG], 0)
-
-
-@ti.func
-def wider_at(uneven: F32x1, family, seed, along):
-    """How wide a thread is at a crossing over its mean."""
-    short = uneven[ROWS * family + CV] * _at(seed, along * uneven[ROWS * family + SHORT], 1)
-    return ti.max(1.0 + thick_at(uneven, family, seed, along) + short, LEAST)
+def hashed_array(a: ArrayLike, b: ArrayLike) -> NDArray[np.int64]:
+    """A whole number from 0 to 2²⁴ − 1 from two, as of `places.hashed`, of arrays."""
+    x = (np.asarray(a, np.int64) * 73856093 + np.asarray(b, np.int64) * 19349663 + 83492791) & 0xFFFFFFFF
+    x = ((x ^ (x >> 16)) * 73244475) & 0xFFFFFFFF
+    x = ((x ^ (x >> 16)) * 73244475) & 0xFFFFFFFF
+    return (x ^ (x >> 16)) & (MOST_HASHED - 1)
 
 
 def thick_places(uneven: F32, seed: ArrayLike, along: ArrayLike) -> F32:
-    """How wide threads are over their mean, as of `wider_at`, of arrays. uneven: of their family."""
+    """How wide threads are over their mean, as of `places.wider_at`, of arrays. uneven: of their family."""
     out = np.ones(np.broadcast(seed, along).shape)
     for number, rate in enumerate((uneven[LONG], uneven[SHORT])):
         x = (np.asarray(along, np.float32) * rate).astype(np.float64)

@@ -6,15 +6,14 @@ import taichi as ti
 
 from taichi_cloth.ground.arrays import F32x1, I32x1
 from taichi_cloth.ground.runtime import Runtime
+from taichi_cloth.yarn.places import thick_at, wider_at
 from taichi_cloth.yarn.spin import Period, spin
 from taichi_cloth.yarn.unevenness import (
     FILAMENT,
     WIDENS,
-    thick_at,
     thick_places,
     uneven_row,
     usual_unevenness,
-    wider_at,
 )
 from taichi_cloth.yarn.yarn import Yarn
 
