@@ -13,9 +13,9 @@ from taichi_cloth.fabric.follow import FibreFollower
 from taichi_cloth.garment.sewn.cell_weaving import CellWeaving
 from taichi_cloth.garment.sewn.in_motion import Watch
 from taichi_cloth.garment.sewn.limbs import spared
-from taichi_cloth.garment.sewn.misfit import misfit
 from taichi_cloth.garment.sewn.stitches import PIECES, STRANDS, Stitches
 from taichi_cloth.garment.sewn.weaving import Colours, Weaving
+from taichi_cloth.garment.sewn.worn import misfit
 from taichi_cloth.ground.particles import LANES, ROWS
 from taichi_cloth.motion.simulation import Simulation
 from taichi_cloth.weave.colour_order import colour

@@ -26,9 +26,10 @@ from taichi_cloth.garment.pattern.pattern import Pattern
 from taichi_cloth.garment.sewn.garment import Garment
 from taichi_cloth.garment.sewn.lies import CROSSED
 from taichi_cloth.garment.sewn.limbs import bearer, limb_of_bones, spared
-from taichi_cloth.garment.sewn.sew import RECOVERY, Worn, sew
+from taichi_cloth.garment.sewn.sew import RECOVERY, sew
 from taichi_cloth.garment.sewn.tried_on import tight
 from taichi_cloth.garment.sewn.weaving import crossings_shape
+from taichi_cloth.garment.sewn.worn import Worn
 from taichi_cloth.ground.cache import digest, kept
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.motion.forces import Forces, Plane, SelfContact
@@ -73,7 +74,7 @@ __all__ = [
     "woven_garment",
 ]
 
-VERSION = 50
+VERSION = 51
 """Of what is kept on disk: raised whenever the same scene would come to another rest."""
 
 TOILE, FITTINGS = 2000, 2

@@ -12,10 +12,12 @@ import pytest
 
 pytest.importorskip("ezdxf")
 
+from taichi_cloth.body.colliders.colliders import Colliders
 from taichi_cloth.body.primitives.primitives import Primitive
-from taichi_cloth.garment.sewn.lies import _axes, _turns, crossed, free_loops, lies, lying_faults
-from taichi_cloth.garment.sewn.misfit import misfit
-from taichi_cloth.garment.sewn.sew import Worn
+from taichi_cloth.garment.sewn import sew as sewing
+from taichi_cloth.garment.sewn.lies import CROSSED, _axes, _turns, crossed, free_loops, lies, lying_faults
+from taichi_cloth.garment.sewn.worn import Worn, misfit
+from taichi_cloth.motion.forces import SelfContact
 from taichi_cloth.scenes.prepare.garment_setup import Parts, dressed_parts
 from taichi_cloth.scenes.scene.load import load_scene
 
@@ -148,6 +150,33 @@ def test_legs_through_each_other_are_counted():
     back = of_panel(made, "back")
     moved[back, 2] = start[of_panel(made, "front"), 2].mean() + 0.05 * np.sin(40 * start[back, 0])  # to and fro
     assert "passes through itself" in faults(made, moved)
+
+
+def test_contact_in_sewing_never_makes_a_garment_worse(monkeypatch):
+    """A back that waves through the front, 12 triangles of 100, sewn anew: clear of itself, but 20 mm deep, it is not
+    worn; as deep as is allowed it is; and of what may not cross itself at all, 3.6 mm deep rather than through it."""
+    made = parts("tshirt")
+    start = made.garment.atlas.start().astype(np.float32)
+    waved, back = start.copy(), of_panel(made, "back")
+    over = start[..., 1] - start[back, 1].min()  # the hem
+    back &= (over > 0.1) & (over < 0.3)
+    waved[back, 2] = start[of_panel(made, "front"), 2].mean() + 0.05 * np.sin(40 * start[back, 0])
+    tangled = Worn(positions=waved, gap=0.0, depth=0.0, stretch=0.0, taut=0.0, speed=0.0, frames=0)
+    monkeypatch.setattr(sewing, "_closed", lambda *rest: (start, 1))
+
+    def sewn(layers, allowed, **clear):
+        again = replace(tangled, positions=start, **clear)
+        monkeypatch.setattr(sewing, "_rest", lambda g, forces, *rest: again if forces.self_contact else tangled)
+        body = Colliders(primitives=tuple(made.primitives), friction=0.3, gap=0.004)
+        return sewing.sew(made.garment, body, layers=layers, allowed=allowed).positions is start
+
+    layers = SelfContact(thickness=1e-3)
+    assert not sewn(layers, CROSSED, depth=0.02, gap=3.4e-3)
+    assert not sewn(layers, CROSSED, depth=0.02)
+    assert not sewn(layers, CROSSED, speed=0.3, taut=0.1)
+    assert sewn(layers, CROSSED, depth=0.003, gap=2e-3)
+    assert sewn(layers, 0.0, depth=0.0036)
+    assert not sewn(None, 0.0)
 
 
 def test_the_line_of_what_does_not_fit_says_it():

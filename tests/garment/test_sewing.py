@@ -24,8 +24,8 @@ from taichi_cloth.garment.pattern.pattern import Cone, Course, Flat, Hold, Panel
 from taichi_cloth.garment.sewn.garment import Garment, holds_of, seams_of
 from taichi_cloth.garment.sewn.lies import CROSSED
 from taichi_cloth.garment.sewn.limbs import bearer, spared
-from taichi_cloth.garment.sewn.misfit import misfit
-from taichi_cloth.garment.sewn.sew import SWUNG, Worn, sew
+from taichi_cloth.garment.sewn.sew import SWUNG, sew
+from taichi_cloth.garment.sewn.worn import Worn, misfit
 from taichi_cloth.layers.outline import crossings_of
 from taichi_cloth.motion.forces import Forces, StrainLimit
 from taichi_cloth.scenes.__main__ import _status

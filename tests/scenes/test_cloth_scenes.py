@@ -10,7 +10,7 @@ import pytest
 import taichi as ti
 from taichi.lang import impl
 
-from taichi_cloth.garment.sewn.sew import Worn
+from taichi_cloth.garment.sewn.worn import Worn
 from taichi_cloth.ground.errors import InputError, Unstable
 from taichi_cloth.motion.forces import SelfContact, StrainLimit
 from taichi_cloth.motion.kernel_solver import KernelSolver

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from taichi_cloth.garment.sewn.sew import Worn
+from taichi_cloth.garment.sewn.worn import Worn
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.scenes.measure.crossing_check import check
 from taichi_cloth.scenes.models.outfit_model import OutfitModel

@@ -13,7 +13,7 @@ What comes out is where the key points rest. Seams then stay as ties for as long
 
 import contextlib
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -24,19 +24,17 @@ from taichi_cloth.body.colliders.colliders import Colliders, solid_distance
 from taichi_cloth.garment.sewn.garment import Garment, holds_of, seams_of
 from taichi_cloth.garment.sewn.lies import crossed
 from taichi_cloth.garment.sewn.limbs import spared
+from taichi_cloth.garment.sewn.worn import OPEN, Worn, beyond
 from taichi_cloth.ground.errors import InputError, Unstable
 from taichi_cloth.layers.outline import crossings_of
 from taichi_cloth.motion.forces import Forces, SelfContact, StrainLimit
 from taichi_cloth.motion.simulation import Simulation
 from taichi_cloth.solvers.yarns import Yarns
 
-__all__ = ["OPEN", "RECOVERY", "Worn", "sew"]
+__all__ = ["RECOVERY", "sew"]
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
-
-OPEN = 2e-3
-"""A seam is closed when its gap is no wider than this [m]."""
 
 CLOSING = 240  # frames at most
 STUCK = 20  # frames in which the widest seam comes no closer: what keeps it open, as many gathers do, will go on to
@@ -66,34 +64,6 @@ Meets = Callable[[F32], Colliders]
 """The body as a garment meets it whose key points lie there (rows, cols, 3) [m]: one limb in each fold (`limbs.py`)."""
 
 
-@dataclass(frozen=True, eq=False)
-class Worn:
-    """A garment at rest on a body.
-
-    positions: key points (rows, cols, 3) [m]. gap: of the widest seam [m]. depth: of the deepest cloth in the body [m];
-    of cloth, not of key points, which stand outside it at an outline. stretch, taut: largest strain of a thread, and of
-    one that ends in no seam and at no hold. speed: at the end, see STILL [m/s].
-    frames: that sewing took.
-
-    What a simulation that goes on from there needs, or it begins with a jerk: pushes, what keeps its seams closed, see
-    `Ties.pushes`; slid, how far places that hold it have, see `Ties.slid`; sweeps, over whole yarns, 0 of another
-    solver; anchors, see `KernelSolver.anchors`; spared, of the body as it was, see `Colliders`, empty where nothing is.
-    """
-
-    positions: F32
-    gap: float
-    depth: float
-    stretch: float
-    taut: float
-    speed: float
-    frames: int
-    pushes: F32 = field(default_factory=lambda: np.zeros((3, 0), np.float32))
-    slid: F32 = field(default_factory=lambda: np.zeros((3, 0), np.float32))
-    sweeps: int = 0
-    anchors: F32 = field(default_factory=lambda: np.zeros((0, 0, 0), np.float32))
-    spared: NDArray[np.int32] = field(default_factory=lambda: np.zeros((0, 0), np.int32))
-
-
 def sew(
     garment: Garment,
     body: Colliders,
@@ -116,7 +86,8 @@ def sew(
     Few garments pass through themselves while they are sewn: contact is taken up only for those that come to rest so.
     They are sewn anew with contact from the first frame, in which panels stand round the body; else settled anew from
     where seams are closed, if that is clearer; else they settle on from where they rest, and what is through other
-    cloth is drawn apart (`layers/tangles.py`). The clearest of these is worn.
+    cloth is drawn apart (`layers/tangles.py`). Of these and of what was sewn without, the one is worn that is least
+    beyond what is allowed (`worn.beyond`): cloth that is clear of itself may be deep in the body instead.
 
     Raises InputError when the cloth does not hold together, with what to change.
     """
@@ -155,7 +126,7 @@ def sew(
         ) from None
     through = passes(garment, worn.positions) if layers else 0
     if through > allowed:
-        as_worn = worn.positions, worn.frames
+        as_worn, least = (worn.positions, worn.frames), beyond(garment, worn, through, allowed, body.primitives)
         tries = [lambda: rest(close(layers), layers)]
         if _through(garment, closed[0]) < through:
             tries.append(lambda: rest(closed, layers))
@@ -164,8 +135,9 @@ def sew(
             with contextlib.suppress(InputError, Unstable):  # what cannot be sewn so stays as it is
                 again = attempt()
                 left = passes(garment, again.positions)
-                if left < through:
-                    worn, through = again, left
+                rank = beyond(garment, again, left, allowed, body.primitives)
+                if rank < least:
+                    worn, through, least = again, left, rank
             if through <= allowed:
                 break
     return worn
