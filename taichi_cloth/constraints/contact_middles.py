@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 from taichi_cloth.constraints.contact import Contact
 from taichi_cloth.constraints.contact_planes import GROWTH, TURNING
 from taichi_cloth.constraints.contact_response import Response
-from taichi_cloth.constraints.middle_loops import SLOTS, MiddleLoops
-from taichi_cloth.constraints.middle_response import respond
+from taichi_cloth.constraints.middle_loops import MiddleLoops
+from taichi_cloth.constraints.middle_response import respond, room_for
 from taichi_cloth.ground.arrays import Float, I32x1, Int, Template
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.ground.routine import routine
@@ -38,10 +38,6 @@ from taichi_cloth.sheet.sheet import LANES, Sheet, SheetState
 __all__ = ["MiddleContact"]
 
 FAMILIES = 4
-ROOM, LEAST = 8, 1 << 18
-"""Springs that may be near a thin solid, for each key point, and in all; one that is near two of them counts twice. To
-cells as wide as a hand most of a body is thin: 3,000 springs may be near 40 solids at once; a
-sheet over a walker had 132,304 of them."""
 PLANE = 4  # normal, offset from the anchor
 
 
@@ -55,7 +51,7 @@ class MiddleFields:
     entries: Any
 
     def __init__(self, surface: Response, size: int) -> None:
-        self.surface, self.room = surface, max(ROOM * size, LEAST)
+        self.surface, self.room = surface, room_for(size)
         self.holder: object = None
         self.solid, self.solids = ti.field(ti.i32, surface.capacity), ti.field(ti.i32, ())
         self.groups, self.most, self.entries = (ti.field(ti.i32, ()) for _ in range(3))
@@ -229,6 +225,9 @@ class MiddleContact(SharedConstraint):
                         fields.look_all(points, e, loops.now())
             for family, odd in ti.static(ti.ndrange(FAMILIES, 2)):
                 for t in range(loops.packets * LANES):
+                    if ti.static(family == 0 and odd == 0):  # noqa: SIM102 (one is known when it is compiled)
+                        if t == 0:
+                            fields.count_up()
                     p = points.packet[t // LANES] * LANES + t % LANES
                     since = loops.now() % int(fields.surface.every[None])
                     fields.respond(points, family, odd, p, float(since))
@@ -245,14 +244,10 @@ class MiddleContact(SharedConstraint):
 
     def end(self, state: SheetState) -> None:
         """Raises InputError where there was no room for all springs near thin solids."""
+        found = self.fields.most[None]
+        room = self.fields.slots * LANES if self.spread else self.fields.room
         if self.spread:
-            if self.fields.full[None]:
-                raise InputError(
-                    f"contact: more than {SLOTS} thin parts of the body near the same 8 springs; use key points closer "
-                    "together, or --arch cpu"
-                )
-            return
-        found, room = self.fields.most[None], self.fields.room
+            found *= LANES
         if found > room:
             raise InputError(
                 f"contact: {found} springs near thin parts of the body, room for {room}; use key points closer together"

@@ -1,10 +1,11 @@
 """The middles of springs against thin solids as parallel loops (`contact_middles.py` has the law, and the serial form).
 
-A packet of 8 key points has the springs that begin in it, those of each family side by side in the lanes, and a few
-SLOTS for each family: a thin solid that one of these springs can come near, and when to look at it again. So packets
-share nothing they write, until it comes to the response, which moves both ends of a spring: of a family every second
-row or column of springs at once, then the others. On a CPU springs are gone through in the order of the list instead;
-where two that share an end touch at once, who comes first differs.
+A packet of 8 key points has the springs that begin in it, those of each family side by side in the lanes, and for each
+family slots, one behind the other: a thin solid that one of these springs can come near, and when to look at it again.
+Where in the room for all of them a packet has its slots says who came first, and nothing depends on it. So packets
+share nothing else they write, until it comes to the response, which moves both ends of a spring: of a family every
+second row or column of springs at once, then the others. On a CPU springs are gone through in the order of the list
+instead; where two that share an end touch at once, who comes first differs.
 """
 
 from typing import Any
@@ -13,7 +14,7 @@ import taichi as ti
 
 from taichi_cloth.constraints.contact_planes import GROWTH, TURNING
 from taichi_cloth.constraints.contact_response import Response
-from taichi_cloth.constraints.middle_response import middle_of, respond
+from taichi_cloth.constraints.middle_response import middle_of, respond, room_for
 from taichi_cloth.ground.arrays import I32x1, Template
 from taichi_cloth.motion.stencil import load, near, store
 from taichi_cloth.sheet.sheet import LANES
@@ -21,29 +22,30 @@ from taichi_cloth.sheet.sheet import LANES
 __all__ = ["MiddleLoops"]
 
 FAMILIES = 4
-SLOTS = 6
-"""Thin solids that the springs of a packet and a family can be near at once: fingers lie side by side."""
 PLANE = 4 * LANES
 FAR = -1e6  # offset [m] of a plane that nothing touches
 
 
 @ti.data_oriented
 class MiddleLoops:
-    """surface: the body's. solid: numbers of the thin ones. full: whether slots were too few somewhere, so far. count:
-    of each packet and family, how many slots are used. Of each slot: owner, due, busy (whether one of its planes can be
-    touched before the next look), and plane."""
+    """surface: the body's. solid: numbers of the thin ones. used: slots at the last look for springs near them; most:
+    ever. first, count: of each packet and family, its first slot, and how many it has. Of each slot: owner, due, busy
+    (whether one of its planes can be touched before the next look), and plane."""
 
     solids: Any  # its number is the bound of a loop: type checkers would take it for a matrix
     count: Any
+    first: Any
+    used: Any
 
     def __init__(self, surface: Response, size: int) -> None:
         self.surface, packets = surface, size // LANES
-        self.packets = packets
+        self.packets, self.slots = packets, room_for(size) // LANES
         self.holder: object = None
         self.solid, self.solids = ti.field(ti.i32, surface.capacity), ti.field(ti.i32, ())
-        self.full, self.count = ti.field(ti.i32, ()), ti.field(ti.i32, FAMILIES * packets)
-        self.owner, self.due, self.busy = (ti.field(ti.i32, FAMILIES * packets * SLOTS) for _ in range(3))
-        self.plane = ti.field(ti.f32, FAMILIES * packets * SLOTS * PLANE)
+        self.used, self.most = (ti.field(ti.i32, ()) for _ in range(2))
+        self.first, self.count = (ti.field(ti.i32, FAMILIES * packets) for _ in range(2))
+        self.owner, self.due, self.busy = (ti.field(ti.i32, self.slots) for _ in range(3))
+        self.plane = ti.field(ti.f32, self.slots * PLANE)
         self.place = ti.field(ti.f32, packets * 3 * LANES)
 
     @ti.kernel
@@ -51,7 +53,7 @@ class MiddleLoops:
         for k in range(solids.shape[0]):
             self.solid[k] = solids[k]
         for _ in range(1):
-            self.solids[None], self.full[None] = solids.shape[0], 0
+            self.solids[None], self.used[None], self.most[None] = solids.shape[0], 0, 0
 
     @ti.func
     def ends(self, family, p, row):
@@ -68,29 +70,47 @@ class MiddleLoops:
     def look_all(self, points: Template, e, done):
         """Of packet e of the sheet: lists before each walk of the tree, and what is due of them."""
         packet = points.packet[e]
+        if done % int(self.surface.wait[None]) == 0:
+            self.seek(points, packet, done)
         for family in range(FAMILIES):
             g = family * self.packets + packet
-            if done % int(self.surface.wait[None]) == 0:
-                self.seek(points, family, packet, g, done)
             for slot in range(self.count[g]):
-                s = g * SLOTS + slot
+                s = self.first[g] + slot
                 self.busy[s] = 0
                 if self.due[s] <= done:
                     self.look(points, family, packet, s, e, done)
 
     @ti.func
-    def seek(self, points: Template, family, packet, g, done):
-        """The thin solids that middles of the springs of a packet and family could touch before the next time."""
-        found = 0
-        for m in range(self.solids[None]):
-            i = self.solid[m]
-            if self.can_meet(points, family, packet, i):
-                if found < SLOTS:
-                    self.owner[g * SLOTS + found], self.due[g * SLOTS + found] = i, done
-                found += 1
-        self.count[g] = ti.min(found, SLOTS)
-        if found > SLOTS:
-            self.full[None] = 1
+    def seek(self, points: Template, packet, done):
+        """Slots for the thin solids that middles of the springs of a packet could touch before the next time."""
+        total = 0
+        for family in range(FAMILIES):
+            found = 0
+            for m in range(self.solids[None]):
+                if self.can_meet(points, family, packet, self.solid[m]):
+                    found += 1
+            self.count[family * self.packets + packet] = found
+            total += found
+        self.first[packet] = 0
+        if total > 0:
+            self.first[packet] = ti.atomic_add(self.used[None], total)
+        at = self.first[packet]
+        for family in range(FAMILIES):
+            g = family * self.packets + packet
+            self.first[g] = at
+            if self.count[g] > 0:
+                for m in range(self.solids[None]):
+                    if self.can_meet(points, family, packet, self.solid[m]):
+                        if at < self.slots:
+                            self.owner[at], self.due[at] = self.solid[m], done
+                        at += 1
+            self.count[g] = ti.max(ti.min(at, self.slots) - self.first[g], 0)
+
+    @ti.func
+    def count_up(self):
+        """After all have looked: one thread alone."""
+        self.most[None] = ti.max(self.most[None], self.used[None])
+        self.used[None] = 0
 
     @ti.func
     def can_meet(self, points: Template, family, packet, i):
@@ -170,7 +190,7 @@ class MiddleLoops:
         if line % 2 == odd and self.count[g] > 0 and self.weight(points, family, p) > 0.0:
             one, two = self.ends(family, p, row)
             for slot in range(self.count[g]):
-                s = g * SLOTS + slot
+                s = self.first[g] + slot
                 at = s * PLANE + p % LANES
                 if self.busy[s] > 0 and self.plane[at + 3 * LANES] > 0.5 * FAR:
                     normal = ti.Vector([self.plane[at], self.plane[at + LANES], self.plane[at + 2 * LANES]])

@@ -18,14 +18,14 @@ from typing import Any, Literal, get_args
 
 import taichi as ti
 from taichi.lang.ast.ast_transformer_utils import ASTTransformerContext
-from taichi.lang.impl import current_cfg, default_cfg
+from taichi.lang.impl import current_cfg, default_cfg, get_runtime
 
 from taichi_cloth.ground.cache import can_keep
 from taichi_cloth.ground.errors import InputError, did_you_mean
 from taichi_cloth.ground.source_text import read_once
 from taichi_cloth.ground.whole_vectors import kept_as_vectors
 
-__all__ = ["Arch", "Runtime", "generation", "on_host", "plain_code", "resident", "start", "threads"]
+__all__ = ["Arch", "Runtime", "close_tree", "generation", "on_host", "plain_code", "resident", "start", "threads"]
 
 Arch = Literal["cpu", "cuda", "vulkan", "metal", "gpu"]
 
@@ -110,6 +110,19 @@ def start(
         _pin(sorted(_thread_ids() - before)[-workers:])
     _started.append(Runtime(arch=got, threads=workers, draft=draft))
     return _started[-1]
+
+
+MANY = 128
+"""Fields that may wait for others."""
+
+
+def close_tree() -> None:
+    """The fields made so far become one piece of memory, a tree, if they are many. To be called after each group of
+    some hundred that belong together: Taichi makes a tree of all that are made before a kernel runs, which on a CPU and
+    with CUDA takes 511 (1,024 nodes, two a field, and the root), and ends in an assertion beyond. Of trees a kernel
+    takes some 30, with Vulkan."""
+    if len(get_runtime().global_vars) > MANY:
+        ti.sync()
 
 
 @contextlib.contextmanager

@@ -186,4 +186,6 @@ class SharedConstraint(Constraint, ABC):
 @lru_cache(maxsize=48)
 def shared_fields(generation: int, fields_of: Callable[..., Any], *kind: Hashable) -> Any:
     """generation: of the Taichi runtime; a new start throws all fields away."""
-    return fields_of(*kind)
+    out = fields_of(*kind)
+    runtime.close_tree()
+    return out

@@ -276,6 +276,7 @@ def _frame(
     frame = frame_of(size, threads, constraints, clock, slips, cloths)
     if spread is not None:
         frame.loops = spread(frame)
+    runtime.close_tree()
     return frame
 
 

@@ -39,7 +39,8 @@ CASES = {
     "yarns, chains": (Yarns, {"wind": True, "chains": True}),
     "yarns, table": (Yarns, {"body": True}),
     "verlet, table": (Verlet, {"body": True}),
-    "verlet, thin": (Verlet, {"body": True, "thin": True}),
+    "verlet, thin": (Verlet, {"body": True, "thin": 1}),
+    "verlet, many thin": (Verlet, {"body": True, "thin": 9}),
     "yarns, seam": (Yarns, {"wind": True, "seam": True, "most": None}),
     "verlet, seam": (Verlet, {"wind": True, "seam": True, "most": 0.008, "limit": 5e-4}),
     "yarns, drape": (Yarns, {"drape": True}),
@@ -81,7 +82,7 @@ def simulation(case: str, *, n: int = N, long: int = 0) -> Simulation:
         sphere=Sphere(centre=(0.15, -0.11, -0.15), radius=0.1) if asked.get("drape") else None,
         plane=Plane(height=-0.15) if asked.get("drape") else None,
         strain_limit=StrainLimit(strain=asked["limit"], passes=1) if "limit" in asked else None,
-        body=table(0.02 if asked.get("thin") else 0.05) if asked.get("body") else None,
+        body=table(0.02 if asked.get("thin") else 0.05, asked.get("thin", 1)) if asked.get("body") else None,
     )
     x = sheet.flat()
     if lies:
@@ -146,8 +147,9 @@ def sewn_and_hung(sheet: Sheet, most: float | None) -> tuple[Ties, Ties]:
     )
 
 
-def table(radius: float) -> Colliders:
-    """A round table 5 mm below the cloth, and in it a bar [m], 2 mm below; from 4 cm on it is not thin."""
+def table(radius: float, bars: int) -> Colliders:
+    """A round table 5 mm below the cloth, and in it a bar [m], 2 mm below; from 4 cm on it is not thin. bars: so many,
+    each within 1 mm of the next."""
     up, away = np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 0.4])
     middle = np.array([0.15, 0.0, -0.15])
     top = Primitive(
@@ -159,8 +161,10 @@ def table(radius: float) -> Colliders:
         rounding=0.01,
     )
     axis = middle - (radius + 0.002) * up
-    bar = Primitive(kind="cylinder", start=axis - away, end=axis + away, radii=(radius, radius))
-    return Colliders(primitives=(top, bar), friction=0.4, gap=0.001)
+    beside = [np.array([0.001 * (k - bars // 2), 0.0, 0.0]) for k in range(bars)]
+    ends = [(axis + way - away, axis + way + away) for way in beside]
+    each = [Primitive(kind="cylinder", start=one, end=other, radii=(radius, radius)) for one, other in ends]
+    return Colliders(primitives=(top, *each), friction=0.4, gap=0.001)
 
 
 def moved(case: str, frames: int) -> NDArray[np.float32]:
