@@ -3,13 +3,14 @@
 A colour is all that a bulk, a thick mass of such fibres, sends back: what their surfaces do before light gets to their
 dye, `SURFACE_SHARE` of any colour, and of the rest a share a (Chiang, Bitterli, Tappan, Burley, "A practical and
 controllable hair and fur model for production path tracing", CGF 35(2), 2016, equation 9), see `dyed`. A thin cloth of
-it sends on less on the side that is lit, and the rest shines through. With the transmittance T at a particle, U a
-cloth's depth nearer to the light, the share of the sky S that it sees, F and G that a cloth there sees before and
-behind it, the direction b that is open to it, its tangent t, phi the angle between light l and view v round the fibre,
-and A how far it is in a yarn alone (`seen.look`),
+it sends on less on the side that is lit, and the rest shines through. With the transmittance T at a particle, N half a
+yarn nearer to the light and U out of the cloth, the share of the sky S that it sees, F and G that a cloth there sees
+before and behind it, the direction b that is open to it, its tangent t, phi the angle between light l and view v round
+the fibre, and A how far it is in a yarn alone (`seen.look`),
 
-    L = key T E (w0 C(phi) (3 + 2 b.l) / 5 + C(pi - phi) (w1 (1 + ROUND (U - T) (1 - S)) + w D)) + key T g G
-      + key U (w2 max(b.l, 0) (1 - ALONE A S) + w3 max(-b.l, 0) (1 - SHUT S))
+    L = key T E (w0 C(phi) (3 + 2 b.l) / 5 + C(pi - phi) (A w1 (1 + ROUND (U - T) (1 - S)) + w D)) + key T S g G
+      + key T^2 E f exp(-FORWARDS (1 + l.v))
+      + key N w2 max(b.l, 0) (1 - ALONE A S) + key U w3 max(-b.l, 0) (1 - SHUT S)
       + sky(b) F (w4 + w5 S) + sky(-b) G (w6 + w7 (1 - S))
     C(phi) = (sin phi + (pi - phi) cos phi) / pi                     a Lambertian cylinder
     D = (1 - BARED S) (1 + ROUND_ONCE (U - T) (1 - S)) exp(-1.5 (1 + cos phi) - (t.l + t.v)^2)
@@ -17,17 +18,19 @@ and A how far it is in a yarn alone (`seen.look`),
     E = h exp(-k (t.l + t.v)^2)                                      about the cone of a fibre's highlights, see `cone`
 
 Light that goes from fibre to fibre of a yarn, which lie nearly one way, stays near the cone round them on which each of
-them sends it on (`fibre`), until it has been sent on often: E. What has gone through a cloth is the brighter the nearer
-to the side that it comes from, as the diffuse flux in a slab is (Schuster's two streams): who sees little of the sky
-before the cloth is near its other side, hence S with what is before it and 1 - S with what is behind it. A yarn alone
-lets out at its sides what a cloth keeps: A; and w1 is more there, of light that gets through it every way. Each weight
-is w = b + r sqrt(a) + a (c0 + c1 a + c2 a^2), which never falls with a. b, which w0, w5 and g have, is of the fibres'
-surfaces, and r of what has gone once through a dark fibre, where the share that it lets through grows as fast at first,
-as in w and g. All were found together, on a plain weave, a satin, twills, a basket and a yarn of all their fibres, of
-colours from black to 0.95, under lights from the front, the side, behind and at a flat angle and under half skies, seen
-from two sides, and on flat pieces of plain and satin under lights all round, by a path tracer (`docs/appearance.md`).
-With an even sky all round, w4 + w5 S + w6 + w7 (1 - S) is all of the light there is: at most 1, which is what white
-sends on, at any depth.
+them sends it on (`fibre`), until it has been sent on often: E. What has been sent on often at a place has come there
+over half a yarn, so it is what gets to the fibres that far towards the light, N: a light at a flat angle ends in the
+crowns, and one from straight before the cloth goes down between them. What is turned by little, by few fibres, is of
+the topmost ones: T S, T^2. What has gone through a cloth is the brighter the nearer to the side that it comes from, as
+the diffuse flux in a slab is (Schuster's two streams): who sees little of the sky before the cloth is near its other
+side, hence S with what is before it and 1 - S with what is behind it. A yarn alone lets out at its sides what a cloth
+keeps, and light gets through it every way: A. Each weight is w = b + r sqrt(a) + a (c0 + c1 a + c2 a^2), which never
+falls with a. b, which w0 and w5 have, is of the fibres' surfaces, and r of what has gone once through a dark fibre,
+where the share that it lets through grows as fast at first, as in w, g and f. All were found together, on a plain
+weave, satins, twills, a basket and a yarn of all their fibres, of colours from black to 0.95, under lights from the
+front, the side, behind and at a flat angle and under half skies, seen from two sides, and on flat pieces of plain and
+satin under lights all round, by a path tracer (`docs/appearance.md`). With an even sky all round, w4 + w5 S + w6 +
+w7 (1 - S) is all of the light there is: at most 1, which is what white sends on, at any depth.
 """
 
 from math import radians, sin
@@ -40,26 +43,26 @@ from taichi_cloth.ground.arrays import Template
 from taichi_cloth.ground.mixing import SURFACE_SHARE
 
 __all__ = [
-    "AHEAD", "ALONE", "ALONG", "BARED", "BODY", "FITTED_SPREAD", "GRAZED", "OF_KEY", "OF_SKY", "ONCE", "ROUND",
-    "ROUND_ONCE", "SHUT", "THROUGH_ALONE", "cone", "dyed", "weight",
+    "AHEAD", "ALONE", "ALONG", "BARED", "BODY", "FITTED_SPREAD", "FORWARD", "FORWARDS", "GRAZED", "OF_KEY", "OF_SKY",
+    "ONCE", "ROUND", "ROUND_ONCE", "SHUT", "THROUGH_ALONE", "cone", "dyed", "weight",
 ]  # fmt: skip
 
 OF_KEY = (
-    (0.013, 0.1, 1.235, -1.235, 0.412),
-    (0.0, 0.0, 0.127, 0.468, -0.354),
-    (0.0, 0.0, 0.0, 1.135, -0.756),
-    (0.0, 0.0, 0.0, 2.222, -1.481),
+    (0.019, 0.0, 1.29, -1.29, 0.43),
+    (0.0, 0.0, 0.0, 1.23, -0.82),
+    (0.0, 0.0, 0.0, 1.936, -1.195),
 )
-THROUGH_ALONE = (0.0, 0.0, 1.589, -0.388, -0.271)
-ONCE, GRAZED = (0.0, 0.453, 0.034, 0.0, 0.0), (0.241, 4.053, 0.0, 0.0, 0.0)
+THROUGH_ALONE = (0.0, 0.0, 1.248, -0.26, -0.242)
+ONCE, GRAZED, FORWARD = (0.0, 0.434, 0.472, 0.0, 0.0), (0.0, 2.349, 0.0, 0.0, 0.0), (0.0, 0.267, 0.0, 0.0, 0.0)
 OF_SKY = (
-    (0.0, 0.0, 0.0, 0.792, -0.529),
-    (0.038, 0.157, 1.284, -1.17, 0.325),
-    (0.0, 0.0, 0.0, 0.31, -0.208),
-    (0.0, 0.0, 0.533, 0.834, -0.735),
+    (0.0, 0.0, 0.0, 0.389, -0.26),
+    (0.049, 0.0, 1.658, -0.935, 0.071),
+    (0.0, 0.0, 0.043, -0.022, 0.001),
+    (0.0, 0.0, 0.334, 1.855, -1.348),
 )
-"""b, r, c0, c1, c2 of the weights; THROUGH_ALONE: w1 of a yarn alone; ONCE: w, of light that goes through but
-one fibre before it is seen; GRAZED: g, of light that comes back forwards from the topmost fibres."""
+"""b, r, c0, c1, c2 of the weights w0, w2, w3 and w4 to w7; THROUGH_ALONE: w1; ONCE: w, of light that goes through but
+one fibre before it is seen; GRAZED: g, of light that comes back forwards from the topmost fibres; FORWARD: f, of what
+has gone on forwards through a few of them."""
 
 ALONG = 1.5
 """How fast light that fibres of a yarn send to one another falls off from the cone of their highlights, where these are
@@ -83,6 +86,9 @@ of it is seen of fibres that see all of the sky before the cloth."""
 ROUND = 2.0
 """How much more of a light on the other side gets round the fibres that are in its way, from one to the next, to those
 that see little of the sky: over what gets there straight, as a share of what does not."""
+
+FORWARDS = 1.5
+"""How fast light that has been turned by little a few times falls off from straight on."""
 
 BODY = 0.81
 """What the highlights of the fibres that were fitted leave of the light: of others that have more it is less."""

@@ -13,7 +13,22 @@ from taichi_cloth.ground.particles import COLOUR, NORMAL, POSITION, TANGENT
 from taichi_cloth.ground.vectors import Octets, each, of_group, of_row
 
 from ..maps.decay import decay
-from .bulk import AHEAD, ALONE, BARED, GRAZED, OF_KEY, OF_SKY, ONCE, ROUND, ROUND_ONCE, SHUT, THROUGH_ALONE, weight
+from .bulk import (
+    AHEAD,
+    ALONE,
+    BARED,
+    FORWARD,
+    FORWARDS,
+    GRAZED,
+    OF_KEY,
+    OF_SKY,
+    ONCE,
+    ROUND,
+    ROUND_ONCE,
+    SHUT,
+    THROUGH_ALONE,
+    weight,
+)
 from .fibre import grazed, lobes
 from .view import (
     BULK,
@@ -46,8 +61,8 @@ class Shading:
     sky: the row of the share of the sky that is seen, or -1.
     lobes: the model of `fibre` instead of Kajiya's and Kay's.
     dome: the sky has a horizon of another colour than its zenith.
-    bulk: light goes from fibre to fibre (see `bulk`). After the row of a light comes one of what reaches the cloth
-    there, and after that of the sky the six of `seen.look`.
+    bulk: light goes from fibre to fibre (see `bulk`). After the row of a light come one of what reaches the cloth
+    there and one of what reaches the fibres around, and after that of the sky the six of `seen.look`.
     """
 
     shadows: tuple[int, ...] = (-1,)
@@ -59,7 +74,7 @@ class Shading:
     @property
     def of_light(self) -> int:
         """Rows of a light that casts shadows."""
-        return 2 if self.bulk else 1
+        return 3 if self.bulk else 1
 
     @property
     def of_sky(self) -> int:
@@ -172,38 +187,40 @@ def _from_sky(shading: Template, view: F32x2, up, mirrored, albedo, root, seen, 
 
 
 @ti.func
-def _parts(shadowed: Template, view: F32x2, b_l, around, along, forward, arriving, outside, seen, closed):
-    """The seven parts of a light on a particle in a bulk (see `bulk`). around: cosine of the angle between light and
-    view round the fibre; along: t.l + t.v; forward: G; arriving: of the light at the particle; outside: what reaches
-    the cloth there; seen: of the sky; closed: how far the cloth is no yarn alone."""
+def _parts(shadowed: Template, view: F32x2, b_l, facing_eye, around, along, forward, light, seen, closed):
+    """The seven parts of a light on a particle in a bulk (see `bulk`). facing_eye: l.v; around: cosine of the angle
+    between light and view round the fibre; along: t.l + t.v; forward: G; light: what is there of it at the particle, at
+    the fibres around and of what reaches the cloth; seen: of the sky; closed: how far the cloth is no yarn alone."""
+    arriving, near, outside = light
     around = ti.min(ti.max(around, -1.0), 1.0)
     whole = 1.5 * view[BULK, 0] * view[COAT, 1]
     gain = (whole * view[CONE, 1]) * decay(view[CONE, 0] * along * along)
-    here, through = gain * arriving, gain * arriving * (1.0 + ROUND * (outside - arriving) * (1.0 - seen))
+    here, behind = gain * arriving, outside - arriving
     # Where no map does it, the direction that is open keeps light from passing through the cloth.
     unseen = view[BULK, 1] if ti.static(shadowed) else 1.0
     turned, shown = ti.max(0.2 + 0.8 * b_l, 0.0), 0.6 + 0.4 * b_l
     facing = here * rise(around) * (shown + unseen * (turned - shown))
     hidden = 1.0 + unseen * (turned - 1.0)
-    grazing = whole * arriving * forward * hidden
-    beyond = through * rise(-around) * hidden
-    ahead = gain * arriving * (1.0 - BARED * seen) * (1.0 + ROUND_ONCE * (outside - arriving) * (1.0 - seen))
+    grazing = whole * arriving * seen * forward * hidden
+    onwards = here * arriving * decay(FORWARDS * (1.0 + facing_eye)) * hidden
+    round_it = here * rise(-around) * hidden
+    beyond = round_it * (1.0 + ROUND * behind * (1.0 - seen)) * (1.0 - closed)
+    ahead = round_it * (1.0 - BARED * seen) * (1.0 + ROUND_ONCE * behind * (1.0 - seen))
     ahead *= decay(AHEAD[0] * (1.0 + around) + AHEAD[1] * along * along)
-    ahead *= rise(-around) * hidden
-    outside *= view[BULK, 0] * _alike(view, seen)
-    before = outside * view[CONE, 2] * ti.max(b_l, 0.0) * (1.0 - ALONE * seen * (1.0 - closed))
-    behind = outside * ti.max(-b_l, 0.0) * (1.0 - SHUT * seen)
-    return facing, beyond * closed, before, behind, ahead, grazing, beyond * (1.0 - closed)
+    alike = view[BULK, 0] * _alike(view, seen)
+    before = alike * near * view[CONE, 2] * ti.max(b_l, 0.0) * (1.0 - ALONE * seen * (1.0 - closed))
+    after = alike * outside * ti.max(-b_l, 0.0) * (1.0 - SHUT * seen)
+    return facing, before, after, ahead, grazing, onwards, beyond
 
 
 @ti.func
 def _lit(parts, albedo, root):
     """Of a light, what a particle sends on: its parts as of `bulk`, each with its weight."""
     total = weight(OF_KEY[0], albedo, root) * parts[0]
-    for j in ti.static(range(1, 4)):
+    for j in ti.static(range(1, 3)):
         total += weight(OF_KEY[j], albedo, root) * parts[j]
-    total += weight(ONCE, albedo, root) * parts[4] + weight(GRAZED, albedo, root) * parts[5]
-    return total + weight(THROUGH_ALONE, albedo, root) * parts[6]
+    total += weight(ONCE, albedo, root) * parts[3] + weight(GRAZED, albedo, root) * parts[4]
+    return total + weight(FORWARD, albedo, root) * parts[5] + weight(THROUGH_ALONE, albedo, root) * parts[6]
 
 
 @ti.func
@@ -327,15 +344,16 @@ def shade(layout: Template, shading: Template, particles: Octets, light: Octets,
             blue += view[at + 1, 2] * (albedo_b * inside + root_b * beyond)
         lit_r, lit_g, lit_b = albedo_r * lit, albedo_g * lit, albedo_b * lit
         if ti.static(shading.bulk):
-            outside = each(1.0)
+            outside, near = each(1.0), each(1.0)
             if ti.static(shading.shadows[k] >= 0):
-                outside = of_row(light, b, shading.shadows[k] + 1)
+                outside, near = of_row(light, b, shading.shadows[k] + 1), of_row(light, b, shading.shadows[k] + 2)
             b_l = bx * view[at, 0] + by * view[at, 1] + bz * view[at, 2]
             to_eye = view[at, 0] * vx + view[at, 1] * vy + view[at, 2] * vz
             around = (to_eye - t_l * t_v) / ti.max(sin_l * sin_v, 1e-4)
             forward = grazed(t_l, t_v, sin_l, sin_v, to_eye, view[EDGE, 2])
+            there = (passed, near, outside)
             parts = _parts(
-                ti.static(shading.shadows[k] >= 0), view, b_l, around, t_l + t_v, forward, passed, outside, seen, closed
+                ti.static(shading.shadows[k] >= 0), view, b_l, to_eye, around, t_l + t_v, forward, there, seen, closed
             )
             lit_r, lit_g = _lit(parts, albedo_r, root_r), _lit(parts, albedo_g, root_g)
             lit_b = _lit(parts, albedo_b, root_b)

@@ -38,6 +38,9 @@ MOST_LEVELS = 6
 
 BEYOND = 2.0
 """Depths of a cloth by which a place in it is moved to be out of it: along a light that falls on it at 60 degrees."""
+AROUND = 0.25
+"""Depths of a cloth, half a yarn, over which light goes from fibre to fibre: how far towards the light those are that
+send on to a place what they get of it."""
 
 NO_WALL = np.zeros(1, np.float32)
 
@@ -87,13 +90,15 @@ class ShadowMap:
         self, blocks: NDArray[np.float32], light_out: NDArray[np.float32], row: int, depth: float = 0.0
     ) -> None:
         """Write the light 0..1 that reaches packed particles to light_out (blocks, rows, 16), at `row`; with a
-        depth, at the row after it what reaches a cloth `depth` [m] thick at their place."""
+        depth, at the rows after it what reaches a cloth `depth` [m] thick at their place, and fibres around it."""
         if blocks.shape[1]:
-            beyond = BEYOND * depth + self.texel
-            numbers = self._numbers(offset=0.5 * self.texel, lag=0.5 * self.texel, beyond=beyond)
+            lag = 0.5 * self.texel
+            beyond, around = BEYOND * depth + self.texel, AROUND * depth + self.texel
+            numbers = self._numbers(offset=lag, lag=lag, beyond=beyond, around=around)
             octets, light = in_octets(blocks), in_octets(light_out)
             lookup.gather(self.softness > 0, depth > 0, numbers, *self._arrays, octets, octets.shape[1], row, light)
-            lead(light_out, row, 1, blind(self.texel, depth))
+            for at, to in ((row, 1), (row + 2, -1)):  # of the cloth alone where its fibres are not told apart
+                lead(light_out, at, to, blind(self.texel, depth))
 
     def shadow_at(self, points: ArrayLike, *, lag: float | None = None) -> NDArray[np.float32]:
         """The light 0..1 that reaches world points (n, 3) [m], shape (n,) float32.

@@ -38,6 +38,7 @@ else:
         offset=ti.f32,  # how far out along the normal a particle is looked up [m]
         lag=ti.f32,  # how far towards the light a place is looked up [m]
         beyond=ti.f32,  # and how much farther, to be out of the cloth that it is in [m]
+        around=ti.f32,  # and for what is near it in the cloth [m]
     )
 """Numbers of a map: changing them compiles nothing."""
 

@@ -113,7 +113,8 @@ def gather(
     light_out: Octets,
 ):
     """light_out[block, row, lane]: the light that reaches each particle, 0..1; in bulk, at row + 1 what reaches the
-    cloth there: read nearer to the light by as much as leads out of it.
+    cloth there: read nearer to the light by as much as leads out of it; and at row + 2 what reaches the fibres around
+    it, on the side of the light: read nearer by a part of that.
 
     A particle reads at its centre moved the map's offset and half its radius out along its normal, and half its
     radius and its lag, more where the surface slopes, towards the light: the places where its own neighbours
@@ -128,13 +129,16 @@ def gather(
         u, v, depth = _on_map(axes, px, py, pz)
         cosine = -(axes[AWAY, 0] * nx + axes[AWAY, 1] * ny + axes[AWAY, 2] * nz)
         depth -= deep.lag * slope(cosine) + 0.5 * size
-        light, outside = each(1.0), each(1.0)
+        light, outside, around = each(1.0), each(1.0), each(1.0)
         for i in range(ti.static(lanes())):
             light[i] = _through(soft, deep, levels, u[i], v[i], depth[i], nearest, through)
         if ti.static(bulk):
             for i in range(ti.static(lanes())):
                 outside[i] = _through(soft, deep, levels, u[i], v[i], depth[i] - deep.beyond, nearest, through)
+            for i in range(ti.static(lanes())):
+                around[i] = _through(soft, deep, levels, u[i], v[i], depth[i] - deep.around, nearest, through)
             set_row(light_out, b, row + 1, ti.select(size > 0.0, outside, 1.0))
+            set_row(light_out, b, row + 2, ti.select(size > 0.0, around, 1.0))
         set_row(light_out, b, row, ti.select(size > 0.0, light, 1.0))
 
 

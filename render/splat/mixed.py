@@ -84,18 +84,18 @@ def mixed(far: Held, near: LightMaps, blocks: F32, depth: float) -> Callable[[fl
         out = np.clip(want / np.maximum(have, 1e-9), LEAST, MOST)
         out[SHARES:] = 1.0
         if bulk:  # what a particle's neighbours hide is not the coarser maps' to say, but what gets to the cloth is
-            out[0] = out[1]
+            out[0 if rows == of_sky_rows else slice(of_light_rows)] = out[1]
         return out.astype(np.float32)
 
     bulk = depth > 0
-    rows = Shading(bulk=bulk).of_sky
+    of_light_rows, of_sky_rows = Shading(bulk=bulk).of_light, Shading(bulk=bulk).of_sky
     if near.sky is not None:
-        weight *= found(near.sky, rows)[:, 0]
+        weight *= found(near.sky, of_sky_rows)[:, 0]
         if far.sky is not None:
-            weight *= found(far.sky, rows)[:, 0]
+            weight *= found(far.sky, of_sky_rows)[:, 0]
     pairs = list(zip(far.lights, near.lights, strict=True))
-    of_light = [None if a is None or b is None else factor(a, b, 2 if bulk else 1) for a, b in pairs]
-    of_sky = None if far.sky is None or near.sky is None else factor(far.sky, near.sky, rows)
+    of_light = [None if a is None or b is None else factor(a, b, of_light_rows) for a, b in pairs]
+    of_sky = None if far.sky is None or near.sky is None else factor(far.sky, near.sky, of_sky_rows)
 
     def at(share: float) -> MixedMaps:
         lights = tuple(

@@ -24,7 +24,7 @@ class _Unhidden:
     def on_particles(self, blocks: F32, light_out: F32, row: int, depth: float = 0.0) -> None:
         del blocks, depth
         with on_host(light_out) as light:
-            light[:, row : row + 2] = 1.0
+            light[:, row : row + 3] = 1.0
 
 
 @dataclass(frozen=True)
