@@ -42,6 +42,8 @@ I32 = NDArray[np.int32]
 
 BODY, START, END = 0, 1, 2  # a block between two crossings; the free end before the first; after the last
 BLOCK_BYTES = 48  # the records of a block, and what laying them out takes besides
+OVERLAP = 1.06
+"""Width of a float over the room it has, at most: those beside it lie higher or lower, and it lies on their edges."""
 ALIKE = 1e-6
 """Share of a width below which a thread is as wide as another."""
 PARTICLE_BYTES = 4 * (ROWS + 1)  # its record, and the number of its thread
@@ -75,7 +77,8 @@ class Threads:
 
     position: (n,) [m] across. thickness, width: (n,) [m] of the section as it lies in the cloth, flattened by the
     threads it crosses. colour: (n, 3) float32 linear. yarn: what they are spun of; its section is scaled to fit. room:
-    how much wider each is where it floats and no neighbour is beside it (n,) [m].
+    how much wider each is where it floats and no neighbour is beside it (n,) [m]. swell: and where there is one: a
+    thread that was thinned to be woven takes its own width again, up to where it overlaps its neighbour a little.
     """
 
     position: F64
@@ -84,6 +87,7 @@ class Threads:
     colour: F32
     yarn: Yarn
     room: F64 | float = 0.0
+    swell: F64 | float = 0.0
 
     @property
     def pitch(self) -> float:
@@ -195,10 +199,16 @@ def families_of(
             np.asarray(shades, np.float32),
             yarn,
             np.maximum(np.sqrt(flattening * thick * (thick + wider)) - (thick + wider) * (1.0 + ALIKE), 0.0),
+            _swelling(thick + wider, np.sqrt(flattening) * yarn.woven_diameter, room),
         )
         for room, thick, wider, shades, yarn in zip(spacing, thickness, flat, colour, yarns, strict=True)
     )
     return warp, weft
+
+
+def _swelling(width: F64, own: float, room: F64) -> F64:
+    """How much wider threads of a width are where they float, whose own width would be `own` [m], with that room."""
+    return np.maximum(np.minimum(own, OVERLAP * room) - width * (1.0 + ALIKE), 0.0)
 
 
 def lay_out(cloth: Interlacing, warp: Threads, weft: Threads, *, detail: Detail) -> FabricLayout:
@@ -285,8 +295,10 @@ def _family(
     section = np.concatenate([np.full(len(p[0]), p[3], np.int32) for p in parts])
     gap = np.zeros(len(thread), np.int64)
     gap[section == BODY] = gap_class[begin[section == BODY]]
-    beside = _beside(up) & (np.broadcast_to(own.room, threads) > 0.0)[:, None, None]
-    sides = (beside @ np.array([1, 2])).astype(np.int64)  # (threads, crossings)
+    room, swell = np.broadcast_to(own.room, threads), np.broadcast_to(own.swell, threads)
+    beside, floats = _beside(up)
+    beside, floats = beside & (room > 0.0)[:, None, None], floats & (swell > 0.0)[:, None]
+    sides = (beside @ np.array([1, 2]) + 4 * floats).astype(np.int64)  # (threads, crossings)
     shapes = [up[thread, begin], up[thread, end], own_class[thread], other_class[begin], other_class[end], gap]
     shapes += [np.where(section == BODY, sides[thread, at], 0) for at in (begin, end)]
     # A kind is a mixed-radix number of everything that shapes the path; np.unique finds those in use.
@@ -303,9 +315,11 @@ def _family(
         "flat": np.where(free, 0.0, (other.width - other.thickness)[b] / 2),
         "pitch": np.where(free, other.pitch, gaps[inside] if crossings > 1 else other.pitch),
     }
-    reaching = np.stack([beside[t, b], beside[t, end[found]]], axis=1) & ~free[:, None, None]
-    both = np.maximum(reaching.sum(axis=2, keepdims=True), 1)
-    kinds["spread"] = reaching * np.broadcast_to(own.room, threads)[t][:, None, None] / both
+    here = np.stack([b, end[found]], axis=1)
+    reaching, floating = beside[t[:, None], here], floats[t[:, None], here][..., None]
+    over = room[t][:, None, None] / np.maximum(reaching.sum(axis=2, keepdims=True), 1)
+    under = floating * swell[t][:, None, None] / 2.0
+    kinds["spread"] = np.where(free[:, None, None], 0.0, np.where(reaching, np.maximum(over, under), under))
     for name, array in paths.items():
         kinds[name] = np.where(free, 0.0, array[t, inside] if crossings > 1 else 0.0)
     for name in ("z0", "z1"):
@@ -320,9 +334,10 @@ def _family(
     return rows, kinds
 
 
-def _beside(up: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Where threads float and the one before, or after, lies on the other face: (threads, crossings, 2). Of a repeat
-    with its first thread and crossing once more it goes on beyond the edge; another weave ends there."""
+def _beside(up: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Where threads float and the one before, or after, lies on the other face, (threads, crossings, 2), and where they
+    float at all. Of a repeat with its first thread and crossing once more it goes on beyond the edge; another weave
+    ends there."""
     on = [up.shape[axis] > 2 and bool((np.take(up, 0, axis) == np.take(up, -1, axis)).all()) for axis in (0, 1)]
     wide = up
     for axis, goes_on in enumerate(on):
@@ -330,7 +345,7 @@ def _beside(up: NDArray[np.bool_]) -> NDArray[np.bool_]:
         wide = np.concatenate([first, wide, last], axis)
     here = wide[1:-1, 1:-1]
     floats = (wide[1:-1, :-2] == here) & (wide[1:-1, 2:] == here)
-    return np.stack([floats & (wide[:-2, 1:-1] != here), floats & (wide[2:, 1:-1] != here)], axis=-1)
+    return np.stack([floats & (wide[:-2, 1:-1] != here), floats & (wide[2:, 1:-1] != here)], axis=-1), floats
 
 
 def _classes(values: F64) -> NDArray[np.int64]:
