@@ -42,6 +42,9 @@ I32 = NDArray[np.int32]
 
 BODY, START, END = 0, 1, 2  # a block between two crossings; the free end before the first; after the last
 BLOCK_BYTES = 48  # the records of a block, and what laying them out takes besides
+FLOATING = 1.6
+"""Width over thickness of floats in a cloth that is set closer than its threads are wide, at least: nothing binds them,
+and finishing presses them flat."""
 OVERLAP = 1.06
 """Width of a float over the room it has, at most: those beside it lie higher or lower, and it lies on their edges."""
 ALIKE = 1e-6
@@ -199,16 +202,19 @@ def families_of(
             np.asarray(shades, np.float32),
             yarn,
             np.maximum(np.sqrt(flattening * thick * (thick + wider)) - (thick + wider) * (1.0 + ALIKE), 0.0),
-            _swelling(thick + wider, np.sqrt(flattening) * yarn.woven_diameter, room),
+            _swelling(thick + wider, yarn.woven_diameter, flattening, room),
         )
         for room, thick, wider, shades, yarn in zip(spacing, thickness, flat, colour, yarns, strict=True)
     )
     return warp, weft
 
 
-def _swelling(width: F64, own: float, room: F64) -> F64:
-    """How much wider threads of a width are where they float, whose own width would be `own` [m], with that room."""
-    return np.maximum(np.minimum(own, OVERLAP * room) - width * (1.0 + ALIKE), 0.0)
+def _swelling(width: F64, own: float, flattening: float, room: F64) -> F64:
+    """How much wider threads of a width are where they float, with that room, if they are thinner than their own
+    diameter [m] flattened as asked."""
+    thinned = np.sqrt(flattening) * own > width * (1.0 + ALIKE)
+    free = np.sqrt(max(flattening, FLOATING)) * own
+    return np.where(thinned, np.maximum(np.minimum(free, OVERLAP * room) - width, 0.0), 0.0)
 
 
 def lay_out(cloth: Interlacing, warp: Threads, weft: Threads, *, detail: Detail) -> FabricLayout:
