@@ -45,7 +45,7 @@ BLOCK_BYTES = 48  # the records of a block, and what laying them out takes besid
 FLOATING = 1.6
 """Width over thickness of floats in a cloth that is set closer than its threads are wide, at least: nothing binds them,
 and finishing presses them flat."""
-OVERLAP = 1.06
+OVERLAP = 1.1
 """Width of a float over the room it has, at most: those beside it lie higher or lower, and it lies on their edges."""
 ALIKE = 1e-6
 """Share of a width below which a thread is as wide as another."""
