@@ -17,7 +17,7 @@ from ..models.model import Panel
 __all__ = ["averaged", "over", "samples_of", "shown"]
 
 SAMPLES = 2
-FINE = 0.5
+FINE = 0.48
 """Radius [px] of fibres under which there are so many samples: yarns and plies in which they lie are 1 to 3 px wide."""
 
 
