@@ -39,7 +39,7 @@ THREADS, PIXELS = 20, 5.0
 ROUNDS, POWER = 3, 0.4
 """Rounds in which a width is found; of fibres wider by a small share, by what power of that light that gets through is
 less, as a logarithm, at first."""
-WIDEST, OPENER = (0.85, 1.25), (0.3, 2.0)
+WIDEST, OPENER = (0.85, 1.5), (0.3, 2.0)
 """What a width, and a factor of what a fibre does not see of the sky, are kept between."""
 TURNS = 3
 """Turns in which directions are found: what is seen hangs on them."""

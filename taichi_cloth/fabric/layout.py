@@ -45,8 +45,6 @@ BLOCK_BYTES = 48  # the records of a block, and what laying them out takes besid
 FLOATING = 1.6
 """Width over thickness of floats in a cloth that is set closer than its threads are wide, at least: nothing binds them,
 and finishing presses them flat."""
-OVERLAP = 1.1
-"""Width of a float over the room it has, at most: those beside it lie higher or lower, and it lies on their edges."""
 ALIKE = 1e-6
 """Share of a width below which a thread is as wide as another."""
 PARTICLE_BYTES = 4 * (ROWS + 1)  # its record, and the number of its thread
@@ -81,7 +79,7 @@ class Threads:
     position: (n,) [m] across. thickness, width: (n,) [m] of the section as it lies in the cloth, flattened by the
     threads it crosses. colour: (n, 3) float32 linear. yarn: what they are spun of; its section is scaled to fit. room:
     how much wider each is where it floats and no neighbour is beside it (n,) [m]. swell: and where there is one: a
-    thread that was thinned to be woven takes its own width again, up to where it overlaps its neighbour a little.
+    thread that was thinned to be woven takes its own width again, up to the room it has.
     """
 
     position: F64
@@ -214,7 +212,7 @@ def _swelling(width: F64, own: float, flattening: float, room: F64) -> F64:
     diameter [m] flattened as asked."""
     thinned = np.sqrt(flattening) * own > width * (1.0 + ALIKE)
     free = np.sqrt(max(flattening, FLOATING)) * own
-    return np.where(thinned, np.maximum(np.minimum(free, OVERLAP * room) - width, 0.0), 0.0)
+    return np.where(thinned, np.maximum(np.minimum(free, room) - width, 0.0), 0.0)
 
 
 def lay_out(cloth: Interlacing, warp: Threads, weft: Threads, *, detail: Detail) -> FabricLayout:
