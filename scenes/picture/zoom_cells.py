@@ -33,7 +33,7 @@ from .gains import PROBE, colours_at, matched
 from .sheet_look import fit_look
 from .streamed import Closer, Streamed
 from .view import View
-from .zoom_path import RESOLUTION, nearing, skin_in
+from .zoom_path import RESOLUTION, TURN, nearing, skin_in
 
 __all__ = ["zoom_cells"]
 
@@ -73,7 +73,7 @@ def zoom_cells(view: View, count: int, numbers: list[int]) -> Iterator[tuple[int
     near.skins.gain = _skin_gain(near, finish)
     mesh = join(panel.meshes) if panel.meshes else None
     aim = section.aim or (CHEST if scene.subject == "garment" else MIDDLE)
-    end, normal = near.crown(*_cell_at(source.cloth, first, aim, mesh), first.eye)
+    end, normal = near.crown(*_cell_at(source.cloth, first, aim, mesh), first.eye, TURN)
     # All of it about that place.
     assert model.fibres is not None
     sample: ParticleBlocks = model.fibres.follow((model.simulation.positions - end).astype(np.float32))

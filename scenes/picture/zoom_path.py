@@ -13,7 +13,7 @@ from ...render.data.camera import Camera, look_at
 from ..prepare.yarns import fibre_kind
 from ..scene.schema import Scene
 
-__all__ = ["RESOLUTION", "nearing", "skin_in"]
+__all__ = ["RESOLUTION", "TURN", "nearing", "skin_in"]
 
 F64 = NDArray[np.float64]
 

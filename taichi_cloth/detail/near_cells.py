@@ -79,6 +79,9 @@ ABOUT, ASIDE = 8, 0.02
 """Threads each way among which a crown is looked for, and how much height outweighs a way aside."""
 MANY, BURIED = 64, 4.0
 """Pieces of more points are left without a surface where so many layers of others lie before them."""
+CROWNS, PASSING = 400, 8.0
+"""Crowns among which one is looked for, and radii of a fibre by which hairs have to pass it: a camera that comes
+down to it goes by them, and one in its way would vanish at once."""
 PARTS = 12
 """Patches across a region, at least, that it is cut out of a cloth by."""
 MOST_CROSSINGS = 4000
@@ -262,9 +265,10 @@ class NearCells:
             )  # fmt: skip
         return out
 
-    def crown(self, cell: int, u: float, v: float, eye: NDArray) -> tuple[F64, F64]:
+    def crown(self, cell: int, u: float, v: float, eye: NDArray, turned: float = 1.0) -> tuple[F64, F64]:
         """The outermost place [m] of a fibre on the side of cell number `cell` that is seen from `eye`, near the shares
-        u, v of it; and the cloth's normal there on that side."""
+        u, v of it; and the cloth's normal there on that side. No hair passes it, as it is seen by a camera that turns
+        so far from there to the normal."""
         cloth = self.cells.cloth
         row, col = divmod(cell, cloth.shape[1])
         at, by_u, by_v = (a[0] for a in surface_points(cloth.node, cloth.shape[1], [col + u], [row + v]))
@@ -281,11 +285,17 @@ class NearCells:
             patch[0, size] = count_here
             patch[0, first] = begin * each + np.clip(round(place_in * each) - count_here // 2, 0, each - count_here)
         pieces = self._pieces(patch).astype(np.float64)
-        pieces = pieces[(pieces[:, SKINNED] > 0) & (pieces[:, RADIUS] > 0)]
+        pieces = pieces[pieces[:, RADIUS] > 0]
+        hairs, pieces = pieces[pieces[:, SKINNED] == 0], pieces[pieces[:, SKINNED] > 0]
         if not len(pieces):
             return at, normal
         away = pieces[:, POSITION : POSITION + 3] - at
-        top = int(np.argmax(away @ normal + pieces[:, RADIUS] - ASIDE * np.linalg.norm(away, axis=1)))
+        order = np.argsort(-(away @ normal + pieces[:, RADIUS] - ASIDE * np.linalg.norm(away, axis=1)))[:CROWNS]
+        way = (eye - at) / np.linalg.norm(eye - at)
+        way = way + turned * (normal - way)
+        way /= np.linalg.norm(way)
+        clear = PASSING * float(pieces[:, RADIUS].mean())
+        top = next((k for k in order if _passing(hairs, at + away[k], way) > clear), order[0])
         return at + away[top] + pieces[top, RADIUS] * normal, normal
 
     def around(self, place: NDArray, size: float, most: int) -> F32:
@@ -334,6 +344,16 @@ class NearCells:
         pairs = zip(laid, (thread, self.cells.parts[thread]), strict=True)
         both = [[np.pad(one, (0, -len(one) % LANES), constant_values=-1) for one in pair] for pair in pairs]
         return np.concatenate(both[0]).astype(np.int32), np.concatenate(both[1]).astype(np.int32)
+
+
+def _passing(hairs: F64, place: F64, way: F64) -> float:
+    """How far the nearest of pieces of hair is from the line from a place along a way [m], of those ahead."""
+    there, along = hairs[:, POSITION : POSITION + 3] - place, hairs[:, TANGENT : TANGENT + 3]
+    aside, course = there - (there @ way)[:, None] * way, along - (along @ way)[:, None] * way
+    share = -(aside * course).sum(axis=1) / np.maximum((course**2).sum(axis=1), 1e-12)
+    nearest = aside + np.clip(share, -hairs[:, HALF_LENGTH], hairs[:, HALF_LENGTH])[:, None] * course
+    ahead = there @ way > 0.0
+    return float((np.linalg.norm(nearest, axis=1) - hairs[:, RADIUS])[ahead].min(initial=np.inf))
 
 
 def _hidden(pieces: F32, counts: I32, depth: F32, camera: Pinhole) -> NDArray[np.intp]:

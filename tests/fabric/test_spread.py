@@ -44,7 +44,7 @@ def across(bank: TemplateBank, block: int) -> tuple[np.ndarray, np.ndarray]:
 def _even(layout: FabricLayout, end: int) -> int:
     """A block of an end that ends where it floats between neighbours."""
     spread, heights = layout.kinds.spread[layout.blocks.kind][:, 1], layout.cloth.warp_up[:, end]
-    alone = (spread <= 0.51 * float(np.asarray(layout.warp.swell)[0])).all(axis=1)
+    alone = np.all(spread <= 0.51 * float(np.asarray(layout.warp.swell)[0]), axis=1)
     picks = [k for k in range(1, 7) if heights[k : k + 3].all() and alone[block_of(layout, end, k)]]
     return block_of(layout, end, picks[0])
 

@@ -136,13 +136,19 @@ def test_a_crown_is_the_outermost_of_what_lies_round_it(near: NearCells) -> None
         eye = np.array([0.0, side * 10.0, 0.0])
         place, normal = near.crown(cell, 0.5, 0.5, eye)
         assert normal[1] * side > 0.99
-        particles = near.around(place, size, 10**7).reshape(ROWS, -1).T
-        particles = particles[(particles[:, RADIUS] > 0) & (particles[:, OPENNESS] < 1.0)]
+        everything = near.around(place, size, 10**7).reshape(ROWS, -1).T
+        particles = everything[(everything[:, RADIUS] > 0) & (everything[:, OPENNESS] < 1.0)]
         away = particles[:, POSITION : POSITION + 3] - place
         assert len(particles) > 1000
         assert np.abs(away).max() < 0.5 * size + 1.5e-3
         close = np.linalg.norm(away, axis=1) < 0.25e-3
         assert (away[close] @ normal + particles[close, RADIUS]).max() < 10e-6
+        hairs = everything[(everything[:, RADIUS] > 0) & (everything[:, OPENNESS] >= 1.0)]
+        over = hairs[:, POSITION : POSITION + 3] - place
+        over = over[over @ normal > 0.0]
+        passing = np.linalg.norm(over - (over @ normal)[:, None] * normal, axis=1)
+        assert len(over) > 100
+        assert passing.min() > 4 * particles[:, RADIUS].mean()
 
 
 def test_a_zoom_goes_where_it_is_told(model: ClothModel, near: NearCells) -> None:
