@@ -10,7 +10,17 @@ from taichi_cloth.render.data.camera import look_at
 from taichi_cloth.render.data.finish import FINISHES, Finish
 from taichi_cloth.render.data.light import Lighting
 from taichi_cloth.render.data.particles import Particles
-from taichi_cloth.render.light.bulk import ALONG, FITTED_SPREAD, FORWARD, GRAZED, OF_KEY, OF_SKY, ONCE, THROUGH_ALONE, cone
+from taichi_cloth.render.light.bulk import (
+    ALONG,
+    FITTED_SPREAD,
+    FORWARD,
+    GRAZED,
+    OF_KEY,
+    OF_SKY,
+    ONCE,
+    THROUGH_ALONE,
+    cone,
+)
 from taichi_cloth.render.splat.splat import Splatter
 
 APART, THREADS, LAYERS = 1e-3, 60, 8
