@@ -36,9 +36,9 @@ from taichi_cloth.sheet.sheet import LANES
 
 __all__ = ["MOVED", "NUMBERS", "SHIFT", "UNPROVEN", "LayerFields"]
 
-NEXT, FAR, SHARE = 2, 14, 0.12
-"""Intervals that a search of all is good for, at least and at most; and for how much of the room that key points use up
-which do not go on as those round them."""
+NEXT, FAR, SHARE = 2, 17, 0.12
+"""Intervals that a search of all is good for, at least and at most: a frame of 1/30 s, in whatever steps; and for how
+much of the room that key points use up which do not go on as those round them."""
 EDGE_SHARE = 0.5
 """Of the thickness that edges keep: layers that lie flat are kept apart by their points."""
 TURNS, MOST_SPENT = 2, 0.2

@@ -31,7 +31,7 @@ import taichi as ti
 from taichi_cloth.ground.arrays import Float, Int, Template
 from taichi_cloth.ground.routine import routine
 from taichi_cloth.motion.crew import LINE
-from taichi_cloth.motion.stencil import largest, load, near, store
+from taichi_cloth.motion.stencil import largest, load, near, nothing, store
 from taichi_cloth.sheet.sheet import LANES
 from taichi_cloth.solvers.yarn_fields import NEVER, YarnFields
 from taichi_cloth.solvers.yarn_order import DELAY, GROUPS
@@ -344,13 +344,20 @@ class WholeYarns(YarnFields):
 
     @ti.func
     def pull(self, points: Template, p, base, offset, mark, n: Template):
-        """At the end of a substep: how tight threads are, for what the wave along a taut string asks of the step."""
+        """At the end of a substep: how tight threads are, for what the wave along a taut string asks of the step: the
+        mean of those on both sides and of the yarns that cross there, as all hold a key point that leaves the line."""
         s = points.lanes(base + p)
         mobile = n.mass * ti.max(load(points.inverse_mass, p), load(points.inverse_mass, near(p + offset)))
         was = load(self.pulled, s)
         pulled = was - (load(self.tension, s) * mobile * n.slimmer + was) * ti.static(2.0 / AVERAGED)
         store(self.pulled, s, pulled)
-        store(self.tight, mark, ti.max(load(self.tight, mark), pulled))
+        across = nothing()
+        for family in ti.static(range(self.families)):
+            first = p + family * self.size
+            across += ti.max(load(self.pulled, points.lanes(first)), 0.0)
+            across += ti.max(load(self.pulled, near(first - self.offset[family])), 0.0)
+        tight = ti.select(n.watched < NEVER, 0.25 * across, pulled)
+        store(self.tight, mark, ti.max(load(self.tight, mark), tight))
 
 
 @ti.func

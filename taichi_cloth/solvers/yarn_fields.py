@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from taichi_cloth.ground.arrays import F32x3, I32x2, Int
 from taichi_cloth.ground.runtime import on_host
-from taichi_cloth.motion.crew import LINE
+from taichi_cloth.motion.crew import LINE, PARTS
 from taichi_cloth.sheet.sheet import LANES
 from taichi_cloth.solvers.yarn_order import GROUPS, yarn_order
 
@@ -27,6 +27,7 @@ THREAD_NUMBERS = (
     "calm",  # 1/[m], of the C, either way, beyond which the next substep is wild
     "mass",  # m₀ [kg]
     "damped",  # τ/h
+    "watched",  # substep of a frame from which on it is looked whether they are solved, or NEVER
 )
 """Of the threads of a family, in a field: changing them compiles nothing."""
 
@@ -35,6 +36,11 @@ ThreadNumbers: Any = ti.types.struct(**dict.fromkeys(THREAD_NUMBERS, ti.f32))
 NEVER = 1e6  # [m] that no thread grows by
 
 TILE = LANES * LANES
+
+MOST_SUBSTEPS = 4096
+"""Of a frame."""
+ASKED = PARTS * LINE
+"""Place in `YarnFields.missed` of the turn up to which the first substep goes on; what is before is of each part."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +76,8 @@ class YarnFields:
     Of the family at work: turning, [axis], by how much n turns in this step. grown, growing: C, and τ/h dC [m].
     diagonal, coupling, right: of the systems, as they lie. change: first z, then Δλ; turned_change: the same turned.
     strained: the largest |C| of a substep for each group and lane, as a share of what is calm. wild: 1 in a wild
-    substep, else 0. differs: the same, above 0 where a factorisation is too old.
+    substep, else 0. differs: the same, above 0 where a factorisation is too old. missed:
+    at another time in the same place, what threads are longer by than they pull, for each part and lane; and see ASKED.
     """
 
     def __init__(self, size: int, families: int, cloths: int = 1) -> None:
@@ -88,7 +95,8 @@ class YarnFields:
             (*self.normal, self.tension, self.held, self.pulled, self.beside, self.pivot),
             (*self.turning, self.coupling, self.right, self.change, self.turned_change),
         )
-        self.strained, self.differs, self.tight = fields(3, GROUPS * LINE)
+        self.strained, self.tight = fields(2, GROUPS * LINE)
+        self.differs = self.missed = ti.field(ti.f32, ASKED + MOST_SUBSTEPS + 1)
         self.wild = ti.field(ti.f32, ())
         self.order, self.closes = (_whole_numbers(6 * (size // LANES) + 1024) for _ in range(2))
         self.tile, self.turned_tile = (_whole_numbers(size // TILE) for _ in range(2))

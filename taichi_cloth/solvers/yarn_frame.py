@@ -3,7 +3,7 @@
     of each substep:
         move      shear, bending, gravity, wind: where key points would be without their threads
         touch     fixed shapes, the body
-        of each sweep:
+        of each sweep, more of them at the end of a frame where threads are not solved yet:
             solve     the yarns of one family, then those of the other; who begins alternates. Where shear is stiff
                       the diagonals are families too
             touch     again; what it pushed and held in this substep may grow or be taken back
@@ -15,15 +15,20 @@ import taichi as ti
 
 from taichi_cloth.ground.arrays import Float, Template
 from taichi_cloth.motion.constraint import Constraint
-from taichi_cloth.motion.crew import PARTS
+from taichi_cloth.motion.crew import LINE, PARTS
 from taichi_cloth.motion.frame import Frame
 from taichi_cloth.motion.stage_clock import StageClock
 from taichi_cloth.motion.stencil import BALL, FLOOR, largest, load, load_xyz, nothing, rub_anew, store
 from taichi_cloth.sheet.sheet import LANES
 from taichi_cloth.solvers.whole_yarns import WholeYarns
+from taichi_cloth.solvers.yarn_fields import ASKED
 from taichi_cloth.solvers.yarn_order import GROUPS
 
 __all__ = ["ChainFrame", "YarnFrame"]
+
+MOST_SWEEPS, UNSOLVED = 6, 0.01
+"""Sweeps at most of a substep, or of a frame that is taken again, since ties and the body have made a thread longer
+than its yarn was solved for, by such a share of its length; those that are not LONG may be (`yarns.py`)."""
 
 
 @ti.data_oriented
@@ -68,16 +73,25 @@ class YarnFrame(Frame):
                 self.ends(thread, "friction within")
             stage, ended = self.in_parts(self.soften, thread, stage, ended, done, 0, air, values, n, features)
             self.ends(thread, "springs")
-            for turn in range(turns + 1):
+            turn, end, watched = 0, turns, done >= ti.cast(self.yarns.numbers[0].watched, ti.i32)
+            while turn <= end:
                 if turn % families == 0:
                     stage, ended = self.correct_all(thread, stage, ended, turn, turns, done, values, n, features)
-                if turn < turns:
+                    if watched and turn >= turns:
+                        stage, ended = self.in_parts(
+                            self.miss, thread, stage, ended, done, turn, air, values, n, features
+                        )
+                        stage, ended = self.judge_missed(thread, stage, ended, done, turn)
+                        self.ends(thread, "threads")
+                        end = ti.max(end, ti.cast(self.yarns.missed[ASKED + done], ti.i32))
+                if turn < end:
                     family = turn % families
                     if done % 2 == 1:
                         family = families - 1 - family
                     pulls = turn >= turns - families and done % 2 == 1
                     stage, ended = self.solve(thread, stage, ended, family, turn // families, pulls)
                     self.ends(thread, "threads")
+                turn += 1
         self.in_parts(self.write, thread, stage, ended, last, 0, wind, values, n, features)
         self.ends(thread, "state")
 
@@ -124,6 +138,29 @@ class YarnFrame(Frame):
         return here, goal
 
     @ti.func
+    def miss(self, part, done, at, wind, values: Template, n: Template, features: Template):
+        """What threads of a part are longer by than they pull says."""
+        found = nothing()
+        for e in range(self.cut[part], self.cut[part + 1]):
+            for family in ti.static(range(2)):
+                found = ti.max(found, self.yarns.unsolved(self, self.lanes(self.packet[e] * LANES), family))
+        store(self.yarns.missed, part * LINE, found)
+
+    @ti.func
+    def judge_missed(self, thread, stage, ended, done, turn):
+        """One stage, by one thread: whether there is another sweep in substep `done`, after turn `turn`."""
+        here, goal = stage + 1, ended + 1
+        if self.crew.take(thread, 0, here, 1, goal) == 0:
+            most = 0.0
+            for part in range(PARTS):
+                most = ti.max(most, largest(load(self.yarns.missed, part * LINE)))
+            if most > UNSOLVED and turn < MOST_SWEEPS * ti.static(self.families):
+                self.yarns.missed[ASKED + done] = ti.cast(turn + ti.static(self.families), ti.f32)
+            self.crew.finish()
+        self.crew.meet(goal)
+        return here, goal
+
+    @ti.func
     def open(self, part, done, at, wind, values: Template, n: Template, features: Template):
         """`read`; at the start of a frame threads that nothing pulls."""
         self.read(part, done, at, wind, values, n, features)
@@ -137,6 +174,7 @@ class YarnFrame(Frame):
     def prepare(self, part, done, at, wind, values: Template, n: Template, features: Template):
         if part == 0:
             self.yarns.judge()
+            self.yarns.missed[ASKED + done] = 0.0
             self.before_springs(done, n)
         self.lead_part(part, n)
 

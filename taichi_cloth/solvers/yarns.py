@@ -26,8 +26,8 @@ from taichi_cloth.sheet.sheet import Band, Sheet, SheetState
 from taichi_cloth.solvers.spring_solver import SpringSolver
 from taichi_cloth.solvers.step_choice import StepChoice
 from taichi_cloth.solvers.strained_start import settle
-from taichi_cloth.solvers.yarn_fields import NEVER, Family
-from taichi_cloth.solvers.yarn_frame import ChainFrame, YarnFrame
+from taichi_cloth.solvers.yarn_fields import MOST_SUBSTEPS, NEVER, Family
+from taichi_cloth.solvers.yarn_frame import MOST_SWEEPS, UNSOLVED, ChainFrame, YarnFrame
 
 __all__ = ["Yarns", "left_explicit"]
 
@@ -36,19 +36,27 @@ LONGEST = 4e-4
 """Step [s] beyond which the direction threads are pushed in would show: cloth of 0.5 m that is let go is off by 0.4 mm
 after 0.3 s at this one, and by 0.2 mm at half of it (`report --only solver`)."""
 
+QUIET = 8e-4
+"""The same of cloth that hardly moves, whose threads hardly turn [s]."""
+
+RESTS, STIRS = 0.15, 0.3
+"""Speed in the mean (rms) below which cloth takes such steps, and above which no more [m/s]: at the latter it moves as
+after a fall of 5 mm."""
+
 TIGHTEST = 0.25
-"""−λ/L of a thread up to which the wave along it is stable."""
+"""−λ/L of a thread up to which the wave along it is stable, where yarns that cross it pull as much: of both it is the
+mean that counts."""
 
 CHAINED = 1.8
 """What a substep costs with chains of diagonals, in substeps without: 79 × 79 key points, two sweeps."""
 
-MOST_SUBSTEPS = 4096
 WORTH = 0.9
 """Share of the substeps from which on fewer are taken again."""
 
-MOST_SWEEPS, UNSOLVED = 6, 0.01
-"""Sweeps at most of a frame that is taken again since ties and the body have made a thread longer than its yarn was
-solved for, by such a share of its length; those that are not LONG may be."""
+WATCHED = 8
+"""Substeps at the end of a frame in which sweeps go on as long as threads are UNSOLVED: the end is what is seen of it.
+Where that is not enough the frame is taken again with a sweep more throughout: of a T-shirt that walks one in fifty, where
+it was one in six."""
 
 LONG, SLACK = 0.0295, 1.01
 """Strain up to which it does not matter what a thread pulls, and that which a crimped one is left beside ties
@@ -102,7 +110,8 @@ def left_explicit(
 
 class Yarns(SpringSolver):
     """sweeps: over all families, a substep. step, safety: as of `Verlet`, of the springs that are not solved whole.
-    chains: whether the diagonals are, too; None: where that is cheaper."""
+    chains: whether the diagonals are, too; None: where that is cheaper. sewing: a garment until it is worn, whose steps
+    are as short where it hardly moves, and which is looked at after its frames alone: it comes to rest as it did."""
 
     answers = ("strain_limit",)
     springs_are_threads = False
@@ -118,9 +127,11 @@ class Yarns(SpringSolver):
         safety: float = 0.9,
         sweeps: int = SWEEPS,
         chains: bool | None = None,
+        sewing: bool = False,
         threads: int | None = None,
         constraints: tuple[Constraint, ...] = (),
     ) -> None:
+        self._sewing = sewing
         self.sweeps, self._fewest, self._calm, self._futile = sweeps, sweeps, 0, 0
         self._finer, self._pushed = 0, 0
         self.tight, self.unsolved, self._before = 0.0, 0.0, inf
@@ -139,6 +150,7 @@ class Yarns(SpringSolver):
             raise InputError(f"solver.step: {step!r} s; allowed: above 0, at most {longest:.4g} s")
         substeps = self.choice.substeps(step or longest)
         self._asked, self._least = step or longest, substeps
+        self._rests = step is None and not sewing and forces.strain_limit is None
         super().__init__(
             sheet, forces, frame_rate=frame_rate, substeps=substeps, threads=threads, constraints=constraints
         )
@@ -171,7 +183,8 @@ class Yarns(SpringSolver):
         s, m, limit = cloth.springs, cloth.material, self.forces.strain_limit
         mass = m.density * s.spacing_x * s.spacing_y
         squared = shared["structural_x"] / s.structural_x  # h², less what the air takes meanwhile
-        always = {"mass": mass, "damped": m.fibre_damping / self.step}
+        watched = NEVER if self._sewing else float(max(self.substeps - WATCHED, 0))
+        always = {"mass": mass, "damped": m.fibre_damping / self.step, "watched": watched}
         straight, left, out = s.drawn(m), longest_beside(m), []
         longest = LONG * (LAYERED if self._layered else 1.0)
         for constant, drawn, rest, stiff, crimp, most in (
@@ -213,16 +226,21 @@ class Yarns(SpringSolver):
         if wanted > self.substeps and self.substeps < MOST_SUBSTEPS:
             self._go_over(state, wanted)
             return True
-        if wanted < WORTH * self.substeps and reached is not None:
-            self._go_over(reached, wanted)
         if reached is None:
             return False
+        wanted = max(wanted, self._fewest_substeps(self._rests and self._quiet(state, reached)))
+        if not WORTH * self.substeps <= wanted <= self.substeps:
+            self._go_over(reached, wanted)
         still = self._still(state, reached)
         if self._sweep_more(self.sweeps > self._fewest and still):
             return True
         if self._layered:
             self._follow(reached, still, still and self._trembles(state, reached))
         return False
+
+    def _quiet(self, before: SheetState, state: SheetState) -> bool:
+        """Whether cloth takes longer steps as it hardly moves."""
+        return self._frame_speed(before, state) < (STIRS if self.substeps < self._least else RESTS)
 
     def _still(self, before: SheetState, state: SheetState) -> bool:
         """Whether a sheet hardly moves; layers may tremble within a frame."""
@@ -250,11 +268,17 @@ class Yarns(SpringSolver):
             self._finer = ceil((STAYS if still else LASTS) * self.frame_rate)
         elif self._finer > 0:
             self._finer -= 1
-        if self._fewest_substeps() > self.substeps:
+        if self._finer and self._fewest_substeps() > self.substeps:
             self._go_over(state, self._fewest_substeps())
 
-    def _fewest_substeps(self) -> int:
-        return 2 * ceil(0.5 * FINER * self._least) if self._finer else self._least
+    def _fewest_substeps(self, quiet: bool = False) -> int:
+        if self._finer:
+            return 2 * ceil(0.5 * FINER * self._least)
+        return self._stable() if quiet else self._least
+
+    def _stable(self) -> int:
+        """Substeps of the soft springs that are stable, and as many as cloth needs that hardly moves."""
+        return min(self._least, self.choice.substeps(min(QUIET, self.choice.longest)))
 
     def _sweep_more(self, still: bool) -> bool:
         """Whether the last frame is to be taken again with a sweep more. still: see `_still`."""
@@ -293,16 +317,16 @@ class Yarns(SpringSolver):
         return f"threads are pulled by {pull:.2g} N/m, and more than {MOST_SUBSTEPS} substeps a frame would follow them"
 
     def _for_tension(self) -> int:
-        """Substeps that the last frame asks for by its tension; at least those of the soft springs, as locked as they
-        were."""
+        """Substeps that the last frame asks for by its tension; at least those that soft springs are stable with, as
+        locked as they were."""
         if self.choice.lock(self.locked):
             self._least = self.choice.substeps(min(self._asked, self.choice.longest))
-        if self._least > self.substeps:
-            return self._least
+        if self._stable() > self.substeps:
+            return self._stable()
         if self.tight > TIGHTEST:
             return 2 * ceil(0.55 * self.substeps * sqrt(self.tight / TIGHTEST))
         calm = 2 * ceil(0.5 * self.substeps * max(sqrt(2 * self.tight / TIGHTEST), 0.5))
-        return min(self.substeps, max(self._fewest_substeps(), calm))
+        return min(self.substeps, max(self._stable(), calm))
 
     def _go_over(self, state: SheetState, substeps: int) -> None:
         """To other steps, and the steps in the state with them."""

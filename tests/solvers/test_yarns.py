@@ -20,6 +20,7 @@ from taichi_cloth.sheet.sheet import PAD, Sheet
 from taichi_cloth.sheet.springs import calibrate
 from taichi_cloth.solvers.verlet import Verlet
 from taichi_cloth.solvers.yarns import CALM, FUTILE, LONG, MOST_SWEEPS, SLACK, STAYS, TIGHTEST, UNSOLVED, WILD, Yarns
+from taichi_cloth.solvers.yarns import LONGEST as LONGEST_STEP
 
 SIDE = 21
 SPACING = 1 / (SIDE - 1)
@@ -234,12 +235,45 @@ def test_each_sweep_leaves_a_share_of_the_error() -> None:
     start[..., 2] += 0.1 * np.sin(7 * start[..., 0] + 3 * start[..., 1]) * -start[..., 1]
     left = []
     for sweeps in (1, 2, 3):
-        solver = Yarns(sheet, FAR, frame_rate=1000.0, sweeps=sweeps)
+        solver = Yarns(sheet, FAR, frame_rate=1000.0, sweeps=sweeps, sewing=True)
         state = sheet.state(start)
         solver.advance(state, FrameForces())
         left.append(max(float(np.abs(part).max()) for part in sheet.stretch(sheet.positions(state).astype(float))))
     assert left[1] < 0.5 * left[0]
     assert left[2] < 0.5 * left[1]
+
+
+def test_at_the_end_of_a_frame_sweeps_go_on_until_threads_are_solved() -> None:
+    """Where one sweep leaves a thread longer than it may be."""
+    sheet = sheet_of(times(1e6), pinned=(-1, slice(None)))
+    start = upright(sheet)
+    start[..., 2] += 0.15 * np.sin(7 * start[..., 0] + 3 * start[..., 1]) * -start[..., 1]
+    left = []
+    for sewing in (True, False):
+        solver = Yarns(sheet, FAR, frame_rate=1000.0, sweeps=1, sewing=sewing)
+        state = sheet.state(start)
+        solver.advance(state, FrameForces())
+        left.append(largest(sheet, sheet.positions(state).astype(float)))
+    assert left[0] > LONG + UNSOLVED
+    assert left[1] < LONG + 1e-4
+
+
+def test_cloth_that_hardly_moves_takes_longer_steps() -> None:
+    """Hung at its upper edge and not yet stretched by its weight; and as long ones as it began with once it flies. What
+    it hangs like is the same."""
+    sheet = sheet_of(pinned=(-1, slice(None)))
+    hung, fine = simulation(sheet, upright(sheet)), simulation(sheet, upright(sheet), step=LONGEST_STEP)
+    first = hung.solver.substeps
+    for _ in range(40):
+        hung.step()
+        fine.step()
+    assert (hung.solver.substeps, fine.solver.substeps) == (first // 2 + first % 4 // 2, first)
+    assert np.abs(hung.positions - fine.positions).max() < 1e-4
+    steps = sheet.steps(hung.state)
+    steps[..., 2] = np.where(sheet.pinned, 0.0, 1.0 * hung.solver.step)
+    sheet.set_steps(hung.state, steps)
+    hung.step()
+    assert hung.solver.substeps == first
 
 
 def sewn_panels(*, free: bool = False) -> tuple[Sheet, Ties, np.ndarray, int]:

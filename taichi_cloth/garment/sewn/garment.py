@@ -240,11 +240,12 @@ class Garment:
         sweeps: int = 0,
         anchors: F32 | None = None,
         relaxed: bool = False,
+        sewing: bool = False,
     ) -> Simulation:
         """The garment in motion from `positions`, seams and holds tied. bones: that carry the holds, −1 for none; None:
         none are carried. solver: see `named_solver`. settled: see `Simulation`. pushes, slid, sweeps, anchors: of
         `Worn`.
-        relaxed: nothing rubs within the cloth, see `Springs.relaxed`.
+        relaxed: nothing rubs within the cloth, see `Springs.relaxed`. sewing: see `Yarns`.
         """
         sheet = self.moving(air_damping)
         if relaxed:
@@ -253,7 +254,8 @@ class Garment:
         kind = named_solver(solver)
         outline = self.outline if forces.self_contact else None
         constraints = constraints_for(sheet, forces, ties=ties, outline=outline, answered=kind.answers)
-        made = kind(sheet, forces, frame_rate=frame_rate, step=step, safety=safety, constraints=constraints)
+        known = {"sewing": sewing} if kind is Yarns else {}
+        made = kind(sheet, forces, frame_rate=frame_rate, step=step, safety=safety, constraints=constraints, **known)
         simulation = Simulation(sheet, made, forces=forces, positions=positions, settled=settled)
         if slid is not None and slid.size:
             holds_of(simulation).slide(simulation.state, slid)

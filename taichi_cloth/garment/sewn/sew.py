@@ -170,6 +170,7 @@ def _closed(
         solver=solver,
         settled=True,
         relaxed=True,
+        sewing=True,
     )
     frames, least, since = 0, np.inf, 0
     while frames < closing and since < STUCK:
@@ -232,7 +233,7 @@ def _settled(
 
     def simulation_of(positions: F32, **known: Any) -> Simulation:
         acts = replace(forces, body=body)
-        return garment.simulation(acts, positions, air_damping=THIN, solver=solver, settled=True, **known)
+        return garment.simulation(acts, positions, air_damping=THIN, solver=solver, settled=True, sewing=True, **known)
 
     body = replace(meets(positions), friction=SMOOTH)
     simulation = simulation_of(positions, relaxed=True)
