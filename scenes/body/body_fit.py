@@ -7,13 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_cloth.body.files.meshfile import body_from_file
-from taichi_cloth.body.parts.parts import JOINTS as PART_JOINTS
+from taichi_cloth.body.parts.parts import BONES
 from taichi_cloth.body.parts.segment import segment
 from taichi_cloth.body.primitives.fit import fit
 from taichi_cloth.body.primitives.fit_report import report_fit
 from taichi_cloth.body.primitives.primitive_file import primitives_json
 from taichi_cloth.body.primitives.primitives import Primitive
-from taichi_cloth.body.skin.skeleton import JOINTS
 from taichi_cloth.body.skin.skinning import Body
 from taichi_cloth.ground import runtime
 from taichi_cloth.ground.errors import InputError
@@ -22,11 +21,9 @@ from taichi_cloth.ground.files import write_bytes
 from ...render.tiles.mesh import Mesh
 from .body_picture import HUES, KIND_COLOURS, Shown, draw_panels, part_mesh, primitive_meshes
 
-__all__ = ["BONES", "fit_body", "read_body"]
+__all__ = ["fit_body", "read_body"]
 
 F64 = NDArray[np.float64]
-BONES = {part: JOINTS.index(joint) for part, joint in PART_JOINTS.items()}
-"""The number of the joint that each part moves with."""
 
 GREY = (0.55, 0.55, 0.56)
 

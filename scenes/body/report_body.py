@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from taichi_cloth.body.colliders.colliders import solid_distance
 from taichi_cloth.body.colliders.grid import DistanceGrid
 from taichi_cloth.body.colliders.query import PrimitiveQuery
+from taichi_cloth.body.parts.parts import BONES
 from taichi_cloth.body.parts.segment import segment
 from taichi_cloth.body.primitives.distance import nearest_distance
 from taichi_cloth.body.primitives.fit import fit
@@ -25,7 +26,6 @@ from taichi_cloth.body.skin.skinning import Body
 from taichi_cloth.ground.errors import InputError
 
 from ..measure.study import cpu_seconds
-from .body_fit import BONES
 
 __all__ = [
     "COUNTS",

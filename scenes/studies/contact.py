@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from taichi_cloth.body.colliders.colliders import solid_distance
 from taichi_cloth.body.colliders.query import PrimitiveQuery
 from taichi_cloth.body.figure.build import built_in_body
+from taichi_cloth.body.parts.parts import BONES
 from taichi_cloth.body.parts.segment import segment
 from taichi_cloth.body.primitives.distance import nearest_distance
 from taichi_cloth.body.primitives.fit import fit
 from taichi_cloth.body.primitives.primitives import Primitive
 
-from ..body.body_fit import BONES
 from ..body.report_body import POINTS, exact_distance, garment_points
 from ..measure.study import Axis, Row, Study, cpu_seconds
 from ..prepare.body_setup import GRID_SPACING, grids_at, primitives_of

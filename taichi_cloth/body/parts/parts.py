@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
 from taichi_cloth.body.skin.laplacian import Surface
+from taichi_cloth.body.skin.names import JOINTS as BODY_JOINTS
 from taichi_cloth.ground.errors import InputError
 
-__all__ = ["JOINTS", "PARTS", "cut", "ends"]
+__all__ = ["BONES", "JOINTS", "PARTS", "cut", "ends"]
 
 F64 = NDArray[np.float64]
 TRUNK = ("head", "neck", "chest", "abdomen", "pelvis")
@@ -32,6 +33,8 @@ JOINTS = {
         ("upper leg", "thigh"), ("lower leg", "shin"), ("foot", "foot"))},
 }  # fmt: skip
 """The joint of `skeleton.JOINTS` that each part moves with."""
+BONES = {part: BODY_JOINTS.index(joint) for part, joint in JOINTS.items()}
+"""Its number there."""
 
 LEVELS = 96
 """Level curves along a limb."""
