@@ -22,8 +22,8 @@ from taichi_cloth.render.image.tone import TONES, WHITE, tone_curve, tone_invers
 from taichi_cloth.render.light.fibre import grazed, lobes
 from taichi_cloth.render.light.occlusion import half_sphere, occlude
 from taichi_cloth.render.light.particle_light import NO_LIGHT, shading_of
-from taichi_cloth.render.light.shade import PLAIN
-from taichi_cloth.render.light.shadow import ShadowMap, cast
+from taichi_cloth.render.light.shade import PLAIN, Shading
+from taichi_cloth.render.light.shadow import AROUND, ShadowMap, cast
 from taichi_cloth.render.light.thin import chain_step, thin
 from taichi_cloth.render.maps.decay import decay
 from taichi_cloth.render.maps.map_place import LEANT
@@ -239,6 +239,27 @@ def test_where_no_thread_is_told_apart_a_cloth_is_open_along_its_own_normal(norm
     assert apart.max() < 0.15
     assert apart.mean() < 0.04
     assert rows[0, inner].mean() > 0.97
+
+
+@pytest.mark.parametrize("degrees", [90, 25])
+def test_fibres_around_are_those_nearer_to_the_light_by_a_part_of_the_cloth(degrees: float) -> None:
+    """Of a cloth of faint discs: the light at a height is that of the fibres around so much farther from the light."""
+    rng, depth, count, wide = np.random.default_rng(5), 0.02, 40_000, 0.3
+    at = rng.uniform(-0.5, 0.5, (count, 3)) * (wide, depth, wide)
+    towards = (np.cos(np.radians(degrees)), np.sin(np.radians(degrees)), 0.0)
+    layout, blocks, box = pack(discs(at, 0.002, normal=towards, opacity=0.1), textured=False)
+    shadows = cast(layout, blocks, box, towards, opacity=0.1)
+    rows = Shading(bulk=True).of_light
+    light = np.ones((blocks.shape[1], rows, LANES), np.float32)
+    shadows.on_particles(blocks, light, 0, depth)
+    here, cloth, around = light.swapaxes(0, 1).reshape(rows, -1)[:, :count]
+    lower = (AROUND * depth + shadows.texel) * towards[1]
+    inner = (np.abs(at[:, [0, 2]]) < 0.2 * wide).all(axis=1)
+    for height in (0.0, 0.004):
+        layer, under = (inner & (np.abs(at[:, 1] - y) < 0.001) for y in (height, height - lower))
+        assert around[under].mean() == pytest.approx(here[layer].mean(), rel=0.03)
+        assert here[under].mean() < 0.95 * here[layer].mean()
+    assert cloth[inner].mean() > 0.99
 
 
 def test_directions_are_even() -> None:
