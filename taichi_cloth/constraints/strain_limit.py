@@ -251,7 +251,7 @@ class ThreadLimit(SharedConstraint):
         def mark():
             for e in range(packets):
                 if loops.now() % 2 == 0:
-                    n = points.numbers[None]
+                    n = points.shared()
                     x, y = n.longest_x - NEAR * n.spacing_x, n.longest_y - NEAR * n.spacing_y
                     fields.measure(points, points.lanes(points.packet[e] * LANES), x, y)
             for e in range(packets):
@@ -268,10 +268,10 @@ class ThreadLimit(SharedConstraint):
         @ti.kernel
         def go():
             for i in range(rows):
-                back, longest = 0 if ti.static(again) else fields.turn[None] % 2, points.numbers[None].longest_x
+                back, longest = 0 if ti.static(again) else fields.turn[None] % 2, points.shared().longest_x
                 fields.go_along(points, fields.along, fields.pull[0], first + i * width, 1, width, longest, back, again)
             for j in range(width):
-                back, longest = 0 if ti.static(again) else fields.turn[None] % 2, points.numbers[None].longest_y
+                back, longest = 0 if ti.static(again) else fields.turn[None] % 2, points.shared().longest_y
                 fields.go_along(points, fields.across, fields.pull[1], first + j, width, rows, longest, back, again)
             for _ in range(1):
                 fields.turn[None] = loops.now() if ti.static(again) else fields.turn[None] + 1

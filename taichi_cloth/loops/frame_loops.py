@@ -91,7 +91,7 @@ class FrameLoops(ABC):
             raise InputError(f"sheet: {self.count:,} key points; a device takes {MOST_ITERATIONS:,} at once")
         self.padded_shape, self.turn = padded_shape, ti.field(ti.i32, 3)
         if features.slips:
-            frame.slipping = Slipping(frame.size, self.count, lanes)
+            frame.slipping = Slipping(frame.size, self.count, lanes, frame.cloths)
         planes = 6 + sum(one.remembers for one in frame.constraints) + ANCHORS * int(features.slips)
         stops = any(one.stops for one in frame.constraints)
         self.noted: Any = ti.field(ti.f32, (planes, *padded_shape)) if stops else None
@@ -119,7 +119,7 @@ class FrameLoops(ABC):
 
     def sweeps(self) -> int:
         """Of a substep: with it goes which kernels that is made of."""
-        return int(self.frame.numbers[None].sweeps)
+        return int(self.frame.numbers[None if self.frame.cloths == 1 else 0].sweeps)
 
     def _recorded(self, first: int, last: int) -> Any:
         builder = ti.graph.GraphBuilder()
@@ -161,12 +161,18 @@ class FrameLoops(ABC):
             return self.frame.lanes(self.frame.packet[t] * LANES)
 
     @ti.func
+    def own(self, p):
+        """The numbers of the lanes at p."""
+        return self.frame.own(p, self.frame.shared())
+
+    @ti.func
     def lead(self):
         """A loop: what is ahead, into the first buffer; the substep's number."""
         for t in range(self.count):
             if t == 0:
                 self.turn[NOW] = self.turn[NOW] + 1
-            self.frame.lead(self.place(t), self.frame.numbers[None])
+            p = self.place(t)
+            self.frame.lead(p, self.own(p))
 
     @ti.func
     def slip(self):
@@ -185,11 +191,12 @@ class FrameLoops(ABC):
             self.turn[0], self.turn[1], self.turn[NOW] = 0, 0, -1
         for p in range(values.shape[1] * values.shape[2]):
             i, j = p // values.shape[2], p % values.shape[2]
+            n = self.own(p)
             for c in ti.static(range(3)):
                 x, u = values[c, i, j], values[3 + c, i, j]
                 self.frame.position[c][p] = x
                 self.frame.step[c][p] = u
-                self.frame.ahead[c][p] = x + self.frame.numbers[None].lag * u
+                self.frame.ahead[c][p] = x + n.lag * u
             self.take(values, p, i, j)
             self.begin(p)
         if ti.static(self.features.grips):

@@ -44,7 +44,8 @@ class VerletLoops(FrameLoops):
         """A loop: springs, air, fixed shapes of substep turn[NOW]."""
         for t in range(self.count):
             air = ti.Vector([wind[c] + self.turn[NOW] * wind[3 + c] for c in ti.static(range(3))])
-            self.frame.substep(self.features, at, self.place(t), air, self.frame.numbers[None])
+            p = self.place(t)
+            self.frame.substep(self.features, at, p, air, self.own(p))
 
     @ti.func
     def springs_leading(self, u: Template, wind):
@@ -54,7 +55,8 @@ class VerletLoops(FrameLoops):
             if t == 0:
                 self.turn[1 - u] = done + 1
             air = ti.Vector([wind[c] + done * wind[3 + c] for c in ti.static(range(3))])
-            self.frame.substep(self.features, u * self.frame.size, self.place(t), air, self.frame.numbers[None])
+            p = self.place(t)
+            self.frame.substep(self.features, u * self.frame.size, p, air, self.own(p))
 
     @ti.kernel
     def _bounds(self):

@@ -84,7 +84,7 @@ class YarnLoops(FrameLoops):
             if t == 0:
                 self.turn[NOW] = self.turn[NOW] + 1
             p = self.place(t)
-            self.frame.lead(p, self.frame.numbers[None])
+            self.frame.lead(p, self.own(p))
             if self.yarns.strained[p] > 1.0:
                 self.seen[None] = 1
             self.yarns.strained[p] = 0.0
@@ -96,13 +96,14 @@ class YarnLoops(FrameLoops):
             if t == 0:
                 self.yarns.wild[None] = ti.select(self.seen[None] > 0, 1.0, 0.0)
             air = ti.Vector([wind[c] + self.turn[NOW] * wind[3 + c] for c in ti.static(range(3))])
-            self.frame.soft(self.place(t), air, self.frame.numbers[None], self.features)
+            p = self.place(t)
+            self.frame.soft(p, air, self.own(p), self.features)
 
     @ti.func
     def shapes(self, last: Template):
         """A loop: the fixed ball and half space. last: 1 in the last turn of a substep."""
         for t in range(self.count):
-            self.frame.touch(self.place(t), last, self.frame.numbers[None], self.features)
+            self.frame.touch(self.place(t), last, self.frame.shared(), self.features)
 
     @ti.func
     def all_anew(self, n: Template, first: Template):
@@ -113,15 +114,17 @@ class YarnLoops(FrameLoops):
     def solve(self, system: Template, y: Template, family: Template, first: Template, last: Template):
         """Loops: a sweep over the yarns y of a family, the first or the last of a substep. system: of the family."""
         base, offset = ti.static(family * self.frame.size), ti.static(system.next_point)
-        carried = ti.static(0.0 if first else 1.0)
+        carried, shared = ti.static(0.0 if first else 1.0, family * y.cloths)
         # Where threads lie and how they turned.
         for t in range(self.count):
             if t == 0:
                 self.seen[None] = 0
-            y.aim(self.frame, self.place(t), base, offset, y.numbers[family])
+            p = self.place(t)
+            y.aim(self.frame, p, base, offset, y.own(self.frame, p, base, y.numbers[shared]))
         # Where to push, and what is asked.
         for t in range(self.count):
-            p, n = self.place(t), y.numbers[family]
+            p = self.place(t)
+            n = y.own(self.frame, p, base, y.numbers[shared])
             y.straighten(self.frame, p, base, offset)
             if self.all_anew(n, first):
                 y.ask(self.frame, p, base, offset, p, carried, n, True)
@@ -134,27 +137,27 @@ class YarnLoops(FrameLoops):
                     self.late[system.line(p)] = 1
         # The systems: couplings and factors where they are made anew; pieces, their ends, pieces.
         for t in range(system.count):
-            n = y.numbers[family]
-            anew = self.all_anew(n, first)
+            anew = self.all_anew(y.numbers[shared], first)
             line, piece = system.piece_of(t)
             late = not anew and self.late[line] > 0
             if anew or late:
                 begin, end = system.reach(piece)
                 for k in range(begin, end + 1):
                     p = system.element(line, k)
+                    n = y.own(self.frame, p, base, y.numbers[shared])
                     if late:
                         y.ask(self.frame, p, base, offset, p, carried, n, True)
                     y.couple(self.frame, p, base, offset, n)
             system.down(t, anew or late)
         for line in range(system.lines):
-            n = y.numbers[family]
-            system.join(line, self.all_anew(n, first) or self.late[line] > 0)
+            system.join(line, self.all_anew(y.numbers[shared], first) or self.late[line] > 0)
             self.late[line] = 0
         for t in range(system.count):
             system.up(t)
         # What they move.
         for t in range(self.count):
-            p, n = self.place(t), y.numbers[family]
+            p = self.place(t)
+            n = y.own(self.frame, p, base, y.numbers[shared])
             y.push(self.frame, p, base, offset, carried, n)
             if n.bound < FAR:
                 y.let_go(self.frame, p, base, n)

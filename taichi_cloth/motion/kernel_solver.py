@@ -126,8 +126,6 @@ class KernelSolver(Solver):
     def lacks(self) -> str:
         """What of it there are no parallel loops for, which devices need; "" where nothing."""
         wanting = [one.known_as for one in self.constraints if not one.spreads]
-        if self.sheet.bands:
-            wanting.append("several cloths in one sheet")
         if self.loops_of is None:
             wanting.append(f"the solver {type(self).__name__.lower()}")
         return ", ".join(dict.fromkeys(wanting))

@@ -12,13 +12,15 @@ import pytest
 from taichi_cloth.ground import runtime
 
 SHEET = ("cloth.representation=mesh", "cloth.columns=25", "cloth.rows=25")
-WORN = ("garment.representation=mesh", "garment.key_points=500", "body.motion=walk")
+WALKS = "garment.representation=mesh", "body.motion=walk"
+WORN = (*WALKS, "garment.key_points=500")
 SCENES = {
     "drape": (8, SHEET),
     "flag": (6, ("cloth.representation=mesh", "cloth.columns=25", "cloth.rows=17")),
     "sheet-walk": (4, SHEET),
     "tshirt": (3, WORN),
     "dress": (3, WORN),
+    "outfit-tartan": (3, (*WALKS, "garment.skirt.key_points=500", "garment.tshirt.key_points=500")),
 }
 """Frames, and what is set."""
 

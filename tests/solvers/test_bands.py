@@ -41,9 +41,20 @@ def start(count: int) -> np.ndarray:
     return np.concatenate([flat + np.array([0.5 * k, 0.0, 0.0]) for k in range(count)])
 
 
-@pytest.mark.parametrize("solver", [pytest.param(Verlet, marks=pytest.mark.slow), Yarns])
-def test_each_moves_as_alone(solver: type) -> None:
-    """In steps of one length; a step is rounded where key points lie, so not to the last bit."""
+@pytest.mark.parametrize(
+    ("solver", "loops"),
+    [
+        (Yarns, False),
+        pytest.param(Yarns, True, marks=pytest.mark.slow),
+        pytest.param(Verlet, False, marks=pytest.mark.slow),
+        pytest.param(Verlet, True, marks=pytest.mark.slow),
+    ],
+)
+def test_each_moves_as_alone(solver: type, loops: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In steps of one length; a step is rounded where key points lie, so not to the last bit. loops: as parallel loops,
+    which is all that there is on a device."""
+    if loops:
+        monkeypatch.setattr(solver, "loops_from", 0)
     materials = [m.linear for m in (THIN, RUBS)] if solver is Verlet else [THIN, RUBS]
     both = sheet_of(*materials)
     step = solver(both, Forces(), frame_rate=60.0).step
