@@ -163,7 +163,13 @@ class YarnLoops(FrameLoops):
                 y.let_go(self.frame, p, base, n)
             if ti.static(last):  # noqa: SIM102 (one is known when it is compiled)
                 if self.turn[NOW] % 2 == 1:
-                    y.pull(self.frame, p, base, offset, p, n)
+                    y.average(self.frame, p, base, offset, n)
+        # How tight they are, when all is known of how much they pull.
+        if ti.static(last):
+            for t in range(self.count):
+                if self.turn[NOW] % 2 == 1:
+                    p = self.place(t)
+                    y.tighten(self.frame, p, base, p, y.own(self.frame, p, base, y.numbers[shared]))
 
     def tightest(self) -> float:
         """As `YarnFrame.tightest`."""

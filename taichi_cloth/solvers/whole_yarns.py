@@ -344,14 +344,24 @@ class WholeYarns(YarnFields):
 
     @ti.func
     def pull(self, points: Template, p, base, offset, mark, n: Template):
-        """At the end of a substep: how tight threads are, for what the wave along a taut string asks of the step: the
-        mean of those on both sides and of the yarns that cross there, as all hold a key point that leaves the line."""
+        """At the end of a substep: how much threads pull, and how tight they are."""
+        self.average(points, p, base, offset, n)
+        self.tighten(points, p, base, mark, n)
+
+    @ti.func
+    def average(self, points: Template, p, base, offset, n: Template):
+        """How much threads pull."""
         s = points.lanes(base + p)
         mobile = n.mass * ti.max(load(points.inverse_mass, p), load(points.inverse_mass, near(p + offset)))
         was = load(self.pulled, s)
         pulled = was - (load(self.tension, s) * mobile * n.slimmer + was) * ti.static(2.0 / AVERAGED)
         store(self.pulled, s, pulled)
-        across = nothing()
+
+    @ti.func
+    def tighten(self, points: Template, p, base, mark, n: Template):
+        """How tight threads are, for what the wave along a taut string asks of the step: the mean of those on both
+        sides and of the yarns that cross there, as all hold a key point that leaves the line."""
+        across, pulled = nothing(), load(self.pulled, points.lanes(base + p))
         for family in ti.static(range(self.families)):
             first = p + family * self.size
             across += ti.max(load(self.pulled, points.lanes(first)), 0.0)

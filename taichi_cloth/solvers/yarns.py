@@ -55,8 +55,8 @@ WORTH = 0.9
 
 WATCHED = 8
 """Substeps at the end of a frame in which sweeps go on as long as threads are UNSOLVED: the end is what is seen of it.
-Where that is not enough the frame is taken again with a sweep more throughout: of a T-shirt that walks one in fifty, where
-it was one in six."""
+Where that is not enough the frame is taken again with a sweep more throughout: of a T-shirt that walks one in fifty,
+where it was one in six."""
 
 LONG, SLACK = 0.0295, 1.01
 """Strain up to which it does not matter what a thread pulls, and that which a crimped one is left beside ties
