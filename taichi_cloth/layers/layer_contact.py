@@ -124,8 +124,7 @@ class LayerContact(SharedConstraint):
         share = 2**self._halved
         self._use = USE * CAREFUL**self._halved
         self._most, self._free_most = max(1, self._longest // share), max(1, self._free // share)
-        lets, reach = int(self._halved == HALVINGS), float(self._numbers[NUMBERS.index("reach")])
-        self.fields.start(self._most, self._free_most, self._substeps, self._use, reach, lets)
+        self.fields.start(self._most, self._free_most, self._substeps, self._use, int(self._halved == HALVINGS))
         kept = len(state.values) - self.keeps if self.keeps else -1
         self._stop, self._unproven = Repeated(self.fields.stop, state.in_a_row, 0, kept), False
 

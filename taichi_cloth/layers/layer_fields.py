@@ -44,9 +44,6 @@ EDGE_SHARE = 0.5
 TURNS, MOST_SPENT = 2, 0.2
 """Searches of what has used up its room, one after the other, as others have less by the last; and of which share of
 all at most. If that is not enough all is searched."""
-DENSE, CLOSER = 8, 0.6
-"""Near pairs for each key point from which on cloth lies in many layers, and share of the reach that is searched from
-then on until the frame is over: pairs cost more there than searches, and twice as many lie within twice the reach."""
 ENOUGH = 0.95
 """Share that others may come to in the next interval after a search of some."""
 SHIFT = 1 << 13
@@ -141,9 +138,9 @@ class LayerFields:
             self.near.tangle[p] = labels[p]
 
     @ti.kernel
-    def start(self, longest: Int, free: Int, substeps: Int, use: Float, reach: Float, lets: Int):
-        """Before a frame. reach: at its start [m]. lets: whether pairs that nothing parts are let off."""
-        self.use[None], self.reach[None], self.certificate.lets[None] = use, reach, lets
+    def start(self, longest: Int, free: Int, substeps: Int, use: Float, lets: Int):
+        """Before a frame. lets: whether pairs that nothing parts are let off."""
+        self.use[None], self.certificate.lets[None] = use, lets
         self.longest[None], self.free[None], self.substeps[None] = longest, free, substeps
         self.search.overflow[None] = 0
         self.near.overflow[None] = 0
@@ -220,8 +217,6 @@ class LayerFields:
     def open(self, points: Template):
         """A frame: the first search."""
         self.search_all(points, 0.0, self.substeps[None])
-        if self.near.pairs.count[FACES] + self.near.pairs.count[EDGES] > DENSE * LANES * self.paths.count[None]:
-            self.reach[None] = CLOSER * self.reach[None]
         self.paths.keep(points)
         most = ti.select(self.alone(), self.free[None], self.longest[None])
         self.allowed[None] = self.free[None]

@@ -222,7 +222,7 @@ def test_what_comes_near_is_listed_after_searches_of_some(speed: float) -> None:
                 near += 1
                 assert (int(points[p]), *map(int, others[f])) in known
     assert renewed > 3
-    assert near > 50
+    assert near > 100
 
 
 @pytest.mark.parametrize("nested", [False, True])
