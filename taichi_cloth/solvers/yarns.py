@@ -55,8 +55,9 @@ WORTH = 0.9
 
 WATCHED = 8
 """Substeps at the end of a frame in which sweeps go on as long as threads are UNSOLVED, of cloth that has no seams and
-does not meet itself: the end is what is seen of it. With them a T-shirt that walks takes 0.72 of the time, but its longest
-thread comes to 4.4 % for 3.7, and in a heap to 7.5 for 4.2; that of a sheet wrung by two turns to 3.7 for 2.3."""
+does not meet itself: the end is what is seen of it. With them a T-shirt that walks takes 0.72 of the time, but its
+longest thread comes to 4.4 % for 3.7, and in a heap to 7.5 for 4.2; that of a sheet wrung by two turns to 3.7 for
+2.3."""
 
 LONG, SLACK = 0.0295, 1.01
 """Strain up to which it does not matter what a thread pulls, and that which a crimped one is left beside ties
