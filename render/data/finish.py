@@ -20,7 +20,14 @@ from taichi_cloth.ground.errors import InputError, did_you_mean
 
 __all__ = ["FINISHES", "Finish", "finish_for"]
 
-RANGES = {"specular": (0, 4), "sheen": (0, 4), "exponent": (4, 500), "spread": (2, 40), "depth": (0, 0.1)}
+RANGES = {
+    "specular": (0, 4),
+    "sheen": (0, 4),
+    "exponent": (4, 500),
+    "spread": (2, 40),
+    "depth": (0, 0.1),
+    "to_eye": (0, 4),
+}
 """Of the numbers of a finish that are not shares."""
 
 
@@ -56,6 +63,8 @@ class Finish:
     and a colour is that of a mass of them (see `light.bulk`). 0 lights every particle by itself."""
     alone: float = 0.0
     """0..1: how black all is that a particle sees instead of the sky, in such a mass; 0 is of the particle's colour."""
+    to_eye: float = 0.0
+    """0..4: how far normals lean to the eye (`light.lean`), of fibres that each stand for many."""
 
     def __post_init__(self) -> None:
         if self.model not in ("kajiya", "marschner"):

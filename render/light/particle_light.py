@@ -126,6 +126,10 @@ class ParticleLight:
         self._known, self._maps, self._sky, self._few = {}, {}, None, {}
         self._mesh, self._step = mesh, None
 
+    def turned(self) -> None:
+        """The particles' normals have changed, on which what they get of any light hangs, but not its maps."""
+        self._known, self._few = {}, {}
+
     def hold(self, maps: Held | None, *, each: bool = False) -> None:
         """From now on look up all particles in these maps, whatever is loaded; None makes maps of what is loaded.
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from taichi_cloth.ground.copies import extent, fetched, put, sent, zeros
 from taichi_cloth.ground.errors import InputError
-from taichi_cloth.ground.particles import LANES, TILE
+from taichi_cloth.ground.particles import LANES, NORMAL, TILE
 from taichi_cloth.ground.runtime import on_host
 from taichi_cloth.ground.vectors import in_octets
 
@@ -28,6 +28,7 @@ from ..data.particles import Particles
 from ..data.sprites import CRISP, Profile, SpriteSheet
 from ..image.tone import WHITE, Tone, tone_table
 from ..light import view as rows
+from ..light.lean import lean
 from ..light.particle_light import LightMaps, ParticleLight, shading_of
 from ..tiles.lists import TileLists
 from ..tiles.mesh import Mesh
@@ -94,6 +95,8 @@ class Splatter:
         self._profile: RimShape = profiles.get(self._picture.edge, "sharp")
         self._set_size(self.width, self.height)
         self._count = 0
+        self._upright: NDArray[np.float32] | None = None
+        self._leant = 0.0, 0.0, 0.0, 0.0
         self._layout = Layout()
         self._turn: Turn = "only"
         self._options: dict[str, Any] = {}
@@ -115,6 +118,7 @@ class Splatter:
         self._blocks = sent(blocks)
         self._opacity = 1.0 if self._layout.opacity else float(np.float32(particles.opacity))
         self._count = len(particles)
+        self._upright, self._leant = None, (0.0, 0.0, 0.0, 0.0)
         self.light.forget(mesh)
         self._reserve(self._blocks.shape[1])
         return self
@@ -134,6 +138,7 @@ class Splatter:
             raise InputError(f"blocks: shape {blocks.shape}; allowed: {(layout.rows, -(-count // LANES), LANES)}")
         self._layout, self._blocks, self._box, self._opacity = layout, sent(blocks), extent(blocks), 1.0
         self._count = count
+        self._upright, self._leant = None, (0.0, 0.0, 0.0, 0.0)
         self.light.forget(mesh)
         self._reserve(blocks.shape[1])
         return self
@@ -214,6 +219,7 @@ class Splatter:
         clock = [time.perf_counter()]
 
         # What light reaches the particles.
+        self._lean(camera, finish.to_eye)
         self._set_numbers(camera, lighting, finish)
         if self._turn != "only" and self.light.held is None:  # a batch knows nothing of what would shadow it
             lighting = lighting.without_maps()
@@ -276,6 +282,17 @@ class Splatter:
         clock.append(time.perf_counter())
         self.stats = RenderStats(self._count, drawn, entries, *(1e3 * np.diff(clock)).tolist())
         return image
+
+    def _lean(self, camera: Camera, by: float) -> None:
+        """Have normals lean to the eye by so much, those of blocks that were taken as they are, too."""
+        x, y, z = camera.eye.tolist()
+        leant = (by, x, y, z) if by else (0.0, 0.0, 0.0, 0.0)
+        if leant != self._leant and self._count:
+            if self._upright is None:
+                self._upright = sent(fetched(self._blocks[NORMAL : NORMAL + 3]).copy())
+            lean(self._layout, *leant, self._upright, self._blocks)
+            self._leant = leant
+            self.light.turned()
 
     def cast_light(self, camera: Camera, lighting: Lighting, *, resolution: int = MAP_SIZE) -> LightMaps:
         """The maps of light of what is loaded, as `render` makes them from this camera: for `paint`, and to `hold`

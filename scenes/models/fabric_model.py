@@ -1,14 +1,18 @@
 """A woven fabric at rest (paper 2.3 and 3.3)."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from taichi_cloth.detail.streaming import FabricStream
 from taichi_cloth.fabric.fabric import Fabric, build_fabric
 from taichi_cloth.fabric.pose import pose_points
+from taichi_cloth.yarn.thick_fibres import leaning
 
 from ...render.data.blocks import ParticleBlocks
 from ...render.data.particles import Particles
 from ..prepare.drawing import LIT
+from ..prepare.fibre_count import few_of
 from ..prepare.weave_layout import Prepared
 from ..scene.schema import FabricSection, Scene
 from .facts import Fact, fabric_facts, yarn_facts
@@ -25,14 +29,29 @@ class FabricModel:
         section = scene.fabric or FabricSection()
         self.fabric: Fabric = build_fabric(prepared.layout)
         self.points = pose_points(prepared.layout, section.pose, amount=section.pose_amount)
-        self.source = FabricStream(self.fabric, self.points, target=0) if prepared.in_batches else None
+        layout = prepared.layout
+        self.source = self._casting = None
+        if prepared.in_batches:
+            detail = few_of(layout.detail, len(layout.blocks.kind), self.fabric.particles, LIT)
+            few = build_fabric(replace(layout, detail=detail))
+            self.source = FabricStream(self.fabric, self.points, target=0)
+            self._casting = FabricStream(few, self.points, target=0)
+        leans = [leaning(one.yarn.as_one, layout.detail.fibres) for one in (layout.warp, layout.weft)]
+        self._to_eye = sum(leans) / len(leans)
 
     def step(self, frame: int) -> None:
         """A fabric at rest does not move."""
 
     def panels(self) -> list[Panel]:
-        particles = self.particles() if self.source is None else ParticleBlocks(self.source.sample(LIT))
-        return [Panel(particles, particles.position, numbers=self.numbers, source=self.source)]
+        # What comes in batches takes its light from threads of few fibres, which lie in the yarns that all are of: from
+        # some of all, enlarged to as much, the others stand deep in shadow.
+        if self.source is None or self._casting is None:
+            particles = self.particles()
+            bounds = particles.position
+        else:
+            particles = ParticleBlocks(self._casting.sample(LIT))
+            bounds = ParticleBlocks(self.source.sample(LIT)).position
+        return [Panel(particles, bounds, numbers=self.numbers, source=self.source, to_eye=self._to_eye)]
 
     def particles(self) -> Particles:
         """All of the fabric's."""

@@ -56,6 +56,8 @@ class Panel:
     within: "tuple[Panel, ...]" = ()
     """What is drawn before it into the same picture, in this order, each made by a source of its own: garments that are
     worn under another."""
+    to_eye: float = 0.0
+    """How far its fibres' normals lean to the eye (`Finish.to_eye`)."""
     scene: Scene | None = None
     """Whose fibres it shows, where that is not the model's scene."""
 

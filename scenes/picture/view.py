@@ -93,9 +93,11 @@ class View:
             yield self._shoot(k, camera, linear=True)[0]
 
     def bare_shots(self) -> Iterator[Shot]:
-        """The same without shadows, occlusion and floor, for passes; what comes in batches is not drawn."""
+        """The same without shadows, occlusion and floor, normals as they are, for passes; what comes in batches is not
+        drawn."""
         self.lighting = Lighting()
         self._load(most=1)
+        self._panels = [replace(panel, to_eye=0.0) for panel in self._panels]
         self._stages = [None for _ in self._panels]
         for k, camera in enumerate(self._first()):
             if self._panels[k].source is None:
@@ -198,7 +200,8 @@ class View:
         return self._stream(panel, own, mesh, floor=False), panel.source, self._finish(panel)
 
     def _finish(self, panel: Panel) -> Finish:
-        return self.finish if panel.scene is None else finish_of(panel.scene)
+        finish = self.finish if panel.scene is None else finish_of(panel.scene)
+        return replace(finish, to_eye=panel.to_eye)
 
     def _draw(self, cameras: list[Camera]) -> Image:
         images = []
@@ -216,7 +219,7 @@ class View:
         """Draw panel k, the camera as near as the scene's zoom says. linear: keep what batches make of it."""
         splatter, panel, streamed = self._splatters[k], self._panels[k], self._streamed[k]
         near = self._near(camera)
-        light, ground, finish = self.lighting, self.background, self.finish
+        light, ground, finish = self.lighting, self.background, self._finish(panel)
         if streamed is not None and panel.source is not None:
             options = {"lighting": light, "background": ground}
             before = None

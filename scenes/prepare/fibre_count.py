@@ -5,13 +5,15 @@ A ply of n drawn fibres instead of its N real ones, of radius r, has fibres of t
 is the same. Where `yarn.fibres` is not stated, n is what makes that radius `LEAST_RADIUS` of a pixel.
 """
 
+from dataclasses import replace
 from math import ceil
 
+from taichi_cloth.fabric.layout import Detail
 from taichi_cloth.yarn.yarn import Yarn
 
 from ..scene.schema import FabricSection, Scene
 
-__all__ = ["EVERY", "fibres_drawn", "fibres_told_apart", "stated_fibres", "steps_drawn"]
+__all__ = ["EVERY", "few_of", "fibres_drawn", "fibres_told_apart", "stated_fibres", "steps_drawn"]
 
 LEAST_RADIUS = 0.45
 """Radius [px] of the smallest fibres worth drawing where nothing thins them out."""
@@ -46,6 +48,15 @@ def steps_drawn(scene: Scene, pitch: float, extent: tuple[float, float]) -> int:
         return section.steps
     seen = pitch / (LEAST_STEP * _pixel(extent, scene.output.size, scene.camera.zoom))
     return min(max(2 * ceil(seen / 2), FEWEST_STEPS), section.steps)
+
+
+def few_of(detail: Detail, blocks: int, particles: int, most: int) -> Detail:
+    """The same with as many fibres, in few steps, as make so many blocks, now of so many particles, of up to `most`, or
+    with the fewest that are ever drawn: what stands for all where light is cast."""
+    if particles <= most:
+        return detail
+    steps = min(detail.steps, FEWEST_STEPS)
+    return replace(detail, fibres=min(detail.fibres, max(FEWEST, most // (blocks * steps))), steps=steps)
 
 
 def fibres_told_apart(

@@ -8,7 +8,9 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["covered", "further_apart", "standing_out", "thicker_by", "twist_of"]
+from taichi_cloth.yarn.yarn import Yarn
+
+__all__ = ["covered", "further_apart", "leaning", "standing_out", "thicker_by", "twist_of"]
 
 F64 = NDArray[np.float64]
 LAYERS = 1.5
@@ -67,6 +69,14 @@ def standing_out(radius: F64, grown: F64, share: float) -> F64:
     """How far beyond the middle of a drawn fibre of a radius (t, f) [m], made thicker by `grown` (t, 1), those lie that
     are seen of the ones that it stands for, (t, f) [m]. share: of a yarn's fibres that is drawn."""
     return SEEN * (1.0 - sqrt(share)) * radius / grown
+
+
+def leaning(yarn: Yarn, fibres: int) -> float:
+    """How far normals of `fibres` drawn ones a ply lean to the eye: how far beyond their middles those lie that are
+    seen, on the eye's side, over how far these lie from the axis of a ply that they fill evenly, 2/3 of its radius."""
+    share = min(fibres / yarn.fibres_in_section, 1.0)
+    radius = yarn.fibre_diameter / 2 / sqrt(share)
+    return SEEN * (1.0 - sqrt(share)) * radius / (2 / 3 * sum(yarn.ply_axes) / 2)
 
 
 def twist_of(section: F64, tangent: F64, ply: NDArray[np.integer]) -> float:

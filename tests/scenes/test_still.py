@@ -19,6 +19,7 @@ from taichi_cloth.render.image.webp import write_webp
 from taichi_cloth.render.light import particle_light
 from taichi_cloth.scenes.__main__ import main
 from taichi_cloth.scenes.commands import still as still_module
+from taichi_cloth.scenes.models import fabric_model
 from taichi_cloth.scenes.models.build import build
 from taichi_cloth.scenes.picture.view import View
 from taichi_cloth.scenes.plan.plan import plan
@@ -112,14 +113,33 @@ def test_in_batches_it_is_the_same_picture(tmp_path: Path, pictures: Path, monke
             assert one.mean() == pytest.approx(two.mean(), rel=0.001)
 
 
+def test_what_comes_in_batches_has_the_light_of_all_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Cast by a tenth of it: threads of few fibres. A tenth of its particles, enlarged, would leave it 0.79."""
+
+    def light() -> float:
+        view = View(build(scene), (120, 80))
+        shot = next(view.shots())
+        rgba = shot.splatter.linear() if shot.linear is None else shot.linear
+        return float(rgba[..., :3].sum() / rgba[..., 3].sum())
+
+    threads = ["weave.draft=plain", "weave.ends=24", "weave.picks=16", "yarn.count=Ne 40", "fabric.ends_per_cm=45"]
+    threads += ["fabric.picks_per_cm=28", "yarn.fibres=40", "fabric.steps=6", "fabric.pose=flat", "fabric.fringe=0"]
+    scene = load_scene("swatch", threads)
+    whole = light()
+    monkeypatch.setattr(weave_layout, "HELD", 0)
+    monkeypatch.setattr(fabric_model, "LIT", 20_000)
+    assert light() == pytest.approx(whole, rel=0.06)
+
+
 @pytest.mark.slow
 def test_ten_million_particles_take_less_than_four_gigabytes(tmp_path: Path) -> None:
     """In a process of its own, with every pass, light and floor."""
+    large = ["weave.ends=140", "weave.picks=140", "yarn.fibres=24", "fabric.steps=6"]
     command = [sys.executable, "-m", "taichi_cloth.scenes", "still", "swatch", "--size", "320x200", "--out", tmp_path]
-    command += ["--set", "weave.ends=140", "--set", "weave.picks=140", "--passes", "colour,depth,normal,mask,id"]
+    command += [*(word for value in large for word in ("--set", value)), "--passes", "colour,depth,normal,mask,id"]
     subprocess.run(command, check=True, timeout=900, stdout=subprocess.DEVNULL)
     assert 1024 * resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss < 4e9
-    assert plan(load_scene("swatch", ["weave.ends=140", "weave.picks=140"])).particles > 9_900_000
+    assert plan(load_scene("swatch", large)).particles > 9_900_000
     assert read_png(tmp_path / "colour.png").std() > 10
     assert len(np.unique(read_png(tmp_path / "yarn.png"))) > 200
 
