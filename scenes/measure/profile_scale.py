@@ -113,7 +113,7 @@ def _made(name: str, side: int) -> _Form:
     sheet = Sheet.rectangle(side, side, material=material, springs=springs, pinned=held)
     substeps = kind(sheet, FORCES, frame_rate=FRAME).substeps
     solver = kind(sheet, FORCES, frame_rate=FRAME * substeps / SUBSTEPS if runtime.on_host() else FRAME)
-    solver.loops_from = 0 if name.endswith("loops") else float("inf")  # pyright: ignore[reportAttributeAccessIssue]
+    solver.loops_from = 0 if name.endswith("loops") else float("inf")
     return _Form(name, solver, sheet.state(sheet.flat(), solver.remembered), substeps, [], [])
 
 

@@ -69,8 +69,12 @@ class KernelSolver(Solver):
     loops_of: Any = None
     """The frame as parallel loops, a class as `loops.FrameLoops`; None where there are none."""
 
-    loops_from: float = float("inf")
-    """Key points from which loops are faster than threads that share a kernel, on a CPU."""
+    loops_from: float | None = None
+    """Key points from which a CPU goes through them, too; None takes `loops_win_from` where cloth has no constraint and
+    more threads than one."""
+
+    loops_win_from: float = float("inf")
+    """Key points from which loops are faster on two cores than threads that share a kernel (docs/devices.md)."""
 
     springs_are_threads = True
     """Whether the threads are springs of the stencil. Otherwise what solves them moves key points after it."""
@@ -138,7 +142,10 @@ class KernelSolver(Solver):
             if self.lacks:
                 raise InputError(f"{self.lacks}: no parallel form yet, as a device needs it; use --arch cpu")
             return True
-        return not self.lacks and self.clock is None and bool(self.sheet.present.sum() >= self.loops_from)
+        least = self.loops_from
+        if least is None:
+            least = self.loops_win_from if not self.constraints and runtime.threads() > 1 else float("inf")
+        return not self.lacks and self.clock is None and bool(self.sheet.present.sum() >= least)
 
     @property
     def remembered(self) -> int:

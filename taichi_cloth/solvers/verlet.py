@@ -35,6 +35,7 @@ class Verlet(SpringSolver):
 
     frame_of = VerletFrame
     loops_of = VerletLoops
+    loops_win_from = 131_072
     instead = 'solver.name = "yarns", '
 
     def __init__(

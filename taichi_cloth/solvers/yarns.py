@@ -117,6 +117,7 @@ class Yarns(SpringSolver):
     answers = ("strain_limit",)
     springs_are_threads = False
     alone_where_repeated = False
+    loops_win_from = 786_432
 
     def __init__(
         self,

@@ -4,6 +4,8 @@ from dataclasses import replace
 
 import pytest
 
+from taichi_cloth.constraints.constraints_for import constraints_for
+from taichi_cloth.ground import runtime
 from taichi_cloth.motion.forces import Forces, StrainLimit
 from taichi_cloth.scenes.plan.plan import plan
 from taichi_cloth.scenes.prepare.sheet_setup import sheet_simulation
@@ -13,6 +15,7 @@ from taichi_cloth.sheet.sheet import Sheet
 from taichi_cloth.sheet.springs import calibrate
 from taichi_cloth.solvers.choice import WITHIN, choose
 from taichi_cloth.solvers.named import SOLVERS
+from taichi_cloth.solvers.verlet import Verlet
 from taichi_cloth.solvers.yarns import CHAINED, LONGEST
 
 SOFT = Material(tensile_warp=100.0, tensile_weft=100.0, shear=50.0, bending_warp=0.0, bending_weft=0.0, density=0.1)
@@ -77,3 +80,16 @@ def test_a_plan_names_the_solver_that_moves_the_scene(name: str, stiff: str) -> 
     else:
         assert isinstance(solver, SOLVERS[name])
         assert "the scene names it" in said["solver's cost"]
+
+
+def test_large_sheets_go_through_loops_on_two_threads_where_they_meet_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Verlet, "loops_win_from", 144)
+    monkeypatch.setattr(runtime, "threads", lambda: 2)
+    sheet, limit = sheet_of(), Forces(strain_limit=StrainLimit(strain=0.1))
+    assert Verlet(sheet, Forces()).spread
+    assert not Verlet(sheet, limit, constraints=constraints_for(sheet, limit)).spread
+    monkeypatch.setattr(Verlet, "loops_win_from", 145)
+    assert not Verlet(sheet, Forces()).spread
+    monkeypatch.setattr(Verlet, "loops_win_from", 144)
+    monkeypatch.setattr(runtime, "threads", lambda: 1)
+    assert not Verlet(sheet, Forces()).spread
