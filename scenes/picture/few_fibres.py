@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from taichi_cloth.detail.cell_stream import CellStream
 from taichi_cloth.detail.directions import DIRECTIONS, VIEWS, Seen, mended, tables
-from taichi_cloth.detail.patches import SPREAD
+from taichi_cloth.detail.patches import SPREAD, TONES
 from taichi_cloth.detail.surfels import guess_of
 from taichi_cloth.fabric.cells import CellCloth
 from taichi_cloth.ground.particles import NORMAL, OPENNESS, TANGENT
@@ -30,7 +30,7 @@ from ...render.splat.splat import Splatter
 from ...render.splat.stream import STREAMED
 from .flat_piece import SIZE, flat_piece, tilted_camera
 
-__all__ = ["fit_few"]
+__all__ = ["PIXELS", "THREADS", "fit_few"]
 
 F64 = NDArray[np.float64]
 
@@ -80,7 +80,7 @@ def fit_few(cloth: CellCloth, number: int, pitch: tuple[float, float]) -> F64:
     want, cover = seen(0), covered(0)
     for level in range(1, cloth.bank.levels):
         few, rng = out[level], np.random.default_rng(level)
-        shut, turned = few[1:SPREAD], few[SPREAD:].reshape(-1, DIRECTIONS)
+        shut, turned = few[1:TONES], few[SPREAD:].reshape(-1, DIRECTIONS)
         _widen(lambda level=level: covered(level), cover, few)
         for turn in range(TURNS):
             for k, (have, wanted) in enumerate(zip(seen(level), want, strict=True)):

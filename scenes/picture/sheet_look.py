@@ -7,12 +7,15 @@ sheet it must cover as much and be as bright.
 
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import product
 from math import asin, cos, degrees, log, pi, sin
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taichi_cloth.detail.cell_stream import CellStream
+from taichi_cloth.detail.directions import VIEWS
+from taichi_cloth.detail.patches import TONES
 from taichi_cloth.detail.surfels import (
     AREA,
     FLANKS,
@@ -37,7 +40,7 @@ from ...render.data.light import KeyLight, Lighting
 from ...render.light.view import surface_share
 from ...render.splat.splat import Splatter
 from ...render.splat.stream import STREAMED
-from .few_fibres import fit_few
+from .few_fibres import PIXELS, THREADS, fit_few
 from .flat_light import FlatLight
 from .flat_piece import SIZE, flat_camera, flat_piece, tilted_camera
 
@@ -45,7 +48,7 @@ __all__ = ["fit_look", "seen_light"]
 
 F64 = NDArray[np.float64]
 
-VERSION = 26
+VERSION = 27
 """Of what is kept on disk: raised whenever the same cloth would come to another look."""
 FIBRES, SHEETS = (60, 1.6), (240, 0.6)
 """Threads each way of the piece that is drawn of fibres, and of that drawn as a sheet, and pixels from one to the next
@@ -103,6 +106,8 @@ def fit_look(source: CellStream, finish: Finish, like: Lighting = ONE_LIGHT) -> 
     def make() -> dict[str, NDArray]:
         repeats = range(len(cloth.repeats))
         few = np.stack([fit_few(cloth, number, source.pitch) for number in repeats]).astype(np.float32)
+        for number in repeats:
+            _tone(cloth, number, source.pitch, replace(guess, few=few), finish, like)
         start = replace(guess, few=few)
         every = [_measured(cloth, number, source.pitch, start, finish, like) for number in repeats]
         alone = guess.alone
@@ -115,6 +120,23 @@ def fit_look(source: CellStream, finish: Finish, like: Lighting = ONE_LIGHT) -> 
 
     found = kept("sheet", made_of, make)[0]
     return SheetLook(found["factor"], guess.lean, found["alone"], found["few"])
+
+
+def _tone(
+    cloth: CellCloth, number: int, pitch: tuple[float, float], look: SheetLook, finish: Finish, like: Lighting
+) -> None:
+    """Find what colours of each level of few fibres are taken times, in the look's `few`, so that warp and weft send
+    back as much as all fibres do, in the mean over how light falls: from level to level a little more or less is seen
+    of each, and in few of them nothing of a yarn's hairs. A hundredth of the picture is a tenth of a denim's weft."""
+    piece, splatter = flat_piece(cloth, number, THREADS, pitch, dark=surface_share(finish)), Splatter(*SIZE)
+    piece.sheets, piece.look = False, look
+    for k, (tilt, side) in enumerate(product(VIEWS, (0, 1))):
+        camera, found = tilted_camera(piece, tilt, side, PIXELS), []
+        for piece.level in range(cloth.bank.levels):
+            light = seen_light(splatter, piece, *camera, finish, like)
+            found.append(light[1:3] + SKY * light[3:])
+        tones = look.few[number, :, TONES + 2 * k : TONES + 2 * k + 2]
+        tones[1:] = (found[0] + LITTLE) / (np.array(found[1:]) + LITTLE)
 
 
 def _alone(cloth: CellCloth, number: int, pitch: tuple[float, float], finish: Finish, like: Lighting) -> F64:

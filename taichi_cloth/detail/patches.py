@@ -38,15 +38,15 @@ from taichi_cloth.yarn.places import hashed
 
 __all__ = [
     "CELL", "CHUNKS", "FEW", "FIRST_END", "FIRST_PICK", "LAYERS", "LEVEL", "PANEL", "PATCH", "PATCH_ENDS",
-    "PATCH_PICKS", "count", "cut_away", "lay", "look", "look_at", "patch_block", "placed_block",
+    "PATCH_PICKS", "SPREAD", "TONES", "count", "cut_away", "lay", "look", "look_at", "patch_block", "placed_block",
 ]  # fmt: skip
 
 CELL, PANEL, FIRST_PICK, FIRST_END, PATCH_PICKS, PATCH_ENDS, LAYERS, LEVEL = range(8)
 """Numbers of a patch: its cell and panel, its first pick and end in the panel, how many of each, layers, level."""
 PATCH = 8
-SPREAD = 9
+TONES, SPREAD = 9, 17
 FEW = SPREAD + 8 * DIRECTIONS
-"""Numbers that `SheetLook` has of a level of fibres; where those of directions begin."""
+"""Numbers that `SheetLook` has of a level of fibres; where those of tones and of directions begin."""
 CHUNKS = 16
 
 
@@ -151,6 +151,13 @@ def cut_away(since, up_to, u):
     return since > up_to or (u < since and since > 0.0) or (u > up_to and up_to < 1.0)
 
 
+@ti.func
+def _by_angle(few: F32x2, p, at, near):
+    """A number of panel p for cloth that is seen at a flat angle, 0, to nearly from above, 1: of the first `VIEWS` and,
+    four places on, of the other."""
+    return (1.0 - near) * few[p, at] + near * few[p, at + 4]
+
+
 @ti.kernel
 def lay(
     bounds: I32x1,
@@ -211,16 +218,16 @@ def lay(
                         )  # fmt: skip
                         d = own[0] * a + own[1] * c + own[2] * n  # pyright: ignore[reportIndexIssue]
                         outward = out[0] * a + out[1] * c + out[2] * n  # pyright: ignore[reportIndexIssue]
+                        radius *= shades[p, few]
                     if lean > 0.0:
                         outward = (outward + lean * way).normalized()
-                    radius *= shades[p, few]
                     if share[q] < 1.0:
                         chance = ti.cast(hashed(yarn * 64 + along % 64, m), ti.f32) / 16777216.0
                         radius *= ti.math.clamp((share[q] - (1.0 - FADE) * chance) / FADE, 0.0, 1.0)
                     group, lane = at // LANES, at % LANES
-                    tone = cloth.particle[t, COLUMN.tone]
+                    shut = _by_angle(shades, p, few + 1 + of, near)
+                    tone = cloth.particle[t, COLUMN.tone] * _by_angle(shades, p, few + TONES + of, near)
                     dyed = right if on_right else wrong
-                    shut = (1.0 - near) * shades[p, few + 1 + of] + near * shades[p, few + 5 + of]
                     for axis in ti.static(range(3)):
                         groups_out[POSITION + axis, group, lane] = x[axis]
                         groups_out[TANGENT + axis, group, lane] = d[axis]

@@ -2,7 +2,8 @@
 
 They lie evenly in a cell, on the side of the cloth that is seen, and are particles like all others: as a fibre's, each
 has a direction and a normal, and together these spread as those of the fibres that are seen there. Their colour is the
-mean of the threads under them, warp and weft in the shares that show on that side; how much they cover, and how bright
+mean of the threads under them, warp and weft in the shares that show on that side; as many lie as warp as of their
+light is the warp's: of a denim most is of the pale weft, of which little is seen. How much they cover, and how bright
 they are, is as measured on the fibres (`SheetLook`).
 """
 
@@ -74,14 +75,14 @@ Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018)."""
 class SheetLook:
     """How the sheets of some repeats look, and few of their fibres.
 
-    factor: (repeats, 2, TILTS, 5) of their right and their wrong side, what `AREA` and so on name. lean: (repeats, 7)
-    share of the right side that is warp; then of warp and of weft the mean sine by which normals lean across the
-    thread, and by which fibres lean from the cloth's plane along it; and how far the one and the other turn to the eye
-    along the thread. alone: (repeats, 4) what threads send back with
-    nothing but black ones round them, over what they do among their like: of warp and of weft on the right side, then
-    on the wrong one. few: (repeats, levels, FEW) of each level of fibres, by what their width is taken times; what
-    they do not see of the sky, of warp and of weft on the right side, then on the wrong one, seen at a flat angle, and
-    likewise from nearly above; and tables of directions, of the same eight (see `directions`).
+    factor: (repeats, 2, TILTS, 5) of their right and their wrong side, what `AREA` and so on name. lean: (repeats, 6)
+    of warp and of weft the mean sine by which normals lean across the thread, and by which fibres lean from the cloth's
+    plane along it; and how far the one and the other turn to the eye along the thread. alone: (repeats, 4) what threads
+    send back with nothing but black ones round them, over what they do among their like: of warp and of weft on the
+    right side, then on the wrong one. few: (repeats, levels, FEW) of each level of fibres, by what their width is taken
+    times, but of hairs; what they do not see of the sky, of warp and of weft on the right side, then on the wrong one,
+    seen at a flat angle, and likewise from nearly above; of the same eight what their colour is taken times, and tables
+    of directions (see `directions`).
     """
 
     factor: F32
@@ -93,13 +94,12 @@ class SheetLook:
 def guess_of(bank: RepeatBank, repeats: tuple[WeaveRepeat, ...]) -> SheetLook:
     """A look before anything is measured: leans of the fibres on the upper side, colours by who lies on top."""
     factor = np.empty((len(repeats), 2, len(TILTS), len(FACTORS)), np.float32)
-    lean = np.zeros((len(repeats), 7), np.float32)
+    lean = np.zeros((len(repeats), 6), np.float32)
     first = np.concatenate([bank.first, [bank.templates]])
     begin = 0
     for r, repeat in enumerate(repeats):
         kinds = repeat.layout.kinds.family
         up = float(repeat.layout.cloth.warp_up[:-1, :-1].mean())
-        lean[r, 0] = up
         for family in (0, 1):
             of = [
                 bank.particle[bank.start[first[k]] : bank.start[first[k + 1]]]
@@ -110,10 +110,10 @@ def guess_of(bank: RepeatBank, repeats: tuple[WeaveRepeat, ...]) -> SheetLook:
             weight = np.where(high, p[:, COLUMN.radius] * p[:, COLUMN.half_length] * p[:, COLUMN.normal + 2], 0.0)
             for c, column in enumerate((COLUMN.normal + 1, COLUMN.tangent + 2)):
                 square = float((weight * p[:, column] ** 2).sum() / max(float(weight.sum()), 1e-30))
-                lean[r, 1 + 2 * family + c] = LEAN * square**0.5
+                lean[r, 2 * family + c] = LEAN * square**0.5
             over = repeat.layout.cloth.warp_up
             changes = float((np.diff(over.astype(np.int8), axis=family) != 0).mean())
-            lean[r, 5 + family] = TURNED * changes * lean[r, 2 + 2 * family] ** 2
+            lean[r, 4 + family] = TURNED * changes * lean[r, 1 + 2 * family] ** 2
         factor[r, ..., AREA] = OVERLAP * np.array(TILTS)
         factor[r, 0, :, WARP], factor[r, 0, :, WEFT] = up, 1.0 - up
         factor[r, 1, :, WARP], factor[r, 1, :, WEFT] = 1.0 - up, up
@@ -144,7 +144,7 @@ def lay_surfels(
 
     bounds: (CHUNKS + 1,) first of the chosen of each chunk of work. starts: (chosen + 1,) where each one's begin. grid:
     (patches, 2) rows and columns of each one's. share: (patches,) of their area that is drawn. look: (panels, sides ·
-    TILTS, 4), lean: (panels, 11) with what threads send back alone, see `SheetLook`. eye: 1 and where it is [m], or 0
+    TILTS, 4), lean: (panels, 10) with what threads send back alone, see `SheetLook`. eye: 1 and where it is [m], or 0
     for the right side from above; then how far the surfels lie above the cloth's middle [m].
     """
     for step in range((bounds.shape[0] - 1) * ti.static(chunk_steps())):
@@ -190,22 +190,22 @@ def lay_surfels(
                 both = (seen[WARP] + seen[WEFT]) / ti.max(of_warp + of_weft, 1e-6)
                 of_warp, of_weft = both * of_warp, both * of_weft
                 # Its colour, and what an outline leaves of it.
-                dyed, opening = cell_mean(
-                    cloth, p, i, j, tall, broad, of_warp, of_weft, lean[p, 7 + 2 * side], lean[p, 8 + 2 * side],
+                dyed, opening, shown = cell_mean(
+                    cloth, p, i, j, tall, broad, of_warp, of_weft, lean[p, 6 + 2 * side], lean[p, 7 + 2 * side],
                     seen[OPEN_WARP], seen[OPEN_WEFT],
                 )  # fmt: skip
                 inside = cell_inside(cloth, p, i, j, tall, broad)
-                # As warp or as weft, and to which side it leans.
+                # As warp or as weft, by whose light it is, and to which side it leans.
                 turn = (patch[q, FIRST_PICK] + row) * EVEN_ROW + (patch[q, FIRST_END] + col) * EVEN_COL
                 turn -= ti.floor(turn)
-                shown = lean[p, 0] if side == 0 else 1.0 - lean[p, 0]
+                shown = ti.math.clamp(shown, 0.01, 0.99)
                 warp = turn < shown
                 turn = turn / shown if warp else (turn - shown) / (1.0 - shown)
                 along = by_v.normalized() if warp else by_u.normalized()
                 family = 0 if warp else 1
                 out = above * n
                 across = out.cross(along).normalized()
-                to_side, to_end = lean[p, 1 + 2 * family], lean[p, 2 + 2 * family]
+                to_side, to_end = lean[p, 2 * family], lean[p, 1 + 2 * family]
                 if turn < 0.25 or turn > 0.75:
                     to_side = -to_side
                 if turn < 0.5:
@@ -214,7 +214,7 @@ def lay_surfels(
                 to_side = ti.math.clamp(to_side * (1.0 + FLANKS * (1.0 - tilt)), -0.9, 0.9)
                 facing = ti.sqrt(1.0 - to_side * to_side) * out + to_side * across
                 facing = (facing + TO_EYE * (1.0 - tilt) * way).normalized()
-                to_end = ti.math.clamp(to_end - lean[p, 5 + family] * way.dot(along), -0.9, 0.9)
+                to_end = ti.math.clamp(to_end - lean[p, 4 + family] * way.dot(along), -0.9, 0.9)
                 along = ti.sqrt(1.0 - to_end * to_end) * along + to_end * out
                 at = starts[k] + m
                 group, lane = at // LANES, at % LANES

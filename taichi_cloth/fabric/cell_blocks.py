@@ -205,12 +205,13 @@ def cell_mean(cloth: Template, p, i, j, tall, broad, warp, weft, warp_alone, wef
     times what its warp ends do among its weft picks and `weft` times what those do; of a print as its middle does. And
     its openness, of which warp and weft have one each: by what of its light is whose, and by what both send back of a
     sky over what a cloth of their mean does. It is one for three colours: of a colour that is more of the family that
-    sees less than the others are, less is sent back, by the root of how much. warp_alone, weft_alone: see `mixing`."""
+    sees less than the others are, less is sent back, by the root of how much. And what of its light its warp ends send
+    back. warp_alone, weft_alone: see `mixing`."""
     end, pick = cloth.panel[p, END], cloth.panel[p, PICK]
     ends, picks = cloth.panel[p, ENDS], cloth.panel[p, PICKS]
     out = cell_dye(cloth, p, ti.min(ti.cast(i + 0.5, ti.i32), picks - 1), ti.min(ti.cast(j + 0.5, ti.i32), ends - 1))
     both = ti.max(warp + weft, 1e-6)
-    opening = (warp * open_warp + weft * open_weft) / both
+    opening, by_warps = (warp * open_warp + weft * open_weft) / both, warp / both
     if out[0] < 0.0:  # pyright: ignore[reportIndexIssue]
         by_warp = _sent_back(cloth, end, end + ends - 1, j, broad)
         by_weft = _sent_back(cloth, pick, pick + picks - 1, i, tall)
@@ -226,11 +227,12 @@ def cell_mean(cloth: Template, p, i, j, tall, broad, warp, weft, warp_alone, wef
             each[c] = (of_warp * open_warp + of_weft * open_weft) / sent * under**OPENED
             whole += out[c] * each[c]
         opening = whole / ti.max(out.sum(), 1e-6)
+        by_warps = warp * warps.sum() / ti.max(out.sum(), 1e-6)
         for c in ti.static(range(3)):
             out[c] *= ti.sqrt(ti.max(each[c], 1e-6) / ti.max(opening, 1e-6))
     else:
         out = both * sent_back_in_kernel(out)
-    return colour_in_kernel(out), ti.min(opening, 1.0)
+    return colour_in_kernel(out), ti.min(opening, 1.0), by_warps
 
 
 @ti.func

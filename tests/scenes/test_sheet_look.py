@@ -72,16 +72,31 @@ def looks(source: CellStream, finish: Finish, tilt: float, side: int) -> tuple[n
 def test_few_thick_fibres_cover_as_much_and_are_as_bright_as_all(
     source: CellStream, finish: Finish, tilt: float, side: int
 ) -> None:
-    """Of every level, the mean over lights; without `few` they cover 0.02 less and are up to 1.05 times as bright."""
+    """Of every level, the mean over lights, by warp and by weft; without `few` they cover 0.02 less and are up to 1.05
+    times as bright."""
     piece, splatter, found = flat_piece(source.cloth, 0, 20, source.pitch), Splatter(*SIZE), []
     piece.sheets, piece.look = False, source.look
     camera = flat_camera(piece, degrees(asin(tilt)) * (1 - 2 * side), 5.0 * tilt**-0.33)
     for piece.level in range(source.cloth.bank.levels):
         light = seen_light(splatter, piece, *camera, finish)
-        found.append((light[0], (light[1:3].sum() + SKY * light[3:].sum()) / light[0]))
-    for covered, bright in found[1:]:
+        found.append((light[0], (light[1:3].sum() + SKY * light[3:].sum()) / light[0], light[1] / light[1:3].sum()))
+    for covered, bright, by_warp in found[1:]:
         assert covered == pytest.approx(found[0][0], abs=0.01)
         assert bright == pytest.approx(found[0][1], rel=0.035)
+        assert by_warp == pytest.approx(found[0][2], abs=0.015)
+
+
+def test_few_fibres_are_made_wider_and_their_hairs_are_not(source: CellStream) -> None:
+    piece, radii = flat_piece(source.cloth, 0, 4, source.pitch), []
+    for wide in (1.0, 1.3):
+        few = source.look.few.copy()
+        few[..., 0] = wide
+        piece.look = replace(source.look, few=few)
+        rows = piece.sample(np.inf, level=1).reshape(ROWS, -1)
+        radii.append(rows[RADIUS])
+    hair = rows[OPENNESS] >= 1.0
+    assert hair.any()
+    assert radii[1] == pytest.approx(np.where(hair, 1.0, 1.3) * radii[0], rel=1e-5)
 
 
 @pytest.mark.parametrize(("tilt", "side"), [(1.0, 0), (0.8, 1), (0.5, 0), (0.3, 0)])
