@@ -44,7 +44,7 @@ CLOTHS = {
         "camera.aim=[0.42,0.4]",
     ],
     "wool flannel": ["cloth.material=wool-flannel", *dyed("#0e0f11")],
-    "denim": ["cloth.material=denim-12oz", *dyed("#16264c", "#cbc2ab")],
+    "denim": ["cloth.material=denim-12oz", *dyed("#2c3c62", "#cbc2ab")],
     "linen": [
         "yarn.count='NeL 40'", "yarn.twist_multiplier=3.2", "fibre.fineness_dtex=3", "light.finish=linen",
         "fabric.ends_per_cm=22", "fabric.picks_per_cm=20", *dyed("#c9b48c"),
