@@ -48,6 +48,25 @@ def test_slack_and_little_strain_ask_for_nothing():
     assert tight(garment, garment.atlas.start() * [0.8, 1.0, 1.0]) == {}
 
 
+@pytest.mark.parametrize(("away", "alike"), [(0.0, True), (0.02, False)])
+def test_left_and_right_are_let_out_alike(away, alike):
+    """As the tighter one asks, wherever each begins in its own coordinates; a panel that lies elsewhere is no twin."""
+    left = panel("trunk", 0)
+    mirror = np.diag([-1.0, 1.0, -1.0])
+    lower = tuple(edge + np.array([0.0, 0.3]) for edge in left.edges)
+    right = Panel("other", lower, Flat(mirror, np.array([0.0, away - 0.3, 0.0])), label="trunk")
+    pattern = Pattern("two", (left, right), ())
+    garment = Garment(pattern, cut(pattern, (CELL, CELL)), CLOTH)
+    at = garment.atlas.start()
+    high = (at[..., 1] > 0.15) & (at[..., 1] < 0.25) & (at[..., 0] > 0)
+    wide = np.where(high, 1.06, 1.0)
+    found = tight(garment, at * np.stack([wide, np.ones_like(wide), np.ones_like(wide)], -1))
+    assert set(found) == ({"front", "other"} if alike else {"front"})
+    if alike:
+        np.testing.assert_allclose(found["other"][0] - 0.3, found["front"][0], atol=1e-9)
+        np.testing.assert_allclose(found["other"][1], found["front"][1], atol=1e-9)
+
+
 def test_a_half_is_let_out_at_its_side_and_keeps_its_middle():
     """By as much as was asked there, and not beyond where it is asked."""
     work = pieces_of(Pattern("one", (panel("trunk", 0),), ()))

@@ -20,14 +20,17 @@ LEAST = 3
 """Pieces of thread of a row that tells something."""
 SPREAD = 0.02
 """Along a panel to either side of a tight row, over which it is let out as much [m]."""
+ALIKE = 0.005
+"""Between corners of two panels where they are placed, one of them mirrored, that are a left and a right one [m]."""
 LYING = 0.9
 """Cosine between rows of threads and the width of a panel, at least: threads aslant tell little of widths."""
 
 
 def tight(garment: Garment, positions: NDArray) -> LetOut:
     """What is tight and how much wider it wants to be, but for hoods and collars, which lie or stand where they meet
-    nothing. positions: key points (rows, cols, 3) as sewn [m]."""
-    out = dict[str, tuple[F64, F64]]()
+    nothing; a left and a right panel that are drawn alike as much as the tighter of them: a strain that trembles near
+    TAUT would make a garment lopsided. positions: key points (rows, cols, 3) as sewn [m]."""
+    found = dict[str, tuple[F64, F64]]()
     weft, warp = garment.sheet().stretch(positions.astype(np.float32))
     for piece in garment.atlas.panels:
         place, part = piece.panel.place, piece.panel.label
@@ -40,10 +43,27 @@ def tight(garment: Garment, positions: NDArray) -> LetOut:
         rows, cols = piece.shape
         own = (slice(piece.row, piece.row + rows - along), slice(piece.col, piece.col + cols - 1 + along))
         strain = (warp.T if along else weft)[own[::-1] if along else own]
-        at, by = _rows(strain, piece.origin, np.asarray(piece.spacing), up, 1 - along)
+        found[piece.panel.name] = _rows(strain, piece.origin, np.asarray(piece.spacing), up, 1 - along)
+    corners = {
+        panel.name: panel.place.points(np.array([edge[0] for edge in panel.edges]))
+        for panel in garment.pattern.panels
+        if panel.name in found and isinstance(panel.place, Flat)
+    }
+    out = dict[str, tuple[F64, F64]]()
+    for name, (at, by) in found.items():
+        for other in found:
+            if other != name and _mirrored(corners[name], corners[other]):
+                theirs = found[other][0] - found[other][0][0]
+                by = np.maximum(by, np.interp(at - at[0], theirs, found[other][1]))
         if by.max(initial=1.0) > 1.0:
-            out[piece.panel.name] = at, by
+            out[name] = at, by
     return out
+
+
+def _mirrored(corners: F64, others: F64) -> bool:
+    """Whether corners (n, 3) of one panel lie where those of another (m, 3) are, mirrored in the body's middle."""
+    apart = np.linalg.norm((corners * [-1, 1, 1])[:, None] - others, axis=2)
+    return len(corners) == len(others) and max(apart.min(axis=0).max(), apart.min(axis=1).max()) < ALIKE
 
 
 def _rows(strain: F64, origin: F64, spacing: F64, up: F64, axis: int) -> tuple[F64, F64]:
