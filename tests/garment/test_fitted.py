@@ -19,6 +19,7 @@ from taichi_cloth.garment.fit.piece import Piece, Work, arc_of, pieces_of
 from taichi_cloth.garment.fit.taped import landmarks_of
 from taichi_cloth.garment.fit.widen import widths
 from taichi_cloth.garment.pattern.curves import length
+from taichi_cloth.garment.pattern.folded import Fin
 from taichi_cloth.garment.pattern.garmentcode import read_garmentcode
 from taichi_cloth.garment.pattern.pattern import Cone, Course, Flat, Panel, Pattern, Seam, Side
 from taichi_cloth.ground.errors import InputError
@@ -438,3 +439,36 @@ def test_godets_start_where_they_are_let_in():
         seams = [(piece.worn(a.edge), work.pieces[b.panel].worn(b.edge)) for a, b in work.pairs(piece.name)]
         gap = np.mean([there.mean(axis=0) - own.mean(axis=0) for own, there in seams], axis=0)
         assert np.linalg.norm(gap[:2]) < 1e-3  # both stand before the body, or behind
+
+
+def test_godets_start_as_fins():
+    """Their points where slits begin, their sides along them, and their right side out."""
+    pattern = fitted(read_garmentcode(GODETS), plain_landmarks())
+    fins = {panel.name: panel.place for panel in pattern.panels if isinstance(panel.place, Fin)}
+    assert len(fins) >= 4
+    for seam in pattern.seams:
+        for side, other in ((seam.first, seam.second), (seam.second, seam.first)):
+            if side.panel in fins:
+                sewn = fins[side.panel].points(pattern.edge(side))
+                slit = pattern.panel(other.panel).place.points(pattern.edge(other))
+                slit = slit if pattern.is_alike(seam) else slit[::-1]
+                assert np.linalg.norm(sewn[[0, -1]] - slit[[0, -1]], axis=1).max() < 0.02
+                assert abs((sewn - slit[0]) @ fins[side.panel].rotation[:, 2]).max() < 0.01
+
+
+def test_a_fin_stands_out_of_its_plane_with_its_lengths_kept():
+    high, half, ajar = 0.3, 0.4, 0.05
+    start, fall = np.array([0.0, 1.0, 0.2]), np.array([0.0, -1.0, 0.0])
+    fin = Fin(np.eye(3), start, np.array([0.0, high]), np.array([0.0, -1.0]), half, fall, ajar)
+    wide = high * np.tan(half)
+    top, left, right, fold = fin.points(np.array([[0.0, high], [-wide, 0.0], [wide, 0.0], [0.0, 0.0]]))
+    np.testing.assert_allclose(top, [0.0, 1.0 + high, 0.2], atol=1e-12)
+    long = high / np.cos(half)
+    np.testing.assert_allclose(right - top, long * np.array([np.sin(ajar), -np.cos(ajar), 0.0]), atol=1e-9)
+    np.testing.assert_allclose(left - top, long * np.array([-np.sin(ajar), -np.cos(ajar), 0.0]), atol=1e-9)
+    down = np.cos(half) / np.cos(ajar)
+    np.testing.assert_allclose(fold - top, high * np.array([0.0, -down, np.sqrt(1 - down**2)]), atol=1e-9)
+    one = np.array([[x, y] for y in np.linspace(0, 0.2, 5) for x in np.linspace(0.0, 0.9, 7) * (high - y) * 0.4])
+    apart = np.linalg.norm(one[:, None] - one, axis=2)
+    stands = fin.points(one)
+    np.testing.assert_allclose(np.linalg.norm(stands[:, None] - stands, axis=2), apart, atol=1e-9)

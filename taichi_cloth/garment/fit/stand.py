@@ -10,7 +10,7 @@ from taichi_cloth.garment.fit.landmarks import Landmarks
 from taichi_cloth.garment.fit.piece import ON_ARC, Piece, Work, arc_of, circle
 from taichi_cloth.garment.fit.widen import tiers, widths
 from taichi_cloth.garment.pattern.curves import along, length
-from taichi_cloth.garment.pattern.folded import Folded
+from taichi_cloth.garment.pattern.folded import Fin, Folded
 from taichi_cloth.garment.pattern.pattern import Flat, Wrap
 
 __all__ = ["CLEAR", "stand", "start_of"]
@@ -23,6 +23,10 @@ LAPEL = 0.01
 """Of lapels over the fronts [m]."""
 SNUG = 0.012
 """Between the body and the top of a cone [m]."""
+AJAR = 0.02
+"""From a slit to either side of a godet in it, at least [rad]."""
+POINTED = 0.005
+"""Between the ends of two edges that meet in a point, at most [m]."""
 APART = 0.006
 """Of a frill on a leg from the middle plane, and from the crotch [m]."""
 FOLDS, TIERED = 16, 24
@@ -56,30 +60,64 @@ def stand(work: Work, worn: Landmarks) -> None:
         _in_its_slit(work, piece)
 
 
-def _in_its_slit(work: Work, piece: Piece) -> None:
-    """A godet, whose seams are all with one panel of its own side, comes to where it is let in: files have all of a
-    panel's side by side, and far under it."""
+def _let_into(work: Work, piece: Piece) -> Piece | None:
+    """The panel of its own side that all seams of a godet are with; None: it is no godet."""
     pairs = work.pairs(piece.name)
     to = {other.panel for _, other in pairs}
     if len(pairs) < 2 or len(to) > 1 or work.pieces[min(to)].side != piece.side:
-        return
+        return None
     panel = work.pieces[min(to)]
-    if panel.panel.area < 2 * piece.panel.area:
+    return panel if panel.panel.area >= 2 * piece.panel.area else None
+
+
+def _in_its_slit(work: Work, piece: Piece) -> None:
+    """A godet comes to where it is let in: files have all of a panel's side by side, and far under it."""
+    panel = _let_into(work, piece)
+    if panel is None:
         return
+    pairs = work.pairs(piece.name)
     gap = np.mean([panel.worn(b.edge).mean(axis=0) - piece.worn(a.edge).mean(axis=0) for a, b in pairs], axis=0)
     piece.shift = piece.shift + gap * [1, 1, 0]
 
 
+def _fin(work: Work, piece: Piece) -> Fin | None:
+    """A godet that is a wedge, its point where the slit begins; None: any other piece."""
+    panel, pairs = _let_into(work, piece), work.pairs(piece.name)
+    if panel is None or len(pairs) != 2:
+        return None
+    (apex, *ends), own = _corner([piece.graded[a.edge] for a, _ in pairs])
+    (top, *lows), slit = _corner([panel.worn(b.edge) for _, b in pairs])
+    if max(own, slit) > POINTED:
+        return None
+    ways = [(end - apex) / np.linalg.norm(end - apex) for end in ends]
+    middle = (ways[0] + ways[1]) / np.linalg.norm(ways[0] + ways[1])
+    half = float(np.arccos(np.clip(ways[0] @ middle, -1.0, 1.0)))
+    falls = [(low - top) / np.linalg.norm(low - top) for low in lows]
+    fall = (falls[0] + falls[1]) / np.linalg.norm(falls[0] + falls[1])
+    ajar = float(np.clip(np.arccos(np.clip(falls[0] @ fall, -1.0, 1.0)), AJAR, 0.9 * half))
+    shift = piece.shift + top - piece.standing(apex[None])[0]
+    return Fin(piece.rotation, shift, apex, middle, half, fall, ajar)
+
+
+def _corner(lines: list[F64]) -> tuple[list[F64], float]:
+    """Of two polylines (n, k): where they meet, half way between their nearest ends, and the other end of each; how far
+    apart those are."""
+    ends = [line[[0, -1]] for line in lines]
+    apart = np.linalg.norm(ends[0][:, None] - ends[1][None], axis=2)
+    i, j = np.unravel_index(int(apart.argmin()), (2, 2))
+    return [0.5 * (ends[0][i] + ends[1][j]), ends[0][1 - i], ends[1][1 - j]], float(apart.min())
+
+
 def start_of(work: Work, piece: Piece, worn: Landmarks) -> tuple[list[F64], Flat | Folded | Wrap]:
-    """Edges and where they start: as they stand; what is sewn to itself round its part of the body; sectors of a ring
-    in skirts hang round it in folds, with the share of the turn that their arc has of the loop, and tiers where the one
-    above them ends."""
+    """Edges and where they start: as they stand; what is sewn to itself round its part of the body; godets as fins;
+    sectors of a ring in skirts hang round it in folds, with the share of the turn that their arc has of the loop, and
+    tiers where the one above them ends."""
     flat = Flat(piece.rotation, piece.shift)
     if piece.tube:
         return _round_arm(piece, worn) if piece.part.startswith("arm") else _round_body(piece, worn)
     sector = _sector(work, piece)
     if sector is None:
-        return piece.graded, _round_leg(piece, worn) or flat
+        return piece.graded, _round_leg(piece, worn) or _fin(work, piece) or flat
     hangs, above = [sector], _above(work, piece)
     while above is not None and above.piece not in [one.piece for one in hangs]:  # low ones may seem to hang in a ring
         hangs.insert(0, above)

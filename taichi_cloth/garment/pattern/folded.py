@@ -7,6 +7,8 @@ cloth is there, points lie along them by length, and how far down each lies foll
 
 The two ends of a sector that is nearly a whole ring lie side by side in the flat, nearer than two key points may be, so
 that both would be cut from the same ones. Such a sector is cut in two along its middle.
+
+A godet starts as a fin: folded along its middle and square to the panel that it is let into, its two sides at the slit.
 """
 
 from collections.abc import Iterator
@@ -18,9 +20,9 @@ from numpy.typing import NDArray
 from scipy.interpolate import RegularGridInterpolator
 
 from taichi_cloth.garment.pattern.curves import length
-from taichi_cloth.garment.pattern.pattern import Cone, Hold, Panel, Pattern, Seam, Side
+from taichi_cloth.garment.pattern.pattern import Cone, Flat, Hold, Panel, Pattern, Seam, Side
 
-__all__ = ["Folded", "halved"]
+__all__ = ["Fin", "Folded", "halved"]
 
 F64 = NDArray[np.float64]
 
@@ -221,3 +223,36 @@ def _cut(edge: F64, share: float) -> list[F64]:
     k = int(np.searchsorted(long, to))
     point = np.array([[np.interp(to, long, edge[:, axis]) for axis in (0, 1)]])
     return [np.concatenate([edge[:k], point]), np.concatenate([point, edge[k if long[k] > to else k + 1 :]])]
+
+
+@dataclass(frozen=True, eq=False)
+class Fin(Flat):
+    """A wedge folded along its middle, right side out, that stands square to its own plane: there as a plane it would
+    lie across what it is let into, and across the next one.
+
+    apex: (2,) of the wedge [m]. middle: (2,) unit, from there along the fold. half: angle from that to either side
+    [rad]. fall: (3,) unit, the way of the slit in the world, in the plane. ajar: angle of its sides to that, less than
+    `half` [rad]. Rotation and translation: as of the plane.
+    """
+
+    apex: F64
+    middle: F64
+    half: float
+    fall: F64
+    ajar: float
+
+    def points(self, xy: F64) -> F64:
+        """(n, 2) of the panel to (n, 3) of the world [m]: either half a plane, through its side and the fold."""
+        off, square = xy - self.apex, np.array([-self.middle[1], self.middle[0]])
+        far = np.linalg.norm(off, axis=1)
+        turn = np.arctan2(off @ square, off @ self.middle)
+        outward = self.rotation[:, 2] - (self.rotation[:, 2] @ self.fall) * self.fall
+        outward /= np.linalg.norm(outward)
+        sideways = np.cross(outward, self.fall)
+        sideways *= np.sign(sideways @ self.rotation[:, :2] @ square)
+        out = np.arccos(np.cos(self.half) / np.cos(self.ajar))  # of the fold, which is `half` from both sides
+        fold = np.cos(out) * self.fall + np.sin(out) * outward
+        side = np.cos(self.ajar) * self.fall + np.sin(self.ajar) * np.sign(turn)[:, None] * sideways
+        to_side, to_fold = (np.sin(angle)[:, None] for angle in (np.abs(turn), self.half - np.abs(turn)))
+        way = (to_fold * fold + to_side * side) / np.sin(self.half)
+        return super().points(self.apex[None]) + far[:, None] * way
