@@ -20,7 +20,7 @@ Of light that grazes a cloth, seen against it, most has been turned by little: m
 and through one fibre or few. Of it, with x = cos(phi / 2) cos th_d, on the cone of the fibre's highlights the cosine of
 half the angle between l and v,
 
-    G = cos(phi / 2) (1 - x)^2 M_TT(s_i + s_r) cos th_i / cos th_d
+    G = cos(phi / 2) (1 - x)^(3/2) M_TT(s_i + s_r) cos th_i / cos th_d
 """
 
 from math import pi
@@ -55,7 +55,7 @@ def grazed(s_i, s_r, cos_i, cos_r, l_v, sharpness):
     """G, shape of the arguments. l_v, sharpness: see `lobes`."""
     _, half, cos_d = _between(s_i, s_r, cos_i, cos_r, l_v)
     turned = 1.0 - half * cos_d
-    return turned * turned * half * _along(s_i + s_r, 4.0 * sharpness) * cos_i / cos_d
+    return turned * ti.sqrt(turned) * half * _along(s_i + s_r, 4.0 * sharpness) * cos_i / cos_d
 
 
 @ti.func

@@ -16,10 +16,13 @@ from ..maps.decay import decay
 from .bulk import (
     AHEAD,
     ALONE,
+    BACK,
     BARED,
+    FLATTER,
     FORWARD,
     FORWARDS,
     GRAZED,
+    NEARER,
     OF_KEY,
     OF_SKY,
     ONCE,
@@ -188,7 +191,7 @@ def _from_sky(shading: Template, view: F32x2, up, mirrored, albedo, root, seen, 
 
 @ti.func
 def _parts(shadowed: Template, view: F32x2, b_l, facing_eye, around, along, forward, light, seen, closed):
-    """The seven parts of a light on a particle in a bulk (see `bulk`). facing_eye: l.v; around: cosine of the angle
+    """The eight parts of a light on a particle in a bulk (see `bulk`). facing_eye: l.v; around: cosine of the angle
     between light and view round the fibre; along: t.l + t.v; forward: G; light: what is there of it at the particle, at
     the fibres around and of what reaches the cloth; seen: of the sky; closed: how far the cloth is no yarn alone."""
     arriving, near, outside = light
@@ -198,7 +201,8 @@ def _parts(shadowed: Template, view: F32x2, b_l, facing_eye, around, along, forw
     here, behind = gain * arriving, outside - arriving
     # Where no map does it, the direction that is open keeps light from passing through the cloth.
     unseen = view[BULK, 1] if ti.static(shadowed) else 1.0
-    turned, shown = ti.max(0.2 + 0.8 * b_l, 0.0), 0.6 + 0.4 * b_l
+    faced = ti.max(b_l, 0.0)
+    turned, shown = ti.max(0.2 + 0.8 * b_l, 0.0), 0.5 + 0.5 * faced
     facing = here * rise(around) * (shown + unseen * (turned - shown))
     hidden = 1.0 + unseen * (turned - 1.0)
     grazing = whole * arriving * seen * forward * hidden
@@ -208,9 +212,14 @@ def _parts(shadowed: Template, view: F32x2, b_l, facing_eye, around, along, forw
     ahead = round_it * (1.0 - BARED * seen) * (1.0 + ROUND_ONCE * behind * (1.0 - seen))
     ahead *= decay(AHEAD[0] * (1.0 + around) + AHEAD[1] * along * along)
     alike = view[BULK, 0] * _alike(view, seen)
-    before = alike * near * view[CONE, 2] * ti.max(b_l, 0.0) * (1.0 - ALONE * seen * (1.0 - closed))
-    after = alike * outside * ti.max(-b_l, 0.0) * (1.0 - SHUT * seen)
-    return facing, before, after, ahead, grazing, onwards, beyond
+    mirrored = ti.max(around, 0.0) * ti.max(around, 0.0)
+    back = BACK * here * mirrored * mirrored * hidden
+    before = (
+        alike * near * view[CONE, 2] * faced * (1.0 - FLATTER * (1.0 - faced)) * (1.0 - ALONE * seen * (1.0 - closed))
+    )
+    through = (1.0 - NEARER) * outside * (1.0 - SHUT * seen) + NEARER * near * closed
+    after = alike * ti.max(-b_l, 0.0) * through
+    return facing, before, after, ahead, grazing, onwards, beyond, back
 
 
 @ti.func
@@ -220,7 +229,8 @@ def _lit(parts, albedo, root):
     for j in ti.static(range(1, 3)):
         total += weight(OF_KEY[j], albedo, root) * parts[j]
     total += weight(ONCE, albedo, root) * parts[3] + weight(GRAZED, albedo, root) * parts[4]
-    return total + weight(FORWARD, albedo, root) * parts[5] + weight(THROUGH_ALONE, albedo, root) * parts[6]
+    total += weight(FORWARD, albedo, root) * parts[5] + weight(THROUGH_ALONE, albedo, root) * parts[6]
+    return total + parts[7]
 
 
 @ti.func

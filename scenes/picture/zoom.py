@@ -31,7 +31,7 @@ __all__ = ["path", "require_threads", "source_of", "target_of", "zoom"]
 
 Image = NDArray[np.uint8]
 F64 = NDArray[np.float64]
-FITTED = 9
+FITTED = 10
 """Version of how gains are fitted, which takes long: they are kept."""
 
 
