@@ -26,7 +26,7 @@ from taichi_cloth.garment.pattern.pattern import Pattern
 from taichi_cloth.garment.sewn.garment import Garment
 from taichi_cloth.garment.sewn.lies import CROSSED
 from taichi_cloth.garment.sewn.limbs import bearer, limb_of_bones, spared
-from taichi_cloth.garment.sewn.sew import RECOVERY, sew
+from taichi_cloth.garment.sewn.sew import RECOVERY, STILL, STILLER, sew
 from taichi_cloth.garment.sewn.tried_on import tight
 from taichi_cloth.garment.sewn.weaving import crossings_shape
 from taichi_cloth.garment.sewn.worn import Worn
@@ -74,7 +74,7 @@ __all__ = [
     "woven_garment",
 ]
 
-VERSION = 52
+VERSION = 53
 """Of what is kept on disk: raised whenever the same scene would come to another rest."""
 
 TOILE, FITTINGS = 2000, 2
@@ -234,12 +234,14 @@ def sewn(
             start = None
             if inner is not None and isinstance(parts.garment, Outfit):
                 start = start_over(parts.garment, inner.positions)
-            worn = made(layers=layers, allowed=allowed, start=start)
+            worn = made(layers=layers, allowed=allowed, start=start, still=STILL if allowed else STILLER)
         return {name: np.asarray(getattr(worn, name)) for name in Worn.__dataclass_fields__}
 
     arrays, found = kept("toile" if toile else "worn", made_of, make)
     numbers = {name: arrays[name].item() for name in ("gap", "depth", "stretch", "taut", "speed", "frames", "sweeps")}
-    worn = Worn(**{name: arrays[name] for name in ("positions", "pushes", "slid", "anchors", "spared")}, **numbers)
+    worn = Worn(
+        **{name: arrays[name] for name in ("positions", "pushes", "slid", "anchors", "spared", "speeds")}, **numbers
+    )
     return Dressed(**vars(parts), worn=worn, from_disk=found)
 
 
@@ -387,6 +389,7 @@ def garment_simulation(
         pushes=worn.pushes,
         sweeps=worn.sweeps,
         anchors=worn.anchors,
+        speeds=worn.speeds,
         slid=worn.slid,
     )
 

@@ -89,7 +89,8 @@ longest thread of one that walks comes to 3.04 and 2.98 % in place of 2.6."""
 
 MOVING = 0.3
 """Speed of a tie from which on it learns in that time [m/s]. Slower ones learn more slowly: what keeps seams closed
-changes as cloth moves, and what learns at rest hunts."""
+changes as cloth moves, and what learns at rest hunts. Of a garment that hangs still none learns: where ties of a corner
+ask of its threads what cannot be, what they learn grows as long as it hangs, until the corner gives way."""
 
 
 class Ties(SharedConstraint):
@@ -269,8 +270,8 @@ class Ties(SharedConstraint):
             path[:-1, USUAL:MOST] = self._kept(state).T
         path[:-1, MOST] = ANY if self.most is None else np.minimum(self.most * self._yields * self.step**2, ANY)
         most = np.inf if self.repeated else self.reach / self.substeps
-        drawn = float((now <= CLOSED).all())
-        path[-1, :7] = self.count, 1.0 / self.substeps, most, self.gain, self.least, drawn, 1.0 / (MOVING * self.step)
+        drawn, gain = float((now <= CLOSED).all()), 0.0 if self.hangs else self.gain
+        path[-1, :7] = self.count, 1.0 / self.substeps, most, gain, self.least, drawn, 1.0 / (MOVING * self.step)
         fields.take(path)
 
     def end(self, state: SheetState) -> None:

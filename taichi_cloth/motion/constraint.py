@@ -42,6 +42,7 @@ class Constraint:
     it has a `warm_start`. At most one constraint of a solver may.
     spreads: it has a `loop`, and so can do without the kernel that threads share. spread: whether it is to; said by the
     solver before fields are made.
+    hangs: whether the cloth hangs still, and what keeps it so is known; said by the solver.
     clock: the solver's, see `KernelSolver`.
     known_as: in a line that says what a device lacks.
     keeps: planes of the state, as large as one of positions, that it uses as it likes, by `begin`, `end` and `rescale`.
@@ -62,6 +63,7 @@ class Constraint:
     kept_behind = 0
     spreads = False
     spread = False
+    hangs = False
     clock: Any = None
     known_as = "a constraint"
 

@@ -12,7 +12,7 @@ which −λ/L = h² T/(m L) of a thread comes above ¼ is taken again with more 
 
 from collections.abc import Callable
 from dataclasses import replace
-from math import ceil, inf, sqrt
+from math import ceil, exp, inf, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,7 +37,8 @@ LONGEST = 4e-4
 after 0.3 s at this one, and by 0.2 mm at half of it (`report --only solver`)."""
 
 QUIET = 8e-4
-"""The same of cloth that hardly moves, whose threads hardly turn [s]."""
+"""The same of cloth that hardly moves, whose threads hardly turn [s], and hangs on no seams: these, and what holds it,
+give by the square of the step. A skirt that hung still sank by 0.05 mm, and trembled for a second."""
 
 RESTS, STIRS = 0.15, 0.3
 """Speed in the mean (rms) below which cloth takes such steps, and above which no more [m/s]: at the latter it moves as
@@ -79,6 +80,12 @@ STILL, STAYS = 0.1, 10.0
 rest that went to and fro between two and three moved at 3 mm/s. Of what moves they do not: the paper's T-shirt would
 walk with four in each frame where 2.1 do."""
 
+HANGS, SWAYS, SLOWED = 0.005, 0.01, 6.0
+"""Speed of a garment in the mean (rms) below which it hangs still, and above which no more [m/s]; its damping then, as
+where it settled as it was sewn [1/s]. Fibres lose a seventh to a tenth of what they take up, which is such a rate for
+folds that sway at 5 hertz; what rubs within the cloth sticks by then and takes nothing, and the corner of a seam whose
+threads have two ways to lie went from one to the other every half second, 31 mm/s, and shook the folds below it."""
+
 FINER, LASTS = 2.5, 0.5
 """How many times the substeps of the soft springs there are at least where layers were restless in each frame for so
 long, and for how long after [s]. A T-shirt that lies as a heap has threads of 2 % then and not 4, trembles half as
@@ -111,8 +118,8 @@ def left_explicit(
 
 class Yarns(SpringSolver):
     """sweeps: over all families, a substep. step, safety: as of `Verlet`, of the springs that are not solved whole.
-    chains: whether the diagonals are, too; None: where that is cheaper. sewing: a garment until it is worn, whose steps
-    are as short where it hardly moves, and which is looked at after its frames alone: it comes to rest as it did."""
+    chains: whether the diagonals are, too; None: where that is cheaper. sewing: a garment until it is worn, which is
+    looked at after its frames alone."""
 
     answers = ("strain_limit",)
     springs_are_threads = False
@@ -135,7 +142,7 @@ class Yarns(SpringSolver):
     ) -> None:
         self._sewing, self._tied = sewing, any(one.repeated for one in constraints)
         self.sweeps, self._fewest, self._calm, self._futile = sweeps, sweeps, 0, 0
-        self._finer, self._pushed = 0, 0
+        self._finer, self._pushed, self._hangs = 0, 0, False
         self.tight, self.unsolved, self._before = 0.0, 0.0, inf
         self._layered = any(one.stops for one in constraints)
         choices: dict[Sheet, StepChoice] = {}
@@ -152,7 +159,7 @@ class Yarns(SpringSolver):
             raise InputError(f"solver.step: {step!r} s; allowed: above 0, at most {longest:.4g} s")
         substeps = self.choice.substeps(step or longest)
         self._asked, self._least = step or longest, substeps
-        self._rests = step is None and not sewing and forces.strain_limit is None
+        self._rests = step is None and not self._tied and forces.strain_limit is None
         super().__init__(
             sheet, forces, frame_rate=frame_rate, substeps=substeps, threads=threads, constraints=constraints
         )
@@ -160,6 +167,11 @@ class Yarns(SpringSolver):
     def take_steps(self, substeps: int) -> None:
         super().take_steps(substeps)
         self.numbers |= {"sweeps": float(self.sweeps)} | ({"diagonal": 0.0} if self.chains else {})  # of one cloth
+        for one in self.constraints:
+            one.hangs = self._hangs
+        if self._hangs:
+            for numbers in (self.numbers, *self.others):
+                numbers["kept"] = min(numbers["kept"], exp(-SLOWED * self.step))
 
     @property
     def explicit(self) -> Sheet:
@@ -233,6 +245,8 @@ class Yarns(SpringSolver):
         wanted = max(wanted, self._fewest_substeps(self._rests and self._quiet(state, reached)))
         if not WORTH * self.substeps <= wanted <= self.substeps:
             self._go_over(reached, wanted)
+        if self._tied and not self._sewing:
+            self._hang(self._frame_speed(state, reached))
         still = self._still(state, reached)
         if self._sweep_more(self.sweeps > self._fewest and still):
             return True
@@ -243,6 +257,13 @@ class Yarns(SpringSolver):
     def _quiet(self, before: SheetState, state: SheetState) -> bool:
         """Whether cloth takes longer steps as it hardly moves."""
         return self._frame_speed(before, state) < (STIRS if self.substeps < self._least else RESTS)
+
+    def _hang(self, speed: float) -> None:
+        """speed: from frame to frame, of all key points (rms) [m/s]."""
+        hangs = speed < (SWAYS if self._hangs else HANGS)
+        if hangs != self._hangs:
+            self._hangs = hangs
+            self.take_steps(self.substeps)
 
     def _still(self, before: SheetState, state: SheetState) -> bool:
         """Whether a sheet hardly moves; layers may tremble within a frame."""
@@ -345,9 +366,10 @@ class Yarns(SpringSolver):
 
     @property
     def found(self) -> tuple[float, ...]:
-        return self.substeps, self.sweeps, self._calm, self._futile, self._finer, self._pushed
+        return self.substeps, self.sweeps, self._calm, self._futile, self._finer, self._pushed, self._hangs
 
     def go_on(self, found: tuple[float, ...]) -> None:
         found = (*found, *self.found[len(found) :])  # runs that were saved before told of less
-        substeps, self.sweeps, self._calm, self._futile, self._finer, self._pushed = (int(one) for one in found)
+        substeps, self.sweeps, self._calm, self._futile, self._finer, self._pushed = (int(one) for one in found[:-1])
+        self._hangs = bool(found[-1])
         self.take_steps(substeps)

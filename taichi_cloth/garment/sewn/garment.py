@@ -239,12 +239,13 @@ class Garment:
         slid: F32 | None = None,
         sweeps: int = 0,
         anchors: F32 | None = None,
+        speeds: F32 | None = None,
         relaxed: bool = False,
         sewing: bool = False,
     ) -> Simulation:
         """The garment in motion from `positions`, seams and holds tied. bones: that carry the holds, −1 for none; None:
-        none are carried. solver: see `named_solver`. settled: see `Simulation`. pushes, slid, sweeps, anchors: of
-        `Worn`.
+        none are carried. solver: see `named_solver`. settled: see `Simulation`. pushes, slid, sweeps, anchors,
+        speeds: of `Worn`.
         relaxed: nothing rubs within the cloth, see `Springs.relaxed`. sewing: see `Yarns`.
         """
         sheet = self.moving(air_damping)
@@ -256,7 +257,8 @@ class Garment:
         constraints = constraints_for(sheet, forces, ties=ties, outline=outline, answered=kind.answers)
         known = {"sewing": sewing} if kind is Yarns else {}
         made = kind(sheet, forces, frame_rate=frame_rate, step=step, safety=safety, constraints=constraints, **known)
-        simulation = Simulation(sheet, made, forces=forces, positions=positions, settled=settled)
+        moving = 0.0 if speeds is None or not speeds.size else speeds
+        simulation = Simulation(sheet, made, forces=forces, positions=positions, velocities=moving, settled=settled)
         if slid is not None and slid.size:
             holds_of(simulation).slide(simulation.state, slid)
         if pushes is not None and pushes.size:

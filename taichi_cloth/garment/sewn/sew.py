@@ -31,7 +31,7 @@ from taichi_cloth.motion.forces import Forces, SelfContact, StrainLimit
 from taichi_cloth.motion.simulation import Simulation
 from taichi_cloth.solvers.yarns import Yarns
 
-__all__ = ["RECOVERY", "sew"]
+__all__ = ["RECOVERY", "STILL", "STILLER", "sew"]
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -42,10 +42,11 @@ SETTLING = 300
 CLOSER = 0.98  # of the widest gap before, that is closer
 UNTANGLING = 60  # with contact, of what comes to rest through itself
 SWUNG = 40  # frames in which a garment that settles is halted
-STILL, STEADY = 0.001, 12
+STILL, STILLER, STEADY = 0.001, 0.0004, 12
 """Speed of cloth at rest [m/s], and the frames over which it is told: root mean square of how far key points came since
 the furthest of them, over their time. What trembles where it is, as where a seam pulls cloth against the skin, or what
-stands off in folds, rests; from frame to frame it may come to 50 mm/s as long as one waits."""
+stands off in folds, rests; from frame to frame it may come to 50 mm/s as long as one waits. STILLER: of what is looked
+at as it hangs, which at the other begins to move at 1 to 2 mm/s."""
 
 SLOWED = 0.9
 """Share of its speed that cloth keeps from frame to frame from then on. Halts would wait for all of it to slow down: a
@@ -76,12 +77,13 @@ def sew(
     each: Callable[[str, int, int], None] | None = None,
     closing: int = CLOSING,
     settling: int = SETTLING,
+    still: float = STILL,
 ) -> Worn:
     """Sews a garment on a body at rest. limit: of how far its threads may grow. layers: its contact with itself.
     allowed: triangles through others, over all, up to which that is not taken up (`crossed`). each: told the stage,
     the frame and the most there may be, after each frame. solver: see `named_solver`. start: key points (rows, cols,
     3) [m] of what is worn over other garments, clear of them, in place of panels round the bare body: it is sewn with
-    contact from the first frame.
+    contact from the first frame. still: speed at which it rests [m/s], see STILL.
 
     Few garments pass through themselves while they are sewn: contact is taken up only for those that come to rest so.
     They are sewn anew with contact from the first frame, in which panels stand round the body; else settled anew from
@@ -99,21 +101,23 @@ def sew(
     def close(apart: SelfContact | None) -> Closed:
         begin = garment.atlas.start() if start is None else start
         return _closed(
-            garment, begin, still, limit, apart, solver, closing, lambda frame: told("sewing", frame, closing)
+            garment, begin, skin, limit, apart, solver, closing, lambda frame: told("sewing", frame, closing)
         )
 
     def meets(positions: F32) -> Colliders:
         if not body.primitives:  # of grids, which are one skin at rest, no folds are known
-            return still
-        return replace(still, spared=spared(garment.atlas, positions, body.primitives, moving=False))
+            return skin
+        return replace(skin, spared=spared(garment.atlas, positions, body.primitives, moving=False))
 
     def rest(begin: Closed, apart: SelfContact | None, most: int = settling) -> Worn:
         forces = Forces(strain_limit=limit, self_contact=apart)
         tell = partial(told, "settling", most=most)
-        return _rest(garment, forces, meets, begin, solver, most, tell, lambda at: passes(garment, at) <= allowed)
+        return _rest(
+            garment, forces, meets, begin, solver, still, most, tell, lambda at: passes(garment, at) <= allowed
+        )
 
     passes = crossed if allowed else _through
-    still = replace(body, motion=None, recovery=RECOVERY)
+    skin = replace(body, motion=None, recovery=RECOVERY)
     try:
         if start is not None and layers is not None:
             return rest(close(replace(layers, friction=min(layers.friction, SMOOTH))), layers)
@@ -190,12 +194,13 @@ def _rest(
     meets: Meets,
     begin: Closed,
     solver: str,
+    still: float,
     settling: int,
     told: Callable[[int], None],
     clear: Callable[[F32], bool],
 ) -> Worn:
     """Stage 2 from where seams are closed. forces: but for the body."""
-    simulation, speed, frames = _settled(garment, forces, meets, begin[0], solver, settling, told, clear)
+    simulation, speed, frames = _settled(garment, forces, meets, begin[0], solver, still, settling, told, clear)
     positions, body = simulation.positions, simulation.forces.body
     assert body is not None
     distance = solid_distance(body.solids, garment.surface.places(positions))
@@ -208,6 +213,7 @@ def _rest(
         speed=speed,
         frames=begin[1] + frames,
         **_known(simulation),
+        speeds=simulation.sheet.steps(simulation.state) / np.float32(simulation.solver.step),
         spared=np.zeros((0, 0), np.int32) if body.spared is None else body.spared,
     )
 
@@ -218,11 +224,12 @@ def _settled(
     meets: Meets,
     positions: F32,
     solver: str,
+    still: float,
     most: int,
     told: Callable[[int], None],
     clear: Callable[[F32], bool],
 ) -> tuple[Simulation, float, int]:
-    """Stage 2 from `positions`: the garment at rest, its speed (STILL), and the frames that it took, `most` at most.
+    """Stage 2 from `positions`: the garment at rest, its speed, `still` or less, and its frames, `most` at most.
     told: of each frame. clear: whether, with contact of layers, few enough pass through others for it to be at rest.
 
     What rubs within the cloth goes along as long as it is halted, and holds from then on: it comes to rest as what has
@@ -255,7 +262,7 @@ def _settled(
             simulation.slow(SLOWED)
             lately = [*lately[1 - STEADY :], before]
             speed = max(_moved(simulation, then) for then in lately) / (len(lately) * simulation.frame_time)
-            if len(lately) == STEADY and speed < STILL and (forces.self_contact is None or clear(simulation.positions)):
+            if len(lately) == STEADY and speed < still and (forces.self_contact is None or clear(simulation.positions)):
                 if not held.size:
                     return simulation, speed, frame + 1
                 simulation = simulation_of(simulation.positions, bones=held, **_known(simulation))
