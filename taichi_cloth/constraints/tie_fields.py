@@ -11,7 +11,7 @@ from taichi_cloth.ground.runtime import on_host
 from taichi_cloth.motion.stencil import load, nothing, store
 from taichi_cloth.sheet.sheet import LANES
 
-__all__ = ["ALLOWED", "MOST", "NODES", "PATH", "USUAL", "TieFields"]
+__all__ = ["ALLOWED", "EAGER", "MOST", "NODES", "PATH", "USUAL", "TieFields"]
 
 NODES = 8
 SHARE = NODES
@@ -23,6 +23,9 @@ MOST = USUAL + 3
 PATH = MOST + 1
 """Numbers of a tie for a frame: target at its start [m] and how far it moves, width allowed at its start [m] and how
 that changes, what it is usually pushed by in a substep, and what it bears in one at most [m]."""
+
+EAGER = 7
+"""Of the numbers of all ties: above 0 where something is learnt from ties that are closed one after the other."""
 
 FRESH, PUSHED = -1, -2
 """In place of how many ties are listed, in a substep: nothing was done yet; what those before were pushed by."""
@@ -346,15 +349,12 @@ class TieFields:
 
     @ti.func
     def close(self, points: Template, k, share):
-        """Closes tie k to the width allowed after this share of the frame. Returns whether it was wider by SLACK. Where
-        all are closed at once nothing is learnt from what is left: ties of a corner that ask of its threads what cannot
-        be are pushed again and again, and what was learnt of that grew as long as a T-shirt hung, until the corner gave
-        way at 80 mm/s."""
+        """Closes tie k to the width allowed after this share of the frame. Returns whether it was wider by SLACK."""
         push, wide = self.wanted(points, k, share)
         if ti.static(not self.repeated):
             push = self.bear(k, push)
         self.move(points, k, push)
-        if ti.static(not self.at_once):
+        if self.path[self.capacity, EAGER] > 0.0:
             self.learn(points, k, push)
         return wide
 

@@ -40,7 +40,7 @@ from scipy.sparse import csr_array, diags_array
 from scipy.sparse.linalg import splu
 
 from taichi_cloth.constraints.beside_ties import LINKS, beside
-from taichi_cloth.constraints.tie_fields import ALLOWED, MOST, NODES, PATH, USUAL, TieFields
+from taichi_cloth.constraints.tie_fields import ALLOWED, EAGER, MOST, NODES, PATH, USUAL, TieFields
 from taichi_cloth.constraints.tie_loops import TieLoops
 from taichi_cloth.ground.arrays import Template
 from taichi_cloth.ground.cache import digest
@@ -89,8 +89,9 @@ longest thread of one that walks comes to 3.04 and 2.98 % in place of 2.6."""
 
 MOVING = 0.3
 """Speed of a tie from which on it learns in that time [m/s]. Slower ones learn more slowly: what keeps seams closed
-changes as cloth moves, and what learns at rest hunts. Of a garment that hangs still none learns: where ties of a corner
-ask of its threads what cannot be, what they learn grows as long as it hangs, until the corner gives way."""
+changes as cloth moves, and what learns at rest hunts. Of a garment that hangs still they learn as all are closed at
+once, and not from what is left then: where ties of a corner ask of its threads what cannot be, that grows as long as
+it hangs, until the corner gives way."""
 
 
 class Ties(SharedConstraint):
@@ -270,8 +271,9 @@ class Ties(SharedConstraint):
             path[:-1, USUAL:MOST] = self._kept(state).T
         path[:-1, MOST] = ANY if self.most is None else np.minimum(self.most * self._yields * self.step**2, ANY)
         most = np.inf if self.repeated else self.reach / self.substeps
-        drawn, gain = float((now <= CLOSED).all()), 0.0 if self.hangs else self.gain
-        path[-1, :7] = self.count, 1.0 / self.substeps, most, gain, self.least, drawn, 1.0 / (MOVING * self.step)
+        drawn = float((now <= CLOSED).all())
+        path[-1, :7] = self.count, 1.0 / self.substeps, most, self.gain, self.least, drawn, 1.0 / (MOVING * self.step)
+        path[-1, EAGER] = float(not (self.hangs and self.fields.at_once))
         fields.take(path)
 
     def end(self, state: SheetState) -> None:
