@@ -25,7 +25,7 @@ def lean(layout: Template, by: Float, x: Float, y: Float, z: Float, upright: F32
             along = ti.Vector([blocks_out[TANGENT + k, b, lane] for k in ti.static(range(3))])
             way = ti.Vector([x, y, z]) - ti.Vector([blocks_out[POSITION + k, b, lane] for k in ti.static(range(3))])
             way /= ti.max(way.norm(), 1e-12)  # pyright: ignore[reportOptionalCall]
-            leant = own + far * (way - way.dot(along) * along)
+            leant = own + far * (way - way.dot(along) * along)  # pyright: ignore[reportOptionalCall]
             leant /= ti.max(leant.norm(), 1e-12)  # pyright: ignore[reportOptionalCall]
             for k in ti.static(range(3)):
                 blocks_out[NORMAL + k, b, lane] = leant[k]
