@@ -46,6 +46,8 @@ __all__ = ["Splatter"]
 
 CLOTH = Finish(depth=1e-3)
 """Needs every map of light that a finish may need."""
+UPRIGHT = 0.0, 0.0, 0.0, 0.0
+"""How far normals lean, and to what place, where they do not (`lean`)."""
 
 
 class Splatter:
@@ -96,7 +98,7 @@ class Splatter:
         self._set_size(self.width, self.height)
         self._count = 0
         self._upright: NDArray[np.float32] | None = None
-        self._leant = 0.0, 0.0, 0.0, 0.0
+        self._leant = UPRIGHT
         self._layout = Layout()
         self._turn: Turn = "only"
         self._options: dict[str, Any] = {}
@@ -114,14 +116,9 @@ class Splatter:
             low, high = int(particles.sprite.min()), int(particles.sprite.max())
             if low < 0 or high >= len(self.sprites):
                 raise InputError(f"particles.sprite: {low} to {high}; allowed: 0 to {len(self.sprites) - 1}")
-        self._layout, blocks, self._box = pack(particles, textured=self.sprites is not None)
-        self._blocks = sent(blocks)
-        self._opacity = 1.0 if self._layout.opacity else float(np.float32(particles.opacity))
-        self._count = len(particles)
-        self._upright, self._leant = None, (0.0, 0.0, 0.0, 0.0)
-        self.light.forget(mesh)
-        self._reserve(self._blocks.shape[1])
-        return self
+        layout, blocks, box = pack(particles, textured=self.sprites is not None)
+        opacity = 1.0 if layout.opacity else float(np.float32(particles.opacity))
+        return self._take(layout, sent(blocks), box, opacity, len(particles), mesh)
 
     def load_blocks(
         self, layout: Layout, blocks: NDArray[np.float32], count: int, mesh: Mesh | None = None
@@ -136,9 +133,21 @@ class Splatter:
         """
         if blocks.shape != (layout.rows, -(-count // LANES), LANES) or layout.textured != (self.sprites is not None):
             raise InputError(f"blocks: shape {blocks.shape}; allowed: {(layout.rows, -(-count // LANES), LANES)}")
-        self._layout, self._blocks, self._box, self._opacity = layout, sent(blocks), extent(blocks), 1.0
-        self._count = count
-        self._upright, self._leant = None, (0.0, 0.0, 0.0, 0.0)
+        return self._take(layout, sent(blocks), extent(blocks), 1.0, count, mesh)
+
+    def _take(
+        self,
+        layout: Layout,
+        blocks: NDArray[np.float32],
+        box: NDArray[np.float64],
+        opacity: float,
+        count: int,
+        mesh: Mesh | None,
+    ) -> "Splatter":
+        """Particles in blocks in place of those before, of which nothing is known yet. box: (2, 3) [m] that holds them.
+        opacity: of all where the layout has none."""
+        self._layout, self._blocks, self._box, self._opacity, self._count = layout, blocks, box, opacity, count
+        self._upright, self._leant = None, UPRIGHT
         self.light.forget(mesh)
         self._reserve(blocks.shape[1])
         return self
@@ -286,7 +295,7 @@ class Splatter:
     def _lean(self, camera: Camera, by: float) -> None:
         """Have normals lean to the eye by so much, those of blocks that were taken as they are, too."""
         x, y, z = camera.eye.tolist()
-        leant = (by, x, y, z) if by else (0.0, 0.0, 0.0, 0.0)
+        leant = (by, x, y, z) if by else UPRIGHT
         if leant != self._leant and self._count:
             if self._upright is None:
                 self._upright = sent(fetched(self._blocks[NORMAL : NORMAL + 3]).copy())

@@ -8,6 +8,7 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_cloth.yarn.spin import drawn_radius
 from taichi_cloth.yarn.yarn import Yarn
 
 __all__ = ["covered", "further_apart", "leaning", "standing_out", "thicker_by", "twist_of"]
@@ -74,9 +75,10 @@ def standing_out(radius: F64, grown: F64, share: float) -> F64:
 def leaning(yarn: Yarn, fibres: int) -> float:
     """How far normals of `fibres` drawn ones a ply lean to the eye: how far beyond their middles those lie that are
     seen, on the eye's side, over how far these lie from the axis of a ply that they fill evenly, 2/3 of its radius."""
-    share = min(fibres / yarn.fibres_in_section, 1.0)
-    radius = yarn.fibre_diameter / 2 / sqrt(share)
-    return SEEN * (1.0 - sqrt(share)) * radius / (2 / 3 * sum(yarn.ply_axes) / 2)
+    drawn = min(fibres, yarn.fibres_in_section)
+    radius = np.asarray(drawn_radius(yarn, drawn))
+    out = standing_out(radius, np.ones_like(radius), drawn / yarn.fibres_in_section)
+    return float(out) / (2 / 3 * sum(yarn.ply_axes) / 2)
 
 
 def twist_of(section: F64, tangent: F64, ply: NDArray[np.integer]) -> float:
