@@ -8,6 +8,7 @@ import taichi as ti
 
 from taichi_cloth.ground.arrays import F32x3, Float, Template
 from taichi_cloth.ground.particles import LANES, NORMAL, POSITION, TANGENT
+from taichi_cloth.ground.vectors import leant
 
 __all__ = ["lean"]
 
@@ -23,9 +24,7 @@ def lean(layout: Template, by: Float, x: Float, y: Float, z: Float, upright: F32
                 far = ti.select(blocks_out[ti.static(layout.openness_row), b, lane] < 1.0, by, 0.0)
             own = ti.Vector([upright[k, b, lane] for k in ti.static(range(3))])
             along = ti.Vector([blocks_out[TANGENT + k, b, lane] for k in ti.static(range(3))])
-            way = ti.Vector([x, y, z]) - ti.Vector([blocks_out[POSITION + k, b, lane] for k in ti.static(range(3))])
-            way /= ti.max(way.norm(), 1e-12)  # pyright: ignore[reportOptionalCall]
-            leant = own + far * (way - way.dot(along) * along)  # pyright: ignore[reportOptionalCall]
-            leant /= ti.max(leant.norm(), 1e-12)  # pyright: ignore[reportOptionalCall]
+            place = ti.Vector([blocks_out[POSITION + k, b, lane] for k in ti.static(range(3))])
+            moved = leant(own, along, place, ti.Vector([x, y, z]), far)
             for k in ti.static(range(3)):
-                blocks_out[NORMAL + k, b, lane] = leant[k]
+                blocks_out[NORMAL + k, b, lane] = moved[k]

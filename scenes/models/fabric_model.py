@@ -37,7 +37,8 @@ class FabricModel:
             self.source = FabricStream(self.fabric, self.points, target=0)
             self._casting = FabricStream(few, self.points, target=0)
         leans = [leaning(one.yarn.as_one, layout.detail.fibres) for one in (layout.warp, layout.weft)]
-        self._to_eye = sum(leans) / len(leans)
+        self.to_eye = sum(leans) / len(leans)
+        """How far normals lean to the eye."""
 
     def step(self, frame: int) -> None:
         """A fabric at rest does not move."""
@@ -51,7 +52,7 @@ class FabricModel:
         else:
             particles = ParticleBlocks(self._casting.sample(LIT))
             bounds = ParticleBlocks(self.source.sample(LIT)).position
-        return [Panel(particles, bounds, numbers=self.numbers, source=self.source, to_eye=self._to_eye)]
+        return [Panel(particles, bounds, numbers=self.numbers, source=self.source, to_eye=self.to_eye)]
 
     def particles(self) -> Particles:
         """All of the fabric's."""

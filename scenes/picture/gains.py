@@ -69,13 +69,14 @@ def fit_gains(
     lighting: Lighting | None = None,
     finish: Finish | None = None,
     views: Views | None = None,
+    to_eye: float = 0.0,
 ) -> Gains:
     """Gains by which the cloth, at the distance where a share is drawn, has the coverage and the brightness of all its
     particles, in any colours: warp is red, weft green, and both are black in blue, so that one picture tells their
     parts and the sheen. Measured from `ELEVATIONS` on key points (picks, ends, 3) [m], as how a cloth is folded tells
     where it gleams; where the fabric is large, on patches of it.
 
-    views: where it is measured; None is everywhere.
+    views: where it is measured; None is everywhere. to_eye: as of `FabricStream`.
     """
     target = thinned_to(fabric.particles) if target is None else target
     views = views or Views(ELEVATIONS, MEASURED)
@@ -83,7 +84,10 @@ def fit_gains(
     large = patches[0].inner is not None
     edges = min(1.0, PATCH / min(fabric.layout.cloth.warp_up.shape)) if large else 1.0
     eye = _Eye(Splatter(*SIZE), lighting, finish, edges)
-    wholes, thins = ([FabricStream(patch.fabric, points, target=share) for patch in patches] for share in (0.0, target))
+    wholes, thins = (
+        [FabricStream(patch.fabric, points, target=share, to_eye=to_eye) for patch in patches]
+        for share in (0.0, target)
+    )
     factor = np.tile(UNCHANGED, (len(views.elevations), LEVELS, 1))
     tilt = np.zeros(len(views.elevations))
     measured = [level for level in views.levels if target * 0.5 ** (level / 2) > FARTHEST] or [1]
@@ -206,10 +210,11 @@ def fit_near(
     *,
     lighting: Lighting | None = None,
     finish: Finish | None = None,
+    to_eye: float = 0.0,
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """The `parted_gain` and `surface_gain` by which real fibres, and those with a surface, are together as bright as
     the splats they replace, in each colour as far as two factors can: what has no colour changes too, and cannot be
-    multiplied by itself."""
+    multiplied by itself. to_eye: as of `FabricStream`."""
     yarn, fibres = fabric.layout.warp.yarn, fabric.layout.detail.fibres
     drawn = float(np.median(fabric.bank.radius[fabric.bank.openness < 1.0]))
     real = drawn / max(1.0, yarn.fibres_in_section / fibres) ** 0.5
@@ -217,7 +222,8 @@ def fit_near(
     ends = fabric.layout.cloth.warp_up.shape[1]
     own = np.stack([fabric.thread_colour[:ends].mean(axis=0), fabric.thread_colour[ends:].mean(axis=0)])
     probed = _probed(fabric)
-    splatter, plain, fine = Splatter(*SIZE), FabricStream(probed, points), RefiningStream(probed, points, skin)
+    splatter, plain = Splatter(*SIZE), FabricStream(probed, points, to_eye=to_eye)
+    fine = RefiningStream(probed, points, skin, to_eye=to_eye)
 
     def factor(pixels: float) -> NDArray[np.float32]:
         before, after = (

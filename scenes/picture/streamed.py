@@ -18,6 +18,7 @@ from ...render.data.camera import Camera
 from ...render.data.finish import Finish
 from ...render.data.light import Background, Lighting
 from ...render.data.light_sizes import MAP_SIZE
+from ...render.data.particles import Particles
 from ...render.light.particle_light import Held, LightMaps
 from ...render.splat.mixed import MixedMaps, mixed
 from ...render.splat.splat import Splatter
@@ -51,7 +52,7 @@ class Streamed:
     def __init__(
         self,
         splatter: Splatter,
-        sample: ParticleBlocks,
+        sample: Particles | ParticleBlocks,
         *,
         floor: bool,
         mesh: Mesh | None = None,

@@ -6,13 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_cloth.detail.refine import RefiningStream
-from taichi_cloth.detail.thinning import Gains
+from taichi_cloth.detail.thinning import NO_GAINS, Gains
 from taichi_cloth.fabric.layout import BODY
 from taichi_cloth.ground.cache import digest, kept
 from taichi_cloth.ground.errors import InputError
 
 from ...render.data.blocks import ParticleBlocks
-from ...render.data.camera import Camera, frame
+from ...render.data.camera import Camera
 from ...render.data.finish import Finish
 from ...render.data.light import Lighting
 from ...render.splat.splat import Splatter
@@ -22,16 +22,19 @@ from ..prepare.drawing import LIT, has_floor
 from ..prepare.sett import sett_of
 from ..scene.schema import Scene
 from .gains import fit_gains, fit_near, views_of
-from .streamed import Streamed
-from .view import View
+from .samples import averaged, samples_of, shown
+from .streamed import Closer, Streamed
+from .view import Shot, View
 from .zoom_cells import zoom_cells
-from .zoom_path import RESOLUTION, nearing, skin_in
+from .zoom_path import first_of, nearing, skin_in
 
 __all__ = ["path", "require_threads", "source_of", "target_of", "zoom"]
 
 Image = NDArray[np.uint8]
 F64 = NDArray[np.float64]
-FITTED = 10
+FINER = 0.01
+"""Across [m], of what has maps of light of its own where the camera is near."""
+FITTED = 11
 """Version of how gains are fitted, which takes long: they are kept."""
 
 
@@ -58,14 +61,25 @@ def zoom(view: View, count: int, numbers: list[int]) -> Iterator[tuple[int, Imag
     if not isinstance(view.model, FabricModel):
         yield from zoom_cells(view, count, numbers)
         return
-    lighting = view.lighting
-    source = source_of(view.model, lighting.without_maps(), view.finish, _first(view))
-    width, height = view.size
-    cameras = path(view, source, count)
-    sample = ParticleBlocks(source.base.sample(LIT))
-    streamed = Streamed(Splatter(width, height), sample, floor=has_floor(view.scene), resolution=RESOLUTION)
+    light, panel = view.lighting, view.model.panels()[0]
+    first = first_of(view.scene, view.size, panel.bounds)
+    source = source_of(view.model, light.without_maps(), view.finish, first)
+    target = target_of(source)
+    cameras = path(view.scene, first, source, target, count)
+    width, height = (samples_of(panel, cameras[0]) * side for side in view.size)
+    splatter = Splatter(width, height)
+    closer = Closer(target[0], (FINER,), lambda size: ParticleBlocks(source.base.sample(LIT, target[0], size)))
+    streamed = Streamed(splatter, panel.particles, floor=has_floor(view.scene), closer=closer)
+    options = {"lighting": light, "finish": view.finish, "background": view.background}
     for k in numbers:
-        image, _ = streamed.draw(cameras[k], source, lighting=lighting, finish=view.finish, background=view.background)
+        samples = samples_of(panel, cameras[k])
+        camera = cameras[k].on_canvas(samples)
+        splatter.resize(camera.width, camera.height)
+        rgba = np.zeros((camera.height, camera.width, 4), np.float32) if samples > 1 else None
+        image, behind = streamed.draw(camera, source, linear=rgba, **options)
+        if rgba is not None:
+            shot = Shot(panel, splatter, camera, behind, linear=rgba)
+            image = shown(light.tone, averaged(view.light_of(shot), samples))
         yield k, image
 
 
@@ -75,47 +89,42 @@ def source_of(
     finish: Finish | None = None,
     farthest: Camera | None = None,
 ) -> RefiningStream:
-    """The model's fabric, refined where the camera is near down to the surface of the scene's own fibre.
+    """The model's fabric, refined where the camera is near down to the surface of the scene's own fibre; few thick
+    fibres lean to the eye, and what a still lays whole is never thinned, so that the one begins with the other's
+    picture.
 
-    lighting, finish: in which it keeps its brightness at any distance. farthest: a view than which none
-    will be farther away or at a lower angle; None keeps it everywhere.
+    lighting, finish: in which what is thinned keeps its brightness. farthest: a view than which none will be
+    farther away or at a lower angle; None keeps it everywhere.
     """
     if not isinstance(model, FabricModel):
         raise InputError("zoom: needs a woven scene, such as swatch; this one has no [weave]")
     skin = skin_in(model.scene)
-    fabric, points, options = model.fabric, model.points, {"lighting": lighting, "finish": finish}
+    fabric, points = model.fabric, model.points
+    options = {"lighting": lighting, "finish": finish, "to_eye": model.to_eye}
 
-    views = None if farthest is None else views_of(fabric, points, farthest)
+    thins = model.source is not None
+    views = None if farthest is None or not thins else views_of(fabric, points, farthest)
 
     def fit() -> dict[str, NDArray]:
-        far = fit_gains(fabric, points, views=views, **options)
+        far = fit_gains(fabric, points, views=views, **options) if thins else NO_GAINS
         near = fit_near(fabric, points, skin, **options)
         return {"tilt": far.tilt, "factor": far.factor, "parted": near[0], "surface": near[1]}
 
-    made_of = digest(FITTED, fabric.bank, fabric.layout.blocks, points, skin, lighting, finish, views)
+    made_of = digest(FITTED, fabric.bank, fabric.layout.blocks, points, skin, *options.values(), views)
     fitted, _ = kept("gains", made_of, fit)
     gains = Gains(fitted["tilt"], fitted["factor"])
     parted, surface = fitted["parted"], fitted["surface"]
-    return RefiningStream(fabric, points, skin, gains=gains, parted_gain=parted, surface_gain=surface)
+    gained = {"gains": gains, "parted_gain": parted, "surface_gain": surface, "target": None if thins else 0.0}
+    return RefiningStream(fabric, points, skin, to_eye=model.to_eye, **gained)
 
 
-def path(view: View, source: RefiningStream, count: int) -> list[Camera]:
-    """`count` cameras from the whole cloth to a fibre, see `nearing`."""
-    first, points = _first(view), source.base.arrays.point
-    end, normal = target_of(source)
+def path(scene: Scene, first: Camera, source: RefiningStream, target: tuple[F64, F64], count: int) -> list[Camera]:
+    """`count` cameras from a first one, which shows the whole cloth, to a `target_of` it, see `nearing`."""
+    points = source.base.arrays.point
+    end, normal = target
     centre = (points.min(axis=0) + points.max(axis=0)).astype(np.float64) / 2
     diameter = source.base.fabric.layout.warp.yarn.fibre_diameter
-    return nearing(first, view.scene.camera.fov_deg, centre, end, normal, diameter, count)
-
-
-def _first(view: View) -> Camera:
-    """The first view of a zoom: the whole cloth."""
-    assert isinstance(view.model, FabricModel)
-    camera, (width, height) = view.scene.camera, view.size
-    return frame(
-        np.asarray(view.model.points).reshape(-1, 3), azimuth=camera.azimuth_deg, elevation=camera.elevation_deg,
-        margin=camera.margin, radius=1e-3, width=width, height=height, fov=camera.fov_deg,
-    )  # fmt: skip
+    return nearing(first, scene.camera.fov_deg, centre, end, normal, diameter, count, crop=scene.camera.zoom)
 
 
 def target_of(source: RefiningStream) -> tuple[F64, F64]:

@@ -21,7 +21,7 @@ from taichi_cloth.ground.copies import fetched
 from taichi_cloth.ground.errors import InputError
 
 from ...render.data.blocks import ParticleBlocks
-from ...render.data.camera import Camera, frame, orbit
+from ...render.data.camera import Camera, frame
 from ...render.data.finish import Finish
 from ...render.data.light import Lighting
 from ...render.splat.splat import Splatter
@@ -33,7 +33,7 @@ from .gains import PROBE, colours_at, matched
 from .sheet_look import fit_look
 from .streamed import Closer, Streamed
 from .view import View
-from .zoom_path import RESOLUTION, TURN, nearing, skin_in
+from .zoom_path import RESOLUTION, TURN, first_of, nearing, skin_in
 
 __all__ = ["zoom_cells"]
 
@@ -63,9 +63,7 @@ def zoom_cells(view: View, count: int, numbers: list[int]) -> Iterator[tuple[int
         raise InputError("zoom: needs a woven scene, such as swatch, or cloth drawn as fibres with a sett; no other is")
     panel = model.panels()[0]
     width, height = view.size
-    section = scene.camera
-    lens = {"elevation": section.elevation_deg, "fov": section.fov_deg, "margin": section.margin}
-    first = orbit(panel.bounds, 1, width=width, height=height, start=section.azimuth_deg, **lens)[0]
+    section, first = scene.camera, first_of(scene, view.size, panel.bounds)
     source, finish = model.source, view.finish
     source.target = TARGET
     source.look = fit_look(source, finish, view.lighting)

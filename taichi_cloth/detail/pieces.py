@@ -25,6 +25,7 @@ from taichi_cloth.ground.particles import (
     ROWS,
     TANGENT,
 )
+from taichi_cloth.ground.vectors import leant
 from taichi_cloth.yarn.places import hashed
 from taichi_cloth.yarn.unevenness import MOST_HASHED
 
@@ -75,6 +76,7 @@ def split(
     steps: I32x1,
     each: I32x1,
     usual: Float,
+    eye: F32x1,
     # out
     pieces_out: F32x2,
 ):
@@ -82,7 +84,8 @@ def split(
 
     starts: (chosen + 1,) where each one's pieces stand. parted: how far its fibres have parted, 0 to 1. gain: factor
     for the colour of those that part. Of each block of the fabric, core: particles of its template that are fibres, not
-    hairs; steps: those of one fibre; each: real fibres for a drawn one. usual: a skin's period is near this [m].
+    hairs; steps: those of one fibre; each: real fibres for a drawn one. usual: a skin's period is near this [m]. eye:
+    of `streaming.Survey`: normals lean to it as far as fibres have not parted.
     """
     for step in range(chunks * 1024):
         if step % 1024 != 0:
@@ -103,12 +106,14 @@ def split(
                 u = fabric.particle[t, COLUMN.u]
                 x, d, up, radius = lay_particle(fabric.particle, t, p0, p1, a0, a1, n0, n1, w0, w1)
                 side = d.cross(up)
-                is_core = m < core[b]
+                is_core, facing = m < core[b], up
+                if is_core and parted[i] < 1.0:
+                    facing = leant(up, d, x, ti.Vector([eye[0], eye[1], eye[2]]), eye[3] * (1.0 - parted[i]))
                 line = m // steps[b] if is_core else 100000 + m
                 count = each[b] if is_core else 1
                 many = ti.cast(count, ti.f32)
                 for j in range(count):
-                    here, r, outward, tone = x, radius, up, fabric.particle[t, COLUMN.tone]
+                    here, r, outward, tone = x, radius, facing, fabric.particle[t, COLUMN.tone]
                     far = 0.0
                     if count > 1:
                         # Its place in the section; between the block's ends it strays a little.
@@ -123,7 +128,7 @@ def split(
                         r = radius + parted[i] * (fine - radius)
                         if j > 0:  # where all still lie on one another, one is enough
                             r *= ti.min(GROWN * parted[i], 1.0)
-                        outward = (up + parted[i] * 0.6 * (y * up + z * side) / radius).normalized()
+                        outward = (facing + parted[i] * 0.6 * (y * up + z * side) / radius).normalized()
                         tone *= gain[i]
                         tone *= 1.0 + parted[i] * 0.12 * (_hash(line * 64 + j, yarn + 31) - 0.5)
                         far = parted[i]

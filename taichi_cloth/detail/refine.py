@@ -91,7 +91,7 @@ class RefiningStream:
         if len(near) > MOST_BLOCKS:
             near = np.sort(near[np.argsort(seen.depth[near], kind="stable")[:MOST_BLOCKS]])
         view = view_of(camera)
-        pieces = self._part(near, pixels[near]) if len(near) else np.zeros((0, WIDTH), np.float32)
+        pieces = self._part(near, pixels[near], seen.eye) if len(near) else np.zeros((0, WIDTH), np.float32)
         n = len(pieces)
         boxes, counts = np.empty((n, 4), np.int16), np.zeros(n, np.int32)
         depth, grid = np.empty(n, np.float32), np.empty((n, 2), np.int32)
@@ -161,8 +161,8 @@ class RefiningStream:
             inside &= camera.focal * across - edge * z <= r * np.hypot(camera.focal, edge)
         return inside
 
-    def _part(self, near: NDArray[np.int64], pixels: F32) -> F32:
-        """The pieces of all real fibres of these blocks, (n, WIDTH)."""
+    def _part(self, near: NDArray[np.int64], pixels: F32, eye: F32) -> F32:
+        """The pieces of all real fibres of these blocks, (n, WIDTH). eye: of `Survey`."""
         if not np.isin(near, self._known).all():
             self._known = near
             layout = self.base.fabric.layout
@@ -202,6 +202,7 @@ class RefiningStream:
             length.astype(np.int32),
             each[family].astype(np.int32),
             usual,
+            eye,
             out,
         )
         return out

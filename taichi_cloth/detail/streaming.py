@@ -15,7 +15,7 @@ import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
 
-from taichi_cloth.detail.thinning import FADE, FULL, UNCHANGED, Gains, gain, thinned_to
+from taichi_cloth.detail.thinning import FADE, FULL, NO_GAINS, Gains, gain, thinned_to
 from taichi_cloth.detail.view import Pinhole, View, in_frustum, seen_at, tiles_of, view_of
 from taichi_cloth.fabric.fabric import Fabric
 from taichi_cloth.fabric.frames import frames
@@ -35,7 +35,7 @@ from taichi_cloth.ground.particles import (
     TANGENT,
     TILE,
 )
-from taichi_cloth.ground.vectors import chunk_count, chunk_steps
+from taichi_cloth.ground.vectors import chunk_count, chunk_steps, leant
 
 __all__ = ["FabricStream", "Survey"]
 
@@ -53,7 +53,7 @@ class Survey:
     where it is out of view. counts: (blocks,) int32 particles worth drawing, 0 out of view. depth: (blocks,)
     float32 [m] of the middle. reach: (blocks,) float32 how far it reaches from there [m]. share: (blocks,) float32 λ,
     `FULL` for everything. tilt: mean cosine between the cloth's normal and the camera's axis, the same
-    from both sides."""
+    from both sides. eye: (4,) float32 where the camera stands [m], and how far normals lean to it."""
 
     boxes: NDArray[np.int16]
     counts: I32
@@ -61,6 +61,7 @@ class Survey:
     reach: F32
     share: F32
     tilt: float
+    eye: F32
 
 
 class FabricStream:
@@ -68,7 +69,8 @@ class FabricStream:
 
     target: radius [px] that drawn particles are thinned to; 0 draws every particle whatever its size, None chooses
     (`thinned_to`).
-    gains: what puts right the coverage and the brightness of thinned blocks; None changes nothing.
+    gains: what puts right the coverage and the brightness of thinned blocks; None changes nothing. to_eye: how far
+    normals of its fibres, but of hairs, lean to the eye (`vectors.leant`).
     """
 
     def __init__(
@@ -79,11 +81,13 @@ class FabricStream:
         target: float | None = None,
         gains: Gains | None = None,
         chunks: int = 2,
+        to_eye: float = 0.0,
     ) -> None:
         bank = fabric.bank
+        self.to_eye = to_eye
         self.fabric, self.chunks = fabric, chunk_count(int(chunks))
         self.target = thinned_to(fabric.particles) if target is None else float(target)
-        self.gains = gains or Gains(np.ones(1), np.tile(UNCHANGED, (1, 2, 1)))
+        self.gains = gains or NO_GAINS
         self.frame = frames(points)
         self.arrays = fabric.arrays(points, self.frame)
         size = np.diff(bank.start)
@@ -119,7 +123,8 @@ class FabricStream:
         _survey(pack, self.reach, self.radius, view, self.target, boxes, counts, depth, reach, share)
         # To the camera's axis, not to its place: then a cloth's tilt is the same from near and from far.
         cosine = self.arrays.normal[:: self._every] @ np.asarray(camera.rotation)[2]
-        return Survey(boxes, counts, depth, reach, share, float(np.abs(cosine).mean()))
+        eye = np.array([*view.eye, self.to_eye], np.float32)
+        return Survey(boxes, counts, depth, reach, share, float(np.abs(cosine).mean()), eye)
 
     def lay(self, survey: Survey, blocks: I32) -> tuple[F32, int]:
         """The particles of these blocks, as many as the survey says: (ROWS, ceil(n / 16), 16) and n.
@@ -143,21 +148,25 @@ class FabricStream:
             survey.share,
             self.arrays.pack(),
             self.gains.at(survey.tilt),
+            survey.eye,
             out,
         )
         filled_up(out, total)
         return out, total
 
-    def sample(self, most: int) -> F32:
-        """An even sample of the whole fabric as `lay` gives it, a copy: about `most` particles, at least one a block,
-        enlarged so that their areas add up to those of all."""
-        template = self.fabric.bank.template
-        size = self.size[template]
-        n, share = len(size), np.float32(min(FULL, FULL * most / max(1, self.fabric.particles)))
+    def sample(self, most: int, place: NDArray | None = None, across: float = np.inf) -> F32:
+        """An even sample of the whole fabric, or of a cube `across` [m] wide round a place (3,) [m], as `lay` gives it,
+        a copy: about `most` particles, at least one a block, enlarged so that their areas add up to those of all."""
+        blocks = np.arange(len(self.arrays.key0), dtype=np.int32)
+        if place is not None:
+            middle = (self.arrays.point[self.arrays.key0] + self.arrays.point[self.arrays.key1]) / 2
+            blocks = blocks[np.abs(middle - place).max(axis=1) < 0.5 * across]
+        size = self.size[self.fabric.bank.template]
+        n, share = len(size), np.float32(min(FULL, FULL * most / max(1, size[blocks].sum(dtype=np.int64))))
         counts = np.minimum(size, np.maximum(1, np.ceil(share * size))).astype(np.int32)
         zero = np.zeros(n, np.float32)
-        survey = Survey(np.zeros((n, 4), np.int16), counts, zero, zero, np.full(n, share), 1.0)
-        return fetched(self.lay(survey, np.arange(n, dtype=np.int32))[0]).copy()
+        survey = Survey(np.zeros((n, 4), np.int16), counts, zero, zero, np.full(n, share), 1.0, zero[:4])
+        return fetched(self.lay(survey, blocks)[0]).copy()
 
     def numbers(self, survey: Survey, blocks: I32) -> tuple[I32, I32]:
         """The thread of each particle that `lay` makes of these blocks, and its family: 0 warp, 1 weft."""
@@ -231,11 +240,13 @@ def _lay(
     shares: F32x1,
     fabric: FabricPack,
     gains: F32x2,
+    eye: F32x1,
     # out
     groups_out: F32x3,
 ):
     """Particles of chosen blocks, in groups. starts: (chosen + 1,) where each one's stand, and so how many they are.
-    shares: λ of every block. sample: which of the templates' samples. gains: `Gains.at` of the view."""
+    shares: λ of every block. sample: which of the templates' samples. gains: `Gains.at` of the view. eye: of `Survey`.
+    """
     for step in range(chunks * ti.static(chunk_steps())):
         if step % ti.static(chunk_steps()) != 0:
             continue
@@ -277,6 +288,8 @@ def _lay(
                 faded = ti.math.clamp((drawn - m) / (FADE * drawn), 0.0, 1.0)
                 grown = ti.sqrt(larger * faded) * wider if share < FULL else 1.0
                 tone, openness = fabric.particle[t, COLUMN.tone], fabric.particle[t, COLUMN.openness]
+                if eye[3] > 0.0 and openness < 1.0:
+                    outward = leant(outward, d, x, ti.Vector([eye[0], eye[1], eye[2]]), eye[3])
                 group, lane = q // LANES, q % LANES
                 for c in ti.static(range(3)):
                     groups_out[POSITION + c, group, lane] = x[c]

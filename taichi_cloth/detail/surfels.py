@@ -65,6 +65,9 @@ TURNED = 5.0
 of how far they lean and the share of crossings at which it changes sides, for what floats is straight. By fibres of a
 plain weave, a twill, a satin and a denim in lights from all sides (`docs/appearance.md`)."""
 OVERLAP = 3.0
+FEWEST = 0.05
+"""Of the light, what the warp's or the weft's share must be for any surfels to lie so; from twice as much on as many do
+as of the light is its. Fewer are specks: silk's weft shines where its warp is in shadow."""
 
 EVEN_ROW, EVEN_COL = 0.7548776662, 0.5698402910
 """Of rows and columns, by which surfels take turns evenly: the inverse of the plastic number, and its square (M.
@@ -198,9 +201,11 @@ def lay_surfels(
                 # As warp or as weft, by whose light it is, and to which side it leans.
                 turn = (patch[q, FIRST_PICK] + row) * EVEN_ROW + (patch[q, FIRST_END] + col) * EVEN_COL
                 turn -= ti.floor(turn)
-                shown = ti.math.clamp(shown, 0.01, 0.99)
+                least = ti.min(shown, 1.0 - shown)
+                least = ti.max(ti.min(least, 2.0 * (least - FEWEST)), 0.0)
+                shown = least if shown < 0.5 else 1.0 - least
                 warp = turn < shown
-                turn = turn / shown if warp else (turn - shown) / (1.0 - shown)
+                turn = turn / ti.max(shown, 1e-6) if warp else (turn - shown) / ti.max(1.0 - shown, 1e-6)
                 along = by_v.normalized() if warp else by_u.normalized()
                 family = 0 if warp else 1
                 out = above * n

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from taichi_cloth.ground.arrays import F32x2
 
-__all__ = ["FADE", "FULL", "LEAST", "UNCHANGED", "Gains", "gain", "thinned_to"]
+__all__ = ["FADE", "FULL", "LEAST", "NO_GAINS", "UNCHANGED", "Gains", "gain", "thinned_to"]
 
 FULL = 1.3
 """The share λ from which on all particles are drawn whole: the last 23 % of a share are fading."""
@@ -46,6 +46,9 @@ class Gains:
         left = min(int(place), len(self.tilt) - 1)
         right = min(left + 1, len(self.tilt) - 1)
         return np.asarray(self.factor[left] + (place - left) * (self.factor[right] - self.factor[left]), np.float32)
+
+
+NO_GAINS = Gains(np.ones(1), np.tile(UNCHANGED, (1, 2, 1)))
 
 
 def thinned_to(particles: int) -> float:

@@ -1,6 +1,7 @@
 """Types of the arguments of kernels that take 8 or 16 particles, or 16 pixels of a tile's row, at once.
 
 The same functions serve a graphics device, which takes one particle a thread: then `of_group` gives a vector of one.
+And what is done to the vectors of one particle, in more than one room.
 """
 
 from typing import TYPE_CHECKING, Any
@@ -23,6 +24,7 @@ __all__ = [
     "in_octets",
     "keep",
     "lanes",
+    "leant",
     "of_group",
     "of_row",
     "set_row",
@@ -73,6 +75,15 @@ def chunk_steps() -> int:
 def chunk_count(usual: int) -> int:
     """Chunks of work: `usual` on a CPU, thousands where a device holds the arrays."""
     return max(usual, 4096) if runtime.resident() else usual
+
+
+@ti.func
+def leant(normal, along, place, eye, by):
+    """A normal, moved by so much of the way from its place to an eye [m] that is square to its fibre, see
+    `render.light.lean`."""
+    way = (eye - place) / ti.max((eye - place).norm(), 1e-12)
+    out = normal + by * (way - way.dot(along) * along)
+    return out / ti.max(out.norm(), 1e-12)
 
 
 @ti.func

@@ -26,8 +26,10 @@ from taichi_cloth.scenes.models.build import build
 from taichi_cloth.scenes.models.fabric_model import FabricModel
 from taichi_cloth.scenes.picture import gains as scene_gains
 from taichi_cloth.scenes.picture.gains import colours_at, crossings, fit_gains, fit_near, seen_at, views_of
+from taichi_cloth.scenes.picture.samples import samples_of
 from taichi_cloth.scenes.picture.view import View
 from taichi_cloth.scenes.picture.zoom import path, source_of, target_of, zoom
+from taichi_cloth.scenes.picture.zoom_path import first_of
 from taichi_cloth.scenes.scene.load import load_scene
 
 SIZE = 320, 192
@@ -291,6 +293,21 @@ def test_zoom_writes_its_frames(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
         assert image.std() > 1
 
 
+@pytest.mark.parametrize(("ends", "samples"), [(8, 1), (16, 2)])
+def test_a_zoom_begins_with_the_picture_that_a_still_shows(
+    ends: int, samples: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("TAICHI_CLOTH_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr(scene_gains, "CROSSINGS", 1)
+    size = (240, 160) if samples == 1 else (60, 40)
+    scene = load_scene("swatch", [f"weave.ends={ends}", "weave.picks=8", "yarn.fibres=5", "fabric.steps=4"])
+    panel = build(scene).panels()[0]
+    assert samples_of(panel, first_of(scene, size, panel.bounds)) == samples
+    _, still = next(View(build(scene), size).turntable(1, [0]))
+    _, first = next(zoom(View(build(scene), size), 4, [0]))
+    assert np.abs(first.astype(int) - still).mean() < 0.2  # 0.9 and 1.3 where no normals lean
+
+
 @pytest.mark.parametrize("pixels", [5.0, 40.0])
 def test_numbers_of_parted_fibres_lie_on_the_colour_picture(model: FabricModel, pixels: float) -> None:
     """Warp red and weft green: what the numbers say of a pixel is what it looks like; at 40 px of a surface."""
@@ -314,10 +331,10 @@ def test_numbers_of_parted_fibres_lie_on_the_colour_picture(model: FabricModel, 
 
 @pytest.mark.slow
 def test_the_camera_comes_nearer_by_the_same_factor(model: FabricModel) -> None:
-    view = View(model, SIZE)
     source = source_of(model)
-    cameras = path(view, source, 9)
-    end, _ = target_of(source)
+    first = first_of(model.scene, SIZE, model.points)
+    target = target_of(source)
+    cameras, end = path(model.scene, first, source, target, 9), target[0]
     left = np.array([np.linalg.norm(c.eye - end) for c in cameras])
     assert (np.diff(left) < 0).all()
     near = np.array([c.near for c in cameras])
