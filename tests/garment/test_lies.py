@@ -14,6 +14,8 @@ pytest.importorskip("ezdxf")
 
 from taichi_cloth.body.colliders.colliders import Colliders
 from taichi_cloth.body.primitives.primitives import Primitive
+from taichi_cloth.body.skin.names import JOINTS
+from taichi_cloth.garment.pattern.folded import Fin
 from taichi_cloth.garment.sewn import sew as sewing
 from taichi_cloth.garment.sewn.lies import CROSSED, _axes, _turns, crossed, free_loops, lies, lying_faults
 from taichi_cloth.garment.sewn.worn import Worn, misfit
@@ -24,9 +26,9 @@ from taichi_cloth.scenes.scene.load import load_scene
 SAMPLE = Path(__file__).parents[1] / "data" / "patterns" / "own_tee.dxf"
 
 
-def parts(name: str, pattern: Path | None = None) -> Parts:
+def parts(name: str, pattern: Path | None = None, key_points: int = 800) -> Parts:
     more = [] if pattern is None else [f"garment.pattern={pattern}"]
-    return dressed_parts(load_scene(name, ["body.gender=female", "garment.key_points=800", *more]))
+    return dressed_parts(load_scene(name, ["body.gender=female", f"garment.key_points={key_points}", *more]))
 
 
 def of_panel(made: Parts, name: str) -> np.ndarray:
@@ -113,6 +115,43 @@ def test_what_is_inside_out_is_turned():
     assert "has its right side to the body" in faults(made, moved)
     half = lies(made.garment, made.garment.atlas.start() * [-1, 1, -1], made.primitives)  # turned round: it may be
     assert max(lie.turned for lie in half) < 0.1
+
+
+def test_a_collar_may_fold_over_and_not_be_inside_out():
+    """Its back, behind a wall."""
+    made = parts("tshirt", next((SAMPLE.parent / "random").glob("1092_*")), 5000)
+    start, garment = made.garment.atlas.start(), made.garment
+    name = next(p.panel.name for p in garment.atlas.panels if p.panel.label == "head" and "back" in p.panel.name)
+    back = of_panel(made, name)
+    middle = start[back].mean(axis=0) + np.array([0.0, 0.0, 10.05])
+    wall = Primitive(kind="sphere", start=middle, end=middle, radii=(10.0, 10.0), bone=JOINTS.index("neck"))
+
+    def turned(positions: np.ndarray) -> float:
+        return next(lie.turned for lie in lies(garment, positions, [wall]) if lie.panel == name)
+
+    half, over = np.median(start[back, 1]), start.copy()
+    over[back, 1] = half - abs(start[back, 1] - half)  # its upper half hangs down over the lower one
+    assert turned(over) < 0.2
+    assert turned(start * [-1, 1, 1]) > 0.9
+    assert turned(start) == 0.0
+
+
+def test_half_of_a_godet_may_face_the_body():
+    """It hangs in a fold: between two walls both of its halves face one, beside one wall a half does."""
+    made = parts("skirt", next((SAMPLE.parent / "random").glob("1186_*")), 5000)
+    start, garment = made.garment.atlas.start(), made.garment
+    name = next(piece.panel.name for piece in garment.atlas.panels if isinstance(piece.panel.place, Fin))
+    middle = start[of_panel(made, name)].mean(axis=0)
+    walls = [
+        Primitive(kind="sphere", start=at, end=at, radii=(10.0, 10.0), bone=JOINTS.index("pelvis"))
+        for at in (middle + np.array([side, 0.0, 0.0]) for side in (10.04, -10.04))
+    ]
+
+    def turned(walls: list[Primitive]) -> float:
+        return next(lie.turned for lie in lies(garment, start, walls) if lie.panel == name)
+
+    assert turned(walls[:1]) < 0.1
+    assert turned(walls) > 0.7
 
 
 def test_what_is_laid_in_folds_is_folded():

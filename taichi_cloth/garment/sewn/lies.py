@@ -17,7 +17,7 @@ from taichi_cloth.body.primitives.primitives import Primitive
 from taichi_cloth.body.skin.names import JOINTS
 from taichi_cloth.garment.pattern.curves import along, length
 from taichi_cloth.garment.pattern.cut import turned
-from taichi_cloth.garment.pattern.folded import Folded
+from taichi_cloth.garment.pattern.folded import Fin, Folded
 from taichi_cloth.garment.pattern.pattern import Cone, Panel, Side
 from taichi_cloth.garment.sewn.garment import Garment
 from taichi_cloth.garment.sewn.limbs import LIMBS
@@ -64,7 +64,8 @@ class Lie:
     top, WAIST high, as the rest may hang straight down; of a tier over that, or under where it then would be; of a
     sleeve that of its armhole. astray: share of its area that lies nearest to another limb than its own, 0 of one
     without a label. turned: share whose right side faces the body (a sleeve's: its arm), 0 of one that hangs by one
-    side. folded: length of its folds over the root of its area; one across it has about 1."""
+    side; of collars, which may fold over, and of godets, which hang in a fold, by how much that is more than the rest.
+    folded: length of its folds over the root of its area; one across it has about 1."""
 
     panel: str
     rise: float
@@ -119,6 +120,8 @@ def lies(garment: Garment, positions: NDArray, primitives: Sequence[Primitive]) 
         edges = of == number
         limb = LIMBS.get(piece.panel.label, tuple(JOINTS))  # a sleeve's inside may lie on the trunk
         facing = 0.0 if _hangs_by_one_side(piece.panel, sewn) else float(share @ (inward & np.isin(bone, limb))[mine])
+        if piece.panel.label == "head" or isinstance(place, Fin):
+            facing = max(0.0, 2 * facing - 1)
         folded = float((long * fold)[edges].sum() / np.sqrt(max(float(area[mine].sum()), 1e-12)))
         out.append(Lie(piece.panel.name, rise, astray, facing, folded))
     return out
