@@ -38,6 +38,7 @@ tracer (`docs/appearance.md`). With an even sky all round, w4 + w5 S + w6 + w7 (
 most 1, which is what white sends on, at any depth.
 """
 
+from functools import cache
 from math import radians, sin
 from typing import Any
 
@@ -124,6 +125,7 @@ def dyed(colour: Any, surface: float = SURFACE_SHARE) -> Any:
     return np.maximum(np.subtract(colour, surface) / (1.0 - surface), 0.0)
 
 
+@cache
 def cone(spread: float) -> tuple[float, float]:
     """k and h of E = h exp(-k (t.l + t.v)^2) of fibres whose highlights are `spread` wide along them [degrees]: as much
     narrower than where it was fitted as they are, with as much light in all directions from all."""

@@ -76,6 +76,7 @@ def set_view(view: NDArray[np.float32], camera: Camera, lighting: Lighting) -> N
     view[KEY_DIRECTION] = lighting.towards_key(camera)
     view[KEY], view[SKY], view[GROUND] = lighting.radiances()
     view[DOME] = lighting.rise
+    view[OTHERS:DOME] = 0.0
     for k, other in enumerate(lighting.others[:MOST_OTHERS]):
         view[OTHERS + 2 * k] = other.towards(camera)
         view[OTHERS + 2 * k + 1] = np.multiply(other.intensity * 2.0**lighting.exposure, other.colour)
@@ -96,9 +97,9 @@ def set_finish(
     corners = np.array([[box[i >> k & 1, k] for k in range(3)] for i in range(8)])
     depths = corners @ camera.rotation[2] + camera.translation[2]
     nearest = max(camera.near, float(depths.min()))
-    key_share = float(key.sum() / max(key.sum() + (sky.sum() + ground.sum()) / 2, 1e-12))
+    around = float(key.sum() + view[OTHERS + 1 : DOME : 2].sum() + (sky.sum() + ground.sum()) / 2)
     view[FIBRE] = finish.fibre, finish.specular, finish.exponent / 16
-    view[SURFACE] = finish.tint, finish.sheen, SLOPE_GAIN * finish.roundness * key_share
+    view[SURFACE] = finish.tint, finish.sheen, SLOPE_GAIN * finish.roundness / max(around, 1e-12)
     view[DEPTH] = nearest, DEEPEST_KEY / max(float(depths.max()) - nearest, 1e-9), opacity
     sharpness = 1.0 / (8.0 * np.sin(np.radians(finish.spread)) ** 2)
     view[EDGE] = edge, KEY_SHADE / (2 if lighting.shadows else 1), sharpness

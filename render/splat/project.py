@@ -18,7 +18,7 @@ from taichi_cloth.ground.particles import LANES, NORMAL, OCTET, POSITION, RADIUS
 from taichi_cloth.ground.vectors import CHUNK_STEPS, Octets, each, lanes, of_group
 
 from ..light.shade import shade
-from ..light.view import COAT, DEPTH, EDGE, IMAGE, KEY_DIRECTION, LENS, SURFACE, TRANSLATION
+from ..light.view import COAT, DEPTH, EDGE, IMAGE, LENS, SURFACE, TRANSLATION
 from ..tiles.compiling import left_to_llvm
 from ..tiles.sort import BINS, DEEPEST_KEY, share
 
@@ -129,15 +129,16 @@ def _piece(layout: Template, crisp: Template, particles: Octets, view: F32x2, b,
 
 
 @ti.func
-def _slope(particles: Octets, view: F32x2, b, vx, vy, vz, sin_v, key_facing):
-    """How brightness changes across a thread: (t x v) . l, of which (-e_y, e_x) is the direction on the image."""
+def _slope(particles: Octets, view: F32x2, b, vx, vy, vz, sin_v, from_x, from_y, from_z):
+    """How brightness changes across a thread: (t x v) . l of each light, of which (-e_y, e_x) is the direction on the
+    image."""
     tx = of_group(particles, TANGENT, b)
     ty = of_group(particles, TANGENT + 1, b)
     tz = of_group(particles, TANGENT + 2, b)
-    across = (ty * vz - tz * vy) * view[KEY_DIRECTION, 0]
-    across += (tz * vx - tx * vz) * view[KEY_DIRECTION, 1]
-    across += (tx * vy - ty * vx) * view[KEY_DIRECTION, 2]
-    slope = across / ti.max(sin_v, 1e-3) * key_facing * view[SURFACE, 2]
+    across = (ty * vz - tz * vy) * from_x
+    across += (tz * vx - tx * vz) * from_y
+    across += (tx * vy - ty * vx) * from_z
+    slope = across / ti.max(sin_v, 1e-3) * view[SURFACE, 2]
     return ti.min(ti.max(slope, -1.0), 1.0)
 
 
@@ -210,7 +211,7 @@ def _splats(
     size = of_group(particles, RADIUS, b)
     radius = ti.min(ti.max(size * scale, 1e-6), LARGEST)
 
-    red, green, blue, vx, vy, vz, sin_v, key_facing = shade(layout, shading, particles, light, view, b)
+    red, green, blue, vx, vy, vz, sin_v, from_x, from_y, from_z = shade(layout, shading, particles, light, view, b)
 
     # How far it reaches on the image.
     reach = radius
@@ -229,7 +230,7 @@ def _splats(
         reach, alpha, edge, half_width, half_height, s_x, s_y, t_x, t_y, endwise, edge_along = _piece(
             layout, crisp, particles, view, b, scale, u, v, radius, reach, edge
         )
-        slope = _slope(particles, view, b, vx, vy, vz, sin_v, key_facing)
+        slope = _slope(particles, view, b, vx, vy, vz, sin_v, from_x, from_y, from_z)
         if ti.static(not layout.textured):
             x, y = _drawn_in(layout, particles, view, b, x, y, ti.max(reach - 1.875 * radius, 0.0))
             red, green, blue = _even(crisp, edge, endwise, view[COAT, 2], red, green, blue)

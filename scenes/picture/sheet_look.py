@@ -53,9 +53,9 @@ VERSION = 29
 FIBRES, SHEETS = (60, 1.6), (240, 0.6)
 """Threads each way of the piece that is drawn of fibres, and of that drawn as a sheet, and pixels from one to the next
 where it is seen from above; at a flat angle more, so that its picture is not much smaller."""
-LIT, LIT_TILTS, LIT_KEYS, LEAST = (20, 5.0), (0.4, 0.9), (0, 1, 3), 0.3
+LIT, LIT_TILTS, LEAST = (20, 5.0), (0.4, 0.9), 0.3
 """Likewise of one that casts its own light, to tell what threads send back alone; the cosines of the angles at which it
-is seen, and which of `AROUND` shine on it; of what it is about, the least that there is."""
+is seen; of what it is about, the least that there is."""
 COARSEST = 1e3
 """Radius [px] that no fibre has: they are drawn at the coarsest level, which is what the sheet fades into."""
 ROUNDS, STEADY = 5, 3e-3
@@ -74,28 +74,26 @@ AROUND = ((0.0, 1.0, 0.0, 0.3), *((0.8 * cos(2 * pi * k / 5), 0.6, 0.8 * sin(2 *
 """Directions and intensities of lights above the cloth and round it: a look is a mean over how light falls."""
 WHITE, BLACK, UNSEEN = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0), 1e-9
 """UNSEEN: of a light that is there only so that all pictures are drawn by the same kernel."""
-ONE_LIGHT = Lighting()
 
 
-def _lightings(side: int, like: Lighting) -> list[Lighting]:
-    """The lights before the right side (0) or the wrong one (1), one after the other, and then the sky there, with
-    nothing behind: what is there is mostly dark, a body, or the cloth's other layers. With as many lights and a horizon
-    as `like` has, so that its kernel, which a picture needs anyway, draws them."""
+def _lighting(side: int, lights: float, sky: float) -> Lighting:
+    """So much of the lights before the right side (0) or the wrong one (1), all at once, and of the sky there, with
+    nothing behind: what is there is mostly dark, a body, or the cloth's other layers."""
     up = 1.0 - 2.0 * side
-    sky, ground = (WHITE, BLACK) if side == 0 else (BLACK, WHITE)
-    unseen = KeyLight(direction=(0.0, up, 0.0), intensity=UNSEEN, follows_camera=False, casts_shadow=True)
-    base = Lighting(
-        key_follows_camera=False, key_colour=WHITE, fill=0.0, sky=sky, ground=ground,
-        horizon=None if like.horizon is None else sky, others=(unseen,) * len(like.others),
-        shadows=True, occlusion=True,
+    (x, y, z, key), *others = AROUND
+    return Lighting(
+        direction=(x, up * y, z), key=max(lights * key, UNSEEN), key_colour=WHITE, key_follows_camera=False,
+        fill=sky, sky=BLACK if side else WHITE, ground=WHITE if side else BLACK, shadows=True, occlusion=True,
+        others=tuple(
+            KeyLight(direction=(x, up * y, z), intensity=max(lights * strength, UNSEEN), colour=WHITE,
+                     follows_camera=False, casts_shadow=True)
+            for x, y, z, strength in others
+        ),
     )  # fmt: skip
-    keys = [replace(base, direction=(x, up * y, z), key=strength) for x, y, z, strength in AROUND]
-    return [*keys, replace(base, direction=unseen.direction, key=UNSEEN, fill=1.0)]
 
 
-def fit_look(source: CellStream, finish: Finish, like: Lighting = ONE_LIGHT) -> SheetLook:
-    """The look of the sheets of a cloth whose fibres have that finish. like: the lights of the picture that it is for,
-    whose kernel then draws it; they do not change it."""
+def fit_look(source: CellStream, finish: Finish) -> SheetLook:
+    """The look of the sheets of a cloth whose fibres have that finish."""
     cloth = source.cloth
     guess = guess_of(cloth.bank, cloth.repeats)
     bank = cloth.bank
@@ -107,24 +105,22 @@ def fit_look(source: CellStream, finish: Finish, like: Lighting = ONE_LIGHT) -> 
         repeats = range(len(cloth.repeats))
         few = np.stack([fit_few(cloth, number, source.pitch) for number in repeats]).astype(np.float32)
         for number in repeats:
-            _tone(cloth, number, source.pitch, replace(guess, few=few), finish, like)
+            _tone(cloth, number, source.pitch, replace(guess, few=few), finish)
         start = replace(guess, few=few)
-        every = [_measured(cloth, number, source.pitch, start, finish, like) for number in repeats]
+        every = [_measured(cloth, number, source.pitch, start, finish) for number in repeats]
         alone = guess.alone
         if dyed:
-            of_repeat = [_alone(cloth, number, source.pitch, finish, like) for number in repeats]
+            of_repeat = [_alone(cloth, number, source.pitch, finish) for number in repeats]
             alone = np.stack(of_repeat).astype(np.float32)
             look = SheetLook(np.stack(every).astype(np.float32), guess.lean, alone, few)
-            every = [_opened(cloth, number, source.pitch, look, finish, like) for number in repeats]
+            every = [_opened(cloth, number, source.pitch, look, finish) for number in repeats]
         return {"factor": np.stack(every).astype(np.float32), "alone": alone, "few": few}
 
     found = kept("sheet", made_of, make)[0]
     return SheetLook(found["factor"], guess.lean, found["alone"], found["few"])
 
 
-def _tone(
-    cloth: CellCloth, number: int, pitch: tuple[float, float], look: SheetLook, finish: Finish, like: Lighting
-) -> None:
+def _tone(cloth: CellCloth, number: int, pitch: tuple[float, float], look: SheetLook, finish: Finish) -> None:
     """Find what colours of each level of few fibres are taken times, in the look's `few`, so that warp and weft send
     back as much as all fibres do, in the mean over how light falls: from level to level a little more or less is seen
     of each, and in few of them nothing of a yarn's hairs. A hundredth of the picture is a tenth of a denim's weft."""
@@ -133,13 +129,12 @@ def _tone(
     for k, (tilt, side) in enumerate(product(VIEWS, (0, 1))):
         camera, found = tilted_camera(piece, tilt, side, PIXELS), []
         for piece.level in range(cloth.bank.levels):
-            light = seen_light(splatter, piece, *camera, finish, like)
-            found.append(light[1:3] + SKY * light[3:])
+            found.append(_shared(_seen(splatter, piece, *camera, finish, (1.0, SKY))[0]))
         tones = look.few[number, :, TONES + 2 * k : TONES + 2 * k + 2]
         tones[1:] = (found[0] + LITTLE) / (np.array(found[1:]) + LITTLE)
 
 
-def _alone(cloth: CellCloth, number: int, pitch: tuple[float, float], finish: Finish, like: Lighting) -> F64:
+def _alone(cloth: CellCloth, number: int, pitch: tuple[float, float], finish: Finish) -> F64:
     """What warp and weft of a repeat send back where all round them is black, over what they do where it is of their
     colour, (4,) as `SheetLook.alone`: in maps of light that show its threads, the mean over how light falls and from
     where it is seen."""
@@ -148,14 +143,11 @@ def _alone(cloth: CellCloth, number: int, pitch: tuple[float, float], finish: Fi
     splatter.load(ParticleBlocks(piece.sample(np.inf, level=min(1, cloth.bank.levels - 1))))
     for side in (0, 1):
         seen = np.zeros((2, 2))  # as always, and alone; of warp and of weft
-        cameras = [tilted_camera(piece, tilt, side, LIT[1]) for tilt in LIT_TILTS]
-        *keys, sky = _lightings(side, like)
-        for lighting in (*(keys[k] for k in LIT_KEYS), replace(sky, fill=SKY)):
-            for camera, where in cameras:
-                for k in (0, 1):
-                    splatter.render(camera, lighting=lighting, finish=replace(finish, alone=float(k)))
-                    red, green, blue, _ = splatter.linear()[where].mean(axis=0, dtype=np.float64)
-                    seen[k] += blue - green, blue - red
+        for camera, where in (tilted_camera(piece, tilt, side, LIT[1]) for tilt in LIT_TILTS):
+            for k in (0, 1):
+                splatter.render(camera, lighting=_lighting(side, 1.0, SKY), finish=replace(finish, alone=float(k)))
+                red, green, blue, _ = splatter.linear()[where].mean(axis=0, dtype=np.float64)
+                seen[k] += blue - green, blue - red
         out += np.clip(seen[1] / np.maximum(seen[0], 1e-9), LEAST, 1.0).tolist()
     return np.array(out)
 
@@ -176,9 +168,7 @@ def _both(
     return fibres, sheet
 
 
-def _measured(
-    cloth: CellCloth, number: int, pitch: tuple[float, float], guess: SheetLook, finish: Finish, like: Lighting
-) -> F64:
+def _measured(cloth: CellCloth, number: int, pitch: tuple[float, float], guess: SheetLook, finish: Finish) -> F64:
     """The factors of a repeat, (2, TILTS, 5)."""
     splatter = Splatter(*SIZE)
     fibres, sheet = _both(cloth, number, pitch, guess, surface_share(finish))
@@ -186,12 +176,12 @@ def _measured(
 
     def got(now: F64, side: int, elevation: float) -> F64:
         sheet.look.factor[number, side] = now  # seen so, all of it is at this angle
-        return seen_light(splatter, sheet, *flat_camera(sheet, elevation, SHEETS[1]), finish, like)
+        return seen_light(splatter, sheet, *flat_camera(sheet, elevation, SHEETS[1]), finish)
 
     for side in (0, 1):
         for t, tilt in enumerate(TILTS):
             elevation = degrees(asin(tilt)) * (1 - 2 * side)
-            want = seen_light(splatter, fibres, *tilted_camera(fibres, tilt, side, FIBRES[1]), finish, like)
+            want = seen_light(splatter, fibres, *tilted_camera(fibres, tilt, side, FIBRES[1]), finish)
             start = out[side, max(t - 1, 0)].copy()
             out[side, t] = _solved(lambda now, at=(side, elevation): got(now, *at), want, start)
     return out
@@ -213,17 +203,14 @@ def _solved(got: Callable[[F64], F64], want: F64, start: F64) -> F64:
     return now
 
 
-def _opened(
-    cloth: CellCloth, number: int, pitch: tuple[float, float], look: SheetLook, finish: Finish, like: Lighting
-) -> F64:
+def _opened(cloth: CellCloth, number: int, pitch: tuple[float, float], look: SheetLook, finish: Finish) -> F64:
     """The factors of a repeat (2, TILTS, 5) with an openness for each family: of that of which less is seen, what it
     takes where it alone is pale, for threads of which little is seen lie deep and the others hide the sky from them; of
     the other, what leaves a cloth all of one colour as it is."""
     splatter, dark, out = Splatter(*SIZE), surface_share(finish), look.factor[number].astype(np.float64)
 
     def sent_back(source: CellStream, camera: Camera, where: NDArray[np.bool_]) -> float:
-        lights, sky = _seen(splatter, source, camera, where, finish, like)
-        return float(lights[0] + SKY * sky[0])
+        return float(_seen(splatter, source, camera, where, finish, (1.0, SKY))[0][0])
 
     for side in (0, 1):
         few = int(out[side, -1, [WARP, WEFT]].argmin())
@@ -252,12 +239,10 @@ def seen_light(
     camera: Camera,
     where: NDArray[np.bool_],
     finish: Finish,
-    like: Lighting = ONE_LIGHT,
 ) -> F64:
     """Coverage; of lights all round, what comes by warp and by weft where both are white; of the sky before the cloth,
-    likewise: means of those pixels. In the light that maps of a whole garment tell of (`FlatLight`). like: see
-    `fit_look`."""
-    lights, sky = _seen(splatter, source, camera, where, finish, like)
+    likewise: means of those pixels. In the light that maps of a whole garment tell of (`FlatLight`)."""
+    lights, sky = _seen(splatter, source, camera, where, finish, (1.0, 0.0), (0.0, 1.0))
     return np.array([sky[3], *_shared(lights), *_shared(sky)])
 
 
@@ -267,20 +252,19 @@ def _seen(
     camera: Camera,
     where: NDArray[np.bool_],
     finish: Finish,
-    like: Lighting,
-) -> tuple[F64, F64]:
-    """Linear colour and coverage of lights all round, (4,), and of the sky before the cloth."""
+    *lit: tuple[float, float],
+) -> list[F64]:
+    """Linear colour and coverage, (4,), for each pair of how much there is of the lights and of the sky."""
     side = int(camera.forward[1] > 0)
     seen = source.survey(camera)
     splatter.load_blocks(STREAMED, *source.lay(seen, np.flatnonzero(seen.counts).astype(np.int32)))
-    splatter.light.hold(FlatLight(1.0 - 2.0 * side, len(like.lights)), each=True)
+    splatter.light.hold(FlatLight(1.0 - 2.0 * side, len(AROUND)), each=True)
     means = []
-    for lighting in _lightings(side, like):
-        splatter.render(camera, lighting=lighting, finish=finish)
+    for lights, sky in lit:
+        splatter.render(camera, lighting=_lighting(side, lights, sky), finish=finish)
         means.append(splatter.linear()[where].mean(axis=0, dtype=np.float64))
     splatter.light.hold(None)
-    *keys, sky = means
-    return np.sum(keys, axis=0), sky
+    return means
 
 
 def _shared(light: F64) -> F64:

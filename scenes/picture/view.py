@@ -186,7 +186,7 @@ class View:
         if isinstance(panel.source, CellStream):
             panel.source.target = TARGET * self.scale
             if not any(panel.source is one for one in self._fitted):  # it stays the same while cloth moves
-                panel.source.look = fit_look(panel.source, self._finish(panel), self.lighting)
+                panel.source.look = fit_look(panel.source, self._finish(panel))
                 self._fitted.append(panel.source)
         shading = join(panel.shading) if panel.shading else None
         return Streamed(splatter, panel.particles, floor=floor, mesh=mesh, shading=shading)

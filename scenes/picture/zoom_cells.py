@@ -66,7 +66,7 @@ def zoom_cells(view: View, count: int, numbers: list[int]) -> Iterator[tuple[int
     section, first = scene.camera, first_of(scene, view.size, panel.bounds)
     source, finish = model.source, view.finish
     source.target = TARGET
-    source.look = fit_look(source, finish, view.lighting)
+    source.look = fit_look(source, finish)
     near = NearCells(source, skin_in(scene))
     near.skins.gain = _skin_gain(near, finish)
     mesh = join(panel.meshes) if panel.meshes else None

@@ -9,7 +9,7 @@ from oracle_splat import splat as oracle
 
 from taichi_cloth.render.data.camera import Camera, look_at
 from taichi_cloth.render.data.finish import FINISHES, Finish
-from taichi_cloth.render.data.light import Background, Lighting
+from taichi_cloth.render.data.light import Background, KeyLight, Lighting
 from taichi_cloth.render.data.particles import Particles
 from taichi_cloth.render.data.sprites import CRISP, SOFT, Profile, SpriteSheet, fibre_sprite, soft_sprite
 from taichi_cloth.render.image.image import linear_to_srgb
@@ -144,6 +144,26 @@ def test_thread_is_lit_as_a_round_one() -> None:
     assert np.ptp(rows[0.0]) < 1e-3
     assert (np.diff(rows[1.0]) < 0).sum() > 12
     assert rows[1.0][3] > 1.4 * rows[1.0][-4]
+
+
+def test_a_thread_is_lit_as_a_round_one_by_any_light() -> None:
+    """Another light from above shades it as a key does; one from above and one as strong from below, taken together, do
+    not."""
+    splatter, finish, bright = Splatter(72, 56).load(chain(12.0, 6.0)), Finish(specular=0.0, sheen=0.0), (1.0, 1.0, 1.0)
+    above = KeyLight(direction=(0, 1, 0.4), intensity=1.0, colour=bright, follows_camera=False)
+    base = Lighting(direction=(0, 1, 0.4), key_colour=bright, key_follows_camera=False, key=1.0, fill=0.1)
+    rows = []
+    for lighting in (
+        base,
+        replace(base, key=0.0, others=(above,)),
+        replace(base, others=(replace(above, direction=(0, -1, 0.4)),)),
+    ):
+        splatter.render(FRONT, lighting=lighting, finish=finish)
+        rgba = splatter.linear()[:, 36].astype(np.float64)
+        rows.append(rgba[19:37, 1] / rgba[19:37, 3])
+    assert rows[0][3] > 1.2 * rows[0][-4]
+    assert rows[1] == pytest.approx(rows[0], rel=1e-4)
+    assert rows[2] == pytest.approx(rows[2][::-1], rel=1e-3)
 
 
 @pytest.mark.parametrize("radius", [0.2, 1.5, 4.0, 12.0])
