@@ -30,6 +30,9 @@ __all__ = ["ClothFibres", "ClothModel", "ball_mesh"]
 
 F32 = NDArray[np.float32]
 
+STRIPE, MOST_POINTS = 8, 400
+"""Points of a mesh across its narrowest stripe, and at most each way."""
+
 
 class ClothFibres:
     """The fibres of a scene's sheet."""
@@ -66,8 +69,9 @@ class ClothModel(MovingModel):
         self.simulation.solver.make_ready(self.simulation.state)  # before what is drawn, which differs more
         self.fibres = fibres_of(scene, prepared) if scene.cloth.representation == "fibre" else None
         if self.fibres is None:
-            self.faces = grid_faces(np.ones(self.simulation.sheet.shape, bool))
-            self.colours = key_colours(scene)
+            self.finer, self.colours = mesh_colours(scene)
+            rows, columns = ((n - 1) * self.finer + 1 for n in self.simulation.sheet.shape)
+            self.faces = grid_faces(np.ones((rows, columns), bool))
         ball = scene.forces.sphere if scene.forces else None
         self.ball = ball_mesh(ball.centre_m, ball.radius_m, colour(ball.colour)) if ball else None
         box = scene.camera.box_m
@@ -95,9 +99,12 @@ class ClothModel(MovingModel):
         return (*balls, self.body.mesh(self.simulation.time, cloth))
 
     def mesh(self) -> Mesh:
-        """With smooth normals."""
+        """With smooth normals; each cell cut as finely as its colours want, and as flat as it is."""
         points = self.simulation.positions
-        return Mesh(points.reshape(-1, 3), self.faces, self.colours, vertex_normals(points), woven=1.0)
+        normals = _between(vertex_normals(points).reshape(points.shape), self.finer)
+        normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+        points = _between(points, self.finer)
+        return Mesh(points.reshape(-1, 3), self.faces, self.colours, normals.reshape(-1, 3), woven=1.0)
 
     def numbers(self) -> Numbers:
         """Yarn: the warp ends, then the weft picks. Part: 0 warp, 1 weft."""
@@ -135,13 +142,13 @@ def fibres_of(scene: Scene, prepared: Prepared | None = None) -> ClothFibres | C
     return ClothFibres(scene, prepared) if prepared is None or prepared.cells is None else sheet_fibres(scene, prepared)
 
 
-def key_colours(scene: Scene) -> F32:
-    """Albedo of a mesh at each key point, (rows · columns, 3): what the threads that it stands for send back."""
+def mesh_colours(scene: Scene) -> tuple[int, F32]:
+    """How many times as many points as key points a sheet's mesh has each way, 1 where it is all of one colour, and the
+    albedo at each, (n, 3): what the threads that it stands for send back."""
     cloth = scene.cloth
     assert cloth is not None
     sett = sett_of(scene)
     k = (cloth.threads_per_key_point,) * 2 if sett is None else threads_to_a_cell(scene, sett)
-    families = []
     ends, picks = ((n - 1) * k + 1 for n, k in zip((cloth.columns, cloth.rows), k, strict=True))
     weave = scene.weave or Weave()
     draft = draft_of(woven_scene(scene).weave or Weave()) if scene.weave and sett is None else None
@@ -149,8 +156,11 @@ def key_colours(scene: Scene) -> F32:
     if sett is not None:
         repeats = colour_repeats(scene)
         shades_of = [own[np.arange(n) % len(own)] for own, n in zip(repeats, (ends, picks), strict=True)]
+    wanted = max(STRIPE * each / _narrowest(shades) for each, shades in zip(k, shades_of, strict=True))
+    finer = int(np.clip(np.ceil(wanted), 1, max(1, min(*k, MOST_POINTS // max(cloth.columns, cloth.rows)))))
+    families = []
     for shades, each in zip(shades_of, k, strict=True):
-        nearest = (np.arange(len(shades)) + each // 2) // each
+        nearest = (2 * finer * np.arange(len(shades)) + each) // (2 * each)
         sent = sent_back(shades)
         families.append(
             [
@@ -161,7 +171,23 @@ def key_colours(scene: Scene) -> F32:
     warp, weft = families
     up = repeat_of(weave.draft).warp_up.mean()
     seen = woven_light(up, (warp[0][None], warp[1][None]), (weft[0][:, None], weft[1][:, None]))
-    return seen.reshape(-1, 3).astype(np.float32)
+    return finer, seen.reshape(-1, 3).astype(np.float32)
+
+
+def _between(values: F32, finer: int) -> F32:
+    """Those of a grid (rows, columns, 3) at so many times as many places each way, linear between."""
+    for axis in (0, 1):
+        at = np.arange((values.shape[axis] - 1) * finer + 1)
+        first = np.minimum(at // finer, values.shape[axis] - 2)
+        share = np.expand_dims((at / finer - first).astype(np.float32), (1 - axis, 2))
+        values = values.take(first, axis) * (1 - share) + values.take(first + 1, axis) * share
+    return values
+
+
+def _narrowest(shades: NDArray) -> float:
+    """Threads of the narrowest stripe of colours (n, 3) between two others; infinite where there is none."""
+    at = np.flatnonzero((shades[1:] != shades[:-1]).any(axis=1))
+    return float(np.diff(at).min()) if len(at) > 1 else np.inf
 
 
 def ball_mesh(centre: tuple[float, float, float], radius: float, albedo: NDArray, *, rings: int = 64) -> Mesh:

@@ -9,7 +9,7 @@ import pytest
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.scenes import __main__ as command_line
 from taichi_cloth.scenes.models.cell_fibres import CellFibres
-from taichi_cloth.scenes.models.cloth_model import ClothModel, key_colours
+from taichi_cloth.scenes.models.cloth_model import ClothModel, mesh_colours
 from taichi_cloth.scenes.paper.own_scenes import PAPER_DRAPE
 from taichi_cloth.scenes.picture import view as picture
 from taichi_cloth.scenes.picture.view import View
@@ -215,18 +215,37 @@ def test_what_a_cloth_with_a_sett_cannot_have_is_refused_in_one_line(
     assert len(error.strip().splitlines()) == 1
 
 
-def test_a_mesh_has_the_colours_of_its_threads() -> None:
-    scene = on_cells(load_scene("drape", [*SMALL, "cloth.representation=mesh", "weave.warp_colours='red*4 blue*4'"]))
+@pytest.mark.parametrize(("stripe", "finer"), [(4, 22), (40, 6)])
+def test_a_mesh_has_the_colours_of_its_threads(stripe: int, finer: int) -> None:
+    """At as many points as its stripes want, and no more than there are threads."""
+    warp = f"weave.warp_colours='red*{stripe} blue*{stripe}'"
+    scene = on_cells(load_scene("drape", [*SMALL, *PLAIN, "cloth.representation=mesh", warp]))
     cloth, sett = scene.cloth, sett_of(scene)
     assert cloth is not None
     assert sett is not None
     across, _ = threads_to_a_cell(scene, sett)
-    colours = key_colours(scene).reshape(cloth.rows, cloth.columns, 3)
-    inner = [
-        np.arange(c * across - across // 2, c * across - across // 2 + across) for c in range(1, cloth.columns - 1)
-    ]
-    red = np.array([np.mean(threads % 8 < 4) for threads in inner])
-    assert np.corrcoef(colours[3, 1:-1, 0], red)[0, 1] > 0.99
+    found, colours = mesh_colours(scene)
+    assert found == finer
+    colours = colours.reshape((cloth.rows - 1) * finer + 1, -1, 3)
+    threads = np.arange((cloth.columns - 1) * across + 1)
+    nearest = np.floor(threads * finer / across + 0.5).astype(int)
+    red = np.bincount(nearest, threads % (2 * stripe) < stripe) / np.bincount(nearest)
+    assert np.corrcoef(colours[3, :, 0], red)[0, 1] > 0.98
+
+
+def test_a_mesh_of_one_colour_has_the_key_points_alone() -> None:
+    white = ["weave.warp_colours=white", "weave.weft_colours=white"]
+    model = ClothModel(load_scene("drape", [*SMALL, *PLAIN, *white, "cloth.representation=mesh"]))
+    assert len(model.mesh().vertices) == model.simulation.positions[..., 0].size
+
+
+def test_a_mesh_of_stripes_lies_between_its_key_points() -> None:
+    stripes = "weave.warp_colours='red*40 blue*40'"
+    model = ClothModel(load_scene("drape", [*SMALL, *PLAIN, "cloth.representation=mesh", stripes]))
+    rows, columns = model.simulation.sheet.shape
+    points = model.mesh().vertices.reshape((rows - 1) * model.finer + 1, -1, 3)
+    assert points[:: model.finer, :: model.finer] == pytest.approx(model.simulation.positions)
+    assert len(model.mesh().faces) == 2 * (rows - 1) * (columns - 1) * model.finer**2
 
 
 @pytest.fixture(scope="module")
