@@ -1,15 +1,29 @@
 """The built-in body: closed, symmetric, as big as asked for, and reproducible."""
 
+from collections.abc import Iterator
+from pathlib import Path
+
 import numpy as np
 import pytest
 import trimesh
 from scipy.spatial import KDTree
 
+from taichi_cloth.body.figure import build
 from taichi_cloth.body.figure.anthropometry import FEMALE, MALE, Gender, measures_of, tape
 from taichi_cloth.body.figure.build import _meshed, built_in_body, fitted, girth_sections, girths_of
 from taichi_cloth.body.figure.implicit import Ellipsoid, Part, RoundCone, Tube, field, gradient
 from taichi_cloth.body.figure.surface_nets import surface_nets
 from taichi_cloth.ground.errors import InputError
+
+
+@pytest.fixture(autouse=True, scope="module")
+def meshed_here(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """Bodies of these tests are meshed by this code, and not read from where they are kept."""
+    with pytest.MonkeyPatch.context() as patch:
+        folder = tmp_path_factory.mktemp("bodies")
+        patch.setenv("TAICHI_CLOTH_CACHE", str(folder))
+        build._built.cache_clear()
+        yield folder
 
 
 def closed(faces: np.ndarray) -> bool:
@@ -59,6 +73,16 @@ def test_same_measures_same_bytes() -> None:
     again = fitted("male", MALE, rounds=1)
     assert again.sections["wrist"].point.tobytes() == figure.sections["wrist"].point.tobytes()
     assert field(again.parts, one).tobytes() == field(figure.parts, one).tobytes()
+
+
+def test_a_body_is_meshed_once(meshed_here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    first = built_in_body(gender="male", spacing=0.025)
+    assert list(meshed_here.glob("figure-*.npz"))
+    build._built.cache_clear()
+    monkeypatch.setattr(build, "_meshed", None)
+    again = built_in_body(gender="male", spacing=0.025)
+    assert again.vertices.tobytes() == first.vertices.tobytes()
+    assert again.faces.tobytes() == first.faces.tobytes()
 
 
 def test_measures_not_given_follow_those_given() -> None:

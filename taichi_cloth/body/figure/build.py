@@ -15,11 +15,15 @@ from taichi_cloth.body.figure.implicit import Part, field, gradient
 from taichi_cloth.body.figure.surface_nets import surface_nets
 from taichi_cloth.body.skin.skeleton import Skeleton
 from taichi_cloth.body.skin.skinning import Body, heat_weights
+from taichi_cloth.ground.cache import digest, kept
 
 __all__ = ["built_in_body", "fitted", "girth_sections", "girths_of"]
 
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
+
+VERSION = 1
+"""Of meshes kept on disk: raised whenever the same figure would be meshed otherwise."""
 
 RAYS, STEPS, REACH = 40, 44, 0.18
 """Rays of a section, steps along each, and how far they go in shares of the stature."""
@@ -43,7 +47,9 @@ def built_in_body(measures: Measures | None = None, *, gender: Gender = "female"
 @lru_cache(maxsize=8)
 def _built(measures: Measures, gender: Gender, spacing: float) -> Body:
     figure = fitted(gender, measures)
-    vertices, faces = _largest(*_meshed(figure, spacing))
+    made_of = digest(VERSION, figure.parts, figure.fine, spacing)
+    mesh, _ = kept("figure", made_of, lambda: _largest(*_meshed(figure, spacing)))
+    vertices, faces = mesh["vertices"], mesh["faces"]
     low, high = vertices[:, 1].min(), vertices[:, 1].max()
     scale = measures.stature / (high - low)
     move = np.array([0, -low, 0])
@@ -141,14 +147,14 @@ def _meshed(figure: Figure, spacing: float) -> tuple[F64, I32]:
     return _relaxed(parts, vertices, faces, spacing / 2, (0.5, 0.5, 0.3, 0.0)), faces
 
 
-def _largest(vertices: F64, faces: I32) -> tuple[F64, I32]:
-    """The largest connected piece: on a coarse grid the tip of a thumb can come off."""
+def _largest(vertices: F64, faces: I32) -> dict[str, NDArray]:
+    """Vertices and faces of the largest connected piece: on a coarse grid the tip of a thumb can come off."""
     n = len(vertices)
     near = sparse.csr_matrix((np.ones(len(faces) * 2), (faces[:, :2].ravel(), faces[:, 1:].ravel())), shape=(n, n))
     label = connected_components(near, directed=False)[1]
-    kept = label == np.bincount(label).argmax()
-    number = np.cumsum(kept) - 1
-    return vertices[kept], number[faces[kept[faces[:, 0]]]].astype(np.int32)
+    whole = label == np.bincount(label).argmax()
+    number = np.cumsum(whole) - 1
+    return {"vertices": vertices[whole], "faces": number[faces[whole[faces[:, 0]]]].astype(np.int32)}
 
 
 def _relaxed(parts: tuple[Part, ...], vertices: F64, faces: I32, reach: float, shares: tuple[float, ...]) -> F64:
