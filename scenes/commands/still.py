@@ -27,7 +27,7 @@ from ...render.splat.passes import PASSES, Passes, render_passes
 from ...render.splat.stream import stream_passes
 from ..models.build import build, shown_frame
 from ..models.model import Model, Numbers
-from ..picture.samples import averaged
+from ..picture.samples import SAMPLES, averaged
 from ..picture.view import Shot, View
 from ..plan.plan import plan
 from ..prepare.drawing import require_picture
@@ -112,23 +112,31 @@ def shoot(
     model: Model, scene: Scene, size: tuple[int, int], wanted: tuple[str, ...], form: str, supersample: int
 ) -> dict[str, tuple[dict[str, Any], Callable[[Path], None]]]:
     """File name to (what its values mean, how to write it); `still.json` is the last."""
-    colours: list[NDArray[np.float32] | None] = []
+    colours: list[NDArray[np.float32]] = []
+    masks: list[NDArray[np.float32]] = []
     cameras: list[Camera] = []
     if "colour" in wanted:
         view = View(model, size, scale=supersample)
         for shot in view.shots():
             colours.append(averaged(view.light_of(shot), shot.scale))
             cameras.append(shot.camera.on_canvas(1 / shot.scale))
-    data = tuple(name for name in wanted if name != "colour")
+    if "mask" in wanted:  # of as many samples as the colour, or it would cover more than that shows
+        for shot in View(model, size, scale=supersample).bare_shots(SAMPLES):
+            mask = _passes(shot, None, ("mask",)).mask
+            assert mask is not None
+            masks.append(averaged(mask[..., None], shot.scale).reshape(shot.camera.height // shot.scale, -1))
+            cameras.append(shot.camera.on_canvas(1 / shot.scale))
+    data = tuple(name for name in wanted if name not in ("colour", "mask"))
     made = list(View(model, size).bare_shots()) if data else []
     layers, left = [], 0
-    for k in range(len(made) or len(colours)):
+    for k in range(max(len(made), len(colours), len(masks))):
         passes, numbers, camera = Passes(), None, made[k].camera if data else cameras[k]
         if data:
             number = made[k].panel.numbers if "id" in data else None
             numbers = None if number is None else number()
             passes = _passes(made[k], numbers, data)
         described = camera.matrices() | {"left": left}
+        passes = replace(passes, mask=masks[k] if masks else None)
         layers.append(Layers(colours[k] if colours else None, passes, described, numbers))
         left += camera.width
     files = _files(layers, size[0], form, scene.light.tone)

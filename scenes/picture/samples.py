@@ -14,7 +14,7 @@ from ...render.image.tone import WHITE, Tone, tone_curve, tone_table
 from ...render.tiles.rows import LUT_STEPS
 from ..models.model import Panel
 
-__all__ = ["averaged", "over", "samples_of", "shown"]
+__all__ = ["SAMPLES", "averaged", "over", "samples_of", "shown"]
 
 SAMPLES = 2
 FINE = 0.48

@@ -92,11 +92,11 @@ class View:
         for k, camera in enumerate(self._first()):
             yield self._shoot(k, camera, linear=True)[0]
 
-    def bare_shots(self) -> Iterator[Shot]:
+    def bare_shots(self, most: int = 1) -> Iterator[Shot]:
         """The same without shadows, occlusion and floor, normals as they are, for passes; what comes in batches is not
-        drawn."""
+        drawn. most: samples of a pixel along each side."""
         self.lighting = Lighting()
-        self._load(most=1)
+        self._load(most)
         self._panels = [replace(panel, to_eye=0.0) for panel in self._panels]
         self._stages = [None for _ in self._panels]
         for k, camera in enumerate(self._first()):
@@ -105,7 +105,7 @@ class View:
             else:
                 near, mesh = self._near(camera), self._meshes[k]
                 behind = paint(near, mesh=mesh, lighting=self.lighting, background=self.background, samples=2)
-                yield Shot(self._panels[k], self._splatters[k], near, behind, mesh)
+                yield Shot(self._panels[k], self._splatters[k], near, behind, mesh, scale=self.scale)
 
     def camera(self) -> Camera:
         """That of an animation, for the first panel, without the scene's zoom."""
