@@ -165,7 +165,7 @@ class FabricStream:
         n, share = len(size), np.float32(min(FULL, FULL * most / max(1, size[blocks].sum(dtype=np.int64))))
         counts = np.minimum(size, np.maximum(1, np.ceil(share * size))).astype(np.int32)
         zero = np.zeros(n, np.float32)
-        survey = Survey(np.zeros((n, 4), np.int16), counts, zero, zero, np.full(n, share), 1.0, zero[:4])
+        survey = Survey(np.zeros((n, 4), np.int16), counts, zero, zero, np.full(n, share), 1.0, np.zeros(4, np.float32))
         return fetched(self.lay(survey, blocks)[0]).copy()
 
     def numbers(self, survey: Survey, blocks: I32) -> tuple[I32, I32]:
