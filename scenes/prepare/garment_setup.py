@@ -74,7 +74,7 @@ __all__ = [
     "woven_garment",
 ]
 
-VERSION = 54
+VERSION = 55
 """Of what is kept on disk: raised whenever the same scene would come to another rest."""
 
 TOILE, FITTINGS = 2000, 2

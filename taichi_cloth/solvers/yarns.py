@@ -119,8 +119,8 @@ def left_explicit(
 
 class Yarns(SpringSolver):
     """sweeps: over all families, a substep. step, safety: as of `Verlet`, of the springs that are not solved whole.
-    chains: whether the diagonals are, too; None: where that is cheaper. sewing: a garment until it is worn, which is
-    looked at after its frames alone."""
+    chains: whether the diagonals are, too; None: where that is cheaper. sewing: a garment until it hangs
+    as it is worn, see HANGS."""
 
     answers = ("strain_limit",)
     springs_are_threads = False
@@ -141,7 +141,7 @@ class Yarns(SpringSolver):
         threads: int | None = None,
         constraints: tuple[Constraint, ...] = (),
     ) -> None:
-        self._sewing, self._tied = sewing, any(one.repeated for one in constraints)
+        self.sewing, self._tied = sewing, any(one.repeated for one in constraints)
         self.sweeps, self._fewest, self._calm, self._futile = sweeps, sweeps, 0, 0
         self._finer, self._pushed, self._hangs, self._given_up = 0, 0, False, 0.0
         self.tight, self.unsolved, self._before = 0.0, 0.0, inf
@@ -198,7 +198,7 @@ class Yarns(SpringSolver):
         s, m, limit = cloth.springs, cloth.material, self.forces.strain_limit
         mass = m.density * s.spacing_x * s.spacing_y
         squared = shared["structural_x"] / s.structural_x  # h², less what the air takes meanwhile
-        watched = NEVER if self._sewing or self._tied or self._layered else float(max(self.substeps - WATCHED, 0))
+        watched = NEVER if self.sewing or self._tied or self._layered else float(max(self.substeps - WATCHED, 0))
         always = {"mass": mass, "damped": m.fibre_damping / self.step, "watched": watched}
         straight, left, out = s.drawn(m), longest_beside(m), []
         longest = LONG * (LAYERED if self._layered else 1.0)
@@ -246,7 +246,7 @@ class Yarns(SpringSolver):
         wanted = max(wanted, self._fewest_substeps(self._rests and self._quiet(state, reached)))
         if not WORTH * self.substeps <= wanted <= self.substeps:
             self._go_over(reached, wanted)
-        if self._tied and not self._sewing:
+        if self._tied and not self.sewing:
             self._hang(self._frame_speed(state, reached))
         still = self._still(state, reached)
         if self._sweep_more(self.sweeps > self._fewest and still):

@@ -53,6 +53,17 @@ def test_what_hangs_still_on_seams_is_slowed_and_learns_nothing(
     assert again.numbers == solver.numbers, "and so does a run that goes on from it"
 
 
+def test_what_is_sewn_hangs_still_from_when_it_hangs_as_it_is_worn() -> None:
+    sheet = sheet_of(1)
+    ties = Ties(sheet, NODES, WEIGHTS)
+    solver = Yarns(sheet, Forces(), frame_rate=RATE, constraints=(ties,), sewing=True)
+    after_frames(solver, 0.004)
+    assert not ties.hangs
+    solver.sewing = False
+    after_frames(solver, 0.004)
+    assert ties.hangs
+
+
 def test_cloth_with_seams_keeps_its_steps_as_it_rests() -> None:
     sheet = sheet_of(1)
     steps = []
