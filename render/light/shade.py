@@ -259,8 +259,7 @@ def _albedo(shading: Template, particles: Octets, view: F32x2, b):
 
 @ti.func
 def shade(layout: Template, shading: Template, particles: Octets, light: Octets, view: F32x2, b):
-    """Red, green, blue; and for the slope across the fibre: v (3), sin(t, v), the sum of the directions to the lights,
-    each by its radiance and by how far the fibre faces it (3)."""
+    """Red, green, blue; and for the slope across the fibre: v (3), sin(t, v), where light comes from (3)."""
     # Tangent t and normal n of the fibre, direction v to the eye, and how they stand to each other.
     tx = of_group(particles, TANGENT, b)
     ty = of_group(particles, TANGENT + 1, b)
@@ -310,7 +309,7 @@ def shade(layout: Template, shading: Template, particles: Octets, light: Octets,
         red *= albedo_r
         green *= albedo_g
         blue *= albedo_b
-    from_x, from_y, from_z = each(0.0), each(0.0), each(0.0)
+    from_x, from_y, from_z = each(0.0), each(0.0), each(0.0)  # directions to lights, each by how much of it gets here
     # Each light, the key first.
     for k in ti.static(range(1 + shading.others)):
         at = ti.static(KEY_DIRECTION if k == 0 else OTHERS + 2 * (k - 1))
@@ -376,7 +375,6 @@ def shade(layout: Template, shading: Template, particles: Octets, light: Octets,
         towards = ti.min(2.0 * facing, 1.0) * (view[at + 1, 0] + view[at + 1, 1] + view[at + 1, 2])
         if ti.static(shading.shadows[k] >= 0):
             towards *= passed
-        from_x += towards * view[at, 0]
-        from_y += towards * view[at, 1]
-        from_z += towards * view[at, 2]
+        x, y, z = towards * view[at, 0], towards * view[at, 1], towards * view[at, 2]
+        from_x, from_y, from_z = from_x + x, from_y + y, from_z + z
     return red, green, blue, vx, vy, vz, sin_v, from_x, from_y, from_z
