@@ -229,10 +229,10 @@ def test_of_denim_the_weft_is_the_darker_for_the_warp(finish: Finish) -> None:
     prepared = prepare_sheet(scene)
     assert prepared is not None
     cloth = sheet_fibres(scene, prepared).source
-    warp, weft, *_ = sheet_look._alone(cloth.cloth, 0, cloth.pitch, finish, Lighting())
+    warp, weft, *_ = sheet_look._alone(cloth.cloth, 0, cloth.pitch, finish)
     assert 0.5 < weft < warp < 0.9
     look = replace(cloth.look, alone=np.array([[warp, weft, 1.0, 1.0]], np.float32))
-    opened = sheet_look._opened(cloth.cloth, 0, cloth.pitch, look, finish, Lighting())[0, 2:]
+    opened = sheet_look._opened(cloth.cloth, 0, cloth.pitch, look, finish)[0, 2:]
     before = look.factor[0, 0, 2:]
     assert (opened[:, OPEN_WEFT] < 0.8 * opened[:, OPEN_WARP]).all()  # it sees less of the sky
     share = before[:, WEFT] / (before[:, WARP] + before[:, WEFT])
