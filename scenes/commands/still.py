@@ -115,13 +115,13 @@ def shoot(
     colours: list[NDArray[np.float32]] = []
     masks: list[NDArray[np.float32]] = []
     cameras: list[Camera] = []
+    view = View(model, size, scale=supersample)
     if "colour" in wanted:
-        view = View(model, size, scale=supersample)
         for shot in view.shots():
             colours.append(averaged(view.light_of(shot), shot.scale))
             cameras.append(shot.camera.on_canvas(1 / shot.scale))
     if "mask" in wanted:  # of as many samples as the colour, or it would cover more than that shows
-        for shot in View(model, size, scale=supersample).bare_shots(SAMPLES):
+        for shot in view.bare_shots(SAMPLES):
             mask = _passes(shot, None, ("mask",)).mask
             assert mask is not None
             masks.append(averaged(mask[..., None], shot.scale).reshape(shot.camera.height // shot.scale, -1))

@@ -101,9 +101,11 @@ class ClothModel(MovingModel):
     def mesh(self) -> Mesh:
         """With smooth normals; each cell cut as finely as its colours want, and as flat as it is."""
         points = self.simulation.positions
-        normals = _between(vertex_normals(points).reshape(points.shape), self.finer)
-        normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
-        points = _between(points, self.finer)
+        normals = vertex_normals(points)
+        if self.finer > 1:
+            normals = _between(normals.reshape(points.shape), self.finer)
+            normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+            points = _between(points, self.finer)
         return Mesh(points.reshape(-1, 3), self.faces, self.colours, normals.reshape(-1, 3), woven=1.0)
 
     def numbers(self) -> Numbers:

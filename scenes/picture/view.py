@@ -32,7 +32,7 @@ from .samples import SAMPLES, averaged, over, samples_of, shown
 from .sheet_look import fit_look
 from .streamed import Streamed
 
-__all__ = ["Shot", "View", "finish_of", "lighting_of"]
+__all__ = ["Shot", "View", "finish_of", "first_of", "lighting_of"]
 
 Image = NDArray[np.uint8]
 
@@ -80,7 +80,7 @@ class View:
         """The views `numbers` out of `count` evenly spaced ones, all framed alike."""
         self._load()
         cameras = [
-            orbit(panel.bounds, count, width=w, height=h, start=self.scene.camera.azimuth_deg, **self._lens())
+            orbit(panel.bounds, count, width=w, height=h, start=self.scene.camera.azimuth_deg, **_lens(self.scene))
             for panel, (w, h) in zip(self._panels, self._sizes, strict=True)
         ]
         for k in numbers:
@@ -111,7 +111,7 @@ class View:
         """That of an animation, for the first panel, without the scene's zoom."""
         self._load()
         azimuth, (width, height) = self.scene.camera.azimuth_deg, self._sizes[0]
-        return frame(self._panels[0].bounds, width=width, height=height, azimuth=azimuth, **self._lens())
+        return frame(self._panels[0].bounds, width=width, height=height, azimuth=azimuth, **_lens(self.scene))
 
     def seen_by(self, camera: Camera) -> Image:
         """The first panel as it is now, from any camera of the image's size."""
@@ -128,7 +128,7 @@ class View:
                 k,
                 self._draw(
                     [
-                        frame(panel.bounds, width=w, height=h, azimuth=azimuth, **self._lens())
+                        frame(panel.bounds, width=w, height=h, azimuth=azimuth, **_lens(self.scene))
                         for panel, (w, h) in zip(self._panels, self._sizes, strict=True)
                     ]
                 ),
@@ -139,15 +139,10 @@ class View:
         """What the last frame took, panel by panel."""
         return [s.stats for s in self._splatters if s.stats is not None]
 
-    def _lens(self) -> dict[str, float]:
-        c = self.scene.camera
-        return {"elevation": c.elevation_deg, "fov": c.fov_deg, "margin": c.margin}
-
     def _first(self) -> Iterator[Camera]:
         """The first view of a turntable, panel by panel."""
-        start = self.scene.camera.azimuth_deg
-        for panel, (width, height) in zip(self._panels, self._sizes, strict=True):
-            yield orbit(panel.bounds, 1, width=width, height=height, start=start, **self._lens())[0]
+        for panel, size in zip(self._panels, self._sizes, strict=True):
+            yield first_of(self.scene, size, panel.bounds)
 
     def _near(self, camera: Camera) -> Camera:
         """As near as the scene's zoom says."""
@@ -254,6 +249,17 @@ class View:
             ends = self.background.ends()
             behind = ends[:3] + (ends[3:] - ends[:3]) * ((np.arange(height) + 0.5) / height)[:, None, None]
         return over(rgba, behind)
+
+
+def first_of(scene: Scene, size: tuple[int, int], bounds: NDArray) -> Camera:
+    """The first camera of a turntable, before the scene's zoom. bounds: the points that must be in it, see `Panel`."""
+    (width, height), start = size, scene.camera.azimuth_deg
+    return orbit(bounds, 1, width=width, height=height, start=start, **_lens(scene))[0]
+
+
+def _lens(scene: Scene) -> dict[str, float]:
+    c = scene.camera
+    return {"elevation": c.elevation_deg, "fov": c.fov_deg, "margin": c.margin}
 
 
 def lighting_of(scene: Scene) -> Lighting:

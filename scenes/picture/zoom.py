@@ -24,9 +24,9 @@ from ..scene.schema import Scene
 from .gains import fit_gains, fit_near, views_of
 from .samples import averaged, samples_of, shown
 from .streamed import Closer, Streamed
-from .view import Shot, View
+from .view import Shot, View, first_of
 from .zoom_cells import zoom_cells
-from .zoom_path import first_of, nearing, skin_in
+from .zoom_path import nearing, skin_in
 
 __all__ = ["path", "require_threads", "source_of", "target_of", "zoom"]
 

@@ -32,8 +32,8 @@ from .flat_piece import flat_piece
 from .gains import PROBE, colours_at, matched
 from .sheet_look import fit_look
 from .streamed import Closer, Streamed
-from .view import View
-from .zoom_path import RESOLUTION, TURN, first_of, nearing, skin_in
+from .view import View, first_of
+from .zoom_path import RESOLUTION, TURN, nearing, skin_in
 
 __all__ = ["zoom_cells"]
 

@@ -9,11 +9,11 @@ from taichi_cloth.fibre.contours import contour
 from taichi_cloth.fibre.relief import skin_of
 from taichi_cloth.fibre.sphere_set import sphere_set_from_rows
 
-from ...render.data.camera import Camera, look_at, orbit
+from ...render.data.camera import Camera, look_at
 from ..prepare.yarns import fibre_kind
 from ..scene.schema import Scene
 
-__all__ = ["RESOLUTION", "TURN", "first_of", "nearing", "skin_in"]
+__all__ = ["RESOLUTION", "TURN", "nearing", "skin_in"]
 
 F64 = NDArray[np.float64]
 
@@ -24,13 +24,6 @@ TURN = 0.7
 SKIN_LENGTH = 350e-6
 RESOLUTION = 1024
 """Texels along a shadow map: more than for a still, for the camera comes near."""
-
-
-def first_of(scene: Scene, size: tuple[int, int], bounds: NDArray) -> Camera:
-    """The camera of the scene's `still`, before its zoom. bounds: the points that must be in it, as of `Panel`."""
-    (width, height), section = size, scene.camera
-    lens = {"elevation": section.elevation_deg, "fov": section.fov_deg, "margin": section.margin}
-    return orbit(bounds, 1, width=width, height=height, start=section.azimuth_deg, **lens)[0]
 
 
 def nearing(

@@ -27,9 +27,8 @@ from taichi_cloth.scenes.models.fabric_model import FabricModel
 from taichi_cloth.scenes.picture import gains as scene_gains
 from taichi_cloth.scenes.picture.gains import colours_at, crossings, fit_gains, fit_near, seen_at, views_of
 from taichi_cloth.scenes.picture.samples import samples_of
-from taichi_cloth.scenes.picture.view import View
+from taichi_cloth.scenes.picture.view import View, first_of
 from taichi_cloth.scenes.picture.zoom import path, source_of, target_of, zoom
-from taichi_cloth.scenes.picture.zoom_path import first_of
 from taichi_cloth.scenes.scene.load import load_scene
 
 SIZE = 320, 192
