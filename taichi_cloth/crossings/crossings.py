@@ -7,11 +7,12 @@ and of areas where they lie in one plane, all of which are exact (`signs.py`). T
 """
 
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from taichi_cloth.crossings.boxes import overlapping
+from taichi_cloth.crossings.boxes import CHUNK, overlapping
 from taichi_cloth.crossings.signs import ROUNDING, area_signs, volume_signs
 from taichi_cloth.ground.errors import InputError
 
@@ -21,8 +22,10 @@ F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
 EDGES = ((0, 1), (1, 2), (2, 0))
-AXES = np.array([(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 0), (1, -1, 0), (0, 1, 1), (0, 1, -1), (1, 0, 1), (1, 0, -1)])
-"""Along which edges and triangles are told apart first."""
+AXES = np.array(
+    [(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 0), (1, -1, 0), (0, 1, 1), (0, 1, -1), (1, 0, 1), (1, 0, -1)], float
+)
+"""Along which edges and triangles are told apart first: x, y, z and the diagonals between them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,9 +55,15 @@ class Crossings:
         return len(self.triangles)
 
 
-def find_crossings(points: ArrayLike, triangles: ArrayLike, same: ArrayLike | None = None) -> Crossings:
+def find_crossings(
+    points: ArrayLike,
+    triangles: ArrayLike,
+    same: ArrayLike | None = None,
+    among: NDArray[np.bool_] | None = None,
+) -> Crossings:
     """Of a mesh. points: (n, 3) [m]. triangles: (m, 3) numbers of points. same: (n,), a number of each point: points of
-    the same number are one, as where cloth is sewn.
+    the same number are one, as where cloth is sewn. among: (m,), triangles of which one at least is in each pair that
+    is looked for; None: all.
 
     Raises InputError on numbers that are not finite, or triangles of points that are not there.
     """
@@ -69,47 +78,49 @@ def find_crossings(points: ArrayLike, triangles: ArrayLike, same: ArrayLike | No
         none = np.zeros((0, 2), np.int64), np.zeros((0, 3))
         return Crossings(*none, none[0], none[0][:, 0], none[1], none[0][:, 0])
     label = np.arange(len(x)) if same is None else np.asarray(same)
-    corners = x[faces]
-    low, high = corners.min(axis=1), corners.max(axis=1)
-    pairs = overlapping(low, high)
-    ends, face, pair = _candidates(pairs, faces, label[faces])
-    near = _near(x, ends, faces[face])
-    ends, face, pair = ends[near], face[near], pair[near]
+    corners, along = x[faces], x @ AXES.T
+    low, high = _reach(along, faces)
+    slack = 8 * ROUNDING * np.abs(AXES) @ np.maximum(high, -low)[:, :3].max(axis=0)
+    slack[:3] = 0.0  # these are not rounded
+    low, high = low - slack, high + slack
+    pairs = overlapping(low, high, among)
+    ends, face, pair = _candidates(pairs, faces, label[faces], along, low, high)
     meet, place = _meet(x[ends[:, 0]], x[ends[:, 1]], corners[face])
     ends, face, place = ends[meet], face[meet], place[meet]
     found, first, of = np.unique(pair[meet], return_index=True, return_inverse=True)
     out, where = pairs[found], place[first]
-    where = np.clip(where, low[out].max(axis=1), high[out].min(axis=1))
+    where = np.clip(where, low[out, :3].max(axis=1), high[out, :3].min(axis=1))
     order = np.lexsort((out[:, 1], out[:, 0]))
     return Crossings(out[order], where[order], ends, face, place, np.argsort(order)[of.ravel()])
 
 
-def _candidates(pairs: I64, faces: I64, labels: NDArray) -> tuple[I64, I64, I64]:
-    """Edges of one triangle of each pair against the other one, where they share no point: ends of the edge (n, 2), the
-    other triangle, and the number of the pair."""
-    found: list[tuple[I64, I64, I64]] = []
-    number = np.arange(len(pairs))
-    for one, other in (pairs.T, pairs.T[::-1]):
-        alike = (labels[one][:, :, None] == labels[other][:, None, :]).any(axis=2)
-        for ends in EDGES:
-            free = ~(alike[:, ends[0]] | alike[:, ends[1]])
-            found.append((faces[one[free]][:, ends], other[free], number[free]))
-    ends, face, pair = (np.concatenate(parts) for parts in zip(*found, strict=True))
+def _reach(along: F64, points: I64) -> tuple[F64, F64]:
+    """Of points (n, k) of edges or triangles, the least and the most (n, axes) along each axis."""
+    least = most = along[points[:, 0]]
+    for one in points.T[1:]:
+        here = along[one]
+        least, most = np.minimum(least, here), np.maximum(most, here)
+    return least, most
+
+
+def _candidates(pairs: I64, faces: I64, labels: NDArray, along: F64, low: F64, high: F64) -> tuple[I64, I64, I64]:
+    """Edges of one triangle of each pair against the other one, where they share no point and neither lies beyond the
+    other along an axis: ends of the edge (n, 2), the other triangle, and the number of the pair. along: of points.
+    low, high: of triangles."""
+    found: list[list[tuple[I64, I64, I64]]] = [[] for _ in range(2 * len(EDGES))]
+    for begin in range(0, max(len(pairs), 1), CHUNK):
+        one, other = pairs[begin : begin + CHUNK].T
+        alike = labels[one][:, :, None] == labels[other][:, None, :]
+        sides = (one, other, alike.any(axis=2)), (other, one, alike.any(axis=1))
+        kinds = ((*side, ends) for side in sides for ends in EDGES)
+        for own, (first, second, shared, ends) in zip(found, kinds, strict=True):
+            some = np.flatnonzero(~(shared[:, ends[0]] | shared[:, ends[1]]))
+            edge, face = faces[first[some]][:, ends], second[some]
+            least, most = _reach(along, edge)
+            near = ((least <= high[face]) & (low[face] <= most)).all(axis=1)
+            own.append((edge[near], face[near], begin + some[near]))
+    ends, face, pair = (np.concatenate(parts) for parts in zip(*chain.from_iterable(found), strict=True))
     return ends, face, pair
-
-
-def _near(x: F64, ends: I64, faces: I64) -> NDArray[np.bool_]:
-    """Whether edges (n, 2) and triangles (n, 3) may meet: along the axes and the diagonals between them none lies
-    beyond the other, by more than rounding."""
-    some = np.arange(len(ends))
-    for axis in AXES:
-        along, slack = x @ axis, 8 * ROUNDING * (np.abs(x) @ np.abs(axis)).max()
-        edge, face = along[ends[some]], along[faces[some]]
-        meet = (edge.min(axis=1) <= face.max(axis=1) + slack) & (face.min(axis=1) <= edge.max(axis=1) + slack)
-        some = some[meet]
-    out = np.zeros(len(ends), bool)
-    out[some] = True
-    return out
 
 
 def _meet(p: F64, q: F64, corners: F64) -> tuple[NDArray[np.bool_], F64]:

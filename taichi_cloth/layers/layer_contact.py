@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import taichi as ti
+from numpy.typing import NDArray
 
 from taichi_cloth.ground import runtime
 from taichi_cloth.ground.arrays import Template
@@ -101,6 +102,11 @@ class LayerContact(SharedConstraint):
         self.keeps = SAVED if keeps else 0
         self._loops_of, self.spreads, self._sewn = loops_of, loops_of is not None, outline is not None
         self._told: Any = None  # what told of the last frame, where loops did
+        # What met where a frame began, at key points `_looked`, and how these were moved; which triangles alone may
+        # meet where it ended, at key points `_ended`.
+        self._found: Any = None
+        self._looked, self._ended, self._moves = np.zeros(0), np.zeros(0), np.zeros((*sheet.shape, 3))
+        self._open: NDArray[np.bool_] | None = None
         self._inverse, self._tables = sheet.padded(sheet.inverse_mass).ravel(), Tables(sheet, outline, self._size)
 
     @property
@@ -135,21 +141,27 @@ class LayerContact(SharedConstraint):
     def _untangle(self, state: SheetState) -> None:
         """Lets off what passes through other cloth, and moves it a little towards where it does not."""
         positions = self._sheet.positions(state)
-        found = self._tangles.find(positions)
+        if not np.array_equal(positions, self._looked):  # else the frame is taken again
+            goes_on = np.array_equal(positions, self._ended)
+            self._found = self._tangles.find(positions, self._open if goes_on else None)
+            self._looked = positions
+        found = self._found
         self._tangled = found.count > 0
         labels = self._tangles.labels(found) if self._tangled else np.zeros(self._sheet.shape, np.int32)
         padded = np.zeros(self._sheet.padded_shape, np.int32)
         inside = np.s_[PAD:-PAD, : self._sheet.shape[1]]
         padded[inside] = labels
         self.fields.take_tangles(padded.ravel())
+        self._moves = np.zeros_like(positions)
         if self._tangled:
-            moves = self._tangles.moves(found, positions, self._substeps * self._step)
-            state.values[:3][:, *inside] += np.moveaxis(moves, -1, 0).astype(np.float32)
+            self._moves = self._tangles.moves(found, positions, self._substeps * self._step)
+            state.values[:3][:, *inside] += np.moveaxis(self._moves, -1, 0).astype(np.float32)
 
     def end(self, state: SheetState) -> None:
         """Cloth that flies apart, as on steps that are too long for it, has no room for what it meets: it is left so
         that the solver sees it, and takes shorter ones."""
         self.pushed = int(self.fields.certificate.pushed[None]) if self._told is None else self._told.pushed
+        self._ended, self._open = self._sheet.positions(state), None
         self._torn = bool(self._full()) and not self._whole(state)
         if self._torn:
             state.values[:3] = np.nan
@@ -172,9 +184,20 @@ class LayerContact(SharedConstraint):
             self.let_off = unproven
             self.let_off += self.fields.certificate.let_off[None] if self._told is None else self._told.let_off
             self._tangled |= self.let_off > 0  # perhaps: the next frame looks
+            if not unproven:
+                self._open = self._tangles.open(self._cells_let_off(), self._moves)
             return False
         self._halved += 1
         return True
+
+    def _cells_let_off(self) -> NDArray[np.int32]:
+        """(rows, cols), above 0 where a cell was not held apart from others in the last frame."""
+        rows, cols = self._sheet.shape
+        if not self._tangled:
+            return np.zeros((rows, cols), np.int32)
+        shape = self._sheet.padded_shape
+        tangles = self.fields.near.tangle.to_numpy()[: shape[0] * shape[1]].reshape(shape)
+        return tangles[PAD:-PAD, :cols]
 
     def _full(self) -> str:
         """What there was no room for in the last frame."""

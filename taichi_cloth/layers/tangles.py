@@ -5,6 +5,9 @@ there would hold them as they are. So cells that meet, and those round them, are
 near pairs, which all others are. At the start of each frame what still meets is looked for anew, and moved a little the
 way that makes the lines shorter along which it does (`crossings/contours.py`), until there are none; from then on
 contact keeps it so. All follows from where key points are.
+
+Cloth that contact has proven for a frame meets nothing at its end but where it was let off, or was moved so before:
+that alone is asked then what it meets, and not all of it.
 """
 
 import numpy as np
@@ -40,14 +43,24 @@ class Tangles:
         else:
             self._blend, self._faces, self._same = outline.blend, outline.faces, outline.same
             self._cell, self._panel = outline.cell, outline.panel
+        self._label = np.arange(len(self._panel)) if self._same is None else self._same
 
     def places(self, positions: NDArray) -> F64:
         """Of all points (n, 3) [m], of key points (rows, cols, 3) [m]."""
         return self._blend @ np.asarray(positions, np.float64).reshape(-1, 3)
 
-    def find(self, positions: NDArray) -> Crossings:
-        """What meets, of key points (rows, cols, 3) [m]."""
-        return find_crossings(self.places(positions), self._faces, self._same)
+    def find(self, positions: NDArray, among: NDArray[np.bool_] | None = None) -> Crossings:
+        """What meets, of key points (rows, cols, 3) [m]. among: see `find_crossings`."""
+        return find_crossings(self.places(positions), self._faces, self._same, among)
+
+    def open(self, tangles: NDArray, moves: NDArray) -> NDArray[np.bool_]:
+        """(m,) of each triangle, whether it may meet others at the end of a frame that contact has proven: it is of a
+        cell (rows, cols) in a tangle, or was moved by hand (rows, cols, 3), or has a point in common with such."""
+        moved = abs(self._blend) @ (moves != 0).any(axis=-1).ravel() > 0
+        points = np.zeros(int(self._label.max()) + 1, bool)
+        points[self._label[moved]] = True
+        points[self._label[self._faces[tangles.ravel()[self._cell] > 0]]] = True
+        return np.any(points[self._label[self._faces]], axis=1)
 
     def labels(self, found: Crossings) -> NDArray[np.int32]:
         """(rows, cols) of each cell, by its first key point: 0 of those that are in no tangle; else its number times

@@ -12,12 +12,13 @@ from layers import ROWS, SPACING, THICKNESS, layers, sheet_of, triangles
 from numpy.typing import NDArray
 
 from taichi_cloth.constraints.constraints_for import constraints_for
-from taichi_cloth.crossings.crossings import find_crossings
+from taichi_cloth.crossings.crossings import Crossings, find_crossings
 from taichi_cloth.ground.arrays import F32x2
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.layers.layer_contact import HALVINGS, LayerContact, LayerFields
 from taichi_cloth.layers.nearest import FACES
 from taichi_cloth.layers.patches import slack_of
+from taichi_cloth.layers.tangles import Tangles
 from taichi_cloth.layers.tree import TOP, levels_of
 from taichi_cloth.motion.forces import Forces, SelfContact
 from taichi_cloth.motion.simulation import Simulation
@@ -114,19 +115,25 @@ def test_nothing_passes_through_at_any_speed(speed: float) -> None:
 
 
 def test_a_frame_that_is_not_proven_is_taken_again_more_carefully(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Until it is, or until no more care can be taken: then the next frame looks for what passes through."""
+    """Until it is, or until no more care can be taken: then the next frame looks for what passes through, only beside
+    cells that were let off if all of them are known."""
     sheet = thrown(2.0)[0]
     one = LayerContact(sheet, SelfContact(thickness=THICKNESS))
-    room = SimpleNamespace(overflow={None: 0})
+    cells = np.zeros(sheet.padded_shape, np.int32)
+    cells[PAD + 3, 2] = 1
+    room = SimpleNamespace(overflow={None: 0}, tangle=SimpleNamespace(to_numpy=cells.ravel))
     contacts = SimpleNamespace(overflow={None: 0}, blended=room)
     certificate = SimpleNamespace(let_off={None: 3})
     fields = SimpleNamespace(unproven={None: 1}, search=room, near=room, contacts=contacts, certificate=certificate)
     monkeypatch.setattr(LayerContact, "fields", fields)
     assert [one.again() for _ in range(HALVINGS + 1)] == [True] * HALVINGS + [False]
     assert one.let_off == 4
+    assert one._open is None, "key points had left their room: all of it"
     fields.unproven[None], certificate.let_off[None] = 0, 0
     assert not one.again()
     assert one.let_off == 0
+    corners = (np.array([[3], [4]]) * sheet.shape[1] + [2, 3]).ravel()
+    np.testing.assert_array_equal(one._open, np.isin(sheet.triangles, corners).any(axis=1))
     room.overflow[None] = 7
     assert [one.again() for _ in range(HALVINGS)] == [True] * HALVINGS
     with pytest.raises(InputError, match="no room for 7 cells"):
@@ -149,9 +156,20 @@ def test_cloth_that_flies_apart_is_left_to_the_solver(monkeypatch: pytest.Monkey
     assert np.isnan(apart.values[:3]).all()
 
 
-def test_a_start_that_passes_through_itself_is_untangled() -> None:
+def test_a_start_that_passes_through_itself_is_untangled(monkeypatch: pytest.MonkeyPatch) -> None:
     """The upper panel hangs through the lower: it comes apart within half a second, without a blow, and then stays so.
-    What is tangled meanwhile is that alone: no more triangles pass through others than at the start."""
+    What is tangled meanwhile is that alone: no more triangles pass through others than at the start. All of the cloth
+    is asked what it meets once; that tangles alone are asked from then on finds the same."""
+    find, asked = Tangles.find, list[float]()
+
+    def both(tangles: Tangles, positions: NDArray, among: NDArray | None = None) -> Crossings:
+        found, whole = find(tangles, positions, among), find(tangles, positions)
+        asked.append(1.0 if among is None else among.mean())
+        for name in ("pairs", "places", "edges", "faces", "at", "of"):
+            np.testing.assert_array_equal(getattr(found, name), getattr(whole, name))
+        return found
+
+    monkeypatch.setattr(Tangles, "find", both)
     sheet = thrown(2.0)[0]
     x = sheet.flat()[..., [0, 2, 1]]
     upper = np.arange(ROWS) >= 18
@@ -169,6 +187,9 @@ def test_a_start_that_passes_through_itself_is_untangled() -> None:
     assert counts[0] > 20
     assert max(counts) <= counts[0] + 4
     assert counts[counts.index(0) :] == [0] * (len(counts) - counts.index(0))
+    assert len(asked) > 2
+    assert asked[0] == 1
+    assert max(asked[1:]) < 0.5
     assert simulation.positions[20:34, 1:-1, 1].mean() > simulation.positions[2:14, 1:-1, 1].mean() + 1e-3
     assert max(part.max() for part in sheet.stretch(simulation.positions)) < 0.02
 

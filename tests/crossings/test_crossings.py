@@ -102,6 +102,21 @@ def test_as_all_pairs_one_by_one(kind: str) -> None:
     assert (found.places >= corners.min(axis=2).max(axis=1) - 1e-12).all()
 
 
+def test_pairs_of_some_triangles_are_those_of_all() -> None:
+    """A crumpled sheet: what is asked of some of its triangles is what all of it says of them, in the same order."""
+    rng, faces = np.random.default_rng(11), grid(30, 40)
+    x, y = np.meshgrid(np.arange(40.0), np.arange(30.0))
+    points = (np.stack([x, y, 0 * x], -1) + rng.normal(size=(30, 40, 3))).reshape(-1, 3)
+    whole, among = find_crossings(points, faces), rng.uniform(size=len(faces)) < 0.1
+    some, kept = find_crossings(points, faces, None, among), among[whole.pairs[:, 0]] | among[whole.pairs[:, 1]]
+    assert 200 < kept.sum() < 0.4 * len(whole.pairs)
+    np.testing.assert_array_equal(some.pairs, whole.pairs[kept])
+    np.testing.assert_array_equal(some.places, whole.places[kept])
+    np.testing.assert_array_equal(some.at, whole.at[kept[whole.of]])
+    np.testing.assert_array_equal(some.edges, whole.edges[kept[whole.of]])
+    assert find_crossings(points, faces, None, np.zeros(len(faces), bool)).count == 0
+
+
 def test_points_in_common_are_let_off_and_nothing_else() -> None:
     """A fold: triangles that share a point do not meet there, but do where one is bent through the other."""
     points = np.array([[0, 0, 0], [1, -1, 0], [1, 1, 0], [1, 0, 1], [1, 0, 2]], float)
@@ -151,6 +166,12 @@ def test_boxes_that_overlap() -> None:
     high = low + rng.exponential(0.08, (300, 3))
     meet = ((low[:, None] <= high) & (low <= high[:, None])).all(axis=2)
     assert sorted(map(tuple, overlapping(low, high).tolist())) == list(zip(*np.triu(meet, 1).nonzero(), strict=True))
+    aslant = np.array([[1, 0, 0, 1], [0, 1, 0, 1], [0, 0, 1, 0]])
+    among = rng.uniform(size=300) < 0.2
+    meet &= (((low @ aslant)[:, None] <= high @ aslant) & ((low @ aslant) <= (high @ aslant)[:, None])).all(axis=2)
+    pairs = overlapping(low @ aslant, high @ aslant, among)
+    some = np.triu(meet & (among[:, None] | among), 1)
+    assert sorted(map(tuple, pairs.tolist())) == list(zip(*some.nonzero(), strict=True))
 
 
 def test_signs_are_exact() -> None:
