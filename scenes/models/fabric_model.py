@@ -28,7 +28,7 @@ class FabricModel:
         self.scene, self.prepared, self.frames = scene, prepared, 1
         section = scene.fabric or FabricSection()
         self.fabric: Fabric = build_fabric(prepared.layout)
-        self.points = pose_points(prepared.layout, section.pose, amount=section.pose_amount)
+        self.points = pose_points(prepared.layout, section.pose, amount=section.pose_amount, bent=section.bent)
         layout = prepared.layout
         self.source = self._casting = None
         if prepared.in_batches:

@@ -48,7 +48,7 @@ def weaves(quick: bool) -> Image:
     if not quick:
         own += ["yarn.fibres=24", "fabric.steps=12"]
     images = []
-    for name, ends, picks in (("plain", 20, 16), ("twill", 26, 16), ("satin", 34, 20), ("herringbone", 20, 16)):
+    for name, ends, picks in (("plain", 20, 16), ("twill", 26, 16), ("satin", 40, 20), ("herringbone", 20, 16)):
         shown = picture(name, f"weave.ends={ends}", f"weave.picks={picks}", *own, size=(1200, 860))[0]
         images.append(caption(shown, name))
     return np.concatenate([np.concatenate(images[:2], axis=1), np.concatenate(images[2:], axis=1)], axis=0)

@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, ValidationError, field_validator, model_validator
 
-from taichi_cloth.fabric.pose import Pose
+from taichi_cloth.fabric.pose import Bent, Pose
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.yarn.count import parse_count
 from taichi_cloth.yarn.yarn import Direction
@@ -201,6 +201,7 @@ class FabricSection(Section):
     irregularity: float = Field(default=0.03, ge=0, le=0.3, description="how far threads stray, in thread spacings")
     pose: Pose = "flat"
     pose_amount: float = Field(default=1.0, ge=0, le=10, description="how strongly it is folded or rolled")
+    bent: Bent = Field(default="weft", description="which threads the folds or the roll bend")
 
 
 class Twist(Section):

@@ -9,44 +9,42 @@ from numpy.typing import NDArray
 from taichi_cloth.fabric.layout import FabricLayout
 from taichi_cloth.ground.errors import InputError, did_you_mean
 
-__all__ = ["Pose", "pose_points"]
+__all__ = ["Bent", "Pose", "pose_points"]
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 Pose = Literal["flat", "wave", "roll"]
+Bent = Literal["weft", "warp"]
 
 
-def pose_points(layout: FabricLayout, pose: Pose = "flat", *, amount: float = 1.0) -> F32:
+def pose_points(layout: FabricLayout, pose: Pose = "flat", *, amount: float = 1.0, bent: Bent = "weft") -> F32:
     """Key points (picks, ends, 3) float32 [m] of the resting fabric, centred, lying in the x–z plane, y up.
 
-    flat: a plane. wave: soft folds along the weft, rising `amount` × 5 % of the width. roll: bent about the warp's
-    direction to an arc of `amount` × 90°. Both keep lengths along the yarns.
+    flat: a plane. wave: soft folds, rising `amount` × 5 % of the cloth's extent along the threads that they bend.
+    roll: these bent to an arc of `amount` × 90°. Both keep lengths along the yarns. bent: which threads bend.
     """
-    poses = get_args(Pose)
-    if pose not in poses:
-        raise InputError(f"pose: unknown pose {pose!r}; known: {', '.join(poses)}{did_you_mean(pose, poses)}")
+    for name, value, known in (("pose", pose, get_args(Pose)), ("bent", bent, get_args(Bent))):
+        if value not in known:
+            raise InputError(f"{name}: unknown {name} {value!r}; known: {', '.join(known)}{did_you_mean(value, known)}")
     x = layout.warp.position - layout.warp.position.mean()
     z = layout.weft.position - layout.weft.position.mean()
     x, z = _stray(layout, x, z)
-    width = max(float(np.ptp(x)), 1e-9)
+    # The straying of threads that stay straight is left out of the walk: it moves them in the plane only.
+    along = x if bent == "weft" else z.T
+    extent = max(float(np.ptp(along)), 1e-9)
     if pose == "wave":
-        bend = 2.0 * pi * 1.25 / width
-        tilt = 0.05 * amount * width * bend  # slope of the fold at its steepest
-        slope = tilt * np.cos(bend * x + 0.6)
+        bend = 2.0 * pi * 1.25 / extent
+        tilt = 0.05 * amount * extent * bend  # slope of the fold at its steepest
+        slope = tilt * np.cos(bend * along + 0.6)
     elif pose == "roll":
-        slope = amount * (pi / 2) * x / width
+        slope = amount * (pi / 2) * along / extent
     else:
-        slope = np.zeros_like(x)
+        slope = np.zeros_like(along)
     angle = slope if pose == "roll" else np.arctan(slope)
-    # Walk along the weft: each step keeps its length and takes the direction of the fold there.
-    # The straying of picks is left out of the walk: it moves threads in the plane only.
-    y = _walk(x, np.sin(angle))
-    across = _walk(x, np.cos(angle))
-    points = np.empty((*z.shape, 3), np.float32)
-    points[..., 0] = across
-    points[..., 1] = y - 0.5 * (float(y.min()) + float(y.max()))
-    points[..., 2] = -z
-    return points
+    # Each step along a thread that bends keeps its length and takes the direction of the fold there.
+    y, walked = _walk(along, np.sin(angle)), _walk(along, np.cos(angle))
+    x, y, z = (walked, y, z) if bent == "weft" else (x, y.T, walked.T)
+    return np.stack([x, y - 0.5 * (float(y.min()) + float(y.max())), -z], axis=-1).astype(np.float32)
 
 
 def _walk(x: F64, rate: F64) -> F64:

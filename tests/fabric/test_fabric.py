@@ -193,6 +193,18 @@ def test_poses_keep_lengths_along_the_yarns(pose):
     np.testing.assert_allclose(along, layout.weft.pitch, rtol=1e-4)
 
 
+@pytest.mark.parametrize("pose", ["wave", "roll"])
+def test_a_pose_may_bend_the_warp(pose):
+    layout = woven(ends=8, picks=60, irregularity=0.0)
+    points = pose_points(layout, pose, bent="warp").astype(np.float64)
+    across = np.linalg.norm(np.diff(points, axis=1), axis=-1)
+    along = np.linalg.norm(np.diff(points, axis=0), axis=-1)
+    np.testing.assert_allclose(across, layout.warp.pitch, rtol=1e-4)
+    np.testing.assert_allclose(along, layout.weft.pitch, rtol=5e-3)
+    np.testing.assert_allclose(points[..., 1], points[:, :1, 1].repeat(8, axis=1), atol=1e-9)  # picks stay level
+    assert np.ptp(points[..., 1]) > 0.05 * np.ptp(layout.weft.position)
+
+
 def test_frames_of_a_plane_and_of_single_threads():
     layout = woven(ends=4, picks=3)
     f = frames(pose_points(layout))
@@ -220,6 +232,8 @@ def test_wrong_grid_and_unknown_pose_are_refused():
         build_fabric(layout).cloud(np.zeros((3, 3, 3), np.float32))
     with pytest.raises(InputError, match=r'unknown pose .*did you mean "wave"'):
         pose_points(layout, "wavy")  # pyright: ignore[reportArgumentType]
+    with pytest.raises(InputError, match=r"unknown bent 'wrap'; known: weft, warp"):
+        pose_points(layout, "wave", bent="wrap")  # pyright: ignore[reportArgumentType]
 
 
 def test_bytes_are_counted_before_anything_is_laid_out():
