@@ -34,7 +34,7 @@ Image = NDArray[np.uint8]
 F64 = NDArray[np.float64]
 FINER = 0.01
 """Across [m], of what has maps of light of its own where the camera is near."""
-FITTED = 11
+FITTED = 12
 """Version of how gains are fitted, which takes long: they are kept."""
 
 

@@ -53,7 +53,7 @@ REGIONS = 0.05, 0.01
 LIT_BY = Lighting(key_follows_camera=False, shadows=True, occlusion=True)
 SIZE = 320, 192
 THREADS, CROSSINGS = 40, 6
-VERSION = 7
+VERSION = 8
 
 
 def zoom_cells(view: View, count: int, numbers: list[int]) -> Iterator[tuple[int, Image]]:

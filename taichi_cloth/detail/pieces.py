@@ -36,7 +36,7 @@ __all__ = [
 
 SURFACE = (7.0, 16.0)
 """Radius of a real fibre [px] at which its surface begins to show, and at which it has all its relief."""
-COVERED = (15.0, 19.0)
+COVERED = (21.0, 26.0)
 """Radius [px] at which points on its surface cover a fibre, and at which nothing is left of the splats under them."""
 SPACING = 2.0
 """Distance between points on a fibre's surface [px]."""
