@@ -56,7 +56,7 @@ class Tangles:
     def open(self, tangles: NDArray, moves: NDArray) -> NDArray[np.bool_]:
         """(m,) of each triangle, whether it may meet others at the end of a frame that contact has proven: it is of a
         cell (rows, cols) in a tangle, or was moved by hand (rows, cols, 3), or has a point in common with such."""
-        moved = abs(self._blend) @ (moves != 0).any(axis=-1).ravel() > 0
+        moved = abs(self._blend.copy()) @ (moves != 0).any(axis=-1).ravel() > 0  # a copy: abs sorts what it is given
         points = np.zeros(int(self._label.max()) + 1, bool)
         points[self._label[moved]] = True
         points[self._label[self._faces[tangles.ravel()[self._cell] > 0]]] = True

@@ -6,10 +6,12 @@ from typing import Any
 import numpy as np
 import pytest
 import taichi as ti
-from device_cases import moved, simulation, through
+from device_cases import moved, sack, simulation, through
+from scipy.sparse import csr_array
 
 from taichi_cloth.ground import runtime
 from taichi_cloth.layer_loops.places import GROUP, Lists, Places
+from taichi_cloth.layers.tangles import Tangles
 from taichi_cloth.solvers.verlet import Verlet
 
 RNG = np.random.Generator(np.random.Philox(key=31))
@@ -62,6 +64,16 @@ def test_places_are_the_sums_of_all_before(count: int) -> None:
     one.run()
     assert one.places.of.to_numpy()[:count].tolist() == (np.cumsum(found) - found)[:count].tolist()
     assert one.places.total[None] == found[:count].sum()
+
+
+def test_what_may_meet_is_told_and_a_garment_left_as_it_is() -> None:
+    """The order of key points in its blends, by which places are summed, is that of the next simulation too."""
+    outline, sheet = sack().outline, simulation("verlet, sack").sheet
+    before = outline.blend.indices.copy()
+    assert not csr_array(outline.blend).has_sorted_indices, "or this tells nothing"
+    opened = Tangles(sheet, outline).open(np.zeros(sheet.shape, np.int32), np.ones((*sheet.shape, 3)))
+    assert opened.all()
+    np.testing.assert_array_equal(outline.blend.indices, before)
 
 
 @pytest.mark.slow  # all of it is compiled
