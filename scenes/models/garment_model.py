@@ -15,7 +15,6 @@ from taichi_cloth.garment.sewn.in_motion import Watch
 from taichi_cloth.garment.sewn.limbs import spared
 from taichi_cloth.garment.sewn.stitches import PIECES, STRANDS, Stitches
 from taichi_cloth.garment.sewn.weaving import Colours, Weaving
-from taichi_cloth.garment.sewn.worn import misfit
 from taichi_cloth.ground.particles import LANES, ROWS
 from taichi_cloth.motion.simulation import Simulation
 from taichi_cloth.weave.colour_order import colour
@@ -154,7 +153,7 @@ class GarmentModel(MovingModel):
     def __init__(self, scene: Scene, dressed: Dressed) -> None:
         self.scene, self.dressed, self.fibres, self.frames = scene, dressed, None, scene.output.frames
         self.motion = motion_of(scene, dressed.body)
-        self.misfit = misfit(dressed.garment, dressed.worn, dressed.primitives)
+        self.misfit = dressed.misfit()
         self.simulation = self.at_start()
         self.simulation.solver.make_ready(self.simulation.state)  # before what is drawn, as where it was sewn just now
         self.surface = dressed.garment.surface

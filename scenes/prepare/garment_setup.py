@@ -29,7 +29,7 @@ from taichi_cloth.garment.sewn.limbs import bearer, limb_of_bones, spared
 from taichi_cloth.garment.sewn.sew import RECOVERY, STILL, STILLER, sew
 from taichi_cloth.garment.sewn.tried_on import tight
 from taichi_cloth.garment.sewn.weaving import crossings_shape
-from taichi_cloth.garment.sewn.worn import Worn
+from taichi_cloth.garment.sewn.worn import Worn, misfit
 from taichi_cloth.ground.cache import digest, kept
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.motion.forces import Forces, Plane, SelfContact
@@ -76,6 +76,8 @@ __all__ = [
 
 VERSION = 55
 """Of what is kept on disk: raised whenever the same scene would come to another rest."""
+ASKED = 1
+"""Of `misfit`: raised whenever it would say something else of the same garment."""
 
 TOILE, FITTINGS = 2000, 2
 """Key points of what is sewn of a pattern of another's to try it on, and how often it is let out, at most."""
@@ -107,10 +109,21 @@ class Parts:
 
 @dataclass(frozen=True, eq=False)
 class Dressed(Parts):
-    """A garment on its body, and how it rests. from_disk: whether it was sewn before."""
+    """A garment on its body, and how it rests. from_disk: whether it was sewn before. made_of: `digest` of all that it
+    follows from; empty of one that was not sewn here."""
 
     worn: Worn
     from_disk: bool
+    made_of: str = ""
+
+    def misfit(self) -> str | None:
+        """Why it does not fit, see `worn.misfit`; kept on disk, as the exact look at all cloth takes long."""
+
+        def make() -> dict[str, np.ndarray]:
+            return {"why": np.array(misfit(self.garment, self.worn, self.primitives) or "")}
+
+        arrays = kept("fit", digest(ASKED, self.made_of), make)[0] if self.made_of else make()
+        return str(arrays["why"]) or None
 
 
 def dressed_parts(scene: Scene) -> Parts:
@@ -242,7 +255,7 @@ def sewn(
     worn = Worn(
         **{name: arrays[name] for name in ("positions", "pushes", "slid", "anchors", "spared", "speeds")}, **numbers
     )
-    return Dressed(**vars(parts), worn=worn, from_disk=found)
+    return Dressed(**vars(parts), worn=worn, from_disk=found, made_of=made_of)
 
 
 def sewn_with(scene: Scene, parts: Parts) -> tuple[SelfContact | None, float]:

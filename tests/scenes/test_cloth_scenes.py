@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,7 @@ from taichi_cloth.scenes.models.moving_model import MovingModel
 from taichi_cloth.scenes.paper.own_scenes import PAPER_DRAPE, scene_file
 from taichi_cloth.scenes.picture.view import View
 from taichi_cloth.scenes.plan.plan import plan
+from taichi_cloth.scenes.prepare import garment_setup
 from taichi_cloth.scenes.prepare.gaps import gaps_of
 from taichi_cloth.scenes.prepare.garment_setup import Dressed, dressed_parts
 from taichi_cloth.scenes.prepare.sheet_setup import forces_of, material_of, sheet_simulation, start_of
@@ -79,6 +81,22 @@ def unsewn(name: str, *more: str) -> GarmentModel:
         parts.garment.atlas.start().astype(np.float32), gap=0.0, depth=0.0, stretch=0.0, taut=0.0, speed=0.0, frames=0
     )
     return GarmentModel.of(scene, dressed=Dressed(**vars(parts), worn=worn, from_disk=True))
+
+
+def test_whether_a_garment_fits_is_asked_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    asked, one = list[object](), unsewn("tshirt", "garment.representation=mesh").dressed
+    for made_of, why in (("tight", "threads are too long"), ("loose", None)):
+
+        def found(*given: object, why: str | None = why) -> str | None:
+            asked.append(given)
+            return why
+
+        monkeypatch.setattr(garment_setup, "misfit", found)
+        assert [replace(one, made_of=made_of).misfit() for _ in range(2)] == [why, why]
+    assert len(asked) == 2
+    assert one.misfit() is None  # not sewn here: asked each time
+    assert len(asked) == 3
 
 
 @pytest.mark.parametrize("made", [small, unsewn])
