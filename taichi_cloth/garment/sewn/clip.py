@@ -1,5 +1,7 @@
 """A panel's cells as triangles, those on its outline clipped by it."""
 
+from functools import cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -46,12 +48,16 @@ def clipped(piece: CutPanel, outline: F64) -> tuple[F64, I64, I64, I64]:
     ring: Ring = [(float(x), float(y)) for x, y in outline]
     if _area(ring) < 0:
         ring = ring[::-1]
+
+    @cache
+    def column(j: int) -> Ring:
+        return _half(_half(ring, 1, 0, -j), -1, 0, j + 1)
+
     for i, j in np.argwhere(cut | inside).tolist():
         x, y = float(j), float(i)
-        part = ring if cut[i, j] else [(x, y), (x + 1, y), (x + 1, y + 1), (x, y + 1)]
+        part = [(x, y), (x + 1, y), (x + 1, y + 1), (x, y + 1)]
         if cut[i, j]:
-            for a, b, c in ((1, 0, -j), (-1, 0, j + 1), (0, 1, -i), (0, -1, i + 1)):
-                part = _half(part, a, b, c)
+            part = _half(_half(column(j), 0, 1, -i), 0, -1, i + 1)
         for sign in (1, -1):  # below the diagonal, above it
             half = _half(part, sign, -sign, sign * (i - j)) if len(part) > 2 else []
             index = list(dict.fromkeys(numbered(u, v, (j, i)) for u, v in half))
