@@ -1,9 +1,9 @@
 """What cloth that meets cloth does between substeps, as parallel loops (`layers/layer_fields.py` has the order).
 
 All stages are loops over key points, nodes, pairs or contacts; what is told from their outcome, once or twice in an
-interval, the host decides: whether an interval is proven, or taken again, and whether a search is due. Numbers of a few
-words come back for it. Two runs on a device give the same bytes: lists are in the order of cells, and nothing is summed
-by atomics but whole numbers.
+interval, the host decides: whether an interval is proven, or taken again, and whether a search is due. Three numbers
+come back for it, which it mostly foresees (`layers/foresight.py`). Two runs on a device give the same bytes: lists are
+in the order of cells, and nothing is summed by atomics but whole numbers.
 """
 
 from collections.abc import Callable
@@ -20,6 +20,7 @@ from taichi_cloth.layer_loops.piece_loops import PieceLoops
 from taichi_cloth.layer_loops.proof_loops import ProofLoops
 from taichi_cloth.layer_loops.search_loops import SearchLoops
 from taichi_cloth.layers.certificate import BACK, LET_OFF, LOOK, PUSH, PUSHES, ROUNDS
+from taichi_cloth.layers.foresight import MOST_ANSWERS, Foresight
 from taichi_cloth.layers.nearest import EDGES, FACES
 from taichi_cloth.motion.stencil import taking
 
@@ -28,7 +29,10 @@ __all__ = ["LayerLoops"]
 EACH, MOST = 8, 1 << 20
 """Threads that go through lists of pairs, for each element of the padded grid; and at most."""
 
-Told: Any = ti.types.vector(3, ti.f32)
+ANSWER = 3
+"""Numbers of one."""
+
+Told: Any = ti.types.vector(ANSWER, ti.f32)
 
 
 @ti.data_oriented
@@ -37,6 +41,7 @@ class LayerLoops:
     there: key points of the sheet. sewn: whether it has an outline, as a garment has: pieces of cells, and points that
     are blends of key points.
 
+    told: [question of the frame], what it was answered.
     Of a frame pushed, let_off, unproven: as of `LayerFields` and `Certificate`.
     """
 
@@ -50,53 +55,84 @@ class LayerLoops:
         self.pieces: Any = PieceLoops(self.pairs) if sewn else None
         self.contacts = ContactLoops(self.pairs, sewn=sewn)
         self.proof = ProofLoops(self.contacts)
-        self.start(1, 1, 1, 0.0, False)
+        self.told = ti.field(ti.f32, (MOST_ANSWERS, ANSWER))
+        self.start(1, 1, 1, 0.0, False, Foresight())
 
-    def start(self, longest: int, free: int, substeps: int, use: float, lets: bool) -> None:
-        """Before a frame: as `LayerFields.start`."""
+    def start(self, longest: int, free: int, substeps: int, use: float, lets: bool, seen: Foresight) -> None:
+        """Before a frame: as `LayerFields.start`. seen: of the sheet."""
         self._longest, self._free, self._substeps, self._use, self._lets = longest, free, substeps, use, lets
+        self.seen = seen
+        seen.start(longest, free, substeps, use, lets)
+        self._restart()
+
+    def _restart(self) -> None:
         self.pushed = self.let_off = self.unproven = 0
         self._since = self._began = self._horizon = 0
-        self._used, self._allowed, self._alone = 0.0, free, False
+        self._used, self._allowed, self._alone = 0.0, self._free, False
 
     def stop(self, kept: Any, done: int) -> tuple[int, int]:
         """Between two intervals, `done` substeps of the frame over. kept: planes of the state that contacts are kept
         in, or none. Returns from which substep the next goes, an earlier one where the last is taken again, and up to
         which."""
         with taking(1), runtime.plain_code(routines=True):
-            if done == 0:
-                return self._open(kept)
-            begun, until = self._close(done)
-            if begun == self._substeps and len(kept):
-                self.contacts.save(kept)
+            if done == 0 and len(kept):
+                self.contacts.load(kept)
+            begun, until = self._decide(done, bool(len(kept)))
+            if begun == self._substeps:
+                if len(kept):
+                    self.contacts.save(kept)
+                self._see(bool(len(kept)))
             return begun, until
 
-    def _open(self, kept: Any) -> tuple[int, int]:
-        if len(kept):
-            self.contacts.load(kept)
+    def _decide(self, done: int, remembers: bool) -> tuple[int, int]:
+        return self._open(remembers) if done == 0 else self._close(done)
+
+    def _see(self, remembers: bool) -> None:
+        """At the end of a frame, whether it went as foreseen."""
+        if not self.seen.ahead:
+            return self.seen.end(self.unproven == 0)
+        told: Any = self.told.to_numpy().tolist()
+        with self.seen.repeated(told):
+            self._restart()
+            begun = until = 0
+            while begun < self._substeps:
+                begun, until = self._decide(until, remembers)
+        if self.unproven:
+            self.seen.end(False)
+
+    def _do(self, kernel: str, *numbers: float) -> None:
+        if self.seen.decided(kernel, *numbers):
+            getattr(self, kernel)(*numbers)
+
+    def _ask(self, kernel: str, *numbers: float) -> Any:
+        """What a kernel tells: three numbers."""
+        self._do(kernel, *numbers, self.seen.row)
+        return self.seen.answer(lambda row: self._read(row))
+
+    def _open(self, remembers: bool) -> tuple[int, int]:
         if self.sewn:
-            self._learn()
-        self._arrive()
+            self._do("_learn")
+        self._do("_arrive")
         self._look_for_all(0.0, self._substeps)
-        return self._begin(0, min(self._most(), self._substeps), bool(len(kept)))
+        return self._begin(0, min(self._most(), self._substeps), remembers)
 
     def _most(self) -> int:
         """Substeps of an interval."""
         return self._free if self._alone else self._longest
 
     def _look_for_all(self, span: float, left: int) -> None:
-        self._search(span, self._longest, left)
+        self._do("_search", span, self._longest, left)
         if self.sewn:
-            self._ask_pieces()
-        self._keep()
+            self._do("_ask_pieces")
+        self._do("_keep")
         if self.sewn:
-            self._keep_pieces()
-        faces, edges, self._horizon = (int(one) for one in self._list())
-        self._since, self._used, self._alone = 0, 0.0, faces + edges == 0
+            self._do("_keep_pieces")
+        faces, edges, horizon = self._ask("_list")
+        self._since, self._used, self._horizon, self._alone = 0, 0.0, int(horizon), faces + edges == 0
 
     def _begin(self, done: int, length: int, first: bool = False) -> tuple[int, int]:
         """An interval. first: whether contacts begin with what the state remembers of them."""
-        self._go_on(done, length, int(first))
+        self._do("_go_on", done, length, int(first))
         self._began = done
         return done, done + length
 
@@ -105,24 +141,24 @@ class LayerLoops:
         span = done - self._began
         self._since += span
         long = span > max(self._longest // 2, 1)
-        self._arrive()
-        used, bad, deep = self._judge(self._since, LOOK)
+        self._do("_arrive")
+        used, bad, deep = self._ask("_judge", self._since, LOOK)
         again, moved = long and (used > 0.999 or deep > 0), False
         if not again and used > 0.999:
-            self._pull(float(span))
-            used, bad, _ = self._judge(self._since, LOOK)
+            self._do("_pull", float(span))
+            used, bad, _ = self._ask("_judge", self._since, LOOK)
             moved = True
         if again:
             self._since -= span
-            self._put_back(self._began)
+            self._do("_put_back", self._began)
             self._allowed = span // 2
             return self._begin(self._began, span // 2)
         if bad > 0:
             used, bad = self._mend_all(int(bad))
             moved = True
         if moved:
-            self._leave()
-        self._turn()
+            self._do("_leave")
+        self._do("_turn")
         if used > 1.0 or bad > 0:
             self.unproven += 1
         self._used = used
@@ -139,8 +175,8 @@ class LayerLoops:
             if turn == ROUNDS - 1 and self._lets:
                 remedy = LET_OFF
                 self.let_off += bad
-            self._mend(remedy)
-            used, left, _ = self._judge(self._since, remedy)
+            self._do("_mend", remedy)
+            used, left, _ = self._ask("_judge", self._since, remedy)
             bad = 0 if remedy == LET_OFF else int(left)
             if bad == 0:
                 break
@@ -210,14 +246,24 @@ class LayerLoops:
     def _keep_pieces(self):
         self.pieces.keep_all()
 
+    @ti.func
+    def tell(self, row, what):
+        for k in ti.static(range(ANSWER)):
+            self.told[row, k] = what[k]
+
     @ti.kernel
-    def _list(self) -> Told:  # pyright: ignore[reportInvalidTypeForm]
+    def _read(self, row: Int) -> Told:  # pyright: ignore[reportInvalidTypeForm]
+        return Told([self.told[row, k] for k in ti.static(range(ANSWER))])
+
+    @ti.kernel
+    def _list(self, row: Int):
         """Of what was found: how many pairs there are of both kinds, and how many substeps that is good for."""
         self.search.settle()
         if ti.static(self.sewn):
             self.pieces.settle()
         count = ti.static(self.points.near.pairs.count)
-        return Told(count[FACES], count[EDGES], self.points.horizon[None])
+        for _ in range(1):
+            self.tell(row, Told(count[FACES], count[EDGES], self.points.horizon[None]))
 
     @ti.kernel
     def _go_on(self, done: Int, length: Int, first: Int):
@@ -229,12 +275,13 @@ class LayerLoops:
         self.contacts.next(length, first)
 
     @ti.kernel
-    def _judge(self, since: Int, remedy: Int) -> Told:  # pyright: ignore[reportInvalidTypeForm]
+    def _judge(self, since: Int, remedy: Int, row: Int):
         """Which share of the paths' room is used, how many pairs are not parted, and how many of them by much."""
         self.paths.measure(since)
         self.proof.look(remedy)
-        certificate = self.points.certificate
-        return Told(self.points.paths.used[None], certificate.bad[None], certificate.deep[None])
+        for _ in range(1):
+            used, proof = self.points.paths.used[None], self.points.certificate
+            self.tell(row, Told(used, proof.bad[None], proof.deep[None]))
 
     @ti.kernel
     def _mend(self, remedy: Int):

@@ -17,6 +17,7 @@ from taichi_cloth.ground.arrays import Template
 from taichi_cloth.ground.device_memory import require_device_memory
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.layers.contacts import AWAKE, PUSHED, SAVED, SLID
+from taichi_cloth.layers.foresight import Foresight
 from taichi_cloth.layers.layer_fields import MOVED, NUMBERS, SHIFT, UNPROVEN, LayerFields
 from taichi_cloth.layers.outline import Outline, Tables
 from taichi_cloth.layers.paths import HOLD, POINT
@@ -102,6 +103,7 @@ class LayerContact(SharedConstraint):
         self.keeps = SAVED if keeps else 0
         self._loops_of, self.spreads, self._sewn = loops_of, loops_of is not None, outline is not None
         self._told: Any = None  # what told of the last frame, where loops did
+        self._seen = Foresight()  # of what it tells
         # What met where a frame began, at key points `_looked`, and how these were moved; which triangles alone may
         # meet where it ended, at key points `_ended`.
         self._found: Any = None
@@ -171,6 +173,8 @@ class LayerContact(SharedConstraint):
 
     def again(self) -> bool:
         """Raises InputError where there was no room for all pairs or contacts, however short intervals are."""
+        if self._seen.wrong:
+            return True
         full = self._full()
         if self._torn:
             self._halved = 0
@@ -232,7 +236,9 @@ class LayerContact(SharedConstraint):
         if loops is not None:
             if done == 0:
                 self._told = self.over(loops)
-                self._told.start(self._most, self._free_most, self._substeps, self._use, self._halved == HALVINGS)
+                self._told.start(
+                    self._most, self._free_most, self._substeps, self._use, self._halved == HALVINGS, self._seen
+                )
             begun, until = self._told.stop(state.values[len(state.values) - self.keeps :], done)
             self._unproven = self._told.unproven > 0
             return begun, until, True

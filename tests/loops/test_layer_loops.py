@@ -1,6 +1,7 @@
 """Cloth on cloth as parallel loops: what many threads list, against NumPy; layers, beside the kernel of one thread.
 What devices make of it is in `test_devices.py`."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,8 @@ from scipy.sparse import csr_array
 
 from taichi_cloth.ground import runtime
 from taichi_cloth.layer_loops.places import GROUP, Lists, Places
+from taichi_cloth.layers import foresight
+from taichi_cloth.layers.foresight import FEWEST, Foresight
 from taichi_cloth.layers.tangles import Tangles
 from taichi_cloth.solvers.verlet import Verlet
 
@@ -93,3 +96,67 @@ def test_layers_as_loops_do_what_the_kernel_does(case: str, monkeypatch: pytest.
     loops = moving.positions[..., 1]
     assert loops.min() == pytest.approx(kernel.min(), abs=1e-3)
     assert loops.mean() == pytest.approx(kernel.mean(), abs=1e-3)
+
+
+@pytest.mark.slow  # the same kernels
+def test_frames_that_are_foreseen_have_the_bytes_of_those_that_are_not(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A sack that falls, of which a frame is foreseen as soon as one went as the one before: some go otherwise."""
+    monkeypatch.setattr(Verlet, "loops_from", 0)
+    found, start, told = [], Foresight.start, [0, 0]
+
+    def counted(foresight: Foresight, *settings: float) -> None:
+        told[1] += foresight.wrong
+        start(foresight, *settings)
+        told[0] += foresight.ahead
+
+    monkeypatch.setattr(Foresight, "start", counted)
+    for fewest in (1_000, 1):
+        monkeypatch.setattr(foresight, "FEWEST", fewest)
+        moving, states = simulation("verlet, sack"), []
+        for _ in range(24):
+            moving.step()
+            states.append(moving.state.values.tobytes())
+        found.append(states)
+        assert fewest == 1 or told == [0, 0]
+    assert found[0] == found[1]
+    assert told[0] > told[1] > 0
+
+
+def test_a_frame_is_foreseen_once_frames_go_alike_and_looked_at_once_at_its_end() -> None:
+    """Three questions a frame; above 1 the answer asks for one more kernel. What matters is what was decided, not what
+    was told."""
+    one, frames = Foresight(), [[0.1, 0.2, k % 5 / 10] for k in range(FEWEST + 3)]
+    frames += [[0.1, 2.0, 0.3]] + [[0.4, 3.0, 0.1]] * 2
+
+    def gone_through(read: Callable[[int], tuple[float]]) -> list[tuple]:
+        launched: list[tuple] = []
+        for k in range(3):
+            for what in ("look", "mend")[: 1 + (k > 0 and one.answer(read)[0] > 1)]:
+                if one.decided(what, k):
+                    launched.append((what, k))
+        return launched
+
+    asked, wrong = [], []
+    for answers in frames:
+        while True:
+            waited: list[int] = []
+
+            def read(row: int, answers: list = answers, waited: list = waited) -> tuple[float]:
+                waited.append(row)
+                return (answers[row],)
+
+            one.start(7.0)
+            launched = gone_through(read)
+            asked.append(len(waited))
+            if one.ahead:
+                with one.repeated([(answer,) for answer in answers]):
+                    assert not gone_through(read), "without kernels"
+                assert not one.wrong or answers[1] > 1
+            else:
+                one.end(True)
+            if not one.wrong:
+                assert launched == [("look", k) for k in range(3)] + [("mend", 2)] * (answers[1] > 1)
+                break
+            wrong.append(answers)
+    assert asked == [2] * (FEWEST + 1) + [0, 0] + [0, 2, 2, 2]
+    assert wrong == [frames[FEWEST + 3]]
