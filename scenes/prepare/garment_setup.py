@@ -63,6 +63,7 @@ __all__ = [
     "garment_forces",
     "garment_of",
     "garment_simulation",
+    "key_points_of",
     "motion_of",
     "own_drafts",
     "pattern_of",
@@ -79,6 +80,9 @@ VERSION = 55
 ASKED = 1
 """Of `misfit`: raised whenever it would say something else of the same garment."""
 
+USUAL, WIDE, MOST = 6245, 0.02, 15_000
+"""Key points of a garment that does not say how many; how far apart they may lie [m] before it takes more: gathers and
+darts close on two of them; and how many it takes at most."""
 TOILE, FITTINGS = 2000, 2
 """Key points of what is sewn of a pattern of another's to try it on, and how often it is let out, at most."""
 TRIED = 90
@@ -164,10 +168,17 @@ def _alone(
     """A garment that is worn without others, fitted to the body and cut. per_m: ends and picks a metre, whole numbers
     of which are to fit between its key points. Raises InputError."""
     pattern = pattern_of(section, body, tight)
-    spacing = spacing_for(pattern, section.key_points)
+    spacing = spacing_for(pattern, key_points_of(section, pattern))
     if per_m is not None:
         spacing = spacing_on(per_m, spacing)[0]
     return garment_of(section, pattern, spacing, solver, own)
+
+
+def key_points_of(section: GarmentSection, pattern: Pattern) -> int:
+    """About how many key points move a garment: as many as it says, or as its cloth is large."""
+    if section.key_points is not None:
+        return section.key_points
+    return int(np.clip(sum(panel.area for panel in pattern.panels) / WIDE**2, USUAL, MOST))
 
 
 Made = tuple[Body, tuple[Primitive, ...], tuple[DistanceGrid, ...], Garment]
@@ -207,7 +218,7 @@ def tried_on(scene: Scene, each: Progress | None) -> LetOut:
     assert scene.garment is not None
     if scene.garment.pattern in DRAFTS:
         return {}
-    few = scene.garment.model_copy(update={"key_points": min(TOILE, scene.garment.key_points)})
+    few = scene.garment.model_copy(update={"key_points": min(TOILE, scene.garment.key_points or TOILE)})
     toile = scene.model_copy(update={"garment": few})
     parts, known = dressed_parts(toile), dict[str, tuple[np.ndarray, np.ndarray]]()
     for _ in range(FITTINGS):

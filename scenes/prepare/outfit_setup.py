@@ -24,6 +24,7 @@ from .garment_setup import (
     Parts,
     Progress,
     garment_of,
+    key_points_of,
     pattern_of,
     prepare_garment,
     sewn,
@@ -80,7 +81,8 @@ def _each(scene: Scene, tight: Sequence[LetOut] = ()) -> list[Parts]:
     sections = [one.garment for one in scene.garments if one.garment]
     names = [one.title for one in scene.garments]
     patterns = [pattern_of(one, body, out) for one, out in zip_longest(sections, tight)]
-    spacing = spacing_for(pattern_of_all(names, patterns), sum(section.key_points for section in sections))
+    count = sum(key_points_of(*both) for both in zip(sections, patterns, strict=True))
+    spacing = spacing_for(pattern_of_all(names, patterns), count)
     setts = []
     for one, section in zip(scene.garments, sections, strict=True):
         sett = sett_of(one)

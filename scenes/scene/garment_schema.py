@@ -40,7 +40,12 @@ class GarmentSection(Section):
         default="tshirt",
         description="tshirt, skirt, dress, trousers, a GarmentCode .json file, or a .dxf with a .toml beside it",
     )
-    key_points: int = Field(default=6245, ge=200, le=200_000, description="about how many the simulation moves")
+    key_points: int | None = Field(
+        default=None,
+        ge=200,
+        le=200_000,
+        description="about how many the simulation moves; default: 6,245, or as many as lie 2 cm apart, up to 15,000",
+    )
     threads_per_key_point: int = Field(
         default=4, ge=1, le=64, description="threads woven for each key point where no sett is stated in [fabric]"
     )

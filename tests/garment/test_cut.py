@@ -8,7 +8,7 @@ from figures import plain_figure
 
 from taichi_cloth.constraints.ties import Ties
 from taichi_cloth.garment.pattern.cut import cut, intervals, spacing_for, turned
-from taichi_cloth.garment.pattern.drafts import DRAFTS, draft
+from taichi_cloth.garment.pattern.drafts import DRAFTS, Cut, draft
 from taichi_cloth.garment.pattern.hems import with_hems
 from taichi_cloth.garment.pattern.pattern import Flat, Panel, Pattern
 from taichi_cloth.garment.sewn.garment import Garment
@@ -18,6 +18,8 @@ from taichi_cloth.garment.sewn.weaving import Colours, Weaving, crossings_shape
 from taichi_cloth.ground.cache import digest, folder, kept
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.motion.forces import FrameForces
+from taichi_cloth.scenes.prepare.garment_setup import key_points_of
+from taichi_cloth.scenes.scene.garment_schema import GarmentSection
 from taichi_cloth.sheet.materials import MATERIALS
 from taichi_cloth.sheet.sheet import Sheet
 from taichi_cloth.sheet.springs import calibrate
@@ -311,3 +313,13 @@ def test_nowhere_to_keep_is_no_error(tmp_path, monkeypatch):
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("TAICHI_CLOTH_CACHE", str(tmp_path / "file" / "below"))
     assert kept("thing", "k" * 32, lambda: {"x": np.ones(1)})[0]["x"] == 1
+
+
+def test_a_wide_garment_takes_more_key_points():
+    figure = plain_figure()
+    made = [draft("skirt", figure, Cut(flare=flare, length=1.1)) for flare in (2.0, 4.5, 8.0)]
+    counts = [key_points_of(GarmentSection(pattern="skirt"), pattern) for pattern in made]
+    assert counts[0] == 6245
+    assert 6245 < counts[1] < counts[2] <= 15_000
+    assert counts[1] == pytest.approx(sum(panel.area for panel in made[1].panels) / 0.02**2, abs=1)
+    assert [key_points_of(GarmentSection(pattern="skirt", key_points=300), pattern) for pattern in made] == [300] * 3
