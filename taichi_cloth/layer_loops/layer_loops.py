@@ -2,7 +2,7 @@
 
 All stages are loops over key points, nodes, pairs or contacts; what is told from their outcome, once or twice in an
 interval, the host decides: whether an interval is proven, or taken again, and whether a search is due. Three numbers
-come back for it, which it mostly foresees (`layers/foresight.py`). Two runs on a device give the same bytes: lists are
+come back for it, which it mostly foresees (`motion/foresight.py`). Two runs on a device give the same bytes: lists are
 in the order of cells, and nothing is summed by atomics but whole numbers.
 """
 
@@ -20,8 +20,8 @@ from taichi_cloth.layer_loops.piece_loops import PieceLoops
 from taichi_cloth.layer_loops.proof_loops import ProofLoops
 from taichi_cloth.layer_loops.search_loops import SearchLoops
 from taichi_cloth.layers.certificate import BACK, LET_OFF, LOOK, PUSH, PUSHES, ROUNDS
-from taichi_cloth.layers.foresight import MOST_ANSWERS, Foresight
 from taichi_cloth.layers.nearest import EDGES, FACES
+from taichi_cloth.motion.foresight import MOST_ANSWERS, Foresight
 from taichi_cloth.motion.stencil import taking
 
 __all__ = ["LayerLoops"]

@@ -17,7 +17,6 @@ from taichi_cloth.ground.arrays import Template
 from taichi_cloth.ground.device_memory import require_device_memory
 from taichi_cloth.ground.errors import InputError
 from taichi_cloth.layers.contacts import AWAKE, PUSHED, SAVED, SLID
-from taichi_cloth.layers.foresight import Foresight
 from taichi_cloth.layers.layer_fields import MOVED, NUMBERS, SHIFT, UNPROVEN, LayerFields
 from taichi_cloth.layers.outline import Outline, Tables
 from taichi_cloth.layers.paths import HOLD, POINT
@@ -26,6 +25,7 @@ from taichi_cloth.layers.tree import levels_of
 from taichi_cloth.motion.capacity import capacity_of, class_of
 from taichi_cloth.motion.constraint import SharedConstraint
 from taichi_cloth.motion.forces import FrameForces, SelfContact
+from taichi_cloth.motion.foresight import Foresight
 from taichi_cloth.motion.repeated import Repeated
 from taichi_cloth.motion.stage_clock import StageClock
 from taichi_cloth.sheet.sheet import PAD, Sheet, SheetState

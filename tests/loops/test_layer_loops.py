@@ -12,9 +12,9 @@ from scipy.sparse import csr_array
 
 from taichi_cloth.ground import runtime
 from taichi_cloth.layer_loops.places import GROUP, Lists, Places
-from taichi_cloth.layers import foresight
-from taichi_cloth.layers.foresight import FEWEST, Foresight
 from taichi_cloth.layers.tangles import Tangles
+from taichi_cloth.motion import foresight
+from taichi_cloth.motion.foresight import FEWEST, Foresight
 from taichi_cloth.solvers.verlet import Verlet
 
 RNG = np.random.Generator(np.random.Philox(key=31))
