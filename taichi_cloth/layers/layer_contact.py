@@ -189,19 +189,18 @@ class LayerContact(SharedConstraint):
             self.let_off += self.fields.certificate.let_off[None] if self._told is None else self._told.let_off
             self._tangled |= self.let_off > 0  # perhaps: the next frame looks
             if not unproven:
-                self._open = self._tangles.open(self._cells_let_off(), self._moves)
+                self._open = self._tangles.none
+                if self._tangled:
+                    self._open = self._tangles.open(self._cells_let_off(), self._moves)
             return False
         self._halved += 1
         return True
 
     def _cells_let_off(self) -> NDArray[np.int32]:
         """(rows, cols), above 0 where a cell was not held apart from others in the last frame."""
-        rows, cols = self._sheet.shape
-        if not self._tangled:
-            return np.zeros((rows, cols), np.int32)
         shape = self._sheet.padded_shape
         tangles = self.fields.near.tangle.to_numpy()[: shape[0] * shape[1]].reshape(shape)
-        return tangles[PAD:-PAD, :cols]
+        return tangles[PAD:-PAD, : self._sheet.shape[1]]
 
     def _full(self) -> str:
         """What there was no room for in the last frame."""

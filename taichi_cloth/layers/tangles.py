@@ -31,7 +31,7 @@ PACE = 0.012
 
 
 class Tangles:
-    """Of a sheet; outline: as of `LayerContact`."""
+    """Of a sheet; outline: as of `LayerContact`. none: what is `open` of cloth without any, (m,)."""
 
     def __init__(self, sheet: Sheet, outline: Outline | None) -> None:
         self._sheet = sheet
@@ -43,6 +43,7 @@ class Tangles:
         else:
             self._blend, self._faces, self._same = outline.blend, outline.faces, outline.same
             self._cell, self._panel = outline.cell, outline.panel
+        self.none = np.zeros(len(self._faces), bool)
         self._label = np.arange(len(self._panel)) if self._same is None else self._same
 
     def places(self, positions: NDArray) -> F64:
