@@ -17,7 +17,7 @@ from taichi_cloth.garment.fit.landmarks import Landmarks
 from taichi_cloth.garment.fit.limbs import _hanging
 from taichi_cloth.garment.fit.piece import Piece, Work, arc_of, pieces_of
 from taichi_cloth.garment.fit.taped import landmarks_of
-from taichi_cloth.garment.fit.widen import widths
+from taichi_cloth.garment.fit.widen import EASE, _girth, widths
 from taichi_cloth.garment.pattern.curves import length
 from taichi_cloth.garment.pattern.folded import Fin
 from taichi_cloth.garment.pattern.garmentcode import read_garmentcode
@@ -286,6 +286,19 @@ def test_short_cuffs_do_not_hang_on_each_other_without_end():
     a, b = work.pieces.values()
     assert _hanging(work, a) == [b]
     assert _hanging(work, b) == [a]
+
+
+@pytest.mark.parametrize("name", ["900100_Shirt_Pants", "900138_Pants"])
+def test_cuffs_go_round_their_legs(name):
+    """Also once seams are evened out, which took back what they had been given; those of
+    what hangs on shoulders where they close."""
+    worn = plain_landmarks()
+    work = placed(read_garmentcode(UNSEEN[0].with_name(f"{name}.json")), worn)[0]
+    cuffs = [piece for piece in work.of("leg_l") if piece.name in ("pant_l_cuff_f", "pant_l_cuff_b")]
+    y = float(np.mean([piece.level(worn=True).mean() for piece in cuffs]))  # as they start
+    assert len(cuffs) == 2
+    wide = sum(float(np.ptp(np.concatenate(piece.graded)[:, 0])) for piece in cuffs)
+    assert wide > EASE * _girth(worn, y, "leg_l")
 
 
 def test_straps_over_a_bare_back_are_no_loop(tmp_path):

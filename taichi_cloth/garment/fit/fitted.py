@@ -96,11 +96,12 @@ def placed(pattern: Pattern, worn: Landmarks, tight: LetOut | None = None) -> tu
     notes = raise_tight(work, worn)
     if by.by == "shoulders":
         notes += lengthen_jumpsuit(work, worn)
-    notes += widen(work, worn)
-    turn_legs(work, worn)
+    higher = OVER_SHOULDERS if by.by == "shoulders" else 0.0
+    notes += widen(work, worn, higher)
     notes += lay_sleeves(work, drafted, worn)
     even_out(work)
-    widen(work, worn, last=True)
+    widen(work, worn, higher, last=True)
+    turn_legs(work, worn)
     notes += let_out(work, tight or {})
     stand(work, worn)
     if by.by == "shoulders":

@@ -48,22 +48,23 @@ MOST = 1.5
 ROUNDS = 3
 
 
-def widen(work: Work, worn: Landmarks, *, last: bool = False) -> list[str]:
+def widen(work: Work, worn: Landmarks, higher: float, *, last: bool = False) -> list[str]:
     """Widens graded pieces of trunk, skirt and legs, and collars; gives a line for each stretch of levels that was
-    too tight. last: of what goes round the trunk alone, and seams are not evened out after it, which takes widths back
-    that were given: what one side of a seam is longer then is eased onto the other."""
+    too tight. higher: than they are worn, where loops round legs close, and may stay [m]. last: all but collars, and
+    seams are not evened out after it, which takes widths back that were given: what one side of a seam is longer then
+    is eased onto the other."""
     notes = []
     crotch = worn.height["crotch"]
     for tier in tiers(work, work.of("trunk", "skirt", "leg_l", "leg_r")):
         low = crotch + 0.01 if any(piece.part.startswith("leg") for piece in tier) else _closed_from(work, tier, crotch)
         high = min(worn.height["underarm"], _open_from(work, tier)) - UNDER
         notes += _levels(work, tier, worn, low, high, "trunk", last=last)
-    if last:
-        return notes
     low = crotch - 0.02
     for part in ("leg_l", "leg_r"):
         for tier in tiers(work, work.of(part)):  # a cuff is a loop of its own
-            notes += _levels(work, tier, worn, 0.12 * worn.height["top"], low, part)
+            notes += _levels(work, tier, worn, 0.12 * worn.height["top"], low, part, higher, last=last)
+    if last:
+        return notes
     collars = [piece for piece in work.of("head") if abs(piece.normal[2]) > 0.7]
     if collars:
         notes += _levels(work, collars, worn, worn.height["neck"] - 0.05, worn.height["neck"] + 0.2, "neck")
@@ -170,7 +171,15 @@ def _open_from(work: Work, tier: list[Piece]) -> float:
 
 
 def _levels(
-    work: Work, pieces: list[Piece], worn: Landmarks, low: float, high: float, what: str, *, last: bool = False
+    work: Work,
+    pieces: list[Piece],
+    worn: Landmarks,
+    low: float,
+    high: float,
+    what: str,
+    higher: float = 0.0,
+    *,
+    last: bool = False,
 ) -> list[str]:
     if not pieces:
         return []
@@ -179,7 +188,7 @@ def _levels(
     heights = np.arange(max(low, own_heights.min()), min(high, own_heights.max()), STEP)
     if len(heights) < 2:
         return []
-    girth = np.array([_girth(worn, float(y), what) for y in heights])
+    girth = np.array([_girth(worn, float(y) + higher, what) for y in heights])
     need, first = EASE * girth, None
     for number in range(ROUNDS):
         if number:
@@ -194,7 +203,7 @@ def _levels(
             break
         if first is None:
             first = own.copy(), tight.copy()
-        factor = np.where(tight, (need + (0.0 if last else MORE)) / np.maximum(own, 1e-6), 1.0)
+        factor = np.where(tight, (need + (0.0 if last and what == "trunk" else MORE)) / np.maximum(own, 1e-6), 1.0)
         factor = np.minimum(factor, MOST)
         factor = gaussian_filter1d(maximum_filter1d(factor, 2 * SPREAD + 1), 1.0, mode="nearest")
         # Over the levels that are looked at, what lies on shoulders, or a waist on the legs' hips, keeps its width.
