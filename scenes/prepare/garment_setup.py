@@ -75,7 +75,7 @@ __all__ = [
     "woven_garment",
 ]
 
-VERSION = 56
+VERSION = 57
 """Of what is kept on disk: raised whenever the same scene would come to another rest."""
 ASKED = 1
 """Of `misfit`: raised whenever it would say something else of the same garment."""
@@ -272,12 +272,12 @@ def sewn(
 def sewn_with(scene: Scene, parts: Parts) -> tuple[SelfContact | None, float]:
     """Contact of a garment with itself while it is sewn, and how much of it may pass through itself before that is
     taken up. A pattern of another's that a scene says nothing of has it where it would not fit else; it then moves
-    without. Raises InputError."""
+    without, so that its key points need not be held as in motion. Raises InputError."""
     asked = garment_forces(scene, parts).self_contact
     said = scene.forces is not None and "self_contact" in scene.forces.model_fields_set
     if asked or said or scene.garment is None or scene.garment.pattern in CLEAR:
         return asked, 0.0
-    return SelfContact(thickness=parts.gaps.layers.size, friction=parts.gaps.friction), CROSSED
+    return SelfContact(thickness=parts.gaps.layers.size, friction=parts.gaps.friction, held=False), CROSSED
 
 
 def garment_forces(scene: Scene, parts: Parts) -> Forces:

@@ -22,19 +22,17 @@ def constraints_for(
     ties: tuple[Ties, ...] = (),
     outline: Outline | None = None,
     answered: tuple[str, ...] = (),
-    sewing: bool = False,
 ) -> tuple[Constraint, ...]:
     """In the order in which a substep goes through them: ties, cloth on cloth, strain limit, the body.
 
     (Seams and strain limit, which are repeated, come after all others of a substep; see `Frame`.) outline: of cloth
-    whose cells are not all whole, or that is sewn. answered: fields of the forces that the solver sees to itself.
-    sewing: see `LayerContact`. No Taichi needed: fields are made when a solver first runs.
+    whose cells are not all whole, or that is sewn. answered: fields of the forces that the solver sees to itself. No
+    Taichi needed: fields are made when a solver first runs.
     Raises InputError on forces that the sheet cannot have.
     """
     out: list[Constraint] = [*ties]
     if forces.self_contact is not None:
-        known = {"keeps": not ties, "sewing": sewing, "loops_of": LayerLoops}
-        out.append(LayerContact(sheet, forces.self_contact, outline, **known))
+        out.append(LayerContact(sheet, forces.self_contact, outline, keeps=not ties, loops_of=LayerLoops))
     if forces.strain_limit is not None and "strain_limit" not in answered:
         out.append(ThreadLimit(sheet))
     if forces.body is not None:

@@ -57,9 +57,8 @@ one with less are looked at more closely."""
 
 class LayerContact(SharedConstraint):
     """The contact of one sheet with itself. options: see `SelfContact`. outline: of a sheet whose cells are not all
-    whole, or that is sewn. keeps: contacts from frame to frame, where no other constraint keeps anything. sewing: it is
-    being sewn; where seams jam cloth it has next to no room, and held in that it would be driven along its paths.
-    loops_of: makes `LayerLoops`. Raises InputError on a thickness that is more than key points can keep."""
+    whole, or that is sewn. keeps: contacts from frame to frame, where no other constraint keeps anything. loops_of:
+    makes `LayerLoops`. Raises InputError on a thickness that is more than key points can keep."""
 
     fields_of = LayerFields
     known_as = "cloth on cloth"
@@ -74,7 +73,6 @@ class LayerContact(SharedConstraint):
         outline: Outline | None = None,
         *,
         keeps: bool = False,
-        sewing: bool = False,
         loops_of: Any = None,
     ) -> None:
         s, self._sheet, self._tangles, self._tangled = sheet.springs, sheet, Tangles(sheet, outline), True
@@ -98,7 +96,7 @@ class LayerContact(SharedConstraint):
             "spacing_x": s.spacing_x,
             "spacing_y": s.spacing_y,
             "most": most,
-            "held": 1.0 if outline is None or sewing else HOLD,
+            "held": HOLD if outline is not None and options.held else 1.0,
         }
         named |= {str(level): least for level, least in enumerate(LEAST_SLACK)}
         self._numbers = np.array([named[name] for name in NUMBERS], np.float32)

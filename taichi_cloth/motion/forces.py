@@ -120,10 +120,12 @@ class StrainLimit:
 @dataclass(frozen=True, kw_only=True)
 class SelfContact:
     """Cloth that does not pass through cloth. thickness: kept between layers [m], smooth surfaces through their
-    key points. friction: Coulomb's µ."""
+    key points. friction: Coulomb's µ. held: whether key points of what is sewn are held in the room round their paths
+    within substeps, see `paths.py`. Where seams jam cloth there is next to none, and held in it all is driven along."""
 
     thickness: float
     friction: float = 0.3
+    held: bool = True
 
     def __post_init__(self) -> None:
         _check("self_contact.thickness", self.thickness, positive=True)

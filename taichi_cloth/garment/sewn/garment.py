@@ -246,7 +246,7 @@ class Garment:
         """The garment in motion from `positions`, seams and holds tied. bones: that carry the holds, −1 for none; None:
         none are carried. solver: see `named_solver`. settled: see `Simulation`. pushes, slid, sweeps, anchors,
         speeds: of `Worn`.
-        relaxed: nothing rubs within the cloth, see `Springs.relaxed`. sewing: see `Yarns` and `LayerContact`.
+        relaxed: nothing rubs within the cloth, see `Springs.relaxed`. sewing: see `Yarns`.
         """
         sheet = self.moving(air_damping)
         if relaxed:
@@ -254,7 +254,7 @@ class Garment:
         ties = self.ties(sheet, bones, speed, forces.body)
         kind = named_solver(solver)
         outline = self.outline if forces.self_contact else None
-        constraints = constraints_for(sheet, forces, ties=ties, outline=outline, answered=kind.answers, sewing=sewing)
+        constraints = constraints_for(sheet, forces, ties=ties, outline=outline, answered=kind.answers)
         known = {"sewing": sewing} if kind is Yarns else {}
         made = kind(sheet, forces, frame_rate=frame_rate, step=step, safety=safety, constraints=constraints, **known)
         moving = 0.0 if speeds is None or not speeds.size else speeds
