@@ -5,13 +5,17 @@ and what is seen of its cloth is not what is seen of all fibres. How far that ma
 So it is looked at: a flat piece is drawn of all its fibres and then of those of each level, from both sides and at two
 angles, and the picture tells the mean openness of what is seen of warp and of weft, and how far fibres' directions
 spread: a thick one has only one of those that it stands for.
+
+Each is looked at from where it is drawn. Fibres too small for a pixel are drawn fainter and as wide as one: past the
+open ones in front one sees those that they shade, and a picture of them is up to a tenth darker than one from near. So
+all fibres are seen from near, and those of each level from as far as it stands for them.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import product
-from math import log
-from typing import Any
+from math import log, sqrt
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,14 +32,23 @@ from ...render.data.light import Lighting
 from ...render.splat.shares import shares_seen
 from ...render.splat.splat import Splatter
 from ...render.splat.stream import STREAMED
-from .flat_piece import SIZE, flat_piece, tilted_camera
+from .flat_piece import SIZE, Sight, flat_piece, tilted_camera
 
-__all__ = ["PIXELS", "THREADS", "fit_few"]
+__all__ = ["THREADS", "fit_few", "sight_of"]
 
 F64 = NDArray[np.float64]
 
-THREADS, PIXELS = 20, 5.0
-"""Threads each way of the piece, and pixels from one to the next where it is seen from above."""
+THREADS = 20
+"""Each way of the piece."""
+NEAR, OWN = 0.5, 0.4
+"""Radius [px] of the finest fibres where all of them are seen, and of a level's where that is: amid the sizes at which
+it is drawn (see `detail.cell_stream`)."""
+LARGEST = 48.0
+"""Pixels from thread to thread, at most."""
+ACROSS = 5.0
+"""Pixels from thread to thread of a picture of `SIZE`."""
+ABOVE = 0.8, 1.0
+"""Cosines of the angles at which it is seen how much a level covers."""
 ROUNDS, POWER = 3, 0.4
 """Rounds in which a width is found; of fibres wider by a small share, by what power of that light that gets through is
 less, as a logarithm, at first."""
@@ -53,12 +66,21 @@ EVEN = Lighting(
 """In which a picture has the colours of its particles."""
 
 
+def sight_of(cloth: CellCloth, level: int, pitch: tuple[float, float]) -> Sight:
+    """From how far a level of a cloth is looked at, the same part of a piece whichever it is."""
+    wide = (NEAR if level == 0 else OWN) / float(cloth.bank.radius[level]) * sqrt(pitch[0] * pitch[1])
+    pixels = min(wide, LARGEST)
+    return Sight(pixels, (round(SIZE[0] * pixels / ACROSS), round(SIZE[1] * pixels / ACROSS)))
+
+
 def fit_few(cloth: CellCloth, number: int, pitch: tuple[float, float]) -> F64:
     """Of each level of a repeat, (levels, FEW) as of `SheetLook.few`."""
     piece = flat_piece(cloth, number, THREADS, pitch)
     piece.sheets = False
     guess = guess_of(cloth.bank, cloth.repeats)
-    splatter, out = Splatter(*SIZE), guess.few[number].astype(np.float64)
+    out = guess.few[number].astype(np.float64)
+    sights = [sight_of(cloth, level, pitch) for level in range(cloth.bank.levels)]
+    eyes = [_Eye(Splatter(*sight.size), sight) for sight in sights]
 
     def laid(level: int) -> CellStream:
         few = guess.few.copy()
@@ -71,11 +93,11 @@ def fit_few(cloth: CellCloth, number: int, pitch: tuple[float, float]) -> F64:
         return [
             family
             for tilt, side in product(VIEWS, (0, 1))
-            for family in _seen(splatter, laid(level), tilt, side)
+            for family in _seen(eyes[level], laid(level), tilt, side)
         ]  # fmt: skip
 
     def covered(level: int) -> float:
-        return float(np.mean([_covered(splatter, laid(level), VIEWS[-1], side) for side in (0, 1)]))
+        return float(np.mean([_covered(eyes[level], laid(level), tilt, side) for tilt, side in product(ABOVE, (0, 1))]))
 
     want, cover = seen(0), covered(0)
     for level in range(1, cloth.bank.levels):
@@ -104,6 +126,13 @@ def _widen(cover: Callable[[], float], want: float, few: F64) -> None:
         few[0] = np.clip(few[0] * deep ** (-1.0 / power), *WIDEST)
 
 
+class _Eye(NamedTuple):
+    """What draws a level as it is looked at."""
+
+    splatter: Splatter
+    sight: Sight
+
+
 @dataclass(frozen=True)
 class _Family:
     """What is seen of warp or weft. share: of the picture; opened: mean openness; directions: of its fibres, but for
@@ -114,28 +143,28 @@ class _Family:
     directions: Seen
 
 
-def _drawn(splatter: Splatter, piece: CellStream, tilt: float, side: int) -> Any:
+def _drawn(eye: _Eye, piece: CellStream, tilt: float, side: int) -> Any:
     """A piece is drawn from there: the camera, which pixels show its inner part, its particles, each one's family."""
-    camera, where = tilted_camera(piece, tilt, side, PIXELS)
+    camera, where = tilted_camera(piece, tilt, side, eye.sight)
     survey = piece.survey(camera)
     chosen = np.flatnonzero(survey.counts).astype(np.int32)
     family = piece.numbers(survey, chosen)[1]
     batch, total = piece.lay(survey, chosen)
-    splatter.load_blocks(STREAMED, batch, total)
-    splatter.render(camera, lighting=EVEN, finish=Finish(sheen=0.0))
+    eye.splatter.load_blocks(STREAMED, batch, total)
+    eye.splatter.render(camera, lighting=EVEN, finish=Finish(sheen=0.0))
     return camera, where, batch.reshape(len(batch), -1)[:, :total], family
 
 
-def _covered(splatter: Splatter, piece: CellStream, tilt: float, side: int) -> float:
+def _covered(eye: _Eye, piece: CellStream, tilt: float, side: int) -> float:
     """How much of the picture a piece covers from there."""
-    _, where, *_ = _drawn(splatter, piece, tilt, side)
-    return float(splatter.linear()[where][:, 3].mean(dtype=np.float64))
+    _, where, *_ = _drawn(eye, piece, tilt, side)
+    return float(eye.splatter.linear()[where][:, 3].mean(dtype=np.float64))
 
 
-def _seen(splatter: Splatter, piece: CellStream, tilt: float, side: int) -> tuple[_Family, _Family]:
+def _seen(eye: _Eye, piece: CellStream, tilt: float, side: int) -> tuple[_Family, _Family]:
     """Warp and weft, from there."""
-    camera, where, batch, family = _drawn(splatter, piece, tilt, side)
-    share = shares_seen(splatter, where)[: len(family)] / np.count_nonzero(where)
+    camera, where, batch, family = _drawn(eye, piece, tilt, side)
+    share = shares_seen(eye.splatter, where)[: len(family)] / np.count_nonzero(where)
     there = share > 0.0
     family, share, batch = family[there], share[there], batch[:, there].astype(np.float64)
     # In the threads' frames: a warp end goes along -z, a weft pick along x, the cloth's normal is y.

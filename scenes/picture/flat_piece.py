@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from math import asin, degrees
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -13,7 +14,7 @@ from taichi_cloth.ground.mixing import SURFACE_SHARE
 
 from ...render.data.camera import Camera, frame
 
-__all__ = ["SIZE", "flat_camera", "flat_piece", "tilted_camera"]
+__all__ = ["SIZE", "Sight", "flat_camera", "flat_piece", "tilted_camera"]
 
 SIZE = 256, 192
 AZIMUTH = 30.0
@@ -52,21 +53,29 @@ def flat_piece(
     return CellStream(piece)
 
 
-def flat_camera(source: CellStream, elevation: float, pixels: float) -> tuple[Camera, NDArray[np.bool_]]:
-    """From far above or below, so many pixels from thread to thread; and which pixels show the inner part."""
+class Sight(NamedTuple):
+    """How large a flat piece is seen: pixels from one thread to the next, seen from above, and of the picture."""
+
+    pixels: float
+    size: tuple[int, int] = SIZE
+
+
+def flat_camera(source: CellStream, elevation: float, sight: Sight) -> tuple[Camera, NDArray[np.bool_]]:
+    """From far above or below, and which pixels show the inner part."""
     points = source.cloth.node[:, :3].astype(np.float64)
-    camera = frame(points, width=SIZE[0], height=SIZE[1], elevation=elevation, azimuth=AZIMUTH, fov=4)
+    pixels, (width, height) = sight
+    camera = frame(points, width=width, height=height, elevation=elevation, azimuth=AZIMUTH, fov=4)
     away = float(np.linalg.norm(points.mean(axis=0) + camera.rotation.T @ camera.translation))
     camera = replace(camera, focal=pixels * away / float(np.sqrt(source.pitch[0] * source.pitch[1])))
     low, high = points.min(axis=0), points.max(axis=0)
     middle, half = (low + high) / 2, INNER * (high - low) / 2
     corners = np.array([middle + half * (a, 0.0, b) for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))])
-    mask = np.zeros((SIZE[1], SIZE[0]), np.uint8)
+    mask = np.zeros((height, width), np.uint8)
     cv2.fillConvexPoly(mask, np.rint(camera.project(corners)[:, :2]).astype(np.int32), 1)
     return camera, mask > 0
 
 
-def tilted_camera(source: CellStream, tilt: float, side: int, pixels: float) -> tuple[Camera, NDArray[np.bool_]]:
+def tilted_camera(source: CellStream, tilt: float, side: int, sight: Sight) -> tuple[Camera, NDArray[np.bool_]]:
     """`flat_camera` from the right side of the cloth, 0, or the wrong one, 1, where the cosine of the angle between
     its normal and the view is `tilt`: the nearer the flatter, so that its picture is not much smaller."""
-    return flat_camera(source, degrees(asin(tilt)) * (1 - 2 * side), pixels * tilt**-0.33)
+    return flat_camera(source, degrees(asin(tilt)) * (1 - 2 * side), sight._replace(pixels=sight.pixels * tilt**-0.33))

@@ -40,24 +40,22 @@ from ...render.data.light import KeyLight, Lighting
 from ...render.light.view import surface_share
 from ...render.splat.splat import Splatter
 from ...render.splat.stream import STREAMED
-from .few_fibres import PIXELS, THREADS, fit_few
+from .few_fibres import THREADS, fit_few, sight_of
 from .flat_light import FlatLight
-from .flat_piece import SIZE, flat_camera, flat_piece, tilted_camera
+from .flat_piece import SIZE, Sight, flat_camera, flat_piece, tilted_camera
 
 __all__ = ["fit_look", "seen_light"]
 
 F64 = NDArray[np.float64]
 
-VERSION = 31
+VERSION = 32
 """Of what is kept on disk: raised whenever the same cloth would come to another look."""
-FIBRES, SHEETS = (60, 1.6), (240, 0.6)
-"""Threads each way of the piece that is drawn of fibres, and of that drawn as a sheet, and pixels from one to the next
-where it is seen from above; at a flat angle more, so that its picture is not much smaller."""
-LIT, LIT_TILTS, LEAST = (20, 5.0), (0.4, 0.9), 0.3
+FIBRES, SHEETS = 60, (240, Sight(0.6))
+"""Threads each way of the piece that is drawn of fibres, and of that drawn as a sheet, and how large that is; at a flat
+angle larger, so that its picture is not much smaller."""
+LIT, LIT_TILTS, LEAST = (20, Sight(5.0)), (0.4, 0.9), 0.3
 """Likewise of one that casts its own light, to tell what threads send back alone; the cosines of the angles at which it
 is seen; of what it is about, the least that there is."""
-COARSEST = 1e3
-"""Radius [px] that no fibre has: they are drawn at the coarsest level, which is what the sheet fades into."""
 ROUNDS, STEADY = 5, 3e-3
 """Rounds in which factors are found, at most, and by how much of itself none changes any more before."""
 SKY = 0.4
@@ -127,14 +125,15 @@ def _tone(cloth: CellCloth, number: int, pitch: tuple[float, float], look: Sheet
     """Find what colours of each level of few fibres are taken times, in the look's `few`, so that warp and weft send
     back as much as all fibres do, in the mean over how light falls: from level to level a little more or less is seen
     of each, and in few of them nothing of a yarn's hairs. A hundredth of the picture is a tenth of a denim's weft."""
-    piece, splatter = flat_piece(cloth, number, THREADS, pitch, dark=surface_share(finish)), Splatter(*SIZE)
+    piece, found = flat_piece(cloth, number, THREADS, pitch, dark=surface_share(finish)), []
     piece.sheets, piece.look = False, look
-    for k, (tilt, side) in enumerate(product(VIEWS, (0, 1))):
-        camera, found = tilted_camera(piece, tilt, side, PIXELS), []
-        for piece.level in range(cloth.bank.levels):
-            found.append(_shared(_seen(splatter, piece, *camera, finish, (1.0, SKY))[0]))
-        tones = look.few[number, :, TONES + 2 * k : TONES + 2 * k + 2]
-        tones[1:] = (found[0] + LITTLE) / (np.array(found[1:]) + LITTLE)
+    for piece.level in range(cloth.bank.levels):
+        sight = sight_of(cloth, piece.level, pitch)
+        splatter = Splatter(*sight.size)
+        cameras = [tilted_camera(piece, tilt, side, sight) for tilt, side in product(VIEWS, (0, 1))]
+        found.append([_shared(_seen(splatter, piece, *camera, finish, (1.0, SKY))[0]) for camera in cameras])
+    tones = look.few[number, :, TONES : TONES + 2 * len(found[0])]
+    tones[1:] = ((np.array(found[0]) + LITTLE) / (np.array(found[1:]) + LITTLE)).reshape(len(found) - 1, -1)
 
 
 def _alone(cloth: CellCloth, number: int, pitch: tuple[float, float], finish: Finish) -> F64:
@@ -163,17 +162,18 @@ def _both(
     dark: float,
     probe: NDArray | None = None,
 ) -> tuple[CellStream, CellStream]:
-    """Flat pieces with a look: of the coarsest fibres, and as a sheet, with factors of its own to change. dark, probe:
-    see `flat_piece`."""
-    fibres, sheet = (flat_piece(cloth, number, n, pitch, dark=dark, probe=probe) for n, _ in (FIBRES, SHEETS))
-    fibres.target, fibres.sheets, fibres.look = COARSEST, False, look
+    """Flat pieces with a look: of the coarsest fibres, which are what the sheet fades into, and as a sheet, with
+    factors of its own to change. dark, probe: see `flat_piece`."""
+    fibres, sheet = (flat_piece(cloth, number, n, pitch, dark=dark, probe=probe) for n in (FIBRES, SHEETS[0]))
+    fibres.level, fibres.sheets, fibres.look = cloth.bank.levels - 1, False, look
     sheet.look = replace(look, factor=look.factor.copy())
     return fibres, sheet
 
 
 def _measured(cloth: CellCloth, number: int, pitch: tuple[float, float], guess: SheetLook, finish: Finish) -> F64:
     """The factors of a repeat, (2, TILTS, 5)."""
-    splatter = Splatter(*SIZE)
+    sight, splatter = sight_of(cloth, cloth.bank.levels - 1, pitch), Splatter(*SIZE)
+    near = Splatter(*sight.size)
     fibres, sheet = _both(cloth, number, pitch, guess, surface_share(finish))
     out = guess.factor[number].astype(np.float64)
 
@@ -184,7 +184,7 @@ def _measured(cloth: CellCloth, number: int, pitch: tuple[float, float], guess: 
     for side in (0, 1):
         for t, tilt in enumerate(TILTS):
             elevation = degrees(asin(tilt)) * (1 - 2 * side)
-            want = seen_light(splatter, fibres, *tilted_camera(fibres, tilt, side, FIBRES[1]), finish)
+            want = seen_light(near, fibres, *tilted_camera(fibres, tilt, side, sight), finish)
             start = out[side, max(t - 1, 0)].copy()
             out[side, t] = _solved(lambda now, at=(side, elevation): got(now, *at), want, start)
     return out
@@ -210,9 +210,11 @@ def _opened(cloth: CellCloth, number: int, pitch: tuple[float, float], look: She
     """The factors of a repeat (2, TILTS, 5) with an openness for each family: of that of which less is seen, what it
     takes where it alone is pale, for threads of which little is seen lie deep and the others hide the sky from them; of
     the other, what leaves a cloth all of one colour as it is."""
-    splatter, dark, out = Splatter(*SIZE), surface_share(finish), look.factor[number].astype(np.float64)
+    dark, out = surface_share(finish), look.factor[number].astype(np.float64)
+    sight = sight_of(cloth, cloth.bank.levels - 1, pitch)
+    splatter, near = Splatter(*SIZE), Splatter(*sight.size)
 
-    def sent_back(source: CellStream, camera: Camera, where: NDArray[np.bool_]) -> float:
+    def sent_back(splatter: Splatter, source: CellStream, camera: Camera, where: NDArray[np.bool_]) -> float:
         return float(_seen(splatter, source, camera, where, finish, (1.0, SKY))[0][0])
 
     for side in (0, 1):
@@ -221,12 +223,12 @@ def _opened(cloth: CellCloth, number: int, pitch: tuple[float, float], look: She
         probe[few] = PALE
         fibres, sheet = _both(cloth, number, pitch, look, dark, probe)
         for t, tilt in enumerate(TILTS):
-            want = sent_back(fibres, *tilted_camera(fibres, tilt, side, FIBRES[1]))
+            want = sent_back(near, fibres, *tilted_camera(fibres, tilt, side, sight))
             now, camera = out[side, t], flat_camera(sheet, degrees(asin(tilt)) * (1 - 2 * side), SHEETS[1])
             share = now[WARP + few] / (now[WARP] + now[WEFT])
             for _ in range(ROUNDS):
                 sheet.look.factor[number, side] = now
-                ratio = want / max(sent_back(sheet, *camera), 1e-6)
+                ratio = want / max(sent_back(splatter, sheet, *camera), 1e-6)
                 before = now[OPENS[few]]
                 now[OPENS[few]] = np.clip(before * ratio**OPENED, *LEAST_OPEN)
                 more = now[OPENS[1 - few]] + share / (1.0 - share) * (before - now[OPENS[few]])

@@ -81,7 +81,7 @@ class Streamed:
             light.hold(None)
             self.splatter.load(self.sample, self._shading)
             self._whole, self._mixed = self.splatter.cast_light(camera, lighting, resolution=self.resolution), []
-            light.hold(self._whole)
+            light.hold(self._whole, each=True)
             self._towards = towards
         around = {"mesh": self.mesh, "stage": self.stage, "maps": self._whole}
         samples = 1 if self.mesh is None else 2

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
-from taichi_cloth.detail.cell_stream import CellStream, Seen
+from taichi_cloth.detail.cell_stream import HIDING, CellStream, Seen
 from taichi_cloth.detail.patches import CELL, LEVEL, PATCH_ENDS, PATCH_PICKS
 from taichi_cloth.fabric.cells import CellCloth, CellPanel, CellThreads, sheet_of_cells
 from taichi_cloth.fabric.crossings import refine_points
@@ -334,8 +334,9 @@ def test_near_it_is_fibres_and_far_a_sheet_and_between_both_fade(streamed: CellS
 
 
 def test_a_crossing_is_drawn_once_at_any_distance() -> None:
-    """Of one level, or of it and of the sheet where these fade into one another: shares add up to one. Of two levels,
-    which lie by chance and cover some of the same, to a little more."""
+    """Of one level shares add up to one. Where it and the sheet fade into one another, to a little less, as some of a
+    thread's fibres hide more than their share; of two levels, which cover some of the same by chance, to a little more.
+    """
     grey = [np.full((65, 3), 0.5, np.float32) for _ in range(2)]
     cloth = sheet_of_cells((9, 9), (8, 8), repeat_of(named_weave("plain"), fibres=40), (grey[0], grey[1]), seed=SEED)
     cloth.move(flat((9, 9), (8, 8)))
@@ -349,7 +350,7 @@ def test_a_crossing_is_drawn_once_at_any_distance() -> None:
         shown = np.unique(seen.patch[:, CELL])
         here = tuple(np.unique(seen.patch[seen.grid[:, 0] == 0, LEVEL]))
         over = drawn[shown] / whole[shown]
-        assert over.min() > 1.0 - 1e-5
+        assert over.min() > 1.0 - HIDING * 4 / 27 - 1e-5  # f² (1 - f) is 4/27 at most
         assert over.max() < (1.25 if len(here) > 1 else 1.0) + 1e-5
         levels.add(here)
     assert levels >= {(0,), (0, 1), (1, 2), ()}
