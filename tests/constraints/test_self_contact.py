@@ -93,8 +93,8 @@ def test_forces_that_no_constraint_answers_are_refused() -> None:
 
 
 def test_contacts_that_cannot_be_are_refused() -> None:
-    for options in ({"thickness": 0.0}, {"thickness": 1e-3, "friction": -1.0}):
+    for thickness, friction in ((0.0, 0.3), (1e-3, -1.0)):
         with pytest.raises(InputError, match="self_contact"):
-            SelfContact(**options)
+            SelfContact(thickness=thickness, friction=friction)
     with pytest.raises(InputError, match="thickness"):
         constraints_for(sheet_of(2), Forces(self_contact=SelfContact(thickness=0.1)))
