@@ -380,14 +380,19 @@ def test_a_dart_at_the_side_takes_nothing_of_a_width():
     assert lying.pieces["front"].notches == ()
 
 
-@pytest.mark.parametrize("file", [f for f in RANDOM if "_FittedShirt" in f.stem][::6], ids=lambda f: f.stem)
-def test_fitted_bodices_keep_their_shape(file):
+FLARED = [f for f in UNSEEN if f.stem.startswith(("900147", "900160"))]
+"""Their armholes and necklines curve in, so that most of each lies below the middle of its panel."""
+
+
+@pytest.mark.parametrize("file", [*[f for f in RANDOM if "_FittedShirt" in f.stem][::6], *FLARED], ids=lambda f: f.stem)
+def test_bodices_keep_their_shape(file):
     """Their darts at the side, and levels that necklines and armholes reach down to, counted as too tight: panels came
     to be half as wide again at the bust."""
     work, _, _ = placed(read_garmentcode(file), plain_landmarks())
     for piece in work.of("trunk"):
-        wide = [float(np.ptp(np.concatenate(edges) @ piece.rotation[0, :2])) for edges in (piece.edges, piece.graded)]
-        assert wide[1] < 1.15 * wide[0], piece.name
+        if "torso" in piece.name:
+            wide = [float(np.ptp(np.concatenate(es) @ piece.rotation[0, :2])) for es in (piece.edges, piece.graded)]
+            assert wide[1] < 1.15 * wide[0], piece.name
 
 
 def sector(turn: float) -> list[np.ndarray]:

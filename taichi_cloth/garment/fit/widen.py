@@ -156,7 +156,8 @@ def _closed_from(work: Work, tier: list[Piece], crotch: float) -> float:
 
 
 def _open_from(work: Work, tier: list[Piece]) -> float:
-    """The height up to which tops go round the body: the lowest point of their armholes and of their neckline [m]."""
+    """The height up to which tops go round the body: the lowest point of their armholes and of their neckline, which
+    are sewn to sleeves, collars or hoods, or free and for the most part in the upper half [m]."""
     level = worn_levels(work, tier)
     seams = {own: work.pieces[to.panel].part for piece in tier for own, to in work.pairs(piece.name)}
     sewn, low = work.sewn(), [np.inf]
@@ -165,7 +166,7 @@ def _open_from(work: Work, tier: list[Piece]) -> float:
         middle = float(everywhere.min() + everywhere.max()) / 2
         for k, y in enumerate(level[piece.name]):
             on = seams.get(Side(piece.name, k), "trunk" if (piece.name, k) in sewn else "")
-            if piece.part == "trunk" and on[:4] in ("", "arm_", "head") and y.mean() > middle:
+            if piece.part == "trunk" and (on[:4] in ("arm_", "head") or (not on and y.mean() > middle)):
                 low.append(float(y.min()))
     return min(low)
 
