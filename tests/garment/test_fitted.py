@@ -13,9 +13,11 @@ from taichi_cloth.body.skin.skeleton import Pose, Skeleton
 from taichi_cloth.body.skin.skinning import Body
 from taichi_cloth.garment.fit.fitted import OVER_SHOULDERS, fitted, placed
 from taichi_cloth.garment.fit.grade import of_ring
+from taichi_cloth.garment.fit.holding import hung
 from taichi_cloth.garment.fit.landmarks import Landmarks
 from taichi_cloth.garment.fit.limbs import _hanging
 from taichi_cloth.garment.fit.piece import Piece, Work, arc_of, pieces_of
+from taichi_cloth.garment.fit.stand import BETWEEN
 from taichi_cloth.garment.fit.taped import landmarks_of
 from taichi_cloth.garment.fit.widen import EASE, _girth, widths
 from taichi_cloth.garment.pattern.curves import length
@@ -299,6 +301,29 @@ def test_cuffs_go_round_their_legs(name):
     assert len(cuffs) == 2
     wide = sum(float(np.ptp(np.concatenate(piece.graded)[:, 0])) for piece in cuffs)
     assert wide > EASE * _girth(worn, y, "leg_l")
+
+
+@pytest.mark.parametrize("name", ["900100_Shirt_Pants", "900127_Shirt_Pants"])
+def test_halves_start_beside_one_another(name):
+    """Widened, or turned with their legs, they reached over the middle by up to 5 cm, in one plane; shoulders are drawn
+    to where they were."""
+    worn = plain_landmarks()
+    drafted = read_garmentcode(UNSEEN[0].with_name(f"{name}.json"))
+    pattern, (work, by, _) = fitted(drafted, worn), placed(drafted, worn)
+
+    def reach(name: str) -> np.ndarray:
+        place = pattern.panel(name).place
+        assert isinstance(place, Flat)
+        return np.concatenate([place.points(edge) for edge in pattern.panel(name).edges])[:, 0]
+
+    for right, left in (("right_ftorso", "left_ftorso"), ("right_btorso", "left_btorso"), ("pant_b_r", "pant_b_l")):
+        assert work.pieces[right].worn()[:, 0].max() - work.pieces[left].worn()[:, 0].min() > 0.02
+        np.testing.assert_allclose(reach(left).min() - reach(right).max(), BETWEEN, atol=1e-9)
+        np.testing.assert_allclose(reach(right).max() + reach(left).min(), 0.0, atol=1e-3)
+    for own, there in zip(pattern.hung, hung(work, by, worn), strict=True):
+        assert isinstance(own.place, Course)
+        assert isinstance(there.place, Course)
+        np.testing.assert_allclose(own.place.places, there.place.places)
 
 
 def test_straps_over_a_bare_back_are_no_loop(tmp_path):

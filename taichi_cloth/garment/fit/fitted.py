@@ -13,7 +13,7 @@ from taichi_cloth.garment.fit.limbs import lay_sleeves, turn_legs
 from taichi_cloth.garment.fit.parts import assign, crotch_of, is_floor
 from taichi_cloth.garment.fit.piece import UP, Work, pieces_of
 from taichi_cloth.garment.fit.stack import Carried, carried, stack
-from taichi_cloth.garment.fit.stand import stand, start_of
+from taichi_cloth.garment.fit.stand import halves_apart, stand, start_of
 from taichi_cloth.garment.fit.widen import lengthen_jumpsuit, raise_tight, widen
 from taichi_cloth.garment.pattern.folded import halved
 from taichi_cloth.garment.pattern.pattern import Pattern
@@ -40,6 +40,8 @@ def fitted(pattern: Pattern, worn: Landmarks, tight: LetOut | None = None) -> Pa
     """
     work, by, notes = placed(pattern, worn, tight)
     holds, more = held(work, by, worn)
+    hangs = hung(work, by, worn)
+    halves_apart(work)
     panels = [
         replace(
             piece.panel,
@@ -49,9 +51,7 @@ def fitted(pattern: Pattern, worn: Landmarks, tight: LetOut | None = None) -> Pa
         )
         for piece, edges, place in ((piece, *start_of(work, piece, worn)) for piece in work.pieces.values())
     ]
-    made = Pattern(
-        pattern.name, tuple(panels), work.seams, holds, (*pattern.notes, *notes, *more), hung=hung(work, by, worn)
-    )
+    made = Pattern(pattern.name, tuple(panels), work.seams, holds, (*pattern.notes, *notes, *more), hung=hangs)
     return halved(made)
 
 

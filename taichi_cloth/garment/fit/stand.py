@@ -13,7 +13,7 @@ from taichi_cloth.garment.pattern.curves import along, length
 from taichi_cloth.garment.pattern.folded import Fin, Folded
 from taichi_cloth.garment.pattern.pattern import Flat, Wrap
 
-__all__ = ["CLEAR", "stand", "start_of"]
+__all__ = ["BETWEEN", "CLEAR", "halves_apart", "stand", "start_of"]
 
 F64 = NDArray[np.float64]
 
@@ -31,6 +31,8 @@ APART = 0.006
 """Of a frill on a leg from the middle plane, and from the crotch [m]."""
 FOLDS, TIERED = 16, 24
 """Round a skirt of sectors of a ring where it starts, and round one of tiers, whose hem is up to ten metres long."""
+BETWEEN = 0.002
+"""From a right half to its left one where they start, at least [m]."""
 TIER = 0.01
 """From the hem of a tier to where the next one starts, over which it gets as long as that is [m]."""
 
@@ -58,6 +60,25 @@ def stand(work: Work, worn: Landmarks) -> None:
             piece.shift[[0, 2]] += flat * (1.3 * radius + CLEAR) - there[[0, 2]]
     for piece in work.of("skirt", "trunk"):
         _in_its_slit(work, piece)
+
+
+def halves_apart(work: Work) -> None:
+    """Right and left halves of what has legs go aside by what they lie over one another in one plane, sewn to each
+    other: a half that was made wider, or turned with its leg, reaches over the middle."""
+    for right in work.of("trunk", "leg_r") if work.of("leg_r") else ():
+        for _, other in work.pairs(right.name):
+            left = work.pieces[other.panel]
+            over = float(right.worn()[:, 0].max() - left.worn()[:, 0].min()) + BETWEEN
+            if over > BETWEEN and _half(left) == 1 and _half(right) == -1 and left.side == right.side:
+                right.shift[0] -= over / 2
+                left.shift[0] += over / 2
+
+
+def _half(piece: Piece) -> int:
+    """1 of the left half of a front or a back, -1 of the right one, 0 of what reaches past the middle by a quarter."""
+    x = piece.worn()[:, 0]
+    flat = piece.part in ("trunk", "leg_l", "leg_r") and abs(piece.normal[2]) > 0.9
+    return int(np.sign(x.min() + x.max())) if flat and abs(x.min() + x.max()) > 0.5 * np.ptp(x) else 0
 
 
 def _let_into(work: Work, piece: Piece) -> Piece | None:
