@@ -75,7 +75,7 @@ __all__ = [
     "woven_garment",
 ]
 
-VERSION = 58
+VERSION = 59
 """Of what is kept on disk: raised whenever the same scene would come to another rest."""
 ASKED = 1
 """Of `misfit`: raised whenever it would say something else of the same garment."""

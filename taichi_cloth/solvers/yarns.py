@@ -244,13 +244,13 @@ class Yarns(SpringSolver):
         if reached is None:
             return False
         wanted = max(wanted, self._fewest_substeps(self._rests and self._quiet(state, reached)))
-        if not WORTH * self.substeps <= wanted <= self.substeps:
-            self._go_over(reached, wanted)
         if self._tied and not self.sewing:
             self._hang(self._frame_speed(state, reached))
         still = self._still(state, reached)
         if self._sweep_more(self.sweeps > self._fewest and still):
-            return True
+            return True  # in the steps that it was taken in, which its start is told in
+        if not WORTH * self.substeps <= wanted <= self.substeps:
+            self._go_over(reached, wanted)
         if self._layered:
             self._follow(reached, still, still and self._trembles(state, reached))
         return False

@@ -603,6 +603,22 @@ def test_a_frame_gets_more_sweeps_while_they_gain() -> None:
     assert other.found == (solver.substeps + 2, *solver.found[1:])
 
 
+def test_a_frame_that_is_taken_again_keeps_the_steps_that_its_start_is_told_in() -> None:
+    """Where fewer steps would do and more sweeps are wanted at once; then fewer, once sweeps do."""
+    moves = simulation(sheet_of(), level(sheet_of()))
+    solver, before, after = moves.solver, moves.state, moves.state.copy()
+    assert isinstance(solver, Yarns)
+    fewer = solver.substeps
+    solver._go_over(before, 2 * fewer)
+    start, solver.tight = before.values.copy(), 0.0
+    solver.unsolved = 0.05
+    assert (solver.shorten(before, after), solver.substeps) == (True, 2 * fewer)
+    assert np.array_equal(before.values, start)
+    solver.unsolved = 0.0
+    assert not solver.shorten(before, after)
+    assert solver.substeps < 2 * fewer
+
+
 def test_a_pull_that_no_steps_follow_is_refused() -> None:
     """Never passed on: the state is that before the frame."""
     sheet = sheet_of(replace(times(1e6), air_damping=1.0, shear=5.0), pinned=(-1, slice(None)))
