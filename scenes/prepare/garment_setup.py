@@ -77,7 +77,7 @@ __all__ = [
 
 VERSION = 59
 """Of what is kept on disk: raised whenever the same scene would come to another rest."""
-ASKED = 1
+ASKED = 2
 """Of `misfit`: raised whenever it would say something else of the same garment."""
 
 USUAL, WIDE, MOST = 6245, 0.02, 15_000

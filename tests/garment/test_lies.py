@@ -17,7 +17,17 @@ from taichi_cloth.body.primitives.primitives import Primitive
 from taichi_cloth.body.skin.names import JOINTS
 from taichi_cloth.garment.pattern.folded import Fin
 from taichi_cloth.garment.sewn import sew as sewing
-from taichi_cloth.garment.sewn.lies import CROSSED, _axes, _turns, crossed, free_loops, lies, lying_faults
+from taichi_cloth.garment.sewn.lies import (
+    CROSSED,
+    FOLDED,
+    Lie,
+    _axes,
+    _turns,
+    crossed,
+    free_loops,
+    lies,
+    lying_faults,
+)
 from taichi_cloth.garment.sewn.worn import Worn, misfit
 from taichi_cloth.motion.forces import SelfContact
 from taichi_cloth.scenes.prepare.garment_setup import Parts, dressed_parts
@@ -118,7 +128,7 @@ def test_what_is_inside_out_is_turned():
 
 
 def test_a_collar_may_fold_over_and_not_be_inside_out():
-    """Its back, behind a wall."""
+    """Its back, behind a wall; and not be laid in folds."""
     made = parts("tshirt", next((SAMPLE.parent / "random").glob("1092_*")), 5000)
     start, garment = made.garment.atlas.start(), made.garment
     name = next(p.panel.name for p in garment.atlas.panels if p.panel.label == "head" and "back" in p.panel.name)
@@ -126,14 +136,18 @@ def test_a_collar_may_fold_over_and_not_be_inside_out():
     middle = start[back].mean(axis=0) + np.array([0.0, 0.0, 10.05])
     wall = Primitive(kind="sphere", start=middle, end=middle, radii=(10.0, 10.0), bone=JOINTS.index("neck"))
 
-    def turned(positions: np.ndarray) -> float:
-        return next(lie.turned for lie in lies(garment, positions, [wall]) if lie.panel == name)
+    def of_back(positions: np.ndarray) -> Lie:
+        return next(lie for lie in lies(garment, positions, [wall]) if lie.panel == name)
 
     half, over = np.median(start[back, 1]), start.copy()
     over[back, 1] = half - abs(start[back, 1] - half)  # its upper half hangs down over the lower one
-    assert turned(over) < 0.2
-    assert turned(start * [-1, 1, 1]) > 0.9
-    assert turned(start) == 0.0
+    assert of_back(over).turned < 0.2
+    assert of_back(over).folded < 0.1
+    assert of_back(start * [-1, 1, 1]).turned > 0.9
+    assert of_back(start).turned == 0.0
+    again = over.copy()
+    again[back, 1] = (half + over[back, 1].min()) / 2 - abs(over[back, 1] - (half + over[back, 1].min()) / 2)
+    assert of_back(again).folded > FOLDED  # three times
 
 
 def test_half_of_a_godet_may_face_the_body():

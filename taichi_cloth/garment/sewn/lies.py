@@ -48,6 +48,8 @@ BOTH = 0.2
 """Share of a loop's points at each leg from which on it goes round both."""
 FOLD = np.cos(np.radians(150.0))
 """Of the angle between the normals of two neighbouring triangles that are a fold."""
+AROUND = np.array([(np.cos(turn), np.sin(turn)) for turn in np.linspace(0.0, np.pi, 8, endpoint=False)]).T
+"""Ways in which it is asked how long a panel is."""
 BESIDE = 1
 """Cells from those that a dart's edges run through."""
 LAID = 0.6
@@ -65,7 +67,8 @@ class Lie:
     sleeve that of its armhole. astray: share of its area that lies nearest to another limb than its own, 0 of one
     without a label. turned: share whose right side faces the body (a sleeve's: its arm), 0 of one that hangs by one
     side; of collars, which may fold over, and of godets, which hang in a fold, by how much that is more than the rest.
-    folded: length of its folds over the root of its area; one across it has about 1."""
+    folded: length of its folds over the root of its area; one across it has about 1. Of collars and godets what is more
+    than one as long as they are: along a narrow one that alone is 2."""
 
     panel: str
     rise: float
@@ -120,9 +123,11 @@ def lies(garment: Garment, positions: NDArray, primitives: Sequence[Primitive]) 
         edges = of == number
         limb = LIMBS.get(piece.panel.label, tuple(JOINTS))  # a sleeve's inside may lie on the trunk
         facing = 0.0 if _hangs_by_one_side(piece.panel, sewn) else float(share @ (inward & np.isin(bone, limb))[mine])
+        folds = float((long * fold)[edges].sum())
         if piece.panel.label == "head" or isinstance(place, Fin):
             facing = max(0.0, 2 * facing - 1)
-        folded = float((long * fold)[edges].sum() / np.sqrt(max(float(area[mine].sum()), 1e-12)))
+            folds = max(0.0, folds - float(np.ptp(cloth.flat[faces[mine]].reshape(-1, 2) @ AROUND, axis=0).max()))
+        folded = folds / np.sqrt(max(float(area[mine].sum()), 1e-12))
         out.append(Lie(piece.panel.name, rise, astray, facing, folded))
     return out
 
