@@ -45,7 +45,7 @@ NEAR, OWN = 0.5, 0.4
 it is drawn (see `detail.cell_stream`)."""
 LARGEST = 48.0
 """Pixels from thread to thread, at most."""
-ACROSS = 10.0
+ACROSS = 5.0
 """Pixels from thread to thread of a picture of `SIZE`."""
 ABOVE = 0.8, 1.0
 """Cosines of the angles at which it is seen how much a level covers."""

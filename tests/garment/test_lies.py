@@ -145,8 +145,8 @@ def test_a_collar_may_fold_over_and_not_be_inside_out():
     assert of_back(over).folded < 0.1
     assert of_back(start * [-1, 1, 1]).turned > 0.9
     assert of_back(start).turned == 0.0
-    again = over.copy()
-    again[back, 1] = (half + over[back, 1].min()) / 2 - abs(over[back, 1] - (half + over[back, 1].min()) / 2)
+    again, quarter = over.copy(), (half + over[back, 1].min()) / 2
+    again[back, 1] = quarter - abs(over[back, 1] - quarter)
     assert of_back(again).folded > FOLDED  # three times
 
 

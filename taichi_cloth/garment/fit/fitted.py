@@ -40,7 +40,7 @@ def fitted(pattern: Pattern, worn: Landmarks, tight: LetOut | None = None) -> Pa
     """
     work, by, notes = placed(pattern, worn, tight)
     holds, more = held(work, by, worn)
-    hangs = hung(work, by, worn)
+    hangs = hung(work, by, worn)  # where shoulders belong, before halves go aside
     halves_apart(work)
     panels = [
         replace(

@@ -68,10 +68,10 @@ def halves_apart(work: Work) -> None:
     for right in work.of("trunk", "leg_r") if work.of("leg_r") else ():
         for _, other in work.pairs(right.name):
             left = work.pieces[other.panel]
-            over = float(right.worn()[:, 0].max() - left.worn()[:, 0].min()) + BETWEEN
-            if over > BETWEEN and _half(left) == 1 and _half(right) == -1 and left.side == right.side:
-                right.shift[0] -= over / 2
-                left.shift[0] += over / 2
+            over = float(right.worn()[:, 0].max() - left.worn()[:, 0].min())
+            if over > 0 and _half(left) == 1 and _half(right) == -1 and left.side == right.side:
+                right.shift[0] -= (over + BETWEEN) / 2
+                left.shift[0] += (over + BETWEEN) / 2
 
 
 def _half(piece: Piece) -> int:
