@@ -35,7 +35,8 @@ grows as fast at first, as in w, g and f. All were found together, on a plain we
 of all their fibres, of colours from black to 0.95, under lights from the front, the side, behind and at a flat angle
 and under half skies, seen from two sides, and on flat pieces of plain and satin under lights all round, by a path
 tracer (`docs/appearance.md`). With an even sky all round, w4 + w5 S + w6 + w7 (1 - S) is all of the light there is: at
-most 1, which is what white sends on, at any depth.
+most 1, which is what white sends on, at any depth. Of a cloth that maps of light do not look into, less
+is seen of a sky from straight before it and more from aside than S says: by `view.FROM_ABOVE`.
 """
 
 from functools import cache

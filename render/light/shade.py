@@ -9,6 +9,7 @@ from math import pi
 import taichi as ti
 
 from taichi_cloth.ground.arrays import F32x2, Template
+from taichi_cloth.ground.mixing import ASLANT
 from taichi_cloth.ground.particles import COLOUR, NORMAL, POSITION, TANGENT
 from taichi_cloth.ground.vectors import Octets, each, of_group, of_row
 
@@ -34,6 +35,7 @@ from .bulk import (
 )
 from .fibre import grazed, lobes
 from .view import (
+    ABOVE,
     BULK,
     COAT,
     CONE,
@@ -164,25 +166,30 @@ def _root(albedo):
 
 
 @ti.func
-def _sent(albedo, root, seen, alike, front, back):
-    """Of the sky's light before a cloth and behind it, what a particle in it sends on that sees a share of the sky."""
-    before = alike * weight(OF_SKY[0], albedo, root) + seen * weight(OF_SKY[1], albedo, root)
+def _sent(albedo, root, seen, alike, front, back, inner, mirror):
+    """Of the sky's light before a cloth and behind it, what a particle in it sends on that sees a share of the sky.
+    inner, mirror: by what and by how much less than always what it sends on and what it mirrors (`FROM_ABOVE`)."""
+    before = alike * weight(OF_SKY[0], albedo, root) + seen * (inner * weight(OF_SKY[1], albedo, root) - mirror)
     behind = weight(OF_SKY[2], albedo, root) + (1.0 - seen) * weight(OF_SKY[3], albedo, root)
     return front * before + back * behind
 
 
 @ti.func
-def _from_sky(shading: Template, view: F32x2, up, mirrored, albedo, root, seen, before, behind):
+def _from_sky(shading: Template, view: F32x2, b, v, along, albedo, root, shares):
     """What a particle in a bulk sends on of light from all round: of the sky before the cloth, of that behind it, and
-    as its fibres' highlights. up: height of the direction open to it; mirrored: of that which a fibre mirrors."""
-    front, back, gleam = _sky(shading, view, up), _sky(shading, view, -up), _sky(shading, view, mirrored)
+    as its fibres' highlights. b: the direction open to it; v: to the eye; along: t.v times the height of t; shares:
+    of the sky that it sees, and the cloth before and behind it."""
+    seen, before, behind = shares
+    front, back, gleam = _sky(shading, view, b[1]), _sky(shading, view, -b[1]), _sky(shading, view, v[1] - 2.0 * along)
     alike = _alike(view, seen)
+    steeper = ti.abs(b[0] * v[0] + b[1] * v[1] + b[2] * v[2]) - ASLANT
+    inner, mirror = 1.0 - view[ABOVE, 0] * steeper, view[ABOVE, 1] * steeper
     shine = view[BULK, 2] * seen * before
     before *= view[BULK, 0]
     behind *= view[BULK, 0]
-    red = _sent(albedo[0], root[0], seen, alike, before * front[0], behind * back[0])
-    green = _sent(albedo[1], root[1], seen, alike, before * front[1], behind * back[1])
-    blue = _sent(albedo[2], root[2], seen, alike, before * front[2], behind * back[2])
+    red = _sent(albedo[0], root[0], seen, alike, before * front[0], behind * back[0], inner, mirror)
+    green = _sent(albedo[1], root[1], seen, alike, before * front[1], behind * back[1], inner, mirror)
+    blue = _sent(albedo[2], root[2], seen, alike, before * front[2], behind * back[2], inner, mirror)
     red += shine * gleam[0] * (1.0 + view[COAT, 0] * (albedo[0] - 1.0))
     green += shine * gleam[1] * (1.0 + view[COAT, 0] * (albedo[1] - 1.0))
     blue += shine * gleam[2] * (1.0 + view[COAT, 0] * (albedo[2] - 1.0))
@@ -292,8 +299,8 @@ def shade(layout: Template, shading: Template, particles: Octets, light: Octets,
             bx, by, bz = of_row(light, b, sky + 3), of_row(light, b, sky + 4), of_row(light, b, sky + 5)
             closed = of_row(light, b, sky + 6)
         seen *= 1.0 - view[BULK, 1] * (1.0 - opening)
-        albedo, root = (albedo_r, albedo_g, albedo_b), (root_r, root_g, root_b)
-        red, green, blue = _from_sky(shading, view, by, vy - 2.0 * t_v * ty, albedo, root, seen, before, behind)
+        albedo, root, shares = (albedo_r, albedo_g, albedo_b), (root_r, root_g, root_b), (seen, before, behind)
+        red, green, blue = _from_sky(shading, view, (bx, by, bz), (vx, vy, vz), t_v * ty, albedo, root, shares)
     else:
         # Light from all around, less what neighbours hide of it.
         red, green, blue = _sky(shading, view, ny)

@@ -292,7 +292,7 @@ def _shade(
                 eye = to_eye(view, x + 0.5, y + 0.5)
             if ti.static(kinds.woven):
                 for k in ti.static(range(3)):
-                    lit[k] *= 1.0 + woven * (under_sky(own[k]) - 1.0)
+                    lit[k] *= 1.0 + woven * (under_sky(own[k], n.dot(eye)) - 1.0)
             if ti.static(kinds.skin):
                 mirrored = 2.0 * n.dot(eye) * n[1] - eye[1]
                 back = soft * sky_shine(n, eye)

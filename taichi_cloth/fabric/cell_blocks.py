@@ -26,7 +26,7 @@ from taichi_cloth.fabric.cells import (
 )
 from taichi_cloth.fabric.surface import surface_at
 from taichi_cloth.ground.arrays import F32x2, Template
-from taichi_cloth.ground.mixing import colour_in_kernel, lit_among, sent_back_in_kernel, under_sky
+from taichi_cloth.ground.mixing import ASLANT, colour_in_kernel, lit_among, sent_back_in_kernel, under_sky
 from taichi_cloth.yarn.places import hashed, thick_at, wider_at
 from taichi_cloth.yarn.unevenness import COVER, MOST_COVERED, SHIFT
 from taichi_cloth.yarn.unevenness import ROWS as UNEVEN
@@ -222,8 +222,8 @@ def cell_mean(cloth: Template, p, i, j, tall, broad, warp, weft, warp_alone, wef
         for c in ti.static(range(3)):
             of_warp, of_weft = warp * warps[c], weft * wefts[c]
             sent = ti.max(out[c], 1e-6)
-            apart = of_warp * under_sky(warps[c]) + of_weft * under_sky(wefts[c])
-            under = apart / (sent * under_sky(sent / both))
+            apart = of_warp * under_sky(warps[c], ASLANT) + of_weft * under_sky(wefts[c], ASLANT)
+            under = apart / (sent * under_sky(sent / both, ASLANT))
             each[c] = (of_warp * open_warp + of_weft * open_weft) / sent * under**OPENED
             whole += out[c] * each[c]
         opening = whole / ti.max(out.sum(), 1e-6)
