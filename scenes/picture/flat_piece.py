@@ -21,8 +21,8 @@ AZIMUTH = 30.0
 INNER = 0.6
 """Of a piece, each way, in which it is measured: its edges are not those of a large cloth."""
 CELL = 20
-PROBE = (0.6, 0.0, 0.6), (0.0, 0.6, 0.6)
-"""Colours of warp and of weft by which they are told apart."""
+PROBE = (0.8, 0.0, 0.8), (0.0, 0.8, 0.8)
+"""Colours of warp and of weft by which they are told apart; with 0.6 sheets of 0.9 are 3 % too bright."""
 
 
 def flat_piece(

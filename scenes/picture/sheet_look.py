@@ -48,7 +48,7 @@ __all__ = ["fit_look", "seen_light"]
 
 F64 = NDArray[np.float64]
 
-VERSION = 33
+VERSION = 34
 """Of what is kept on disk: raised whenever the same cloth would come to another look."""
 FIBRES, SHEETS = 60, (240, Sight(0.6))
 """Threads each way of the piece that is drawn of fibres, and of that drawn as a sheet, and how large that is; at a flat
