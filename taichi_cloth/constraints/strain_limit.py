@@ -53,13 +53,20 @@ class ThreadFields:
 
     def __init__(self, size: int) -> None:
         self.holder: object = None
-        self.turn = ti.field(ti.i32, ())
+        self.size, self.turn = size, ti.field(ti.i32, ())
         self.pull = tuple(ti.field(ti.f32, size) for _ in range(2))  # by how much in a substep [m]
         self.count = ti.field(ti.i32, 2)
         self.found, self.found_at, self.along, self.across = (ti.field(ti.i32, size) for _ in range(4))
         self.column = ti.field(ti.i32, size // LANES + 1)
         self.over = tuple(ti.field(ti.f32, size) for _ in range(2))
         self.own, self.near = ti.field(ti.f32, 2 * LANES), ti.field(ti.f32, 2 * LANES)
+
+    @ti.kernel
+    def clear(self):
+        """No thread is over or listed, also where there is no cloth: what is beside cloth is looked at."""
+        for p in range(self.size):
+            self.over[0][p] = self.over[1][p] = 0.0
+            self.along[p] = self.across[p] = 0
 
     @ti.func
     def grown(self, points: Template, p, offset, weight: Template, near, pull: Template):
@@ -237,6 +244,9 @@ class ThreadLimit(SharedConstraint):
     @property
     def kind(self) -> tuple[int]:
         return (self._size,)
+
+    def fill(self, state: SheetState) -> None:
+        self.fields.clear()
 
     def rescale(self, state: SheetState, share: float) -> None:
         state.values[6:8] *= share**2  # what a force does in a step

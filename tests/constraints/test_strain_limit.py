@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from strips import COLS, NOTHING, ROWS, run, simulate, strip
+from strips import COLS, NOTHING, PLAIN, ROWS, run, simulate, strip
 
 from taichi_cloth.constraints.constraints_for import constraints_for
 from taichi_cloth.constraints.strain_limit import ThreadLimit
@@ -11,6 +11,9 @@ from taichi_cloth.ground.errors import InputError
 from taichi_cloth.motion.forces import Forces, StrainLimit
 from taichi_cloth.motion.simulation import Simulation
 from taichi_cloth.sheet.energy import elastic_energy, kinetic_energy
+from taichi_cloth.sheet.sheet import Sheet
+from taichi_cloth.sheet.springs import calibrate
+from taichi_cloth.solvers.verlet import Verlet
 
 RNG = np.random.Generator(np.random.Philox(key=9))
 LIMIT = StrainLimit(strain=0.1, passes=15)
@@ -129,6 +132,30 @@ def test_one_and_two_threads_limit_to_the_same_bytes() -> None:
         run(simulation, 3)
         states.append(simulation.state.values.tobytes())
     assert states[0] == states[1]
+
+
+@pytest.mark.parametrize("loops", [False, True])
+def test_what_is_left_of_another_sheet_limits_nothing(loops: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A round piece, each key point thrown some other way, round which are packets of lanes without cloth; and fields
+    that hold anything, as of a sheet before it that had cloth there."""
+    if loops:
+        monkeypatch.setattr(Verlet, "loops_from", 0)
+    i, j = np.ogrid[:34, :30]
+    cells = (i - 17) ** 2 + (j - 15) ** 2 < 14**2
+    sheet = Sheet.of_cells(cells, material=PLAIN, springs=calibrate(PLAIN, spacing_x=0.01, spacing_y=0.01))
+    forces, states = Forces(strain_limit=StrainLimit(strain=0.005, passes=3)), []
+    v = 4.0 * np.random.Generator(np.random.Philox(key=6)).standard_normal((*sheet.shape, 3))
+    for left in (0, 1, 2):
+        simulation = simulate(sheet, forces=forces, velocities=v)
+        (limit,) = simulation.solver.constraints
+        assert isinstance(limit, ThreadLimit)
+        for field in (*limit.fields.over, *limit.fields.pull, limit.fields.along, limit.fields.across):
+            field.fill(left)
+        limit.fields.holder = None
+        run(simulation, 2)
+        states.append(simulation.state.values.tobytes())
+    assert states[1] == states[0]
+    assert states[2] == states[0]
 
 
 def test_seams_and_threads_that_pull_against_each_other_both_hold() -> None:
