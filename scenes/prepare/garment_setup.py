@@ -75,7 +75,7 @@ __all__ = [
     "woven_garment",
 ]
 
-VERSION = 59
+VERSION = 60
 """Of what is kept on disk: raised whenever the same scene would come to another rest."""
 ASKED = 2
 """Of `misfit`: raised whenever it would say something else of the same garment."""
