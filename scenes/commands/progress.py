@@ -2,7 +2,9 @@
 
 import contextlib
 import sys
+import time
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import typer
 from rich.console import Console
@@ -10,6 +12,7 @@ from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
     Progress,
+    ProgressColumn,
     TaskID,
     TextColumn,
     TimeElapsedColumn,
@@ -18,10 +21,36 @@ from rich.progress import (
 
 __all__ = ["progress", "staged"]
 
+EVERY = 30.0
+"""Seconds from line to line where there is no terminal: what takes less says nothing."""
+
+
+class Told(Progress):
+    """A bar; a line now and then where it is disabled."""
+
+    def __init__(self, *columns: ProgressColumn, **usual: Any) -> None:
+        super().__init__(*columns, **usual)
+        self._last = time.monotonic()
+
+    def update(self, task_id: TaskID, **changes: Any) -> None:
+        super().update(task_id, **changes)
+        self._tell(task_id)
+
+    def advance(self, task_id: TaskID, advance: float = 1) -> None:
+        super().advance(task_id, advance)
+        self._tell(task_id)
+
+    def _tell(self, task_id: TaskID) -> None:
+        if self.disable and time.monotonic() - self._last >= EVERY:
+            self._last = time.monotonic()
+            task = next(one for one in self.tasks if one.id == task_id)
+            most = "" if task.total is None else f" of {task.total:.0f}"
+            typer.echo(f"{task.description} {task.completed:.0f}{most}", err=True)
+
 
 def progress() -> Progress:
-    """A bar on standard error, if that is a terminal."""
-    return Progress(
+    """A bar on standard error if that is a terminal, else a line every EVERY seconds."""
+    return Told(
         TextColumn("{task.description}"),
         BarColumn(),
         MofNCompleteColumn(),
