@@ -26,7 +26,7 @@ from taichi_cloth.garment.pattern.pattern import Pattern
 from taichi_cloth.garment.sewn.garment import Garment
 from taichi_cloth.garment.sewn.lies import CROSSED
 from taichi_cloth.garment.sewn.limbs import bearer, limb_of_bones, spared
-from taichi_cloth.garment.sewn.sew import RECOVERY, STILL, STILLER, sew
+from taichi_cloth.garment.sewn.sew import GIVES, RECOVERY, STILL, STILLER, TOILE, sew
 from taichi_cloth.garment.sewn.tried_on import tight
 from taichi_cloth.garment.sewn.weaving import crossings_shape
 from taichi_cloth.garment.sewn.worn import Worn, misfit
@@ -75,7 +75,7 @@ __all__ = [
     "woven_garment",
 ]
 
-VERSION = 60
+VERSION = 61
 """Of what is kept on disk: raised whenever the same scene would come to another rest."""
 ASKED = 2
 """Of `misfit`: raised whenever it would say something else of the same garment."""
@@ -83,7 +83,7 @@ ASKED = 2
 USUAL, WIDE, MOST = 6245, 0.02, 15_000
 """Key points of a garment that does not say how many; how far apart they may lie [m] before it takes more: gathers and
 darts close on two of them; and how many it takes at most."""
-TOILE, FITTINGS = 2000, 2
+FEW, FITTINGS = 2000, 2
 """Key points of what is sewn of a pattern of another's to try it on, and how often it is let out, at most."""
 TRIED = 90
 """Frames that each stage of sewing has for that, at most: strain shows long before all is at rest."""
@@ -93,6 +93,9 @@ sides of a seam that folds there keep twice the latter."""
 GIVEN_BACK = 0.1
 """How fast a body in motion lets out what other cloth has pushed into it [m/s]: layers that a limb parts faster than
 they part each other would pass through each other."""
+
+NUMBERS = "gap", "depth", "stretch", "taut", "speed", "frames", "pull", "sweeps"
+"""Those of `Worn`."""
 
 Progress = Callable[[str, int, int], None]
 
@@ -213,12 +216,12 @@ def dress(scene: Scene, each: Progress | None = None) -> Dressed:
 
 
 def tried_on(scene: Scene, each: Progress | None) -> LetOut:
-    """What of a pattern of another's is too tight for its body: sewn of TOILE key points, it is let out where it shows
-    to be tight, FITTINGS times at most."""
+    """What of a pattern of another's is too tight for its body: sewn of FEW key points as TOILE, it is let out where it
+    shows to be tight, FITTINGS times at most."""
     assert scene.garment is not None
     if scene.garment.pattern in DRAFTS:
         return {}
-    few = scene.garment.model_copy(update={"key_points": min(TOILE, scene.garment.key_points or TOILE)})
+    few = scene.garment.model_copy(update={"key_points": min(FEW, scene.garment.key_points or FEW)})
     toile = scene.model_copy(update={"garment": few})
     parts, known = dressed_parts(toile), dict[str, tuple[np.ndarray, np.ndarray]]()
     for _ in range(FITTINGS):
@@ -245,13 +248,18 @@ def sewn(
 ) -> Dressed:
     """Sewn unless it was before. layers, allowed: see `sewn_with`. toile: only far enough to try it on. inner: how all
     garments but the last rest, over which that is worn."""
-    colliders = garment_colliders(parts)
+    colliders, eased = garment_colliders(parts), False
     limit, solver = garment_forces(scene, parts).strain_limit, garment_choice(scene, parts).name
-    known = VERSION, solver, parts.garment, limit, layers, allowed
+    if toile:
+        parts = replace(parts, garment=replace(parts.garment, material=TOILE))
+        limit, solver = GIVES, "verlet"
+    elif scene.garment is not None and scene.garment.pattern not in DRAFTS:
+        eased = parts.garment.material != TOILE
+    known = VERSION, solver, parts.garment, limit, layers, allowed, *([eased] if eased else [])
     made_of = digest(*known, colliders.made_of(), list(parts.primitives), *([] if inner is None else [inner.positions]))
 
     def make() -> dict[str, np.ndarray]:
-        made = partial(sew, parts.garment, colliders, limit=limit, solver=solver, each=each)
+        made = partial(sew, parts.garment, colliders, limit=limit, solver=solver, eased=eased, each=each)
         if toile:
             worn = made(closing=TRIED, settling=TRIED)
         else:
@@ -262,7 +270,7 @@ def sewn(
         return {name: np.asarray(getattr(worn, name)) for name in Worn.__dataclass_fields__}
 
     arrays, found = kept("toile" if toile else "worn", made_of, make)
-    numbers = {name: arrays[name].item() for name in ("gap", "depth", "stretch", "taut", "speed", "frames", "sweeps")}
+    numbers = {name: arrays[name].item() for name in NUMBERS}
     worn = Worn(
         **{name: arrays[name] for name in ("positions", "pushes", "slid", "anchors", "spared", "speeds")}, **numbers
     )

@@ -126,6 +126,7 @@ class Yarns(SpringSolver):
     springs_are_threads = False
     alone_where_repeated = False
     loops_win_from = 786_432
+    most = MOST_SUBSTEPS  # of a frame
 
     def __init__(
         self,
@@ -238,7 +239,7 @@ class Yarns(SpringSolver):
         if reached is state:
             return False
         wanted = 2 * self.substeps if reached is None else self._for_tension()
-        if wanted > self.substeps and self.substeps < MOST_SUBSTEPS:
+        if wanted > self.substeps and self.substeps < self.most:
             self._go_over(state, wanted)
             return True
         if reached is None:
@@ -337,10 +338,15 @@ class Yarns(SpringSolver):
     def torn(self) -> str:
         if self.tight <= TIGHTEST:
             return ""
+        return (
+            f"threads are pulled by {self.pull:.2g} N/m, and more than {self.most} substeps a frame would follow them"
+        )
+
+    @property
+    def pull(self) -> float:
+        """By which the tightest thread of the last frame is pulled [N/m]."""
         spacing = max(self.sheet.springs.spacing_x, self.sheet.springs.spacing_y)
-        heavy = self.sheet.most(lambda cloth: cloth.material.density)
-        pull = self.tight * heavy * spacing / self.step**2
-        return f"threads are pulled by {pull:.2g} N/m, and more than {MOST_SUBSTEPS} substeps a frame would follow them"
+        return self.tight * self.sheet.most(lambda cloth: cloth.material.density) * spacing / self.step**2
 
     def _for_tension(self) -> int:
         """Substeps that the last frame asks for by its tension; at least those that soft springs are stable with, as
@@ -357,7 +363,7 @@ class Yarns(SpringSolver):
     def _go_over(self, state: SheetState, substeps: int) -> None:
         """To other steps, and the steps in the state with them."""
         before = self.step
-        self.take_steps(min(substeps, MOST_SUBSTEPS))
+        self.take_steps(min(substeps, self.most))
         self.rescale(state, before)
 
     def settle(self, state: SheetState) -> None:

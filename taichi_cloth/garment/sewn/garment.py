@@ -48,14 +48,15 @@ LAG = 3e-5  # [s] least damping of the threads: what seams and skin strike dies 
 @dataclass(frozen=True, eq=False)
 class Garment:
     """A pattern cut from a material. hem: width that its hems are turned inwards [m]; what is turned in weighs and
-    pulls as cloth that lies there twice. hanging: as it is while its seams close, see `Pattern.hung`. Raises InputError
-    as `cut` and `calibrate` do."""
+    pulls as cloth that lies there twice. hanging: as it is while its seams close, see `Pattern.hung`. band: tension of
+    its waistband [N]. Raises InputError as `cut` and `calibrate` do."""
 
     pattern: Pattern
     atlas: Atlas
     material: Material
     hem: float = 0.0
     hanging: bool = False
+    band: float = BAND
 
     @cached_property
     def layers(self) -> F64:
@@ -182,7 +183,7 @@ class Garment:
             share[[0, -1]] /= 2
             each.append(share)
         metres = np.concatenate(each) if each else np.zeros(0)
-        return friction * BAND * 2 * np.pi / max(metres.sum(), 1e-9) * metres
+        return friction * self.band * 2 * np.pi / max(metres.sum(), 1e-9) * metres
 
     def _embedded(self, side: Side, points: F64) -> tuple[I64, F64]:
         piece = self.atlas.panel(side.panel)

@@ -13,7 +13,7 @@ What comes out is where the key points rest. Seams then stay as ties for as long
 
 import contextlib
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -29,6 +29,7 @@ from taichi_cloth.ground.errors import InputError, Unstable
 from taichi_cloth.layers.outline import crossings_of
 from taichi_cloth.motion.forces import Forces, SelfContact, StrainLimit
 from taichi_cloth.motion.simulation import Simulation
+from taichi_cloth.sheet.materials import MATERIALS
 from taichi_cloth.solvers.yarns import Yarns
 
 __all__ = ["RECOVERY", "STILL", "STILLER", "sew"]
@@ -61,11 +62,38 @@ HANGING = 0.3
 are closed."""
 THICK, THIN = 6.0, 2.0  # [1/s] damping by the air while closing and while settling
 SMOOTH = 0.05  # Coulomb's µ while closing, and as long as a garment is halted
+TOILE = replace(
+    MATERIALS["cotton-shirting"].linear, tensile_warp=500.0, tensile_weft=500.0, bending_warp=60e-6, bending_weft=60e-6
+)
+GIVES = StrainLimit(strain=0.03, passes=3)
+"""Stretchy cloth, and how its threads are held, of which patterns of others are tried on, and their seams closed: where
+one is tight, or comes on askew, it shows by how much, in seconds. Threads as they are would pull kilonewtons a metre
+there, in hundreds of substeps a frame, and lie in the skin."""
+
+LETTING, HALTED, MOST = 60, 10, 512
+"""Frames for which it then settles as the cloth that it is, at most; of those in which it is halted; and substeps of
+one, at most."""
+LOOSE = 3.5
+"""Tension of its waistband then [N]: it bears twice what a skirt weighs."""
+LIMP = 1e4
+"""What its threads hold at most then, once their crimp is drawn out [N/m]: what hangs pulls by some 50, and corners
+where seams meet, which pull more, would shorten the substeps of all."""
 RECOVERY = 5.0  # [m/s] at which the body lets out cloth that panels start with, or that seams draw, inside it
+
+
+@dataclass(frozen=True)
+class Cloth:
+    """A garment of some cloth, how far threads of that may grow, and the solver that moves it."""
+
+    garment: Garment
+    limit: StrainLimit | None
+    solver: str
 
 
 Closed = tuple[F32, int]
 """Of a garment whose seams are closed: its key points (rows, cols, 3) [m], and the frames that it took."""
+Settled = tuple[Simulation, float, int]
+"""A garment that settled, its speed in the end, and the frames that it took."""
 Meets = Callable[[F32], Colliders]
 """The body as a garment meets it whose key points lie there (rows, cols, 3) [m]: one limb in each fold (`limbs.py`)."""
 
@@ -79,6 +107,7 @@ def sew(
     allowed: float = 0.0,
     solver: str = "verlet",
     start: NDArray | None = None,
+    eased: bool = False,
     each: Callable[[str, int, int], None] | None = None,
     closing: int = CLOSING,
     settling: int = SETTLING,
@@ -88,7 +117,8 @@ def sew(
     allowed: triangles through others, over all, up to which that is not taken up (`crossed`). each: told the stage,
     the frame and the most there may be, after each frame. solver: see `named_solver`. start: key points (rows, cols,
     3) [m] of what is worn over other garments, clear of them, in place of panels round the bare body: it is sewn with
-    contact from the first frame. still: speed at which it rests [m/s], see STILL.
+    contact from the first frame. eased: its seams close as TOILE, which becomes its own cloth once it hangs. still:
+    speed at which it rests [m/s], see STILL.
 
     Few garments pass through themselves while they are sewn: contact is taken up only for those that come to rest so.
     They are sewn anew with contact from the first frame, in which panels stand round the body; else settled anew from
@@ -105,9 +135,7 @@ def sew(
 
     def close(apart: SelfContact | None) -> Closed:
         begin = garment.atlas.start() if start is None else start
-        return _closed(
-            garment, begin, skin, limit, apart, solver, closing, lambda frame: told("sewing", frame, closing)
-        )
+        return _closed(first, begin, skin, apart, closing, lambda frame: told("sewing", frame, closing))
 
     def meets(positions: F32) -> Colliders:
         if not body.primitives:  # of grids, which are one skin at rest, no folds are known
@@ -115,11 +143,11 @@ def sew(
         return replace(skin, spared=spared(garment.atlas, positions, body.primitives, moving=False))
 
     def rest(begin: Closed, apart: SelfContact | None, most: int = settling) -> Worn:
-        forces = Forces(strain_limit=limit, self_contact=apart)
         tell = partial(told, "settling", most=most)
-        return _rest(
-            garment, forces, meets, begin, solver, still, most, tell, lambda at: passes(garment, at) <= allowed
-        )
+        return _rest(first, cloth, apart, meets, begin, still, most, tell, lambda at: passes(garment, at) <= allowed)
+
+    cloth = Cloth(garment, limit, solver)
+    first = Cloth(replace(garment, material=TOILE), GIVES, "verlet") if eased else cloth
 
     passes = crossed if allowed else _through
     skin = replace(body, motion=None, recovery=RECOVERY)
@@ -158,25 +186,23 @@ def _through(garment: Garment, positions: F32) -> int:
 
 
 def _closed(
-    garment: Garment,
+    cloth: Cloth,
     start: NDArray,
     body: Colliders,
-    limit: StrainLimit | None,
     layers: SelfContact | None,
-    solver: str,
     closing: int,
     told: Callable[[int], None],
 ) -> tuple[F32, int]:
     """Stage 1 from `start`: where key points are with seams closed, and after how many frames."""
     smooth = replace(body, friction=SMOOTH)
-    hangs = garment.closing
+    hangs = cloth.garment.closing
     share = HANGING if hangs.hanging else float(bool(hangs.pattern.holds))
     x, y, z = Forces().gravity
     simulation = hangs.simulation(
-        Forces(gravity=(share * x, share * y, share * z), body=smooth, strain_limit=limit, self_contact=layers),
+        Forces(gravity=(share * x, share * y, share * z), body=smooth, strain_limit=cloth.limit, self_contact=layers),
         start,
         air_damping=THICK,
-        solver=solver,
+        solver=cloth.solver,
         settled=True,
         relaxed=True,
         sewing=True,
@@ -194,19 +220,24 @@ def _closed(
 
 
 def _rest(
-    garment: Garment,
-    forces: Forces,
+    first: Cloth,
+    cloth: Cloth,
+    layers: SelfContact | None,
     meets: Meets,
     begin: Closed,
-    solver: str,
     still: float,
     settling: int,
     told: Callable[[int], None],
     clear: Callable[[F32], bool],
 ) -> Worn:
-    """Stage 2 from where seams are closed. forces: but for the body."""
-    simulation, speed, frames = _settled(garment, forces, meets, begin[0], solver, still, settling, told, clear)
-    positions, body = simulation.positions, simulation.forces.body
+    """Stage 2 from where seams are closed. first: what it is until it rests, if that is not `cloth`."""
+    most = settling if first is cloth else max(0, settling - LETTING)
+    simulation, speed, frames = _settled(first, layers, meets, begin[0], still, most, told, clear)
+    pull = 0.0
+    if first is not cloth:
+        (simulation, speed, more), pull = _let_in(cloth, layers, simulation, still, lambda frame: told(frames + frame))
+        frames += more
+    positions, body, garment = simulation.positions, simulation.forces.body, cloth.garment
     assert body is not None
     distance = solid_distance(body.solids, garment.surface.places(positions))
     return Worn(
@@ -217,6 +248,7 @@ def _rest(
         taut=float(max(s.max() for s in garment.strains(positions))),
         speed=speed,
         frames=begin[1] + frames,
+        pull=pull,
         **_known(simulation),
         speeds=simulation.sheet.steps(simulation.state) / np.float32(simulation.solver.step),
         spared=np.zeros((0, 0), np.int32) if body.spared is None else body.spared,
@@ -224,18 +256,17 @@ def _rest(
 
 
 def _settled(
-    garment: Garment,
-    forces: Forces,
+    cloth: Cloth,
+    layers: SelfContact | None,
     meets: Meets,
     positions: F32,
-    solver: str,
     still: float,
     most: int,
     told: Callable[[int], None],
     clear: Callable[[F32], bool],
-) -> tuple[Simulation, float, int]:
-    """Stage 2 from `positions`: the garment at rest, its speed, `still` or less, and its frames, `most` at most.
-    told: of each frame. clear: whether, with contact of layers, few enough pass through others for it to be at rest.
+) -> Settled:
+    """Stage 2 from `positions`: at rest is at `still` or less, in `most` frames at most. told: of each frame. clear:
+    whether, with contact of layers, few enough pass through others for it to be at rest.
 
     What rubs within the cloth goes along as long as it is halted, and holds from then on: it comes to rest as what has
     been moved about does, and then stays. Held all the way it would keep the folds that sewing made; never held, folds
@@ -244,13 +275,12 @@ def _settled(
     """
 
     def simulation_of(positions: F32, **known: Any) -> Simulation:
-        acts = replace(forces, body=body)
-        return garment.simulation(acts, positions, air_damping=THIN, solver=solver, settled=True, sewing=True, **known)
+        return _hanging(cloth, body, layers, positions, **known)
 
     body = replace(meets(positions), friction=SMOOTH)
     simulation = simulation_of(positions, relaxed=True)
     moving, speed, lately, waited = 0.0, 0.0, list[F32](), 0
-    held = np.full(len(garment.holds()[2]), -1)  # by no bone
+    held = _slides(cloth.garment)
     for frame in range(most):
         if frame == SWUNG:
             body = meets(simulation.positions)
@@ -266,18 +296,61 @@ def _settled(
         else:
             simulation.slow(SLOWED)
             lately = [*lately[1 - STEADY :], before]
-            speed = max(_moved(simulation, then) for then in lately) / (len(lately) * simulation.frame_time)
+            speed = _speed(simulation, lately)
             calm = len(lately) == STEADY and speed < still
             waited += calm
             quiet = still > STILLER or moving < QUIVERS * simulation.frame_time or waited > WAITS
             if calm and not quiet and isinstance(simulation.solver, Yarns):
                 simulation.solver.sewing = False
-            if calm and quiet and (forces.self_contact is None or clear(simulation.positions)):
+            if calm and quiet and (layers is None or clear(simulation.positions)):
                 if not held.size:
                     return simulation, speed, frame + 1
                 simulation = simulation_of(simulation.positions, bones=held, **_known(simulation))
                 held, lately = held[:0], []
     return simulation, speed, most
+
+
+def _let_in(
+    cloth: Cloth, layers: SelfContact | None, first: Simulation, still: float, told: Callable[[int], None]
+) -> tuple[Settled, float]:
+    """The garment as its own cloth from where it rests as another, for LETTING frames at most: halted at first, as
+    what was strained then springs, and with a loose waistband: one as worn would draw threads to where it was as
+    stretchy cloth, by 7 % of their length in each substep. And what pulls its threads where more substeps would be
+    asked for, and it is left as it is [N/m]; else 0."""
+    m, body = cloth.garment.material, first.forces.body
+    assert body is not None
+    warp, weft = min(m.drawn_warp, max(m.tensile_warp, LIMP)), min(m.drawn_weft, max(m.tensile_weft, LIMP))
+    limp = replace(m, drawn_warp=warp, drawn_weft=weft)
+    eased = replace(cloth, garment=replace(cloth.garment, material=limp, band=LOOSE))
+    simulation = _hanging(eased, body, layers, first.positions, bones=_slides(cloth.garment), **_known(first))
+    solver = simulation.solver
+    if isinstance(solver, Yarns):
+        solver.most = MOST
+    lately, speed, frame = list[F32](), 0.0, 0
+    while frame < LETTING and not (len(lately) == STEADY and speed < still):
+        lately = [*lately[1 - STEADY :], simulation.positions]
+        try:
+            simulation.step()
+        except Unstable:
+            if not isinstance(solver, Yarns):
+                raise
+            return (simulation, speed, frame), solver.pull
+        simulation.slow(0.0 if frame < HALTED else SLOWED)
+        speed, frame = _speed(simulation, lately), frame + 1
+        told(frame)
+    return (simulation, speed, frame), 0.0
+
+
+def _hanging(cloth: Cloth, body: Colliders, layers: SelfContact | None, positions: F32, **known: Any) -> Simulation:
+    """A garment that settles from there. known: see `Garment.simulation`."""
+    acts = Forces(body=body, strain_limit=cloth.limit, self_contact=layers)
+    usual = {"air_damping": THIN, "solver": cloth.solver, "settled": True, "sewing": True}
+    return cloth.garment.simulation(acts, positions, **usual, **known)
+
+
+def _slides(garment: Garment) -> NDArray[np.int64]:
+    """What carries each place that holds it, (n,): no bone, so that it slides there."""
+    return np.full(len(garment.holds()[2]), -1)
 
 
 def _known(simulation: Simulation) -> dict[str, Any]:
@@ -289,6 +362,11 @@ def _known(simulation: Simulation) -> dict[str, Any]:
         "sweeps": solver.sweeps if isinstance(solver, Yarns) else 0,
         "anchors": solver.anchors(simulation.state).copy(),
     }
+
+
+def _speed(simulation: Simulation, lately: list[F32]) -> float:
+    """Of a garment since the furthest of where it was in the frames before (rms) [m/s]."""
+    return max(_moved(simulation, then) for then in lately) / (len(lately) * simulation.frame_time)
 
 
 def _gap(simulation: Simulation) -> float:

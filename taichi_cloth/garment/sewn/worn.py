@@ -34,7 +34,7 @@ class Worn:
     positions: key points (rows, cols, 3) [m]. gap: of the widest seam [m]. depth: of the deepest cloth in the body [m];
     of cloth, not of key points, which stand outside it at an outline. stretch, taut: largest strain of a thread, and of
     one that ends in no seam and at no hold. speed: at the end, see `STILL` in `sew.py` [m/s].
-    frames: that sewing took.
+    frames: that sewing took. pull: of a thread of a garment that closes as stretchy cloth, and not as its own [N/m].
 
     What a simulation that goes on from there needs, or it begins with a jerk: pushes, what keeps its seams closed, see
     `Ties.pushes`; slid, how far places that hold it have, see `Ties.slid`; sweeps, over whole yarns, 0 of another
@@ -50,6 +50,7 @@ class Worn:
     taut: float
     speed: float
     frames: int
+    pull: float = 0.0
     pushes: F32 = field(default_factory=lambda: np.zeros((3, 0), np.float32))
     slid: F32 = field(default_factory=lambda: np.zeros((3, 0), np.float32))
     sweeps: int = 0
@@ -97,6 +98,8 @@ def _faults(garment: Garment, worn: Worn, primitives: Sequence[Primitive]) -> li
     if worn.depth > DEEPEST:
         whose, part = _deepest(garment, worn, primitives) if len(primitives) else ("cloth", "body")
         faults.append(f"{whose} lies {1e3 * worn.depth:.1f} mm in the {part} (allowed {1e3 * DEEPEST:g})")
+    if worn.pull > 0:
+        faults.append(f"sewn of stretchy cloth, threads of its own would be pulled by {worn.pull:.2g} N/m")
     if worn.taut > TAUT:
         strain = max(garment.strains(worn.positions), key=lambda s: s.max())
         row, col = np.unravel_index(int(np.argmax(strain)), strain.shape)
