@@ -315,8 +315,8 @@ def _let_in(
 ) -> tuple[Settled, float]:
     """The garment as its own cloth from where it rests as another, for LETTING frames at most: halted at first, as
     what was strained then springs, and with a loose waistband: one as worn would draw threads to where it was as
-    stretchy cloth, by 7 % of their length in each substep. And what pulls its threads where more substeps would be
-    asked for, and it is left as it is [N/m]; else 0."""
+    stretchy cloth, by 7 % of their length in each substep. Where more substeps would be asked for, it is left as it is.
+    And what pulls its threads where that is so while it is halted, so that it never was its own cloth [N/m]; else 0."""
     m, body = cloth.garment.material, first.forces.body
     assert body is not None
     warp, weft = min(m.drawn_warp, max(m.tensile_warp, LIMP)), min(m.drawn_weft, max(m.tensile_weft, LIMP))
@@ -334,7 +334,7 @@ def _let_in(
         except Unstable:
             if not isinstance(solver, Yarns):
                 raise
-            return (simulation, speed, frame), solver.pull
+            return (simulation, speed, frame), solver.pull if frame < HALTED else 0.0
         simulation.slow(0.0 if frame < HALTED else SLOWED)
         speed, frame = _speed(simulation, lately), frame + 1
         told(frame)
