@@ -219,7 +219,7 @@ def test_contact_in_sewing_never_makes_a_garment_worse(monkeypatch):
 
     def sewn(layers, allowed, **clear):
         again = replace(tangled, positions=start, **clear)
-        monkeypatch.setattr(sewing, "_rest", lambda g, forces, *rest: again if forces.self_contact else tangled)
+        monkeypatch.setattr(sewing, "_rest", lambda first, cloth, apart, *rest: again if apart else tangled)
         body = Colliders(primitives=tuple(made.primitives), friction=0.3, gap=0.004)
         return sewing.sew(made.garment, body, layers=layers, allowed=allowed).positions is start
 
