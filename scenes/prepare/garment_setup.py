@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -93,9 +94,6 @@ sides of a seam that folds there keep twice the latter."""
 GIVEN_BACK = 0.1
 """How fast a body in motion lets out what other cloth has pushed into it [m/s]: layers that a limb parts faster than
 they part each other would pass through each other."""
-
-NUMBERS = "gap", "depth", "stretch", "taut", "speed", "frames", "pull", "sweeps"
-"""Those of `Worn`."""
 
 Progress = Callable[[str, int, int], None]
 
@@ -255,7 +253,7 @@ def sewn(
         limit, solver = GIVES, "verlet"
     elif scene.garment is not None and scene.garment.pattern not in DRAFTS:
         eased = parts.garment.material != TOILE
-    known = VERSION, solver, parts.garment, limit, layers, allowed, *([eased] if eased else [])
+    known = VERSION, solver, parts.garment, limit, layers, allowed, eased
     made_of = digest(*known, colliders.made_of(), list(parts.primitives), *([] if inner is None else [inner.positions]))
 
     def make() -> dict[str, np.ndarray]:
@@ -270,11 +268,8 @@ def sewn(
         return {name: np.asarray(getattr(worn, name)) for name in Worn.__dataclass_fields__}
 
     arrays, found = kept("toile" if toile else "worn", made_of, make)
-    numbers = {name: arrays[name].item() for name in NUMBERS}
-    worn = Worn(
-        **{name: arrays[name] for name in ("positions", "pushes", "slid", "anchors", "spared", "speeds")}, **numbers
-    )
-    return Dressed(**vars(parts), worn=worn, from_disk=found, made_of=made_of)
+    rests: dict[str, Any] = {name: array if array.ndim else array.item() for name, array in arrays.items()}
+    return Dressed(**vars(parts), worn=Worn(**rests), from_disk=found, made_of=made_of)
 
 
 def sewn_with(scene: Scene, parts: Parts) -> tuple[SelfContact | None, float]:

@@ -31,7 +31,6 @@ from taichi_cloth.motion.forces import Forces, StrainLimit
 from taichi_cloth.scenes.__main__ import _status
 from taichi_cloth.scenes.prepare.body_setup import grids_of, primitives_of
 from taichi_cloth.scenes.prepare.garment_setup import (
-    NUMBERS,
     dress,
     dressed_parts,
     garment_forces,
@@ -249,7 +248,8 @@ def test_patterns_of_others_are_tried_on_and_close_as_stretchy_cloth(pattern, tr
 
     def start(garment, body, **asked):
         calls.append((garment.material, asked))
-        return Worn(garment.atlas.start().astype(np.float32), **dict.fromkeys(NUMBERS, 0.0))
+        flat = garment.atlas.start().astype(np.float32)
+        return Worn(flat, gap=0.0, depth=0.0, stretch=0.0, taut=0.0, speed=0.0, frames=0)
 
     monkeypatch.setattr("taichi_cloth.scenes.prepare.garment_setup.sew", start)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))

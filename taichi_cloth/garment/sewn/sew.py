@@ -8,6 +8,7 @@
    halted whenever it has begun to slow down, and hardly rubbing, as who wears it would draw it down over the hips; then
    with friction and with what rubs within the cloth, slowed a little in every frame, until it is at rest or the time is
    up.
+3. Letting in: what closed and settled as a stretchy cloth, as patterns of others do, settles on as its own.
 What comes out is where the key points rest. Seams then stay as ties for as long as the garment is worn.
 """
 
@@ -32,7 +33,7 @@ from taichi_cloth.motion.simulation import Simulation
 from taichi_cloth.sheet.materials import MATERIALS
 from taichi_cloth.solvers.yarns import Yarns
 
-__all__ = ["RECOVERY", "STILL", "STILLER", "sew"]
+__all__ = ["GIVES", "RECOVERY", "STILL", "STILLER", "TOILE", "sew"]
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -148,7 +149,6 @@ def sew(
 
     cloth = Cloth(garment, limit, solver)
     first = Cloth(replace(garment, material=TOILE), GIVES, "verlet") if eased else cloth
-
     passes = crossed if allowed else _through
     skin = replace(body, motion=None, recovery=RECOVERY)
     try:
@@ -230,7 +230,7 @@ def _rest(
     told: Callable[[int], None],
     clear: Callable[[F32], bool],
 ) -> Worn:
-    """Stage 2 from where seams are closed. first: what it is until it rests, if that is not `cloth`."""
+    """Stages 2 and 3 from where seams are closed. first: what it is until it rests, if that is not `cloth`."""
     most = settling if first is cloth else max(0, settling - LETTING)
     simulation, speed, frames = _settled(first, layers, meets, begin[0], still, most, told, clear)
     pull = 0.0
@@ -313,8 +313,8 @@ def _settled(
 def _let_in(
     cloth: Cloth, layers: SelfContact | None, first: Simulation, still: float, told: Callable[[int], None]
 ) -> tuple[Settled, float]:
-    """The garment as its own cloth from where it rests as another, for LETTING frames at most: halted at first, as
-    what was strained then springs, and with a loose waistband: one as worn would draw threads to where it was as
+    """Stage 3: the garment as its own cloth from where it rests as another, in LETTING frames at most: halted at first,
+    as what was strained then springs, and with a loose waistband: one as worn would draw threads to where it was as
     stretchy cloth, by 7 % of their length in each substep. Where more substeps would be asked for, it is left as it is.
     And what pulls its threads where that is so while it is halted, so that it never was its own cloth [N/m]; else 0."""
     m, body = cloth.garment.material, first.forces.body
