@@ -1,8 +1,9 @@
 """How far a run is where standard error is no terminal: a line now and then, and none of what is quick."""
 
+import time
+
 import pytest
 
-from taichi_cloth.scenes.commands import progress as module
 from taichi_cloth.scenes.commands.progress import progress, staged
 
 
@@ -10,7 +11,7 @@ from taichi_cloth.scenes.commands.progress import progress, staged
 def clock(monkeypatch):
     """Ten seconds go by from look to look."""
     times = iter(range(0, 10_000, 10))
-    monkeypatch.setattr(module.time, "monotonic", lambda: float(next(times)))
+    monkeypatch.setattr(time, "monotonic", lambda: float(next(times)))
 
 
 def test_stages_say_a_line_now_and_then(capsys):
